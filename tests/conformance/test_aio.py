@@ -38,51 +38,46 @@ async def drive(robot: aio.Driver) -> None:
         sample = await robot.read(PATIENCE_S)
 
 
-def test_pins(chip: GpioChip) -> None:
-    async def use() -> None:
-        opening = aio.open_driver(
-            "l298n",
-            parameters=PARAMETERS,
-            pwm_directory=Path(chip.pwm_directory),
-            core_timeout_ms=5000,
-        )
-        async with opening as robot:
-            assert isinstance(robot.limits, tuple)
-            await drive(robot)
-            robot.set_velocity(0.2, 0.0, ttl=0.5)
-
-    asyncio.run(use())
+async def test_pins(chip: GpioChip) -> None:
+    opening = aio.open_driver(
+        "l298n",
+        parameters=PARAMETERS,
+        pwm_directory=Path(chip.pwm_directory),
+        core_timeout_ms=5000,
+    )
+    async with opening as robot:
+        assert isinstance(robot.limits, tuple)
+        await drive(robot)
+        robot.set_velocity(0.2, 0.0, ttl=0.5)
     assert not chip.truth()["driven"]
 
 
-def test_a_pigpio_daemon() -> None:
-    async def use(port: int) -> None:
+async def test_a_pigpio_daemon() -> None:
+    with PigpioProcess() as daemon:
         opening = aio.open_driver(
-            "pigpio", host="127.0.0.1", port=port, parameters=PARAMETERS, core_timeout_ms=5000
+            "pigpio",
+            host="127.0.0.1",
+            port=daemon.port,
+            parameters=PARAMETERS,
+            core_timeout_ms=5000,
         )
         async with opening as robot:
             await drive(robot)
             robot.set_velocity(0.2, 0.0, ttl=0.5)
-
-    with PigpioProcess() as daemon:
-        asyncio.run(use(daemon.port))
         assert not daemon.command("truth")["driven"]
 
 
-def test_a_simulated_robot_and_its_loss() -> None:
-    async def use() -> None:
-        async with aio.open_driver("mock", parameters=PARAMETERS) as robot:
-            assert robot.info.device.board is Board.SIMULATED
-            await drive(robot)
-            assert robot.simulator.get("true.distance_m") > 0
-            first = robot.sessions
-            robot.unplug()
-            robot.plug()
-            while robot.sessions == first:
-                await robot.read(PATIENCE_S)
-            await drive(robot)
-
-    asyncio.run(use())
+async def test_a_simulated_robot_and_its_loss() -> None:
+    async with aio.open_driver("mock", parameters=PARAMETERS) as robot:
+        assert robot.info.device.board is Board.SIMULATED
+        await drive(robot)
+        assert robot.simulator.get("true.distance_m") > 0
+        first = robot.sessions
+        robot.unplug()
+        robot.plug()
+        while robot.sessions == first:
+            await robot.read(PATIENCE_S)
+        await drive(robot)
 
 
 def test_the_drivers_leave_no_process_behind(chip: GpioChip) -> None:

@@ -9,6 +9,7 @@ from typing import cast
 
 import pytest
 
+from support.own_board import OWN_BOARD
 from support.virtual import VirtualRobot
 from wheelwire.board import BoardDescription, unpacked
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
@@ -100,9 +101,8 @@ def refused(robot: VirtualRobot, message: object) -> RefusalCode:
     return RefusalCode(error.value.code)
 
 
-def test_a_simulated_robot_has_its_board_confirmed() -> None:
-    robot = VirtualRobot().open()
-    assert in_force(robot) == (BoardState.STORED, "L298N, ESP32-DevKitC")
+def test_a_simulated_robot_has_its_board_confirmed(robot: VirtualRobot) -> None:
+    assert in_force(robot) == (BoardState.STORED, OWN_BOARD.name)
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
 
@@ -219,8 +219,7 @@ def test_an_erased_flash_leaves_a_device_that_drives_nothing(tmp_path: Path) -> 
     assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
 
 
-def test_the_groups_of_a_device_have_their_hashes() -> None:
-    robot = VirtualRobot().open()
+def test_the_groups_of_a_device_have_their_hashes(robot: VirtualRobot) -> None:
     for group in Group:
         info = cast("GroupInfo", robot.request(GroupGet(0, 0, group)))
         assert (info.group, info.hash) == (group, schema_hash(group))
@@ -230,7 +229,7 @@ def test_the_groups_of_a_device_have_their_hashes() -> None:
 def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store", wheels_free=1).open()
     robot.request(written(load_board("tb6612")))
-    assert in_force(robot)[1] == "L298N, ESP32-DevKitC"  # until the restart
+    assert in_force(robot)[1] == OWN_BOARD.name  # until the restart
     restart(robot)
     assert in_force(robot) == (BoardState.TRIAL, "TB6612FNG")
     # On trial nothing drives.
@@ -291,8 +290,7 @@ def test_a_device_that_is_about_to_restart_does_not_drive() -> None:
         robot.set_velocity(0.2, 0.2)
 
 
-def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too() -> None:
-    robot = VirtualRobot().open()
+def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too(robot: VirtualRobot) -> None:
     board = load_board("l298n")
     wrong = BoardDescription(**{**board.__dict__, "pulldowns": frozenset()})
     assert refused(robot, written(wrong)) == RefusalCode.BOARD_REFUSED
@@ -330,8 +328,7 @@ def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", sorted({*shipped_boards()} - {*OF_ESP32}))
-def test_a_board_of_another_chip_is_refused(name: str) -> None:
-    robot = VirtualRobot().open()
+def test_a_board_of_another_chip_is_refused(robot: VirtualRobot, name: str) -> None:
     before = in_force(robot)
     assert refused(robot, written(load_board(name))) == RefusalCode.BOARD_REFUSED
     restart(robot)
@@ -373,8 +370,7 @@ def test_another_board_than_the_wired_one_is_noticed(tmp_path: Path, name: str, 
 
 def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store", wheels_free=1)
-    board = load_board("l298n")
-    expected = ExpectedBoard(board.name, board.fingerprint())
+    expected = ExpectedBoard(OWN_BOARD.name, OWN_BOARD.fingerprint())
     robot.session = Session(lambda: 1, expected_board=expected)
     robot.open()
     robot.drive(0.1, 0.1, 0.1)
@@ -397,7 +393,7 @@ def test_the_session_knows_the_board_and_its_confirmation(tmp_path: Path) -> Non
     robot = VirtualRobot(1, tmp_path / "store").open()
     robot.run_until(lambda: robot.session.board is not None)
     assert robot.session.board == ActiveBoard(
-        "L298N, ESP32-DevKitC", BoardState.STORED, load_board("l298n").fingerprint(), True
+        OWN_BOARD.name, BoardState.STORED, OWN_BOARD.fingerprint(), True
     )
     board = load_board("tb6612")
     robot.request(written(board))

@@ -78,21 +78,22 @@ def test_an_obstacle_that_goes_away_throws_nothing_forward(
 
 
 @pytest.mark.parametrize("catch_up", [0.0, 0.03])
-def test_a_wheel_catches_up_no_faster_than_its_parameter_allows(catch_up: float) -> None:
-    robot = VirtualRobot().open()
+def test_a_wheel_catches_up_no_faster_than_its_parameter_allows(
+    robot: VirtualRobot, catch_up: float
+) -> None:
     robot.set_parameter("path_catch_up", catch_up)
     fastest_mps = quality.catching_up(robot, 0.1)
     assert fastest_mps == pytest.approx(0.1 * (1 + catch_up), rel=0.005)
 
 
-def test_no_wheel_catches_up_beyond_max_velocity() -> None:
-    robot = VirtualRobot().open()
+def test_no_wheel_catches_up_beyond_max_velocity(robot: VirtualRobot) -> None:
     robot.set_parameter("max_velocity_mps", 0.2)
     assert quality.catching_up(robot, 0.2) < 0.2 * 1.005
 
 
-def test_a_limit_that_is_lowered_while_driving_slows_both_wheels_by_one_factor() -> None:
-    robot = VirtualRobot().open()
+def test_a_limit_that_is_lowered_while_driving_slows_both_wheels_by_one_factor(
+    robot: VirtualRobot,
+) -> None:
     robot.drive(0.4, 0.2, 1.0)
     robot.set_velocity(0.4, 0.2)
     robot.set_parameter("max_velocity_mps", 0.2)
@@ -103,21 +104,20 @@ def test_a_limit_that_is_lowered_while_driving_slows_both_wheels_by_one_factor()
 
 
 @pytest.mark.parametrize("limit_m", [0.001, 0.05])
-def test_no_more_is_caught_up_than_the_error_limit(limit_m: float) -> None:
-    robot = VirtualRobot().open()
+def test_no_more_is_caught_up_than_the_error_limit(robot: VirtualRobot, limit_m: float) -> None:
     robot.set_parameter("path_error_limit_m", limit_m)
     owed_m = quality.missing_after_a_load(robot, 0.2)
     assert owed_m == pytest.approx(0, abs=0.002) if limit_m > 0.01 else owed_m > 0.004
 
 
 @pytest.mark.parametrize(("held", "waits"), [("left", "right"), ("right", "left")])
-def test_a_wheel_that_waited_keeps_the_acceleration_limit(held: str, waits: str) -> None:
-    robot = VirtualRobot().open()
+def test_a_wheel_that_waited_keeps_the_acceleration_limit(
+    robot: VirtualRobot, held: str, waits: str
+) -> None:
     assert quality.acceleration_after_waiting(robot, held, waits) < 1.1
 
 
-def test_a_stop_forgets_what_was_to_be_caught_up() -> None:
-    robot = VirtualRobot().open()
+def test_a_stop_forgets_what_was_to_be_caught_up(robot: VirtualRobot) -> None:
     robot.drive(0.2, 0.2, 1.0)
     robot.sim.set("left.load_nm", 0.03)
     robot.sim.set("right.load_nm", 0.03)
@@ -134,22 +134,19 @@ def test_a_stop_forgets_what_was_to_be_caught_up() -> None:
 
 
 @pytest.mark.parametrize("target", [0.4, 0.1, 0.03, -0.2])
-def test_no_steady_error(target: float) -> None:
-    robot = VirtualRobot().open()
+def test_no_steady_error(robot: VirtualRobot, target: float) -> None:
     robot.drive(target, target, 3.0)
     assert robot.sim.get("true.left_mps") == pytest.approx(target, rel=0.03)
 
 
 @pytest.mark.parametrize("rate_hz", [200, 5000])
-def test_the_same_at_another_control_rate(rate_hz: int) -> None:
-    robot = VirtualRobot().open()
+def test_the_same_at_another_control_rate(robot: VirtualRobot, rate_hz: int) -> None:
     robot.set_parameter("control_rate_hz", rate_hz)
     robot.drive(0.3, 0.3, 2.0)
     assert robot.sim.get("true.left_mps") == pytest.approx(0.3, rel=0.03)
 
 
-def test_a_new_setpoint_while_rolling_starts_from_the_speed_there_is() -> None:
-    robot = VirtualRobot().open()
+def test_a_new_setpoint_while_rolling_starts_from_the_speed_there_is(robot: VirtualRobot) -> None:
     robot.drive(0.3, 0.3, 1.0)
     robot.stop()
     robot.run(0.03)
@@ -158,8 +155,7 @@ def test_a_new_setpoint_while_rolling_starts_from_the_speed_there_is() -> None:
     assert robot.sim.get("true.left_mps") > before
 
 
-def test_acceleration_keeps_the_curvature_of_the_path() -> None:
-    robot = VirtualRobot().open()
+def test_acceleration_keeps_the_curvature_of_the_path(robot: VirtualRobot) -> None:
     for _ in range(15):
         robot.drive(0.1, 0.4, 0.02)
         left, right = robot.sim.get("true.left_mps"), robot.sim.get("true.right_mps")

@@ -57,8 +57,12 @@ def test_before_the_start_nothing_moves() -> None:
     assert core.service(2_000).state is SupervisorState.BOOT
 
 
-def test_a_duty_becomes_pins_until_the_deadline() -> None:
-    robot = LibraryRobot().open()
+@pytest.fixture
+def robot() -> LibraryRobot:
+    return LibraryRobot().open()
+
+
+def test_a_duty_becomes_pins_until_the_deadline(robot: LibraryRobot) -> None:
     drive(robot, 0.5, -0.25)
     assert state(robot) is SupervisorState.DRIVING
     assert robot.outputs.left == StageInputs(round(0.5 * FULL), FULL, 0, 0, 0)
@@ -84,8 +88,7 @@ def test_ticks_are_told_and_wrap() -> None:
     assert robot.samples[-1].right_ticks == -100
 
 
-def test_no_tick_is_lost_in_a_step_that_came_late() -> None:
-    robot = LibraryRobot().open()
+def test_no_tick_is_lost_in_a_step_that_came_late(robot: LibraryRobot) -> None:
     robot.left_ticks += 100_000
     robot.right_ticks -= 60_000
     for _ in range(10):
@@ -94,8 +97,7 @@ def test_no_tick_is_lost_in_a_step_that_came_late() -> None:
     assert robot.samples[-1].right_ticks == -60_000
 
 
-def test_a_stop_between_two_steps_acts_at_once() -> None:
-    robot = LibraryRobot().open()
+def test_a_stop_between_two_steps_acts_at_once(robot: LibraryRobot) -> None:
     drive(robot, 0.5, 0.5)
     robot.session.stop(StopMode.COAST, lambda _result: None, robot.now_us)
     robot.core.feed(robot.session.take_output())
@@ -104,8 +106,7 @@ def test_a_stop_between_two_steps_acts_at_once() -> None:
     assert outputs.left.enable_q15 == outputs.right.enable_q15 == COAST
 
 
-def test_a_host_that_hangs_up_ends_its_drive_and_its_session_at_once() -> None:
-    robot = LibraryRobot().open()
+def test_a_host_that_hangs_up_ends_its_drive_and_its_session_at_once(robot: LibraryRobot) -> None:
     drive(robot, 0.5, 0.5)
     robot.set_duty(0.5, 0.5)
     unread = robot.session.take_output()
@@ -122,8 +123,7 @@ def test_a_host_that_hangs_up_ends_its_drive_and_its_session_at_once() -> None:
     assert outputs.left != BRAKE
 
 
-def test_after_a_host_that_hung_up_the_next_one_drives() -> None:
-    robot = LibraryRobot().open()
+def test_after_a_host_that_hung_up_the_next_one_drives(robot: LibraryRobot) -> None:
     drive(robot, 0.5, 0.5)
     robot.core.hang_up(robot.now_us)
     robot.session.disconnect(LinkLost("hung up"))
@@ -132,8 +132,7 @@ def test_after_a_host_that_hung_up_the_next_one_drives() -> None:
     assert state(robot) is SupervisorState.DRIVING
 
 
-def test_the_control_loop_counts_what_it_lost() -> None:
-    robot = LibraryRobot().open()
+def test_the_control_loop_counts_what_it_lost(robot: LibraryRobot) -> None:
     robot.step()
     before = control_counters(robot)
     robot.illegal = (3, 5)
@@ -161,8 +160,7 @@ def drive_against_the_limit(robot: LibraryRobot) -> None:
         robot.step()
 
 
-def test_the_values_in_force_can_be_read() -> None:
-    robot = LibraryRobot().open()
+def test_the_values_in_force_can_be_read(robot: LibraryRobot) -> None:
     for name in ("control_rate_hz", "wheel_radius"):
         id_ = PARAMETER_BY_NAME[name].id
         assert robot.core.value(id_) == pytest.approx(parameter(robot, name))
@@ -180,16 +178,14 @@ def test_an_open_contact_is_an_estop_where_one_is_fitted() -> None:
     assert refused.value.code == RefusalCode.CAUSE_PRESENT
 
 
-def test_a_failed_pin_is_a_fault_for_good() -> None:
-    robot = LibraryRobot().open()
+def test_a_failed_pin_is_a_fault_for_good(robot: LibraryRobot) -> None:
     robot.core.fail()
     outputs = robot.step()
     assert outputs.state is SupervisorState.FAULT
     assert outputs.faults == Fault.DRIVER_FAILED
 
 
-def test_a_computer_has_its_own_defaults_and_a_reset_restores_them() -> None:
-    robot = LibraryRobot().open()
+def test_a_computer_has_its_own_defaults_and_a_reset_restores_them(robot: LibraryRobot) -> None:
     assert robot.outputs.period_us == 10_000
     assert parameter(robot, "estop_input_enabled") == 0
     rate = PARAMETER_BY_NAME["control_rate_hz"].id

@@ -88,8 +88,7 @@ def test_a_heavy_robot_that_reverses_at_a_wall_trips_nothing() -> None:
     assert robot.state() is SupervisorState.DRIVING
 
 
-def test_a_saturated_wheel_slows_the_robot_down_on_the_same_curve() -> None:
-    robot = VirtualRobot().open()
+def test_a_saturated_wheel_slows_the_robot_down_on_the_same_curve(robot: VirtualRobot) -> None:
     robot.set_parameter("max_duty", 0.3)
     robot.drive(0.2, 0.4, 1.0)
     before = [robot.sim.get(f"true.{side}_turns") for side in SIDES]
@@ -119,9 +118,8 @@ def push(robot: VirtualRobot, torque_nm: float) -> float:
 @pytest.mark.parametrize("torque_nm", [0.03, 0.05, 0.15, -0.05, -0.15])
 @pytest.mark.parametrize("max_duty", [0.15, 0.4, 1.0])
 def test_pushing_a_robot_whose_setpoint_is_zero_is_no_fault(
-    max_duty: float, torque_nm: float
+    robot: VirtualRobot, max_duty: float, torque_nm: float
 ) -> None:
-    robot = VirtualRobot().open()
     robot.set_parameter("max_duty", max_duty)
     assert push(robot, torque_nm) == 0
     robot.drive(0.05, 0.05, 1.0)

@@ -43,8 +43,7 @@ def test_a_dead_encoder_trips_and_stops_both_wheels(side: str, speed: float) -> 
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_an_encoder_that_dies_while_driving_trips(side: str) -> None:
-    robot = VirtualRobot().open()
+def test_an_encoder_that_dies_while_driving_trips(robot: VirtualRobot, side: str) -> None:
     robot.drive(0.2, 0.2, 1.0)
     robot.sim.set(f"{side}.encoder_dead", 1)
     assert settle(robot, 0.2, 0.2) == Fault[f"{side.upper()}_NOT_COUNTING"]
@@ -88,8 +87,9 @@ def test_a_reversed_wheel_trips_in_open_loop_too(what: str) -> None:
     check_stopped(robot)
 
 
-def test_a_late_control_step_trips_while_driving_and_not_while_standing() -> None:
-    robot = VirtualRobot().open()
+def test_a_late_control_step_trips_while_driving_and_not_while_standing(
+    robot: VirtualRobot,
+) -> None:
     robot.sim.set("control_delay_us", 30_000)
     robot.run(0.1)
     assert robot.state() is SupervisorState.IDLE
@@ -124,8 +124,7 @@ def test_a_fault_is_cleared_and_driving_goes_on() -> None:
     assert robot.sim.get("true.left_mps") == pytest.approx(0.2, abs=0.02)
 
 
-def test_an_open_estop_contact_stops_and_cannot_be_cleared_while_open() -> None:
-    robot = VirtualRobot().open()
+def test_an_open_estop_contact_stops_and_cannot_be_cleared_while_open(robot: VirtualRobot) -> None:
     robot.drive(0.3, 0.3, 0.5)
     robot.sim.set("estop_open", 1)
     robot.run(0.05)
@@ -215,9 +214,8 @@ def duty_reversals(robot: VirtualRobot) -> None:
     ],
 )
 def test_ordinary_driving_trips_nothing(
-    ordinary: Callable[[VirtualRobot], None], edge_error: float
+    robot: VirtualRobot, ordinary: Callable[[VirtualRobot], None], edge_error: float
 ) -> None:
-    robot = VirtualRobot().open()
     for side in SIDES:
         robot.sim.set(f"{side}.encoder_error_ticks", edge_error)
     ordinary(robot)
@@ -227,8 +225,9 @@ def test_ordinary_driving_trips_nothing(
 
 
 @pytest.mark.parametrize("limit_mps", [0.01, 0.1, 0.25])
-def test_a_limit_lowered_while_driving_keeps_the_slew_limit(limit_mps: float) -> None:
-    robot = VirtualRobot().open()
+def test_a_limit_lowered_while_driving_keeps_the_slew_limit(
+    robot: VirtualRobot, limit_mps: float
+) -> None:
     settle(robot, 0.4, 0.4)
     limit_mps2 = robot.parameter("max_acceleration_mps2")
     robot.set_parameter("max_velocity_mps", limit_mps)

@@ -16,21 +16,18 @@ def speeds(robot: VirtualRobot) -> tuple[float, float]:
     return robot.sim.get("true.left_mps"), robot.sim.get("true.right_mps")
 
 
-def test_full_duty_gives_the_no_load_speed_both_ways() -> None:
-    robot = VirtualRobot().open()
+def test_full_duty_gives_the_no_load_speed_both_ways(robot: VirtualRobot) -> None:
     robot.drive_duty(1.0, -1.0, 2.0)
     assert speeds(robot) == pytest.approx((NO_LOAD_MPS, -NO_LOAD_MPS), rel=0.02)
 
 
-def test_duty_for_the_speed_limit_is_the_pages_share_plus_friction() -> None:
-    robot = VirtualRobot().open()
+def test_duty_for_the_speed_limit_is_the_pages_share_plus_friction(robot: VirtualRobot) -> None:
     robot.drive(0.4, 0.4, 3.0)
     linear = 0.4 / NO_LOAD_MPS
     assert linear < robot.sim.get("left.duty") < linear + 0.05
 
 
-def test_no_motion_below_the_dead_band() -> None:
-    robot = VirtualRobot().open()
+def test_no_motion_below_the_dead_band(robot: VirtualRobot) -> None:
     robot.drive_duty(0.05, 0.05, 1.0)
     assert robot.sim.get("drive_on")
     assert robot.sim.get("stands_still")
@@ -115,8 +112,7 @@ def test_a_flat_battery_is_slow() -> None:
     assert speeds(robot)[0] < 0.65 * NO_LOAD_MPS
 
 
-def test_pose_follows_the_exact_circle() -> None:
-    robot = VirtualRobot().open()
+def test_pose_follows_the_exact_circle(robot: VirtualRobot) -> None:
     robot.drive(0.3, 0.3, 0.5)
     robot.drive(0.1, 0.3, 2.0)
     left, right = speeds(robot)
@@ -131,8 +127,7 @@ def test_pose_follows_the_exact_circle() -> None:
     assert distance == pytest.approx(radius, rel=0.02)
 
 
-def test_heading_is_the_difference_of_the_rolled_lengths() -> None:
-    robot = VirtualRobot().open()
+def test_heading_is_the_difference_of_the_rolled_lengths(robot: VirtualRobot) -> None:
     robot.drive(0.1, 0.3, 3.0)
     per_tick = 2 * math.pi * 0.033 / 360
     ticks = robot.sim.get("true.right_ticks") - robot.sim.get("true.left_ticks")

@@ -220,6 +220,34 @@ def test_a_blocked_wheel_waits_for_the_hand() -> None:
     assert (robot.sim.get("left.hand_turns"), truth(robot, "turns")[0]) == (0.5, 0.0)
 
 
+def test_hands_push_and_turn_the_robot_and_the_firmware_counts_it() -> None:
+    robot = VirtualRobot().open()
+    robot.sim.set("push.forward_mps", 0.3)
+    robot.run(1.0)
+    assert robot.sample.left_mps == pytest.approx(0.3, rel=0.05)
+    assert robot.sim.get("drive_on") == 0
+    robot.sim.set("push.forward_mps", 0.0)
+    robot.sim.set("push.turn_radps", 1.0)
+    robot.run_until(lambda: robot.sim.get("true.heading_rad") >= math.pi / 2, timeout_s=3.0)
+    robot.sim.set("push.turn_radps", 0.0)
+    robot.run(0.5)
+    assert robot.sim.get("stands_still")
+    assert robot.sim.get("true.heading_rad") == pytest.approx(math.pi / 2 + 0.05, abs=0.02)
+    assert reported(robot) == truth(robot, "ticks")
+    assert robot.sim.get("faults") == 0
+
+
+def test_hands_that_tilt_the_robot_take_their_time_and_hold_it() -> None:
+    robot = VirtualRobot().open()
+    robot.sim.set("tilt.pitch_rad", -0.5)
+    robot.sim.set("tilt.roll_rad", 0.2)
+    robot.run(0.3)
+    assert robot.sim.get("true.pitch_rad") == pytest.approx(-0.3, abs=0.01)
+    assert robot.sim.get("true.roll_rad") == 0.2
+    robot.run(1.0)
+    assert robot.sim.get("true.pitch_rad") == robot.sim.get("tilt.pitch_rad") == -0.5
+
+
 def test_a_larger_wheel_goes_further_with_as_many_ticks() -> None:
     robot = VirtualRobot(**{"left.radius_scale": 1.1}).open()
     for side in ("left", "right"):

@@ -18,22 +18,25 @@ def run_of(seed: int) -> tuple[list[tuple[int, int, float]], float, float]:
     return samples, robot.sim.get("true.x_m"), robot.sim.get("boot_id")
 
 
+@pytest.fixture
+def sim() -> FwSim:
+    return FwSim()
+
+
 def test_a_seed_gives_the_same_run_and_another_one_another() -> None:
     assert run_of(1) == run_of(1)
     assert run_of(1) != run_of(2)
 
 
 @pytest.mark.parametrize("ppm", [-200.0, 0.0, 150.0])
-def test_the_devices_clock_drifts(ppm: float) -> None:
-    sim = FwSim()
+def test_the_devices_clock_drifts(sim: FwSim, ppm: float) -> None:
     sim.set("clock_ppm", ppm)
     sim.advance(1000.0)
     assert sim.get("device_us") == pytest.approx(1e9 * (1 + ppm * 1e-6), abs=1)
     assert sim.get("t_us") == 1e9
 
 
-def test_the_devices_clock_does_not_jump_when_its_drift_changes() -> None:
-    sim = FwSim()
+def test_the_devices_clock_does_not_jump_when_its_drift_changes(sim: FwSim) -> None:
     sim.set("clock_ppm", 1000)
     sim.advance(1.0)
     before = sim.get("device_us")
@@ -43,8 +46,7 @@ def test_the_devices_clock_does_not_jump_when_its_drift_changes() -> None:
     assert sim.get("device_us") - before == pytest.approx(999_000, abs=1)
 
 
-def test_a_reset_cuts_the_drive_and_starts_anew() -> None:
-    robot = VirtualRobot().open()
+def test_a_reset_cuts_the_drive_and_starts_anew(robot: VirtualRobot) -> None:
     robot.drive(0.3, 0.3, 1.0)
     boot_id = robot.sim.get("boot_id")
     robot.sim.reset(ResetReason.BROWNOUT)
@@ -67,8 +69,7 @@ def test_the_host_can_name_the_reset_reason() -> None:
     assert robot.session.device.reset_reason == ResetReason.PANIC
 
 
-def test_a_hung_control_task_is_a_late_step() -> None:
-    robot = VirtualRobot().open()
+def test_a_hung_control_task_is_a_late_step(robot: VirtualRobot) -> None:
     robot.drive(0.2, 0.2, 0.5)
     robot.sim.set("control_delay_us", 50_000)
     robot.run(0.1)
@@ -76,8 +77,7 @@ def test_a_hung_control_task_is_a_late_step() -> None:
     assert not robot.sim.get("drive_on")
 
 
-def test_a_peripheral_that_does_not_start_is_a_fault_until_the_next_reset() -> None:
-    sim = FwSim()
+def test_a_peripheral_that_does_not_start_is_a_fault_until_the_next_reset(sim: FwSim) -> None:
     sim.set("driver_failed", 1)
     sim.advance(0.1)
     assert sim.get("faults") == Fault.DRIVER_FAILED
@@ -89,23 +89,20 @@ def test_a_peripheral_that_does_not_start_is_a_fault_until_the_next_reset() -> N
     assert sim.get("faults") == 0
 
 
-def test_boot_text_comes_with_each_reset_when_asked_for() -> None:
-    sim = FwSim()
+def test_boot_text_comes_with_each_reset_when_asked_for(sim: FwSim) -> None:
     sim.set("boot_text", 1)
     assert sim.read() == b""
     sim.reset()
     assert b"rst:" in sim.read()
 
 
-def test_the_device_hears_nothing_while_it_boots() -> None:
-    sim = FwSim()
+def test_the_device_hears_nothing_while_it_boots(sim: FwSim) -> None:
     sim.write(bytes(100))
     sim.advance(0.01)
     assert sim.get("lost_to_device") == 100
 
 
-def test_every_variable_can_be_read_and_set_to_what_it_is() -> None:
-    sim = FwSim()
+def test_every_variable_can_be_read_and_set_to_what_it_is(sim: FwSim) -> None:
     for variable in sim.variables():
         value = sim.get(variable.name)
         if variable.settable:
@@ -127,9 +124,8 @@ def test_every_variable_can_be_read_and_set_to_what_it_is() -> None:
     ],
 )
 def test_a_bad_setting_is_refused_and_changes_nothing(
-    name: str, value: float, status: Status
+    sim: FwSim, name: str, value: float, status: Status
 ) -> None:
-    sim = FwSim()
     before = [sim.get(variable.name) for variable in sim.variables()]
     with pytest.raises(FwSimError) as refused:
         sim.set(name, value)

@@ -120,15 +120,11 @@ def test_saved_values_survive_a_reset_and_others_do_not(host: RawHost) -> None:
     host.ask(set_radius(host, 1, 0.05), ParameterValue)
     host.ask(ParameterSave(host.session_id, 2, 0), Ack)
     host.ask(set_radius(host, 3, 0.06), ParameterValue)
-    host.sim.reset()
-    host.run_ms(100)
-    host.open()
+    host.reset()
     assert get(host, 1) == pytest.approx(0.05)
     host.ask(ParameterReset(host.session_id, 2), Ack)
     assert get(host, 3) == pytest.approx(0.033)
-    host.sim.reset()
-    host.run_ms(100)
-    host.open()
+    host.reset()
     assert get(host, 1) == pytest.approx(0.033)
 
 
@@ -140,9 +136,7 @@ def test_one_value_is_saved_and_others_stay_as_they_were_saved(host: RawHost) ->
     host.ask(set_radius(host, 3, 0.06), ParameterValue)
     host.ask(ParameterSet(host.session_id, 4, separation, 0.3), ParameterValue)
     host.ask(ParameterSave(host.session_id, 5, separation), Ack)
-    host.sim.reset()
-    host.run_ms(100)
-    host.open()
+    host.reset()
     assert get(host, 1) == pytest.approx(0.05)
     entry = host.ask(ParameterGet(host.session_id, 2, separation), ParameterValue)
     assert entry.value == pytest.approx(0.3)
@@ -153,9 +147,7 @@ def test_one_value_is_saved_to_an_empty_store(host: RawHost) -> None:
     host.ask(ParameterSet(host.session_id, 1, max_duty, 0.5), ParameterValue)
     host.ask(set_radius(host, 2, 0.05), ParameterValue)
     host.ask(ParameterSave(host.session_id, 3, PARAMETER_BY_NAME["wheel_radius"].id), Ack)
-    host.sim.reset()
-    host.run_ms(100)
-    host.open()
+    host.reset()
     assert get(host, 1) == pytest.approx(0.05)
     entry = host.ask(ParameterGet(host.session_id, 2, max_duty), ParameterValue)
     assert entry.value == 1.0
@@ -243,9 +235,7 @@ def test_a_whole_block_that_holds_no_parameters_is_told_and_defaults_hold(tmp_pa
 def test_a_store_that_cannot_be_read_lets_nothing_drive(host: RawHost, found: Fault) -> None:
     host.ask(ParameterSave(host.session_id, 1, 0), Ack)
     host.sim.set("store_unreadable", found)
-    host.sim.reset()
-    host.run_ms(100)
-    host.open()
+    host.reset()
     host.run_ms(50)
     assert host.state().supervisor == SupervisorState.FAULT
     assert host.state().faults == found

@@ -24,7 +24,8 @@ TIMEOUT_S = 0.5
 # --- what the device does when its host does nothing more ----------------------------------------
 
 
-def on_trial() -> VirtualRobot:
+@pytest.fixture
+def robot() -> VirtualRobot:
     """A robot that drives with values on trial; what is not on trial was not saved."""
     robot = VirtualRobot(wheels_free=1).open()
     for name, value in FORMER.items():
@@ -50,8 +51,7 @@ def silence(robot: VirtualRobot, seconds: float) -> None:
     robot.now_us += round(seconds * 1e6)
 
 
-def test_a_killed_host_leaves_a_stopped_robot_with_its_former_values() -> None:
-    robot = on_trial()
+def test_a_killed_host_leaves_a_stopped_robot_with_its_former_values(robot: VirtualRobot) -> None:
     assert held(robot) == TRIED
     assert all(duties(robot.sim))
     silence(robot, TIMEOUT_S + 0.01)
@@ -61,22 +61,19 @@ def test_a_killed_host_leaves_a_stopped_robot_with_its_former_values() -> None:
     assert held(robot) == FORMER
 
 
-def test_the_deadline_comes_before_that_of_a_long_setpoint() -> None:
-    robot = on_trial()
+def test_the_deadline_comes_before_that_of_a_long_setpoint(robot: VirtualRobot) -> None:
     robot.set_velocity(0.2, 0.2, ttl_s=0.9)
     silence(robot, TIMEOUT_S + 0.002)
     assert duties(robot.sim) == (0.0, 0.0)
 
 
-def test_before_its_deadline_a_trial_survives_a_silent_line() -> None:
-    robot = on_trial()
+def test_before_its_deadline_a_trial_survives_a_silent_line(robot: VirtualRobot) -> None:
     silence(robot, TIMEOUT_S / 2)
     robot.run(0.1)  # renewed
     assert held(robot) == TRIED
 
 
-def test_a_new_hello_ends_a_trial() -> None:
-    robot = on_trial()
+def test_a_new_hello_ends_a_trial(robot: VirtualRobot) -> None:
     robot.session.connect(robot.now_us)  # says hello with another nonce
     robot.run(0.01)
     assert duties(robot.sim) == (0.0, 0.0)
@@ -99,8 +96,7 @@ def test_a_reset_on_trial_leaves_what_was_saved() -> None:
     assert robot.parameter(GAIN) == 2.5
 
 
-def test_a_session_renews_the_trial_and_stops_when_it_is_over() -> None:
-    robot = on_trial()
+def test_a_session_renews_the_trial_and_stops_when_it_is_over(robot: VirtualRobot) -> None:
     robot.run(10 * TIMEOUT_S)
     assert held(robot) == TRIED
     robot.request(ParameterTrial(0, 0, TrialAction.KEEP, 0.0))
@@ -110,8 +106,7 @@ def test_a_session_renews_the_trial_and_stops_when_it_is_over() -> None:
     assert robot.session.statistics(robot.now_us).refused == 0
 
 
-def test_a_host_that_slept_hears_that_its_trial_is_over() -> None:
-    robot = on_trial()
+def test_a_host_that_slept_hears_that_its_trial_is_over(robot: VirtualRobot) -> None:
     silence(robot, 2 * TIMEOUT_S)
     robot.run_until(lambda: robot.session.count == 2)
     robot.run(0.1)
@@ -135,8 +130,7 @@ def lose_output(robot: VirtualRobot, seconds: float) -> None:
         robot.step()
 
 
-def test_a_setpoint_that_was_lost_is_not_repeated_after_a_revert() -> None:
-    robot = on_trial()
+def test_a_setpoint_that_was_lost_is_not_repeated_after_a_revert(robot: VirtualRobot) -> None:
     robot.stop()
     robot.set_velocity(0.2, 0.2)
     robot.session.take_output()  # lost; its repeat would come in 20 ms
@@ -146,8 +140,7 @@ def test_a_setpoint_that_was_lost_is_not_repeated_after_a_revert() -> None:
     assert duties(robot.sim) == (0.0, 0.0)
 
 
-def test_no_renewal_follows_a_request_to_keep_that_has_to_be_repeated() -> None:
-    robot = on_trial()
+def test_no_renewal_follows_a_request_to_keep_that_has_to_be_repeated(robot: VirtualRobot) -> None:
     results: list[object] = []
     keep = ParameterTrial(0, 0, TrialAction.KEEP, 0.0)
     robot.session.request(keep, results.append, robot.now_us)
@@ -158,8 +151,7 @@ def test_no_renewal_follows_a_request_to_keep_that_has_to_be_repeated() -> None:
     assert held(robot) == TRIED
 
 
-def test_an_expiry_is_heard_of_without_a_renewal() -> None:
-    robot = on_trial()
+def test_an_expiry_is_heard_of_without_a_renewal(robot: VirtualRobot) -> None:
     robot.session.release_trial()  # nobody renews it any more
     robot.run(TIMEOUT_S + 0.1)
     assert robot.session.count == 2  # so all that was known is void

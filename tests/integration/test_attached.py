@@ -95,7 +95,7 @@ def test_what_only_looks_is_attached(robot: SerialDriver, simulator: Simulator) 
     }
     assert values["max_duty"] == 0.5
     assert "max_duty: 0.5 duty" in attached("params", "export", port)
-    assert "name: L298N, ESP32-DevKitC" in attached("board", "read", port)
+    assert "name: L298N, simulated" in attached("board", "read", port)
     assert attached("monitor", port, "--seconds", "1.5").count("IDLE") == 2
     assert robot.is_open
     assert robot.sessions == 1

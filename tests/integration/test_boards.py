@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,11 +10,14 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, run, run_json
+from support.own_board import OWN_BOARD
 from support.typing_terminal import TypingTerminal
+from support.waiting import wait_until
 from wheelwire import aio, errors, open_driver
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.commissioning.setup import choose_board
 from wheelwire.drivers import requests
+from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.files.board import board_mapping, load_board, parse_board, shipped_boards
@@ -39,7 +41,7 @@ from wheelwire_protocol.types import (
 )
 
 WITH_BUMPERS = replace(
-    load_board("l298n"),
+    OWN_BOARD,
     peripherals=tuple(
         DigitalInput(PeripheralKind.BUMPER, place, pin, pull=Pull.EXTERNAL)
         for place, pin in ((Place.FRONT_LEFT, 36), (Place.REAR, 39))
@@ -90,7 +92,7 @@ def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
     simulator: Simulator,
 ) -> None:
     inputs = {"bumper_front": {"pin": 36, "pull": "external"}}
-    board = parse_board({**board_mapping(load_board("l298n")), "inputs": inputs})
+    board = parse_board({**board_mapping(OWN_BOARD), "inputs": inputs})
     with pytest.raises(errors.BoardMismatch, match="with others"):
         open_driver("serial", port=simulator.port, board=board)
     with open_driver("serial", port=simulator.port) as robot:
@@ -98,14 +100,14 @@ def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
     with open_driver("serial", port=simulator.port, board=board) as robot:
         robot.set_velocity(0.1, 0.1)
     # A file that names none is no reason to refuse a robot that has some.
-    with open_driver("serial", port=simulator.port, board="l298n") as robot:
+    with open_driver("serial", port=simulator.port, board=OWN_BOARD) as robot:
         robot.set_velocity(0.1, 0.1)
 
 
 def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
     simulator: Simulator, tmp_path: Path
 ) -> None:
-    with pytest.raises(errors.BoardMismatch, match="is L298N, ESP32-DevKitC, not TB6612FNG"):
+    with pytest.raises(errors.BoardMismatch, match=f"is {OWN_BOARD.name}, not TB6612FNG"):
         open_driver("serial", port=simulator.port, board="tb6612")
     config = tmp_path / "robot.yaml"
     config.write_text(f"driver: serial\nboard: tb6612\nserial:\n  port: {simulator.port}\n")
@@ -160,9 +162,31 @@ def test_what_is_read_is_a_file_that_can_be_written(simulator: Simulator, tmp_pa
     file.write_text(text)
     assert load_board(file) == WITH_BUMPERS
     assert run_json("board", "write", simulator.port, str(file)) == {
-        "board": "L298N, ESP32-DevKitC",
+        "board": OWN_BOARD.name,
         "written": True,
     }
+
+
+def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_path: Path) -> None:
+    file = tmp_path / "read.yaml"
+    file.write_text(run("board", "read", simulator.port).stdout)
+    own = load_board(file)
+    assert own.packed() == OWN_BOARD.packed()
+    assert len(own.peripherals) == 4
+    assert run("board", "check", str(file)).returncode == 0
+    written = run("board", "write", simulator.port, str(file))
+    assert written.returncode == 0, written.stderr
+    for _ in range(2):
+        with SerialDriver(simulator.port) as robot:
+            assert robot.board.read() == (BoardState.STORED, own)
+            assert state_of_list(robot) is PeripheralsState.STORED
+            assert robot.imu.read(timeout=5.0).acceleration[2] == pytest.approx(9.81, abs=0.5)
+            assert robot.power.read(timeout=5.0).voltage_v == pytest.approx(7.4, abs=0.05)
+            simulator.set("bumper.front_left", 1)
+            wait_until(lambda: robot.inputs.read().triggered == ("bumper.front_left",))
+            simulator.set("bumper.front_left", 0)
+            keep_driving(robot)
+        simulator.reset()
 
 
 def test_a_number_that_is_kept_rounded_is_no_other_board(simulator: Simulator) -> None:
@@ -187,13 +211,13 @@ def test_a_wrong_board_is_refused_before_anything_is_written(
     result = run("board", "write", simulator.port, str(file))
     assert result.returncode == errors.ConfigurationError.exit_code
     assert "led = 36: GPIO 36 of the ESP32 is an input only" in result.stderr
-    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
 
 
 def test_a_board_of_another_chip_is_refused_by_name(simulator: Simulator) -> None:
     line = check_error(run("board", "write", simulator.port, "esp32s3"), errors.DeviceRefused)
     assert "L298N, ESP32-S3-DevKitC is for the ESP32S3, not for this chip" in line
-    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
 
 
 def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
@@ -205,7 +229,7 @@ def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator)
         with pytest.raises(errors.DeviceRefused, match="on trial"):
             keep_driving(robot)
     simulator.reset()  # as when it crashed, or after ten seconds
-    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
 
 
 def test_a_board_on_trial_is_confirmed_by_the_command(simulator: Simulator) -> None:
@@ -221,10 +245,10 @@ def test_a_board_that_the_device_is_not_on_is_not_confirmed(simulator: Simulator
     """As when its trial ended while somebody compared it with the picture."""
     with (
         SerialDriver(simulator.port) as robot,
-        pytest.raises(errors.BoardNotKept, match="is on L298N, ESP32-DevKitC by now"),
+        pytest.raises(errors.BoardNotKept, match=f"is on {OWN_BOARD.name} by now"),
     ):
         robot.board.accept(load_board("tb6612"))
-    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
 
 
 def test_a_reset_that_erases_the_board_too_is_asked_for(simulator: Simulator) -> None:
@@ -360,6 +384,44 @@ def test_a_board_that_the_robot_is_on_is_not_written_again(simulator: Simulator)
         )
 
 
+def test_the_rule_that_a_list_breaks_is_named_and_nothing_is_written(simulator: Simulator) -> None:
+    bumper = DigitalInput(PeripheralKind.BUMPER, Place.REAR, OWN_BOARD.estop, pull=Pull.EXTERNAL)
+    with SerialDriver(simulator.port) as robot:
+        before = robot.board.read(), robot.info.device.boot_id
+        with pytest.raises(errors.ConfigurationError, match=r"bumper_rear.*GPIO 14") as refused:
+            robot.board.take_up(replace(OWN_BOARD, peripherals=(bumper,)))
+        assert "nothing was written" in str(refused.value)
+        assert (robot.board.read(), robot.info.device.boot_id) == before
+        keep_driving(robot)
+
+
+def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    with MockDriver(realtime=False, store=store) as robot:
+        assert robot.board.read()[1] != WITH_BUMPERS
+        began_s = robot.simulator.get("t_us") / 1e6
+        robot.board.take_up(WITH_BUMPERS)
+        assert robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+        assert robot.simulator.get("t_us") / 1e6 - began_s < 2.0
+        robot.simulator.set("bumper.rear", 1)
+        assert robot.inputs.read().triggered == ("bumper.rear",)
+        robot.board.take_up(replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals))
+    with MockDriver(realtime=False, store=store) as again:
+        state, found = again.board.read()
+        assert found is not None
+        assert (state, found.name, len(found.peripherals)) == (BoardState.STORED, "TB6612FNG", 2)
+        # A chip that does not come back is not waited for in real time.
+        again.simulator.set("boot_time_us", 60e6)
+        with pytest.raises(errors.LinkLost, match="did not come back within 8 s"):
+            again.board.restart()
+
+
+async def test_peripherals_are_taken_up_in_virtual_time_on_asyncio() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+        await robot.board.take_up(WITH_BUMPERS)
+        assert await robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+
+
 def test_a_bumper_stops_the_robot_that_it_was_written_to(simulator: Simulator) -> None:
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(WITH_BUMPERS)
@@ -449,25 +511,22 @@ def test_firmware_without_peripherals_takes_boards_without_them(
             match=r"has peripherals, and nothing was written: .* has none",
         ):
             robot.board.take_up(WITH_BUMPERS)
-        assert robot.board.read()[1] == load_board("l298n")
+        assert robot.board.read()[1] == OWN_BOARD
         robot.board.take_up(load_board("tb6612"))
         assert robot.board.read() == (BoardState.STORED, load_board("tb6612"))
         assert robot.board.read_peripherals() is None
 
 
-def test_the_same_on_asyncio(simulator: Simulator) -> None:
-    async def use() -> None:
-        async with aio.open_driver("serial", port=simulator.port) as robot:
-            with pytest.raises(errors.BoardNotKept):
-                await robot.board.accept(load_board("tb6612"))
-            await robot.board.take_up(load_board("tb6612"))
-            state, board = await robot.board.read()
-            assert (state, board) == (BoardState.STORED, load_board("tb6612"))
-            assert await robot.board.read_peripherals() is not None
-            await robot.board.write(load_board("drv8833"))
-            await robot.board.restart()
-            assert (await robot.board.read())[0] is BoardState.TRIAL
-            await robot.board.confirm(load_board("drv8833"))
-            assert (await robot.board.read())[0] is BoardState.STORED
-
-    asyncio.run(use())
+async def test_the_same_on_asyncio(simulator: Simulator) -> None:
+    async with aio.open_driver("serial", port=simulator.port) as robot:
+        with pytest.raises(errors.BoardNotKept):
+            await robot.board.accept(load_board("tb6612"))
+        await robot.board.take_up(load_board("tb6612"))
+        state, board = await robot.board.read()
+        assert (state, board) == (BoardState.STORED, load_board("tb6612"))
+        assert await robot.board.read_peripherals() is not None
+        await robot.board.write(load_board("drv8833"))
+        await robot.board.restart()
+        assert (await robot.board.read())[0] is BoardState.TRIAL
+        await robot.board.confirm(load_board("drv8833"))
+        assert (await robot.board.read())[0] is BoardState.STORED

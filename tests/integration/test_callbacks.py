@@ -70,8 +70,8 @@ def test_each_loss_and_each_return_is_told_once_and_in_order(tmp_path: Path) -> 
         assert boots == {device.device.boot_id}
 
 
-def test_the_same_with_asyncio(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
+async def test_the_same_with_asyncio(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device:
         async with aio.connect(device.path) as robot:
             heard = Heard(robot)
             for number in range(PLUGGINGS):
@@ -80,9 +80,6 @@ def test_the_same_with_asyncio(tmp_path: Path) -> None:
                 device.plug()
                 await until(lambda n=number: len(heard.calls) == 2 * n + 2)  # type: ignore[misc]
         assert heard.names == ["lost", "opened"] * PLUGGINGS
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
 
 
 def test_a_reset_is_a_loss_and_a_return(tmp_path: Path) -> None:
@@ -117,10 +114,9 @@ def test_a_slow_callback_loses_none_of_what_happens_meanwhile(tmp_path: Path) ->
     assert heard == ["lost", "opened"] * 3
 
 
-def test_a_slow_coroutine_loses_none_either(tmp_path: Path) -> None:
+async def test_a_slow_coroutine_loses_none_either(tmp_path: Path) -> None:
     heard: list[str] = []
-
-    async def use(device: PtyDevice) -> None:
+    with PtyDevice(tmp_path / "port") as device:
         async with aio.connect(device.path) as robot:
             goes_on = asyncio.Event()
 
@@ -140,9 +136,6 @@ def test_a_slow_coroutine_loses_none_either(tmp_path: Path) -> None:
             assert heard == ["lost"]
             goes_on.set()
             await until(lambda: len(heard) == 9)
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
     assert heard == ["lost", "seen", "opened"] * 3
 
 
@@ -165,7 +158,7 @@ def test_each_fault_is_told_once_also_the_same_one_after_a_clear() -> None:
         assert {told for _, told in heard.calls} == {Fault.LEFT_NOT_COUNTING}
 
 
-def test_a_fault_is_told_in_real_time_by_both_apis() -> None:
+async def test_a_fault_is_told_in_real_time_by_both_apis() -> None:
     def blocked(robot: Any) -> bool:
         robot.simulator.set("left.encoder_dead", 1)
         with suppress(WheelwireError):
@@ -176,14 +169,10 @@ def test_a_fault_is_told_in_real_time_by_both_apis() -> None:
         heard = Heard(robot)
         wait_until(lambda: blocked(robot) or heard.calls)
         assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
-
-    async def use() -> None:
-        async with aio.open_driver("mock") as robot:
-            heard = Heard(robot)
-            await until(lambda: blocked(robot) or heard.calls)
-            assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
-
-    asyncio.run(use())
+    async with aio.open_driver("mock") as on_loop:
+        heard = Heard(on_loop)
+        await until(lambda: blocked(on_loop) or heard.calls)
+        assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
 
 
 def test_what_is_so_already_when_a_callback_is_assigned_is_told() -> None:
@@ -244,29 +233,25 @@ def test_a_loss_while_on_lost_is_assigned_is_told_once_by_the_thread() -> None:
     assert heard == ["assigned", "lost", "opened"]
 
 
-def test_a_loss_while_on_lost_is_assigned_is_told_once_by_asyncio() -> None:
+async def test_a_loss_while_on_lost_is_assigned_is_told_once_by_asyncio() -> None:
     heard: list[str] = []
+    async with aio.open_driver("mock") as robot:
 
-    async def use() -> None:
-        async with aio.open_driver("mock") as robot:
-
-            async def assign(_: object) -> None:
-                if "assigned" in heard:
-                    heard.append("opened")
-                    return
-                robot.unplug()
-                wait_until(lambda: not robot.is_open)  # blocks the loop: the news waits
-                robot.on_lost = lambda _: heard.append("lost")
-                heard.append("assigned")
-
-            robot.on_opened = assign
+        async def assign(_: object) -> None:
+            if "assigned" in heard:
+                heard.append("opened")
+                return
             robot.unplug()
-            robot.plug()
-            await until(lambda: "lost" in heard)
-            robot.plug()
-            await until(lambda: "opened" in heard)
+            wait_until(lambda: not robot.is_open)  # blocks the loop: the news waits
+            robot.on_lost = lambda _: heard.append("lost")
+            heard.append("assigned")
 
-    asyncio.run(use())
+        robot.on_opened = assign
+        robot.unplug()
+        robot.plug()
+        await until(lambda: "lost" in heard)
+        robot.plug()
+        await until(lambda: "opened" in heard)
     assert heard == ["assigned", "lost", "opened"]
 
 
@@ -324,27 +309,23 @@ def test_callbacks_may_call_the_robot(*, realtime: bool) -> None:
     assert results == [LinkLost, 0.5]
 
 
-def test_coroutines_may_call_the_robot() -> None:
+async def test_coroutines_may_call_the_robot() -> None:
     results: list[object] = []
+    async with aio.open_driver("mock") as robot:
 
-    async def use() -> None:
-        async with aio.open_driver("mock") as robot:
+        async def lost(_: WheelwireError) -> None:
+            try:
+                await robot.stop()
+            except WheelwireError as error:
+                results.append(type(error))
+            robot.plug()
 
-            async def lost(_: WheelwireError) -> None:
-                try:
-                    await robot.stop()
-                except WheelwireError as error:
-                    results.append(type(error))
-                robot.plug()
+        async def opened(_: object) -> None:
+            results.append(await robot.parameters.set("max_duty", 0.5))
 
-            async def opened(_: object) -> None:
-                results.append(await robot.parameters.set("max_duty", 0.5))
-
-            robot.on_lost, robot.on_opened = lost, opened
-            robot.unplug()
-            await until(lambda: len(results) == 2)
-
-    asyncio.run(use())
+        robot.on_lost, robot.on_opened = lost, opened
+        robot.unplug()
+        await until(lambda: len(results) == 2)
     assert results == [LinkLost, 0.5]
 
 
@@ -372,33 +353,30 @@ def test_what_a_callback_raises_is_logged_and_ends_nothing(
     assert texts.count("on_opened raised an exception; the link goes on") == 2
 
 
-def test_what_a_coroutine_raises_is_logged_also_when_it_cancels_itself(
+async def test_what_a_coroutine_raises_is_logged_also_when_it_cancels_itself(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    async def use() -> None:
-        async with aio.open_driver("mock") as robot:
-            heard: list[object] = []
+    async with aio.open_driver("mock") as robot:
+        heard: list[object] = []
 
-            async def cancel(_: object) -> None:
-                heard.append(_)
-                task = asyncio.current_task()
-                assert task is not None
-                task.cancel()
-                await asyncio.sleep(1)
+        async def cancel(_: object) -> None:
+            heard.append(_)
+            task = asyncio.current_task()
+            assert task is not None
+            task.cancel()
+            await asyncio.sleep(1)
 
-            async def fail(_: object) -> None:
-                heard.append(_)
-                raise ValueError("of the application")
+        async def fail(_: object) -> None:
+            heard.append(_)
+            raise ValueError("of the application")
 
-            robot.on_lost, robot.on_opened = cancel, fail
-            for number in (2, 4):
-                robot.unplug()
-                await until(lambda: not robot.is_open)
-                robot.plug()
-                await until(lambda n=number: len(heard) == n)  # type: ignore[misc]
-            await robot.stop()
-
-    asyncio.run(use())
+        robot.on_lost, robot.on_opened = cancel, fail
+        for number in (2, 4):
+            robot.unplug()
+            await until(lambda: not robot.is_open)
+            robot.plug()
+            await until(lambda n=number: len(heard) == n)  # type: ignore[misc]
+        await robot.stop()
     texts = [r.getMessage() for r in caplog.records if r.exc_info]
     assert texts.count("on_lost raised an exception; the link goes on") == 2
     assert texts.count("on_opened raised an exception; the link goes on") == 2
@@ -479,29 +457,26 @@ def test_a_callback_may_close_the_robot_in_virtual_time() -> None:
 
 
 @pytest.mark.parametrize("is_coroutine", [False, True])
-def test_a_callback_may_close_the_robot_with_asyncio(*, is_coroutine: bool) -> None:
-    async def use() -> None:
-        robot = await aio.open_driver("mock")
-        closed = asyncio.Event()
-        tasks = []
+async def test_a_callback_may_close_the_robot_with_asyncio(*, is_coroutine: bool) -> None:
+    robot = await aio.open_driver("mock")
+    closed = asyncio.Event()
+    tasks = []
 
-        async def close(_: object = None) -> None:
-            begin = time.monotonic()
-            await robot.close()
-            assert time.monotonic() - begin < 0.9
-            closed.set()
-
-        def begin_to_close(_: object) -> None:
-            tasks.append(asyncio.ensure_future(close()))
-
-        robot.on_lost = close if is_coroutine else begin_to_close
-        robot.unplug()
-        await asyncio.wait_for(closed.wait(), 10)
+    async def close(_: object = None) -> None:
+        begin = time.monotonic()
         await robot.close()
-        with pytest.raises(LinkClosed):
-            await robot.stop()
+        assert time.monotonic() - begin < 0.9
+        closed.set()
 
-    asyncio.run(use())
+    def begin_to_close(_: object) -> None:
+        tasks.append(asyncio.ensure_future(close()))
+
+    robot.on_lost = close if is_coroutine else begin_to_close
+    robot.unplug()
+    await asyncio.wait_for(closed.wait(), 10)
+    await robot.close()
+    with pytest.raises(LinkClosed):
+        await robot.stop()
 
 
 def test_none_is_called_once_the_robot_is_closed(tmp_path: Path) -> None:
@@ -559,19 +534,16 @@ def _refers_to(_robot: object, heard: list[object], told: object) -> None:
     heard.append(told)
 
 
-def test_a_robot_that_is_forgotten_with_asyncio_is_freed() -> None:
-    async def use() -> None:
-        robot = await aio.open_driver("mock")
-        heard: list[object] = []
-        robot.on_lost = partial(_refers_to, robot, heard)
-        gone = weakref.ref(robot)
-        del robot
-        gc.collect()
-        assert gone() is None
-        await asyncio.sleep(0.2)
-        assert heard == []
-
-    asyncio.run(use())
+async def test_a_robot_that_is_forgotten_with_asyncio_is_freed() -> None:
+    robot = await aio.open_driver("mock")
+    heard: list[object] = []
+    robot.on_lost = partial(_refers_to, robot, heard)
+    gone = weakref.ref(robot)
+    del robot
+    gc.collect()
+    assert gone() is None
+    await asyncio.sleep(0.2)
+    assert heard == []
 
 
 def test_a_loop_that_ends_in_a_callback_leaves_nothing_behind(

@@ -73,10 +73,11 @@ def test_mock_is_an_address(use: Callable[[Any], str]) -> None:
 
 
 @pytest.mark.parametrize("use", USES)
-def test_a_port_is_an_address_as_a_text_and_as_a_path(use: Callable[[Any], str]) -> None:
-    with Simulator() as simulator:
-        assert ": open>" in use(simulator.port)
-        assert ": open>" in use(Path(simulator.port))
+def test_a_port_is_an_address_as_a_text_and_as_a_path(
+    simulator: Simulator, use: Callable[[Any], str]
+) -> None:
+    assert ": open>" in use(simulator.port)
+    assert ": open>" in use(Path(simulator.port))
 
 
 @both
@@ -108,19 +109,20 @@ def test_a_boards_id_is_an_address(
 
 
 @both
-def test_a_robots_file_may_name_its_board_by_id(use: Callable[[Any], str], tmp_path: Path) -> None:
+def test_a_robots_file_may_name_its_board_by_id(
+    simulator: Simulator, use: Callable[[Any], str], tmp_path: Path
+) -> None:
     file = tmp_path / "robot.yaml"
     text = "driver: serial\nserial: {port: '%s/tty*', board_id: '%s'}\n"
-    with Simulator() as simulator:
-        (tmp_path / "tty0").symlink_to(simulator.port)
-        with wheelwire.connect(simulator.port) as robot:
-            assert isinstance(robot, wheelwire.SerialDriver)
-            board_id = robot.info.device.board_id
-        file.write_text(text % (tmp_path, board_id))
-        assert ": open>" in use(file)
-        file.write_text(text % (tmp_path, "0123456789ab"))
-        with pytest.raises(PortUnavailable, match="board 0123456789ab was not found"):
-            use(file)
+    (tmp_path / "tty0").symlink_to(simulator.port)
+    with wheelwire.connect(simulator.port) as robot:
+        assert isinstance(robot, wheelwire.SerialDriver)
+        board_id = robot.info.device.board_id
+    file.write_text(text % (tmp_path, board_id))
+    assert ": open>" in use(file)
+    file.write_text(text % (tmp_path, "0123456789ab"))
+    with pytest.raises(PortUnavailable, match="board 0123456789ab was not found"):
+        use(file)
 
 
 def test_sockets_and_any_other_url_are_ports() -> None:
@@ -256,8 +258,10 @@ def test_a_plug_in_driver_that_lacks_an_option_of_the_file_says_so(
         wheelwire.connect(file)
 
 
-def test_a_port_that_is_in_use_is_refused_and_its_user_is_not_disturbed() -> None:
-    with Simulator() as simulator, wheelwire.connect(simulator.port) as robot:
+def test_a_port_that_is_in_use_is_refused_and_its_user_is_not_disturbed(
+    simulator: Simulator,
+) -> None:
+    with wheelwire.connect(simulator.port) as robot:
         for use in USES:
             with pytest.raises(PortUnavailable, match="uses it"):
                 use(simulator.port)
@@ -265,29 +269,28 @@ def test_a_port_that_is_in_use_is_refused_and_its_user_is_not_disturbed() -> Non
         assert robot.sessions == 1
 
 
-def test_of_two_that_open_a_port_at_once_one_gets_it() -> None:
-    with Simulator() as simulator:
-        results: list[object] = []
-        start = threading.Barrier(2)
-        end = threading.Barrier(2)
+def test_of_two_that_open_a_port_at_once_one_gets_it(simulator: Simulator) -> None:
+    results: list[object] = []
+    start = threading.Barrier(2)
+    end = threading.Barrier(2)
 
-        def open_it() -> None:
-            start.wait()
-            try:
-                with wheelwire.connect(simulator.port):
-                    results.append("open")
-                    end.wait(30)
-            except PortUnavailable as error:
-                results.append(error)
+    def open_it() -> None:
+        start.wait()
+        try:
+            with wheelwire.connect(simulator.port):
+                results.append("open")
                 end.wait(30)
+        except PortUnavailable as error:
+            results.append(error)
+            end.wait(30)
 
-        threads = [threading.Thread(target=open_it) for _ in range(2)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert results.count("open") == 1
-        assert any(isinstance(result, PortUnavailable) for result in results)
+    threads = [threading.Thread(target=open_it) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results.count("open") == 1
+    assert any(isinstance(result, PortUnavailable) for result in results)
 
 
 def test_the_ports_are_those_of_the_command() -> None:

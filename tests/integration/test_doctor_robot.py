@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from support.attached import wait_for_holder
 from support.command import run
+from support.own_board import OWN_BOARD
 from support.simulator_on_line import GOOD, simulator_on
 from wheelwire.cli.address import Address
 from wheelwire.cli.doctor import _of_robot
 from wheelwire.doctor import Finding, examine_robot, robot
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.files.bad_line import load_profile
+from wheelwire.files.board import load_board
+from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.codes import Group, ResetReason
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import GROUP_HASHES
+from wheelwire_protocol.sensors import PeripheralKind, Place
+from wheelwire_protocol.types import GROUP_HASHES, BoardWrite
+
+BUMPER = DigitalInput(PeripheralKind.BUMPER, Place.REAR, 39, pull=Pull.EXTERNAL)
 
 
 @pytest.fixture
@@ -65,6 +73,22 @@ def test_groups_that_are_off(simulator: Simulator, monkeypatch: pytest.MonkeyPat
     finding = only(examined(simulator), "groups")
     assert "board messages do not work" in finding.problem
     assert "wheelwire flash ROBOT" in finding.cure
+
+
+def test_a_list_of_sensors_of_another_board(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as driver:
+        driver.board.take_up(replace(OWN_BOARD, peripherals=(BUMPER,)))
+        # As a program of a release without sensors does it.
+        other = load_board("tb6612")
+        fields = BY_TYPE[BoardWrite].unpack(bytes(9) + other.packed() + bytes(4))
+        driver._link.request(BoardWrite(0, 0, *fields[2:]))
+        driver.board.restart()
+        driver.board.confirm(other)
+    found = examined(simulator)["peripherals"]
+    assert "not for TB6612FNG: nothing drives" in found.problem
+    assert found.cure.startswith("wheelwire board write ROBOT ")
+    assert run("board", "write", simulator.port, "tb6612").returncode == 0
+    assert "peripherals" not in examined(simulator)
 
 
 def test_a_core_dump(simulator: Simulator) -> None:

@@ -61,15 +61,14 @@ def wait_while_running(process: subprocess.Popen[str], condition: Callable[[], b
         pytest.fail(process.communicate()[1])
 
 
-def test_the_square_closes() -> None:
-    with Simulator() as simulator:
-        output = end(start("square.py", simulator.port, "--side", "0.4"))
-        assert [line.split(":")[0] for line in output.splitlines()] == [
-            f"corner {number}" for number in (1, 2, 3, 4)
-        ]
-        assert simulator.get("true.distance_m") > 1.5
-        assert math.hypot(simulator.get("true.x_m"), simulator.get("true.y_m")) < 0.03
-        assert simulator.get("true.heading_rad") == pytest.approx(2 * math.pi, abs=0.05)
+def test_the_square_closes(simulator: Simulator) -> None:
+    output = end(start("square.py", simulator.port, "--side", "0.4"))
+    assert [line.split(":")[0] for line in output.splitlines()] == [
+        f"corner {number}" for number in (1, 2, 3, 4)
+    ]
+    assert simulator.get("true.distance_m") > 1.5
+    assert math.hypot(simulator.get("true.x_m"), simulator.get("true.y_m")) < 0.03
+    assert simulator.get("true.heading_rad") == pytest.approx(2 * math.pi, abs=0.05)
 
 
 def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
@@ -87,14 +86,13 @@ def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
     assert {row["state"] for row in rows} == {"IDLE"}
 
 
-def test_a_task_drives_while_another_one_watches() -> None:
-    with Simulator() as simulator:
-        output = end(start("asyncio_drive.py", simulator.port, "--seconds", "2"))
-        states = [line.split()[-1] for line in output.splitlines()]
-        assert "DRIVING" in states
-        assert states[-1] == "done"
-        assert simulator.get("state") == SupervisorState.IDLE
-        assert simulator.get("true.distance_m") > 0.2
+def test_a_task_drives_while_another_one_watches(simulator: Simulator) -> None:
+    output = end(start("asyncio_drive.py", simulator.port, "--seconds", "2"))
+    states = [line.split()[-1] for line in output.splitlines()]
+    assert "DRIVING" in states
+    assert states[-1] == "done"
+    assert simulator.get("state") == SupervisorState.IDLE
+    assert simulator.get("true.distance_m") > 0.2
 
 
 def state_after_ctrl_c() -> float:
@@ -113,26 +111,25 @@ def test_ctrl_c_stops_a_robot_on_asyncio() -> None:
     assert any(state == SupervisorState.IDLE for state in states)
 
 
-def test_the_e_stop_is_lived_through() -> None:
-    with Simulator() as simulator:
-        process = start("estop.py", simulator.port, "--seconds", "2")
-        wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
-        simulator.set("estop_open", 1)
-        wait_while_running(process, lambda: simulator.get("stands_still") == 1)
-        stopped_m = simulator.get("true.distance_m")
-        assert process.stdin
-        process.stdin.write("\n")  # the contact is still open
-        process.stdin.flush()
-        assert process.stdout
-        line = process.stdout.readline()
-        assert "release the button" in line
-        assert "not yet: the device refused" in line
-        simulator.set("estop_open", 0)
-        output = end(process, "\n")
-        # The prompt before it has no end of line, and may have come with the line above.
-        assert output.endswith("cleared; driving again\ndone\n")
-        assert simulator.get("true.distance_m") > stopped_m + 0.05
-        wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)
+def test_the_e_stop_is_lived_through(simulator: Simulator) -> None:
+    process = start("estop.py", simulator.port, "--seconds", "2")
+    wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
+    simulator.set("estop_open", 1)
+    wait_while_running(process, lambda: simulator.get("stands_still") == 1)
+    stopped_m = simulator.get("true.distance_m")
+    assert process.stdin
+    process.stdin.write("\n")  # the contact is still open
+    process.stdin.flush()
+    assert process.stdout
+    line = process.stdout.readline()
+    assert "release the button" in line
+    assert "not yet: the device refused" in line
+    simulator.set("estop_open", 0)
+    output = end(process, "\n")
+    # The prompt before it has no end of line, and may have come with the line above.
+    assert output.endswith("cleared; driving again\ndone\n")
+    assert simulator.get("true.distance_m") > stopped_m + 0.05
+    wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
@@ -145,15 +142,14 @@ def test_what_is_wrong_with_the_robot_is_one_line(name: str, tmp_path: Path) -> 
     assert errors.count("\n") == 1
 
 
-def test_ctrl_c_stops_and_is_one_line() -> None:
-    with Simulator() as simulator:
-        process = start("square.py", simulator.port, "--side", "5")
-        with ending(process):
-            wait_while_running(process, lambda: simulator.get("true.x_m") > 0.02)
-            process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=TIMEOUT_S)
-            assert errors == "interrupted; the robot was stopped\n"
-            assert simulator.get("drive_on") == 0
+def test_ctrl_c_stops_and_is_one_line(simulator: Simulator) -> None:
+    process = start("square.py", simulator.port, "--side", "5")
+    with ending(process):
+        wait_while_running(process, lambda: simulator.get("true.x_m") > 0.02)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=TIMEOUT_S)
+        assert errors == "interrupted; the robot was stopped\n"
+        assert simulator.get("drive_on") == 0
 
 
 def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:

@@ -41,8 +41,10 @@ def wait_for_frames(robot: SerialDriver, count: int) -> None:
     wait_until(lambda: robot.statistics.frames_received >= end)
 
 
-def test_a_stream_that_nobody_asks_for_is_read_in_groups(reads: Reads) -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+def test_a_stream_that_nobody_asks_for_is_read_in_groups(
+    simulator: Simulator, reads: Reads
+) -> None:
+    with SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
 
         def is_whole_in_few_reads() -> bool:
             """Not where the computer was too busy to empty the port's buffer within 55 ms."""
@@ -60,19 +62,18 @@ def test_who_asks_gets_samples_as_they_come() -> None:
     assert median(later - earlier for earlier, later in pairwise(times)) < REST_US / 2
 
 
-def test_five_thousand_states_a_second() -> None:
-    with Simulator() as simulator:
-        with SerialDriver(simulator.port) as robot:
-            robot.parameters.set("control_rate_hz", 5000)
-        with SerialDriver(simulator.port, stream_rate_hz=5000) as robot:
-            wait_for_frames(robot, 5 * FRAMES)
-            first = robot.read()
-            wait_until(lambda: robot.read().t_us > first.t_us)
-            assert (robot.read().t_us - first.t_us) % 200 == 0
+def test_five_thousand_states_a_second(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.parameters.set("control_rate_hz", 5000)
+    with SerialDriver(simulator.port, stream_rate_hz=5000) as robot:
+        wait_for_frames(robot, 5 * FRAMES)
+        first = robot.read()
+        wait_until(lambda: robot.read().t_us > first.t_us)
+        assert (robot.read().t_us - first.t_us) % 200 == 0
 
 
-def test_a_stop_waits_for_no_rest() -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+def test_a_stop_waits_for_no_rest(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
         wait_for_frames(robot, 100)
         robot.set_velocity(0.2, 0.0)
         wait_until(lambda: simulator.get("drive_on"))
@@ -95,8 +96,8 @@ def test_a_cable_that_is_pulled_during_a_rest_is_noticed(
         assert robot.statistics.reconnects == 1
 
 
-def test_a_reset_during_a_rest_is_a_new_session() -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+def test_a_reset_during_a_rest_is_a_new_session(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
         wait_for_frames(robot, 100)
         simulator.reset()
         wait_until(lambda: robot.statistics.device_resets == 1)

@@ -110,13 +110,12 @@ def first_state_is_new(simulator: Simulator) -> bool:
     return states[0].t_us > opened_us - 100_000
 
 
-def test_a_port_that_nobody_reads_keeps_nothing_old() -> None:
-    with Simulator() as simulator:
-        with opened(simulator.port) as fd:
-            assert say_hello(fd) is not None
-        # What is written to a terminal can be read a moment later. On a busy computer that looks
-        # as if somebody had read it, and what comes is then kept for another second.
-        assert any(first_state_is_new(simulator) for _ in range(5))
+def test_a_port_that_nobody_reads_keeps_nothing_old(simulator: Simulator) -> None:
+    with opened(simulator.port) as fd:
+        assert say_hello(fd) is not None
+    # What is written to a terminal can be read a moment later. On a busy computer that looks
+    # as if somebody had read it, and what comes is then kept for another second.
+    assert any(first_state_is_new(simulator) for _ in range(5))
 
 
 def test_a_ports_name_is_never_that_of_a_later_terminal() -> None:
@@ -168,12 +167,11 @@ def test_reset_gives_a_new_boot_id_and_its_reason(link: Path) -> None:
     ["", "dance", "set mass_kg", "set mass_kg heavy", "set mass_kg nan", "set colour 1",
      "set true.x_m 1", "get colour", "reset because", "plug", 'get "\\\x01'],
 )  # fmt: skip
-def test_a_bad_command_is_refused_with_a_reason(line: str) -> None:
-    with Simulator() as simulator:
-        mass = simulator.get("mass_kg")
-        with pytest.raises(WheelwireError, match="refused"):
-            simulator.command(line)
-        assert simulator.get("mass_kg") == mass
+def test_a_bad_command_is_refused_with_a_reason(simulator: Simulator, line: str) -> None:
+    mass = simulator.get("mass_kg")
+    with pytest.raises(WheelwireError, match="refused"):
+        simulator.command(line)
+    assert simulator.get("mass_kg") == mass
 
 
 def test_a_numbered_command_has_its_number_in_its_answer() -> None:
@@ -270,13 +268,12 @@ def test_true_states_come_at_their_rate() -> None:
     assert not any(state.drive_on for state in states)
 
 
-def test_simulated_time_keeps_pace_with_the_wall_clock() -> None:
-    with Simulator() as simulator:
-        wall_us, begin_us = time.monotonic() * 1e6, simulator.get("t_us")
-        while time.monotonic() * 1e6 - wall_us < 500_000:
-            simulator.get("t_us")
-        elapsed_us = simulator.get("t_us") - begin_us
-        assert elapsed_us == pytest.approx(time.monotonic() * 1e6 - wall_us, abs=50_000)
+def test_simulated_time_keeps_pace_with_the_wall_clock(simulator: Simulator) -> None:
+    wall_us, begin_us = time.monotonic() * 1e6, simulator.get("t_us")
+    while time.monotonic() * 1e6 - wall_us < 500_000:
+        simulator.get("t_us")
+    elapsed_us = simulator.get("t_us") - begin_us
+    assert elapsed_us == pytest.approx(time.monotonic() * 1e6 - wall_us, abs=50_000)
 
 
 def test_a_named_simulator_that_is_none_is_an_error(

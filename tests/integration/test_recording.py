@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from pathlib import Path
 
@@ -87,15 +86,11 @@ def test_a_serial_robot_by_the_environment(tmp_path: Path, monkeypatch: pytest.M
     assert len(list(tmp_path.glob("*.mcap"))) == 1
 
 
-def test_on_a_loop(tmp_path: Path) -> None:
+async def test_on_a_loop(tmp_path: Path) -> None:
     path = tmp_path / "day.mcap"
-
-    async def day() -> list[wheelwire.WheelSample]:
-        async with aio.open_driver("mock", record=path) as robot:
-            robot.set_velocity(0.2, 0.0, ttl=0.3)
-            return [await robot.read() for _ in range(20)]
-
-    seen = asyncio.run(day())
+    async with aio.open_driver("mock", record=path) as robot:
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        seen = [await robot.read() for _ in range(20)]
     assert set(seen[1:]) <= set(rerun(path)[0])
     assert metadata(path)["driver"] == "mock"
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -42,12 +42,6 @@ LEFT = ("bumper.front_left",)
 def robot() -> Iterator[MockDriver]:
     with MockDriver(realtime=False) as robot:
         yield robot
-
-
-@pytest.fixture
-def simulator() -> Iterator[Simulator]:
-    with Simulator() as simulator:
-        yield simulator
 
 
 def test_nothing_is_known_before_the_first_use(robot: MockDriver) -> None:
@@ -249,29 +243,26 @@ def test_in_real_time() -> None:
 
 
 @pytest.mark.parametrize("realtime", [True, False])
-def test_the_same_on_asyncio(realtime: bool) -> None:
-    async def use() -> None:
-        async with aio.open_driver("mock", realtime=realtime) as robot:
-            assert (await robot.inputs.read()).triggered == FREE
-            events = robot.sensors.events()
-            robot.simulator.set("bumper.front_left", 1)
-            async for sample in robot.inputs.samples():
-                if sample.triggered:
-                    break
-            assert robot.inputs.latest == sample
-            assert sample.triggered == LEFT
-            async for event in events:
-                if event.name == "bumper.front_left":
-                    break
-            assert event.code is SensorEventCode.TRIGGERED
-            assert (await robot.power.read(timeout=2.0)).voltage_v > 7
-            assert (await robot.imu.read(timeout=2.0)).acceleration[2] > 9
-            assert [one.info.name for one in robot.sensors.channels] == NAMES
-            await robot.sensors.start(100)
-            with pytest.raises(errors.InvalidArgument):
-                await robot.sensors.start(0)
-
-    asyncio.run(use())
+async def test_the_same_on_asyncio(realtime: bool) -> None:
+    async with aio.open_driver("mock", realtime=realtime) as robot:
+        assert (await robot.inputs.read()).triggered == FREE
+        events = robot.sensors.events()
+        robot.simulator.set("bumper.front_left", 1)
+        async for sample in robot.inputs.samples():
+            if sample.triggered:
+                break
+        assert robot.inputs.latest == sample
+        assert sample.triggered == LEFT
+        async for event in events:
+            if event.name == "bumper.front_left":
+                break
+        assert event.code is SensorEventCode.TRIGGERED
+        assert (await robot.power.read(timeout=2.0)).voltage_v > 7
+        assert (await robot.imu.read(timeout=2.0)).acceleration[2] > 9
+        assert [one.info.name for one in robot.sensors.channels] == NAMES
+        await robot.sensors.start(100)
+        with pytest.raises(errors.InvalidArgument):
+            await robot.sensors.start(0)
 
 
 def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> None:
@@ -281,17 +272,38 @@ def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> 
         beside = open_or_attach("serial", options)
         assert isinstance(beside, DeviceDriver)
         with beside:
-            with pytest.raises(errors.InvalidCommand, match="has not asked for its sensors"):
+            with pytest.raises(errors.InvalidCommand, match="has not asked for them") as raised:
+                beside.imu.read()
+            assert f"process {os.getpid()}" in str(raised.value)
+            assert "call `robot.sensors.start(200)` in it" in str(raised.value)
+            with pytest.raises(errors.InvalidCommand, match="has not asked for them"):
                 beside.inputs.read()
             refused = run("sensors", simulator.port)
             assert refused.returncode == errors.InvalidCommand.exit_code
-            assert "has not asked for its sensors" in refused.stderr
+            assert "has not asked for them: call `robot.sensors.start(200)`" in refused.stderr
             assert holder.inputs.read().triggered == FREE
             simulator.set("bumper.front_left", 1)
             wait_until(lambda: beside.inputs.latest is not None)
             wait_until(lambda: beside.inputs.read().triggered == LEFT)
+            assert beside.imu.read().acceleration[2] == pytest.approx(9.81, abs=0.5)
         found = {one["channel"]: one for one in run_json("sensors", simulator.port)}
         assert found["bumper.front_left"]["value"]["triggered"] is True
+
+
+def test_beside_a_program_the_rate_is_that_programs(simulator: Simulator) -> None:
+    options = {"port": simulator.port}
+    with open_driver("serial", tap=True, **options) as holder:
+        holder.sensors.start(50)
+        beside = open_or_attach("serial", options)
+        assert isinstance(beside, DeviceDriver)
+        with beside:
+            assert beside.imu.read().acceleration[2] == pytest.approx(9.81, abs=0.5)
+            beside.sensors.start(50)
+            with pytest.raises(errors.InvalidCommand, match="has asked for its sensors at 50 Hz"):
+                beside.sensors.start(100)
+            holder.sensors.start(100)
+            wait_until(lambda: beside.imu.info.rate_hz == 100)  # type: ignore[union-attr]
+            beside.sensors.start(100)
 
 
 def test_a_recording_has_them(tmp_path: Path, simulator: Simulator) -> None:

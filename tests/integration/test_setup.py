@@ -19,8 +19,11 @@ from support.waiting import wait_until
 from wheelwire import errors, open_driver
 from wheelwire.commissioning.problems import DEFECTS
 from wheelwire.commissioning.setup import CHANGED
+from wheelwire.drivers.serial import SerialDriver
 from wheelwire.files.plant import load_plant
+from wheelwire.peripherals import ImuSensor
 from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.sensors import Axis, PeripheralsState
 
 WRONG = {"encoders_swapped": 1, "right.motor_reversed": 1, "left.encoder_reversed": 1}
 SETTINGS = {**load_plant("tt-1-48").settings, "wheels_free": 1, **WRONG}
@@ -100,6 +103,9 @@ def person(simulator: Simulator, state: Path) -> Iterator[TypingTerminal]:
             terminal.wait_for("Which board is it?")
             terminal.press(b"\n")
             terminal.wait_for("confirmed")
+        else:  # the image's own board has no IMU
+            terminal.wait_for("Find how the IMU")
+            terminal.press(b"n\n")
         terminal.wait_for("hang free")
         terminal.press(b"y\n")
         yield terminal
@@ -171,6 +177,53 @@ def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
         assert terminal.wait() == 143
 
 
+def test_a_person_lifts_and_turns_a_robot_with_an_imu(tmp_path: Path) -> None:
+    mounted = {"imu.forward": Axis.MINUS_X, "imu.up": Axis.Y, "imu.bias": 0.02}
+    with Simulator(settings={"wheels_free": 1, **mounted}) as simulator:
+        lift_and_turn(simulator, state_folder(tmp_path))
+        with SerialDriver(simulator.port) as robot:
+            stored = robot.board.read_peripherals()
+            assert robot.parameters["rolling_velocity_mps"] == 0.25
+    assert stored is not None
+    assert stored.state is PeripheralsState.STORED
+    entry = stored.entries[0]
+    assert isinstance(entry, ImuSensor)
+    assert (entry.forward, entry.up) == (Axis.MINUS_X, Axis.Y)
+    assert entry.bias == pytest.approx((0, 0.02, 0), abs=0.0005)
+
+
+def lift_and_turn(simulator: Simulator, state: Path) -> None:
+    """What was saved stays, though Ctrl-C ends the set-up after it."""
+
+    def put_down() -> None:
+        for name in ("tilt.roll_rad", "tilt.pitch_rad", "push.turn_radps"):
+            simulator.set(name, 0)
+        wait_until(
+            lambda: not simulator.get("true.roll_rad") and not simulator.get("true.pitch_rad")
+        )
+
+    wide = {"XDG_STATE_HOME": str(state), "COLUMNS": "500"}
+    with TypingTerminal("setup", simulator.port, environment=wide) as terminal:
+        for question, name, value in (
+            ("Find how the IMU (MPU6050) is mounted?", "", 0.0),
+            ("Stand the robot on a level floor", "", 0.0),
+            ("lift its front", "tilt.pitch_rad", -0.5),
+            ("lift its left side", "tilt.roll_rad", 0.5),
+            ("turn it to the left on the floor", "push.turn_radps", 1.0),
+        ):
+            terminal.wait_for(question)
+            put_down()
+            terminal.press(b"\n")
+            if name:
+                simulator.set(name, value)
+        terminal.wait_for("Save this on the robot?")
+        put_down()
+        terminal.press(b"yes\n")
+        terminal.wait_for("hang free")
+        terminal.press(b"\x03")
+        assert terminal.wait() == 130, terminal.output
+
+
 @pytest.mark.parametrize("moment", ["Both wheels turn forward", "Ticks per wheel turn"])
 def test_killed_it_leaves_a_robot_that_stands_and_is_as_it_was(
     simulator: Simulator, tmp_path: Path, moment: str
@@ -196,6 +249,15 @@ def test_a_simulated_robot_answers_by_itself() -> None:
     assert again == findings
     named = run_json("setup", "--simulated", "--set", "left.motor_reversed=1")["wiring"]
     assert [name for name, wired in named.items() if wired] == ["left_motor_reversed"]
+
+
+def test_a_simulated_person_finds_how_the_imu_is_mounted(tmp_path: Path) -> None:
+    (tmp_path / "answers.yaml").write_text("imu: yes\ntune: no\n")
+    options = ("--answers", str(tmp_path / "answers.yaml"), "--set", "left.motor_reversed=1")
+    mounted = ("--set", "imu.forward=2", "--set", "imu.up=3", "--set", "imu.bias=-0.02")
+    found = run_json("setup", "--simulated", *options, *mounted)["imu"]
+    assert (found["forward"], found["up"], found["saved"]) == ("z", "-x", True)
+    assert found["bias"] == pytest.approx([0.02, 0, 0], abs=0.0005)
 
 
 def test_a_defect_ends_it_with_a_code_and_findings() -> None:

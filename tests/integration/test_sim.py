@@ -178,6 +178,7 @@ def test_setup_can_be_answered_by_what_it_says(link: Path) -> None:
             person.wait_for(question)
             person.press(f"{text}\n".encode())
 
+        answer("Find how the IMU (MPU6050) is mounted?", "no")
         answer("hang free, with nothing in their way?", "yes")
         person.wait_for("Which wheel turned, seen from behind, and which way?")
         first = _newest(told)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("textual")
-from support.viewing import Viewing, view
+from support.viewing import Viewing, viewing
 from support.waiting import wait_until
 from wheelwire.drivers.attached import AttachedDriver, open_or_attach
 from wheelwire.drivers.factory import open_driver
@@ -65,17 +65,15 @@ async def open_parameters(at: Viewing) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_it_shows_a_robot_at_any_size(robot: MockDriver, size: tuple[int, int]) -> None:
-    async def script(at: Viewing) -> None:
+async def test_it_shows_a_robot_at_any_size(robot: MockDriver, size: tuple[int, int]) -> None:
+    async with viewing(robot, size) as at:
         for text in ("IDLE: Stopped", "LEFT asked", "RIGHT asked", "supply", "space stop"):
             await at.sees(text)
         await at.until(lambda: "Hz" in at.screen)
 
-    view(robot, script, size)
 
-
-def test_the_help_and_the_question_fit_the_narrow_screen(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_the_help_and_the_question_fit_the_narrow_screen(robot: MockDriver) -> None:
+    async with viewing(robot, (60, 20)) as at:
         for key in ("?", "t"):
             await at.press(key)
             await at.until(lambda: [t for t in at.app.screen.query("#text") if t.size.height])
@@ -86,33 +84,27 @@ def test_the_help_and_the_question_fit_the_narrow_screen(robot: MockDriver) -> N
             await at.press("n")
             await at.sees("LEFT")
 
-    view(robot, script, (60, 20))
 
-
-def test_it_drives_after_a_yes_and_space_stops(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_it_drives_after_a_yes_and_space_stops(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await begin_to_drive(at)
         await at.sees("asked +0.16")
         await at.press("space")
         await at.sees("IDLE: Stopped")
         await at.hears("stopped")
 
-    view(robot, script)
-
 
 @pytest.mark.parametrize("answer", ["n", "enter", "w"])
-def test_any_other_answer_does_not_drive(robot: MockDriver, answer: str) -> None:
-    async def script(at: Viewing) -> None:
+async def test_any_other_answer_does_not_drive(robot: MockDriver, answer: str) -> None:
+    async with viewing(robot) as at:
         await at.press("t", answer, "w", "w")
         assert at.app.controls.hand is None
         await at.sees("t drive")
-
-    view(robot, script)
     assert robot.read().state is IDLE
 
 
-def test_keys_of_before_a_standstill_drive_nothing(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_keys_of_before_a_standstill_drive_nothing(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await at.press("t", "y")
         await at.sees("keys drive")
         for _ in range(3):
@@ -122,24 +114,20 @@ def test_keys_of_before_a_standstill_drive_nothing(robot: MockDriver) -> None:
         assert "DRIVING" not in at.events
         await at.drives()
 
-    view(robot, script)
 
-
-def test_escape_drives_no_more(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_escape_drives_no_more(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await begin_to_drive(at)
         await at.press("escape")
         await at.hears("the keys drive no more")
         await at.sees("IDLE: Stopped")
 
-    view(robot, script)
-
 
 @pytest.mark.parametrize("screen", ["", "p", "t", "?"])
-def test_an_estop_latches_on_every_screen_and_a_clear_ends_it(
+async def test_an_estop_latches_on_every_screen_and_a_clear_ends_it(
     robot: MockDriver, screen: str
 ) -> None:
-    async def script(at: Viewing) -> None:
+    async with viewing(robot) as at:
         if screen:
             await at.press(screen)
         await at.press("e")
@@ -151,12 +139,11 @@ def test_an_estop_latches_on_every_screen_and_a_clear_ends_it(
         await at.hears("ESTOPPED cleared")
         await at.sees("IDLE: Stopped")
 
-    view(robot, script)
 
-
-def test_quitting_stops_the_wheels_first(robot: MockDriver) -> None:
-    app = view(robot, begin_to_drive)
-    assert app.controls.hand is None
+async def test_quitting_stops_the_wheels_first(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
+        await begin_to_drive(at)
+    assert at.app.controls.hand is None
     wait_until(lambda: robot.simulator.get("stands_still"))
     assert robot.read().state is IDLE
 
@@ -164,8 +151,8 @@ def test_quitting_stops_the_wheels_first(robot: MockDriver) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
-def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         assert at.value_of("max_velocity_mps") == "0.3 on trial, was 0.4"
@@ -174,14 +161,12 @@ def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
         await at.press("u")
         await at.until(lambda: at.value_of("max_duty") == "1")
         assert robot.geometry.max_velocity_mps == pytest.approx(0.3)
-
-    view(robot, script)
     # Quitting has reverted what was still on trial.
     assert robot.parameters["max_velocity_mps"] == 0.4
 
 
-def test_a_trial_is_reverted(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_trial_is_reverted(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         await at.press("r")
@@ -192,53 +177,45 @@ def test_a_trial_is_reverted(robot: MockDriver) -> None:
             await at.sees("LEFT")
             await open_parameters(at)
 
-    view(robot, script)
 
-
-def test_a_trial_is_saved(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_trial_is_saved(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         await at.press("s")
         await at.hears("saved: max_velocity_mps")
         await at.until(lambda: at.value_of("max_velocity_mps") == "0.3")
-
-    view(robot, script)
     assert robot.parameters["max_velocity_mps"] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
     ("value", "complaint"), [("99", "at most 10"), ("-", "give a number"), ("1.2.3", "a number")]
 )
-def test_a_bad_value_is_refused_and_begins_no_trial(
+async def test_a_bad_value_is_refused_and_begins_no_trial(
     robot: MockDriver, value: str, complaint: str
 ) -> None:
-    async def script(at: Viewing) -> None:
+    async with viewing(robot) as at:
         await open_parameters(at)
         at.app.screen.query_one("#table").move_cursor(row=5)  # type: ignore[attr-defined]
         await at.press("enter", *value, "enter")
         await at.hears(complaint)
         assert not at.app.controls.tuning.is_active
 
-    view(robot, script)
 
-
-def test_what_would_not_stay_saved_is_not(robot: MockDriver) -> None:
+async def test_what_would_not_stay_saved_is_not(robot: MockDriver) -> None:
     def refuse(name: str) -> None:
         raise InvalidArgument(f"the file sets {name}")
 
-    async def script(at: Viewing) -> None:
+    async with viewing(robot, check_save=refuse) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         await at.press("s")
         await at.hears("the file sets max_velocity_mps")
         assert at.app.controls.tuning.is_active
 
-    view(robot, script, check_save=refuse)
 
-
-def test_a_lost_link_reverts_the_trial_and_the_view_goes_on(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_lost_link_reverts_the_trial_and_the_view_goes_on(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         await at.press("escape")
@@ -251,11 +228,9 @@ def test_a_lost_link_reverts_the_trial_and_the_view_goes_on(robot: MockDriver) -
         await open_parameters(at)
         await at.until(lambda: at.value_of("max_velocity_mps") == "0.4")
 
-    view(robot, script)
 
-
-def test_a_lost_link_while_driving_is_survived(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_lost_link_while_driving_is_survived(robot: MockDriver) -> None:
+    async with viewing(robot) as at:
         await begin_to_drive(at)
         robot.unplug()
         await at.sees("OUT OF REACH")
@@ -263,55 +238,46 @@ def test_a_lost_link_while_driving_is_survived(robot: MockDriver) -> None:
         robot.plug()
         await at.sees("IDLE: Stopped")
 
-    view(robot, script)
-
 
 # --- recording -----------------------------------------------------------------------------------
 
 
-def test_it_records_until_the_key_comes_again(robot: MockDriver, folder: Path) -> None:
-    async def script(at: Viewing) -> None:
+async def test_it_records_until_the_key_comes_again(robot: MockDriver, folder: Path) -> None:
+    async with viewing(robot) as at:
         await at.press("r")
         await at.sees("recording wheelwire-")
         await at.press("r")
         await at.hears("recorded: ")
         await at.until(lambda: "recording" not in at.screen.split("\n", 1)[0])
-
-    view(robot, script)
     (file,) = folder.iterdir()
     assert list(records(file))
 
 
-def test_a_full_disk_ends_the_recording_alone(
+async def test_a_full_disk_ends_the_recording_alone(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_: int, __: object) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    async def script(at: Viewing) -> None:
+    async with viewing(robot) as at:
         await at.press("r")
         await at.hears("recording to ")
         monkeypatch.setattr("wheelwire.recording.writer.os.write", full)
         await at.hears("No space left on device")
         await at.sees("IDLE: Stopped")
 
-    view(robot, script)
 
-
-def test_a_folder_that_cannot_be_written_ends_nothing_else(
+async def test_a_folder_that_cannot_be_written_ends_nothing_else(
     robot: MockDriver, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gone = folder / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-
-    async def script(at: Viewing) -> None:
+    async with viewing(robot) as at:
         await at.press("r")
         await at.until(lambda: len(at.events) > 1)
         assert not at.app.controls.recording
-
-    view(robot, script)
 
 
 # --- beside a program that holds the port --------------------------------------------------------
@@ -332,16 +298,14 @@ def attached(holder: SerialDriver) -> Iterator[AttachedDriver]:
 
 
 @pytest.mark.parametrize("key", ["c", "t", "r"])
-def test_attached_it_says_why_it_does_no_more(attached: AttachedDriver, key: str) -> None:
-    async def script(at: Viewing) -> None:
+async def test_attached_it_says_why_it_does_no_more(attached: AttachedDriver, key: str) -> None:
+    async with viewing(attached) as at:
         await at.press(key)
         await at.hears(f"not from this view: {attached.holder.name}, holds the port")
 
-    view(attached, script)
 
-
-def test_attached_it_looks_stops_and_estops(attached: AttachedDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_attached_it_looks_stops_and_estops(attached: AttachedDriver) -> None:
+    async with viewing(attached) as at:
         await at.sees("only looks and stops")
         await at.press("space")
         await at.hears("stopped; the next setpoint of")
@@ -351,33 +315,30 @@ def test_attached_it_looks_stops_and_estops(attached: AttachedDriver) -> None:
         await at.press("escape", "e")
         await at.sees("ESTOPPED: Emergency stop")
 
-    view(attached, script)
 
-
-def test_attached_it_shows_what_the_holder_asks(
+async def test_attached_it_shows_what_the_holder_asks(
     holder: SerialDriver, attached: AttachedDriver
 ) -> None:
-    async def script(at: Viewing) -> None:
+    async with viewing(attached) as at:
         holder.set_velocity(0.1, 0.0, ttl=0.9)
         await at.sees("asked +0.10")
         await at.sees("DRIVING")
 
-    view(attached, script)
 
-
-def test_attached_it_ends_with_the_holder(holder: SerialDriver, attached: AttachedDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_attached_it_ends_with_the_holder(
+    holder: SerialDriver, attached: AttachedDriver
+) -> None:
+    async with viewing(attached) as at:
         await at.press("p")
         holder.close()
         await at.until(lambda: not at.app.is_running)
-
-    assert isinstance(view(attached, script).failure, LinkClosed)
+    assert isinstance(at.app.failure, LinkClosed)
 
 
 # --- recordings ----------------------------------------------------------------------------------
 
 
-def test_a_recording_is_shown_with_its_stops_and_stays_at_its_end(folder: Path) -> None:
+async def test_a_recording_is_shown_with_its_stops_and_stays_at_its_end(folder: Path) -> None:
     file = folder / "day.mcap"
     with open_driver("mock", record=file) as robot:
         for _ in range(20):
@@ -385,26 +346,21 @@ def test_a_recording_is_shown_with_its_stops_and_stays_at_its_end(folder: Path) 
             time.sleep(0.1)
         robot.estop()
         wait_until(lambda: robot.read().state is ESTOPPED)
-
-    async def script(at: Viewing) -> None:
-        await at.sees("a recording")
-        await at.hears("DRIVING")
-        await at.hears("The emergency stop was asked for over this link")
-        await at.sees("ENDED: the recording has ended")
-        for key in ("space", "e", "c", "t", "r"):
-            await at.press(key)
-        await at.hears("not from this view: this is a recording of another day")
-        assert at.app.is_running
-
     with open_driver("replay", file=file) as day:
-        app = view(day, script, recording=file)
-    assert app.failure is None
+        async with viewing(day, recording=file) as at:
+            await at.sees("a recording")
+            await at.hears("DRIVING")
+            await at.hears("The emergency stop was asked for over this link")
+            await at.sees("ENDED: the recording has ended")
+            for key in ("space", "e", "c", "t", "r"):
+                await at.press(key)
+            await at.hears("not from this view: this is a recording of another day")
+            assert at.app.is_running
+    assert at.app.failure is None
 
 
-def test_a_robot_whose_file_sets_things_is_not_driven(robot: MockDriver) -> None:
-    async def script(at: Viewing) -> None:
+async def test_a_robot_whose_file_sets_things_is_not_driven(robot: MockDriver) -> None:
+    async with viewing(robot, cannot_drive="use teleop") as at:
         await at.press("t")
         await at.hears("use teleop")
         assert at.app.controls.hand is None
-
-    view(robot, script, cannot_drive="use teleop")

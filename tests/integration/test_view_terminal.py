@@ -52,13 +52,18 @@ def stands(simulator: Simulator) -> None:
     wait_until(lambda: simulator.get("stands_still") and not simulator.get("drive_on"))
 
 
-def test_q_ends_it_and_leaves_the_terminal_as_it_was(simulator: Simulator) -> None:
+@pytest.fixture
+def terminal(simulator: Simulator) -> Iterator[TypingTerminal]:
     with view(simulator) as terminal:
-        terminal.wait_for(SCREEN)
-        assert terminal.attributes() != terminal.before
-        terminal.press(b"q")
-        assert terminal.wait() == 0
-        assert terminal.attributes() == terminal.before
+        yield terminal
+
+
+def test_q_ends_it_and_leaves_the_terminal_as_it_was(terminal: TypingTerminal) -> None:
+    terminal.wait_for(SCREEN)
+    assert terminal.attributes() != terminal.before
+    terminal.press(b"q")
+    assert terminal.wait() == 0
+    assert terminal.attributes() == terminal.before
 
 
 def test_ctrl_c_stops_the_wheels_and_has_its_exit_code(simulator: Simulator) -> None:
@@ -72,35 +77,38 @@ def test_ctrl_c_stops_the_wheels_and_has_its_exit_code(simulator: Simulator) -> 
 
 
 @pytest.mark.parametrize("number", ENDED_BY)
-def test_a_signal_ends_it_with_its_exit_code(simulator: Simulator, number: signal.Signals) -> None:
-    with view(simulator) as terminal:
-        terminal.wait_for(SCREEN)
-        terminal.process.send_signal(number)
-        assert terminal.wait() == ENDED_BY[number]
-        assert terminal.attributes() == terminal.before
+def test_a_signal_ends_it_with_its_exit_code(
+    terminal: TypingTerminal, number: signal.Signals
+) -> None:
+    terminal.wait_for(SCREEN)
+    terminal.process.send_signal(number)
+    assert terminal.wait() == ENDED_BY[number]
+    assert terminal.attributes() == terminal.before
 
 
-def test_a_closed_window_stops_the_wheels_and_ends_it(simulator: Simulator) -> None:
-    with view(simulator) as terminal:
-        begin_to_drive(terminal, simulator)
-        terminal.hang_up()
-        terminal.wait()
-        stands(simulator)
+def test_a_closed_window_stops_the_wheels_and_ends_it(
+    simulator: Simulator, terminal: TypingTerminal
+) -> None:
+    begin_to_drive(terminal, simulator)
+    terminal.hang_up()
+    terminal.wait()
+    stands(simulator)
 
 
-def test_keys_that_waited_while_it_was_suspended_drive_nothing(simulator: Simulator) -> None:
-    with view(simulator) as terminal:
-        begin_to_drive(terminal, simulator)
-        terminal.process.send_signal(signal.SIGSTOP)
-        stands(simulator)  # its last setpoint has run out
-        before = simulator.get("true.x_m"), simulator.get("true.y_m")
-        terminal.press(b"w" * 5)
-        time.sleep(0.5)
-        terminal.process.send_signal(signal.SIGCONT)
-        time.sleep(1.0)
-        assert (simulator.get("true.x_m"), simulator.get("true.y_m")) == before
-        terminal.press(b"q")
-        assert terminal.wait() == 0
+def test_keys_that_waited_while_it_was_suspended_drive_nothing(
+    simulator: Simulator, terminal: TypingTerminal
+) -> None:
+    begin_to_drive(terminal, simulator)
+    terminal.process.send_signal(signal.SIGSTOP)
+    stands(simulator)  # its last setpoint has run out
+    before = simulator.get("true.x_m"), simulator.get("true.y_m")
+    terminal.press(b"w" * 5)
+    time.sleep(0.5)
+    terminal.process.send_signal(signal.SIGCONT)
+    time.sleep(1.0)
+    assert (simulator.get("true.x_m"), simulator.get("true.y_m")) == before
+    terminal.press(b"q")
+    assert terminal.wait() == 0
 
 
 def test_seconds_end_it(simulator: Simulator) -> None:
@@ -122,16 +130,15 @@ def test_without_a_terminal_it_prints_a_line_a_second(simulator: Simulator) -> N
     assert not result.stderr
 
 
-def test_it_follows_the_window(simulator: Simulator) -> None:
-    with view(simulator) as terminal:
-        terminal.wait_for(SCREEN)
-        for columns, rows in ((200, 60), (60, 20), (3, 2), (80, 24)):
-            before = len(terminal.output)
-            terminal.resize(columns, rows)
-            wait_until(lambda before=before: len(terminal.output) > before)  # type: ignore[misc]
-            time.sleep(0.5)
-        terminal.press(b"q")
-        assert terminal.wait() == 0
+def test_it_follows_the_window(terminal: TypingTerminal) -> None:
+    terminal.wait_for(SCREEN)
+    for columns, rows in ((200, 60), (60, 20), (3, 2), (80, 24)):
+        before = len(terminal.output)
+        terminal.resize(columns, rows)
+        wait_until(lambda before=before: len(terminal.output) > before)  # type: ignore[misc]
+        time.sleep(0.5)
+    terminal.press(b"q")
+    assert terminal.wait() == 0
 
 
 class Tmux:

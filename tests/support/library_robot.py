@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from wheelwire_protocol.codes import Board, ResetReason
 from wheelwire_protocol.native import Core, Identity, Outputs
 
 from .host_samples import received
 from .virtual_host import VirtualHost
+
+Self = TypeVar("Self", bound="LibraryRobot")
 
 
 class LibraryRobot(VirtualHost):
@@ -31,15 +34,15 @@ class LibraryRobot(VirtualHost):
         self.illegal = (0, 0)
         self.outputs: Outputs
 
-    def start(self) -> LibraryRobot:
+    def start(self: Self) -> Self:
         self.outputs = self.core.start(self.now_us, self.left_ticks, self.right_ticks)
         return self
 
-    def open(self) -> LibraryRobot:
+    def open(self: Self) -> Self:
         """Start it, and open a session."""
         return self.start().connect()
 
-    def connect(self) -> LibraryRobot:
+    def connect(self: Self) -> Self:
         """Open a session."""
         return super().open()
 

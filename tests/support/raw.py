@@ -70,6 +70,12 @@ class RawHost:
         self.run_ms(5)
         return self
 
+    def reset(self) -> None:
+        """Reset the device, and open a session of its new boot."""
+        self.sim.reset()
+        self.run_ms(100)
+        self.open()
+
     @property
     def device_us(self) -> int:
         """The device's clock."""

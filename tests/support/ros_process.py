@@ -60,7 +60,7 @@ class RobotNode:
                 **os.environ,
                 "ROS_DOMAIN_ID": str(graph.domain),
                 "ROS_HOME": str(home or self._home.name),
-                "PYTHONPATH": os.pathsep.join([tests, *sys.path, *_python_path()]),
+                "PYTHONPATH": os.pathsep.join([tests, *_python_path(), *sys.path]),
             },
             stderr=self._errors,
             preexec_fn=interruptible,
@@ -108,5 +108,5 @@ def _yaml(value: Any) -> str:
 
 
 def _python_path() -> list[str]:
-    """Python's path, including what a test has added."""
-    return os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    """What a test has added to Python's path, which may stand in for what is installed."""
+    return list(filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)))

@@ -1,4 +1,4 @@
-"""Messages of a device with an IMU, a battery, a bumper and a cliff sensor, and their samples."""
+"""Messages of a device with one sensor of most kinds, and their samples."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from wheelwire_protocol.sensors import (
     BatteryLevel,
     PeripheralKind,
     Place,
+    RangeQuality,
     SensorChip,
     SensorState,
 )
-from wheelwire_protocol.types import Imu, Inputs, SensorInfo
+from wheelwire_protocol.types import Imu, Inputs, Range, SensorInfo
 from wheelwire_protocol.types import SensorEvent as EventMessage
 
 AHEAD_US = 1_000_000
@@ -23,27 +24,39 @@ KINDS = (
     (PeripheralKind.BATTERY, Place.NONE),
     (PeripheralKind.BUMPER, Place.FRONT_LEFT),
     (PeripheralKind.CLIFF, Place.FRONT),
+    (PeripheralKind.RANGE, Place.LEFT),
+    (PeripheralKind.ANALOG, Place.NONE),
 )
+CHIPS = {0: SensorChip.MPU6050, 4: SensorChip.HC_SR04}
+VALUES = {5: (2000, 2, 0)}
+"""Of its entry: the analogue input is number 2."""
 
 
-def info(channel: int, state: SensorState = SensorState.OK, kind: int | None = None) -> SensorInfo:
+def info(
+    channel: int,
+    state: SensorState = SensorState.OK,
+    kind: int | None = None,
+    values: tuple[int, int, int] | None = None,
+) -> SensorInfo:
     """What a channel is."""
     known, place = KINDS[channel]
+    numbers = values or VALUES.get(channel, (0, 0, 0))
     return SensorInfo(
         session_id=0,
         channel=channel,
         channel_count=len(KINDS),
         kind=known if kind is None else kind,
-        chip=SensorChip.MPU6050 if channel == 0 else SensorChip.NONE,
+        chip=CHIPS.get(channel, SensorChip.NONE),
         place=place,
         forward=Axis.Y,
         up=Axis.Z,
         state=state,
-        rate_hz=(200, 2, 0, 0)[channel],
+        rate_hz=(200, 2, 0, 0, 16, 0)[channel],
         gyro_scale=0.5,
         accelerometer_scale=0.25,
         gyro_noise=0.01,
         accelerometer_noise=0.02,
+        **dict(zip(("bias_x", "bias_y", "bias_z"), numbers, strict=True)),
     )
 
 
@@ -63,7 +76,15 @@ def inputs(
     return Inputs(
         *(BOOT, t_us, triggered, triggered, stale, reflexes, level),
         *(0, 0, 5, 6, 0, 0, 0, 0, 0, 0),
+        *(0, 3300, 0, 0),
     )
+
+
+def distance(
+    t_us: int, distance_mm: int = 850, quality: int = RangeQuality.GOOD, sample: int = 1
+) -> Range:
+    """A measurement of the range sensor."""
+    return Range(BOOT, t_us & 0xFFFF_FFFF, 4, sample, 30, distance_mm, quality)
 
 
 class Stream:
@@ -80,6 +101,10 @@ class Stream:
     def imu(self, t_us: int, now_us: int | None = None) -> None:
         """Take a sample of the IMU."""
         self.stream.take_imu(imu(t_us), self.clock, t_us - AHEAD_US if now_us is None else now_us)
+
+    def range(self, message: Range) -> None:
+        """Take a measurement of the range sensor."""
+        self.stream.take_range(message, self.clock, message.t_us - AHEAD_US)
 
     def inputs(self, message: Inputs) -> None:
         """Take all inputs."""

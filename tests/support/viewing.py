@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 from typing import Any
 
@@ -72,29 +73,22 @@ class Viewing:
         await asyncio.wait_for(hold(), TIMEOUT_S)
 
 
-def view(
+@asynccontextmanager
+async def viewing(
     robot: BaseDriver,
-    script: Callable[[Viewing], Awaitable[None]],
     size: tuple[int, int] = (80, 24),
     recording: Path | None = None,
     **options: Any,
-) -> ViewApp:
-    """Do a script at a view of a robot, and quit; returns the ended application."""
+) -> AsyncIterator[Viewing]:
+    """A view of a robot, which is quit at the end."""
     model = Model("robot", time.time() - time.monotonic())
     controls = Controls(robot, **options)
     source = Source(robot, model, recording)
     app = ViewApp(model, source, controls, stays=recording is not None)
-
-    async def run() -> None:
+    with closing(controls):
         async with app.run_test(size=size) as pilot:
-            viewing = Viewing(app, pilot)
-            await viewing.until(lambda: model.sample)
-            await script(viewing)
+            at = Viewing(app, pilot)
+            await at.until(lambda: model.sample)
+            yield at
             app.action_end()
-            await viewing.until(lambda: not app.is_running)
-
-    try:
-        asyncio.run(run())
-    finally:
-        controls.close()
-    return app
+            await at.until(lambda: not app.is_running)

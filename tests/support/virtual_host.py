@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import partial
 from random import Random
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
@@ -84,20 +85,19 @@ class VirtualHost(ABC):
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop, and wait for the acknowledgement."""
-        results: list[Answer | WheelwireError] = []
-        self.session.stop(mode, results.append, self.now_us)
-        self.wait(results)
+        self._result(partial(self.session.stop, mode))
 
     def estop(self) -> None:
         """Stop and latch, and wait for the acknowledgement."""
-        results: list[Answer | WheelwireError] = []
-        self.session.estop(results.append, self.now_us)
-        self.wait(results)
+        self._result(self.session.estop)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer. Raises what the device refuses."""
+        return self._result(partial(self.session.request, message))
+
+    def _result(self, ask: Callable[[Callable[[Any], None], int], object]) -> Answer:
         results: list[Answer | WheelwireError] = []
-        self.session.request(message, results.append, self.now_us)
+        ask(results.append, self.now_us)
         return self.wait(results)
 
     def wait(self, results: list[Answer | WheelwireError]) -> Answer:

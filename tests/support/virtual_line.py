@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
@@ -71,6 +72,12 @@ class VirtualLine(VirtualHost):
     def drive(self, left: float = 0.1, right: float = 0.1, ttl_s: float = 0.5) -> None:
         """One velocity setpoint."""
         self.set_velocity(left, right, ttl_s)
+
+    def reset_device(self) -> None:
+        """Until a session of its new boot is open."""
+        self.device.reset()
+        self.run_until(lambda: self.session.phase is not Phase.OPEN)
+        self.wait_open()
 
     def sent_of(self, kind: type[AnyMessage]) -> list[AnyMessage]:
         return [message for message in self.sent if isinstance(message, kind)]

@@ -18,9 +18,10 @@ from wheelwire_protocol.codes import SupervisorState
 MOST_TURNS = 1.5
 """Of a wheel before its direction is known."""
 RESOLUTIONS = (360, 1440, 2496)
-UNTUNED = {"tune": "no"}
+UNTUNED = {"imu": "no", "tune": "no"}
 _ASKED = {
     "board",
+    "imu",
     "raised",
     "first",
     "second",

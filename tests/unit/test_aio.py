@@ -132,144 +132,118 @@ async def cancelled_after(iterations: int, awaitable: Awaitable[object]) -> bool
 # --- the verbs ---------------------------------------------------------------------------------
 
 
-def test_setpoints_are_plain_methods_that_write_at_once(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            robot.set_velocity(0.2, 1.0, ttl=0.3)
-            robot.set_wheel_velocity(0.1, 0.2)
-            robot.set_duty(-1.0, 0.5)
-            first, second, third = place.device.obeyed  # without an iteration of the loop
-            assert isinstance(first, SetWheelVelocity)
-            assert (first.left_mps, first.right_mps) == pytest.approx((0.1, 0.3))
-            assert isinstance(second, SetWheelVelocity)
-            assert isinstance(third, SetDuty)
-            for bad in (float("nan"), float("inf")):
-                with pytest.raises(errors.InvalidCommand):
-                    robot.set_velocity(bad, 0.0)
-                with pytest.raises(errors.InvalidCommand):
-                    robot.set_velocity(0.1, 0.0, ttl=bad)
-            assert len(place.device.obeyed) == 3
-
-    asyncio.run(use())
+async def test_setpoints_are_plain_methods_that_write_at_once(place: Place) -> None:
+    async with place.opening() as robot:
+        robot.set_velocity(0.2, 1.0, ttl=0.3)
+        robot.set_wheel_velocity(0.1, 0.2)
+        robot.set_duty(-1.0, 0.5)
+        first, second, third = place.device.obeyed  # without an iteration of the loop
+        assert isinstance(first, SetWheelVelocity)
+        assert (first.left_mps, first.right_mps) == pytest.approx((0.1, 0.3))
+        assert isinstance(second, SetWheelVelocity)
+        assert isinstance(third, SetDuty)
+        for bad in (float("nan"), float("inf")):
+            with pytest.raises(errors.InvalidCommand):
+                robot.set_velocity(bad, 0.0)
+            with pytest.raises(errors.InvalidCommand):
+                robot.set_velocity(0.1, 0.0, ttl=bad)
+        assert len(place.device.obeyed) == 3
 
 
-def test_the_port_is_opened_by_await_as_well(place: Place) -> None:
-    async def use() -> None:
-        robot = await place.opening()
-        assert "open" in repr(robot)
-        await robot.close()
-        assert not place.is_open
-        await robot.close()
-        for name, call in {**CALLS, **STOPS}.items():
-            ends = StopAsyncIteration if name == "samples" else errors.LinkClosed
-            with pytest.raises(ends):
-                await call(robot)
-        with pytest.raises(errors.LinkClosed):
-            robot.set_velocity(0.1, 0.0)
-
-    asyncio.run(use())
+async def test_the_port_is_opened_by_await_as_well(place: Place) -> None:
+    robot = await place.opening()
+    assert "open" in repr(robot)
+    await robot.close()
+    assert not place.is_open
+    await robot.close()
+    for name, call in {**CALLS, **STOPS}.items():
+        ends = StopAsyncIteration if name == "samples" else errors.LinkClosed
+        with pytest.raises(ends):
+            await call(robot)
+    with pytest.raises(errors.LinkClosed):
+        robot.set_velocity(0.1, 0.0)
 
 
-def test_all_parameters_are_known_without_waiting(place: Place) -> None:
+async def test_all_parameters_are_known_without_waiting(place: Place) -> None:
     gain = PARAMETER_BY_NAME["integral_gain"]
-
-    async def use() -> None:
-        async with place.opening() as robot:
-            parameters = robot.parameters
-            asked = place.device.count(ParameterGet)
-            assert set(parameters) == set(PARAMETER_BY_NAME)
-            assert parameters["wheel_radius"] == 0.033
-            assert dict(parameters)["integral_gain"] == gain.default
-            assert parameters.get("integral_gian") is None
-            assert place.device.count(ParameterGet) == asked
-            assert await parameters.set("integral_gain", 7.5) == 7.5
-            assert parameters["integral_gain"] == 7.5
-            with pytest.raises(errors.ParameterOutOfRange):
-                await parameters.set("integral_gain", -1.0)
-            with pytest.raises(errors.UnknownParameter):
-                await parameters.set("integral_gian", 1.0)
-            place.device.edits[ParameterValue] = {"value": 2.5}
-            await parameters.refresh("integral_gain")
-            assert parameters["integral_gain"] == 2.5
-            place.device.edits.clear()
-            assert {info.name: info.value for info in await parameters.list()} == dict(parameters)
-            await parameters.save()
-            await parameters.reset()
-            assert parameters["integral_gain"] == gain.default
-            assert robot.geometry.wheel_radius == 0.033
-
-    asyncio.run(use())
+    async with place.opening() as robot:
+        parameters = robot.parameters
+        asked = place.device.count(ParameterGet)
+        assert set(parameters) == set(PARAMETER_BY_NAME)
+        assert parameters["wheel_radius"] == 0.033
+        assert dict(parameters)["integral_gain"] == gain.default
+        assert parameters.get("integral_gian") is None
+        assert place.device.count(ParameterGet) == asked
+        assert await parameters.set("integral_gain", 7.5) == 7.5
+        assert parameters["integral_gain"] == 7.5
+        with pytest.raises(errors.ParameterOutOfRange):
+            await parameters.set("integral_gain", -1.0)
+        with pytest.raises(errors.UnknownParameter):
+            await parameters.set("integral_gian", 1.0)
+        place.device.edits[ParameterValue] = {"value": 2.5}
+        await parameters.refresh("integral_gain")
+        assert parameters["integral_gain"] == 2.5
+        place.device.edits.clear()
+        assert {info.name: info.value for info in await parameters.list()} == dict(parameters)
+        await parameters.save()
+        await parameters.reset()
+        assert parameters["integral_gain"] == gain.default
+        assert robot.geometry.wheel_radius == 0.033
 
 
-def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
-    async def use() -> None:
-        robot = await place.opening(stream_rate_hz=1000)
-        samples = robot.samples()
-        times = []
-        async for sample in samples:
-            times.append(sample.t_us)
-            if len(times) < 20:
-                robot.set_velocity(0.1, 0.0)  # the device speaks when it is spoken to
-            else:
-                await robot.close()
-        assert times == sorted(set(times))
-        assert len(times) >= 20
-        assert samples.dropped == 0
-
-    asyncio.run(use())
+async def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
+    robot = await place.opening(stream_rate_hz=1000)
+    samples = robot.samples()
+    times = []
+    async for sample in samples:
+        times.append(sample.t_us)
+        if len(times) < 20:
+            robot.set_velocity(0.1, 0.0)  # the device speaks when it is spoken to
+        else:
+            await robot.close()
+    assert times == sorted(set(times))
+    assert len(times) >= 20
+    assert samples.dropped == 0
 
 
-def test_no_sample_is_a_timeout(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            place.device.lost.add(WheelState)
-            with suppress(errors.RequestTimeout):
-                while True:
-                    await robot.read(0.05)
-            with pytest.raises(errors.RequestTimeout, match=r"no sample came within 0\.05 s"):
+async def test_no_sample_is_a_timeout(place: Place) -> None:
+    async with place.opening() as robot:
+        place.device.lost.add(WheelState)
+        with suppress(errors.RequestTimeout):
+            while True:
                 await robot.read(0.05)
-            with pytest.raises(errors.InvalidArgument):
-                await robot.read(float("nan"))
-
-    asyncio.run(use())
-
-
-def test_a_request_that_is_not_answered_times_out(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            place.device.lost = {ClearEstop}
-            with pytest.raises(errors.RequestTimeout):
-                await robot.clear_estop()
-            await robot.clear_fault()
-
-    asyncio.run(use())
+        with pytest.raises(errors.RequestTimeout, match=r"no sample came within 0\.05 s"):
+            await robot.read(0.05)
+        with pytest.raises(errors.InvalidArgument):
+            await robot.read(float("nan"))
 
 
-def test_requests_of_several_tasks_are_each_answered(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            names = list(PARAMETER_BY_NAME)
-            await asyncio.gather(*[robot.parameters.refresh(name) for name in names])
-            await drive(place, robot)
-            with pytest.raises(errors.DeviceRefused, match=r"ttl_max_s = 0\.5"):
-                await robot.parameters.set("ttl_max_s", 0.5)
-
-    asyncio.run(use())
+async def test_a_request_that_is_not_answered_times_out(place: Place) -> None:
+    async with place.opening() as robot:
+        place.device.lost = {ClearEstop}
+        with pytest.raises(errors.RequestTimeout):
+            await robot.clear_estop()
+        await robot.clear_fault()
 
 
-def test_two_robots_share_a_loop() -> None:
+async def test_requests_of_several_tasks_are_each_answered(place: Place) -> None:
+    async with place.opening() as robot:
+        names = list(PARAMETER_BY_NAME)
+        await asyncio.gather(*[robot.parameters.refresh(name) for name in names])
+        await drive(place, robot)
+        with pytest.raises(errors.DeviceRefused, match=r"ttl_max_s = 0\.5"):
+            await robot.parameters.set("ttl_max_s", 0.5)
+
+
+async def test_two_robots_share_a_loop() -> None:
     first, second = Place(), Place()
-
-    async def use() -> None:
-        async with first.opening() as one, second.opening() as two:
-            await asyncio.gather(drive(first, one), drive(second, two))
-            await one.stop()
-            assert first.state() is SupervisorState.IDLE
-            assert second.state() is SupervisorState.DRIVING
-        assert second.state() is SupervisorState.IDLE
-        assert other_tasks() == []
-
-    asyncio.run(use())
+    async with first.opening() as one, second.opening() as two:
+        await asyncio.gather(drive(first, one), drive(second, two))
+        await one.stop()
+        assert first.state() is SupervisorState.IDLE
+        assert second.state() is SupervisorState.DRIVING
+    assert second.state() is SupervisorState.IDLE
+    assert other_tasks() == []
 
 
 def test_another_thread_is_refused(place: Place) -> None:
@@ -304,30 +278,29 @@ async def _of(call: Call, robot: aio.Driver) -> object:
     return await call(robot)
 
 
-def test_one_wake_up_is_pending_at_most(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            called: list[int] = []
-            wake_ups: list[object] = []
-            loop = asyncio.get_running_loop()
-            threadsafe = loop.call_soon_threadsafe
+async def test_one_wake_up_is_pending_at_most(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with place.opening() as robot:
+        called: list[int] = []
+        wake_ups: list[object] = []
+        loop = asyncio.get_running_loop()
+        threadsafe = loop.call_soon_threadsafe
 
-            def count(*arguments: Any) -> object:
-                wake_ups.append(arguments)
-                return threadsafe(*arguments)
+        def count(*arguments: Any) -> object:
+            wake_ups.append(arguments)
+            return threadsafe(*arguments)
 
-            monkeypatch.setattr(loop, "call_soon_threadsafe", count)
-            for _ in range(2):
-                wake_ups.clear()
-                for number in range(100):
-                    robot._on_loop.call_in_loop(partial(called.append, number))
-                assert len(wake_ups) == 1
-                await until(lambda: len(called) >= 100)
-                assert called == list(range(100))
-                called.clear()
-            monkeypatch.undo()
-
-    asyncio.run(use())
+        monkeypatch.setattr(loop, "call_soon_threadsafe", count)
+        for _ in range(2):
+            wake_ups.clear()
+            for number in range(100):
+                robot._on_loop.call_in_loop(partial(called.append, number))
+            assert len(wake_ups) == 1
+            await until(lambda: len(called) >= 100)
+            assert called == list(range(100))
+            called.clear()
+        monkeypatch.undo()
 
 
 def test_a_closed_loop_raises_nothing_in_the_links_thread(
@@ -361,34 +334,31 @@ async def _awaited(opening: aio.Opening[aio.Driver]) -> aio.Driver:
     return await opening
 
 
-def test_virtual_time_passes_while_a_coroutine_waits() -> None:
-    async def use() -> None:
-        async with aio.open_driver("mock", realtime=False) as robot:
-            lost: list[object] = []
-            robot.on_lost = lost.append
-            samples = robot.samples()
+async def test_virtual_time_passes_while_a_coroutine_waits() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+        lost: list[object] = []
+        robot.on_lost = lost.append
+        samples = robot.samples()
+        sample = await anext(samples)
+        while min(sample.left_mps, sample.right_mps) < 0.15:
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
             sample = await anext(samples)
-            while min(sample.left_mps, sample.right_mps) < 0.15:
-                robot.set_velocity(0.2, 0.0, ttl=0.5)
-                sample = await anext(samples)
+        await robot.stop()
+        assert await robot.parameters.set("integral_gain", 7.5) == 7.5
+        assert robot.parameters["integral_gain"] == 7.5
+        assert set(robot.parameters) == set(PARAMETER_BY_NAME)
+        robot.advance(10.0)
+        before = (await robot.read()).stamp
+        assert before > 10
+        robot.unplug()
+        with pytest.raises(asyncio.TimeoutError):
+            await asyncio.wait_for(anext(robot.samples()), 0.05)
+        await until(lambda: lost)
+        with pytest.raises(errors.LinkLost):
             await robot.stop()
-            assert await robot.parameters.set("integral_gain", 7.5) == 7.5
-            assert robot.parameters["integral_gain"] == 7.5
-            assert set(robot.parameters) == set(PARAMETER_BY_NAME)
-            robot.advance(10.0)
-            before = (await robot.read()).stamp
-            assert before > 10
-            robot.unplug()
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(anext(robot.samples()), 0.05)
-            await until(lambda: lost)
-            with pytest.raises(errors.LinkLost):
-                await robot.stop()
-            robot.plug()
-            assert (await robot.read(5.0)).stamp > before
-            assert robot.sessions == 2
-
-    asyncio.run(use())
+        robot.plug()
+        assert (await robot.read(5.0)).stamp > before
+        assert robot.sessions == 2
 
 
 class _Acme(TransportDriver):
@@ -396,18 +366,14 @@ class _Acme(TransportDriver):
         super().__init__("acme", partial(open_transport, str(path)), baud_rate=921_600)
 
 
-def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     points = {"acme": f"{__name__}:_Acme"}
     monkeypatch.setattr(factory, "_plug_ins", lambda: points)
-
-    async def use(device: PtyDevice) -> None:
+    with PtyDevice(tmp_path / "robot") as device:
         async with aio.open_driver("acme", path=device.path) as robot:
             robot.set_velocity(0.1, 0.0)
             await robot.stop()
             assert robot.parameters["wheel_radius"] == 0.033
-
-    with PtyDevice(tmp_path / "robot") as device:
-        asyncio.run(use(device))
     with pytest.raises(errors.InvalidArgument, match="no option 'port'"):
         aio.open_driver("acme", port="x")
 
@@ -416,149 +382,132 @@ def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_a_call_that_is_cancelled_anywhere_leaves_nothing_behind(place: Place, name: str) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            tasks, files = other_tasks(), open_files()
-            iterations = 0
-            while iterations < MOST_ITERATIONS:
-                if name not in ("save", "reset", "set"):  # only while stopped
-                    await drive(place, robot)
-                if not await cancelled_after(iterations, CALLS[name](robot)):
-                    break
-                if name not in ("clear_estop", "clear_fault", "save", "reset", "set"):
-                    assert place.state() is SupervisorState.DRIVING
-                assert other_tasks() == tasks
-                assert open_files() == files
-                await asyncio.wait_for(robot.parameters.refresh("wheel_radius"), 5)
-                iterations += 1
-            assert iterations > 0
-            assert robot.sessions == 1
-            await asyncio.wait_for(robot.stop(), 5)
-
-    asyncio.run(use())
+async def test_a_call_that_is_cancelled_anywhere_leaves_nothing_behind(
+    place: Place, name: str
+) -> None:
+    async with place.opening() as robot:
+        tasks, files = other_tasks(), open_files()
+        iterations = 0
+        while iterations < MOST_ITERATIONS:
+            if name not in ("save", "reset", "set"):  # only while stopped
+                await drive(place, robot)
+            if not await cancelled_after(iterations, CALLS[name](robot)):
+                break
+            if name not in ("clear_estop", "clear_fault", "save", "reset", "set"):
+                assert place.state() is SupervisorState.DRIVING
+            assert other_tasks() == tasks
+            assert open_files() == files
+            await asyncio.wait_for(robot.parameters.refresh("wheel_radius"), 5)
+            iterations += 1
+        assert iterations > 0
+        assert robot.sessions == 1
+        await asyncio.wait_for(robot.stop(), 5)
 
 
 @pytest.mark.parametrize("name", STOPS)
-def test_a_stop_that_is_cancelled_does_not_stop_what_drives_later(place: Place, name: str) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            iterations = 0
-            while True:
-                await drive(place, robot)
-                place.device.mute = iterations % 2 == 1  # then it would be repeated for a second
-                in_time = await cancelled_after(iterations, STOPS[name](robot))
-                place.device.mute = False
-                if not in_time:
-                    break
-                if place.device.supervisor is SupervisorState.ESTOPPED:
-                    await robot.clear_estop()
-                    robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
-                iterations += 1
-            assert iterations > 1
-            if name == "estop":
-                await robot.clear_estop()
-                robot.set_velocity(0.0, 0.0)
+async def test_a_stop_that_is_cancelled_does_not_stop_what_drives_later(
+    place: Place, name: str
+) -> None:
+    async with place.opening() as robot:
+        iterations = 0
+        while True:
             await drive(place, robot)
-            await asyncio.sleep(0.1)
-            assert place.state() is SupervisorState.DRIVING
-
-    asyncio.run(use())
-
-
-def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            await robot.estop()
-            place.device.mute = True
-            first = asyncio.ensure_future(robot.parameters.refresh("wheel_radius"))
-            await asyncio.sleep(0)
-            assert await cancelled_after(3, robot.clear_estop())
+            place.device.mute = iterations % 2 == 1  # then it would be repeated for a second
+            in_time = await cancelled_after(iterations, STOPS[name](robot))
             place.device.mute = False
-            await first
-            await robot.parameters.refresh()
-            assert place.device.count(ClearEstop) == 0
-            assert place.state() is SupervisorState.ESTOPPED
-
-    asyncio.run(use())
-
-
-def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            await robot.estop()
-            place.device.mute = True
-            clearing = asyncio.ensure_future(robot.clear_estop())
-            await until(lambda: place.device.count(ClearEstop))
-            clearing.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await clearing
-            sent = place.device.count(ClearEstop)
-            place.device.mute = False
-            await robot.parameters.refresh()  # waits behind another, not for ever
-            assert place.device.count(ClearEstop) == sent
-            assert place.state() is SupervisorState.ESTOPPED
-
-    asyncio.run(use())
+            if not in_time:
+                break
+            if place.device.supervisor is SupervisorState.ESTOPPED:
+                await robot.clear_estop()
+                robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
+            iterations += 1
+        assert iterations > 1
+        if name == "estop":
+            await robot.clear_estop()
+            robot.set_velocity(0.0, 0.0)
+        await drive(place, robot)
+        await asyncio.sleep(0.1)
+        assert place.state() is SupervisorState.DRIVING
 
 
-def test_a_change_that_is_cancelled_is_still_heard_of(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            await robot.parameters.list()
-            iterations = 0
-            while not place.device.count(ParameterSet):
-                iterations += 1
-                await cancelled_after(iterations, robot.parameters.set("wheel_radius", 0.05))
-            await robot.parameters.refresh("integral_gain")  # comes after it
-            assert robot.parameters["wheel_radius"] == 0.05
-            assert robot.geometry.wheel_radius == 0.05
+async def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
+    async with place.opening() as robot:
+        await robot.estop()
+        place.device.mute = True
+        first = asyncio.ensure_future(robot.parameters.refresh("wheel_radius"))
+        await asyncio.sleep(0)
+        assert await cancelled_after(3, robot.clear_estop())
+        place.device.mute = False
+        await first
+        await robot.parameters.refresh()
+        assert place.device.count(ClearEstop) == 0
+        assert place.state() is SupervisorState.ESTOPPED
 
-    asyncio.run(use())
+
+async def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
+    async with place.opening() as robot:
+        await robot.estop()
+        place.device.mute = True
+        clearing = asyncio.ensure_future(robot.clear_estop())
+        await until(lambda: place.device.count(ClearEstop))
+        clearing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await clearing
+        sent = place.device.count(ClearEstop)
+        place.device.mute = False
+        await robot.parameters.refresh()  # waits behind another, not for ever
+        assert place.device.count(ClearEstop) == sent
+        assert place.state() is SupervisorState.ESTOPPED
 
 
-def test_a_trial_is_reverted_unless_it_is_kept(place: Place) -> None:
+async def test_a_change_that_is_cancelled_is_still_heard_of(place: Place) -> None:
+    async with place.opening() as robot:
+        await robot.parameters.list()
+        iterations = 0
+        while not place.device.count(ParameterSet):
+            iterations += 1
+            await cancelled_after(iterations, robot.parameters.set("wheel_radius", 0.05))
+        await robot.parameters.refresh("integral_gain")  # comes after it
+        assert robot.parameters["wheel_radius"] == 0.05
+        assert robot.geometry.wheel_radius == 0.05
+
+
+async def test_a_trial_is_reverted_unless_it_is_kept(place: Place) -> None:
     async def fail(robot: aio.Driver) -> None:
         async with robot.parameters.trial():
             await robot.parameters.set("wheel_radius", 0.06)
             raise ZeroDivisionError
 
-    async def use() -> None:
-        async with place.opening() as robot:
-            async with robot.parameters.trial():
-                await robot.parameters.set("wheel_radius", 0.05)
-                assert robot.geometry.wheel_radius == 0.05
-            assert robot.parameters["wheel_radius"] == robot.geometry.wheel_radius == 0.033
-            async with robot.parameters.trial() as trial:
-                await robot.parameters.set("wheel_radius", 0.05)
-                await trial.keep()
+    async with place.opening() as robot:
+        async with robot.parameters.trial():
+            await robot.parameters.set("wheel_radius", 0.05)
             assert robot.geometry.wheel_radius == 0.05
-            with pytest.raises(ZeroDivisionError):
-                await fail(robot)
-            assert robot.geometry.wheel_radius == 0.05
+        assert robot.parameters["wheel_radius"] == robot.geometry.wheel_radius == 0.033
+        async with robot.parameters.trial() as trial:
+            await robot.parameters.set("wheel_radius", 0.05)
+            await trial.keep()
+        assert robot.geometry.wheel_radius == 0.05
+        with pytest.raises(ZeroDivisionError):
+            await fail(robot)
+        assert robot.geometry.wheel_radius == 0.05
 
-    asyncio.run(use())
 
-
-def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> None:
+async def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> None:
     async def attempt(robot: aio.Driver) -> None:
         async with robot.parameters.trial():
             await robot.parameters.set("integral_gain", 7.5)
             await robot.parameters.set("integral_gain", 8.5)
 
-    async def use() -> None:
-        async with place.opening() as robot:
-            await robot.parameters.list()
-            iterations = 0
-            while await cancelled_after(iterations, attempt(robot)):
-                await robot.parameters.refresh("integral_gain")  # comes after what it has sent
-                assert robot.parameters["integral_gain"] == 16.0
-                iterations += 1
-            assert iterations > 3
-            assert robot.sessions == 1
-            await attempt(robot)  # the next one is not refused
-
-    asyncio.run(use())
+    async with place.opening() as robot:
+        await robot.parameters.list()
+        iterations = 0
+        while await cancelled_after(iterations, attempt(robot)):
+            await robot.parameters.refresh("integral_gain")  # comes after what it has sent
+            assert robot.parameters["integral_gain"] == 16.0
+            iterations += 1
+        assert iterations > 3
+        assert robot.sessions == 1
+        await attempt(robot)  # the next one is not refused
 
 
 def numbers() -> list[int]:
@@ -569,20 +518,17 @@ def numbers() -> list[int]:
     return found
 
 
-def test_an_opening_that_is_cancelled_anywhere_leaves_nothing_behind(place: Place) -> None:
-    async def use() -> None:
-        await (await place.opening()).close()  # the executor's own descriptors
-        files = open_files()
-        for iterations in numbers():
-            opening = asyncio.ensure_future(open_and_close(place))
-            in_time = await cancelled_after(iterations, opening)
-            await until(lambda: not place.is_open and not other_tasks())
-            await until(lambda: open_files() == files)
-            if not in_time:
-                return
-        pytest.fail("it never opened")
-
-    asyncio.run(use())
+async def test_an_opening_that_is_cancelled_anywhere_leaves_nothing_behind(place: Place) -> None:
+    await (await place.opening()).close()  # the executor's own descriptors
+    files = open_files()
+    for iterations in numbers():
+        opening = asyncio.ensure_future(open_and_close(place))
+        in_time = await cancelled_after(iterations, opening)
+        await until(lambda: not place.is_open and not other_tasks())
+        await until(lambda: open_files() == files)
+        if not in_time:
+            return
+    pytest.fail("it never opened")
 
 
 async def open_and_close(place: Place) -> None:
@@ -590,56 +536,47 @@ async def open_and_close(place: Place) -> None:
     await robot.close()
 
 
-def test_a_closing_that_is_cancelled_goes_on(place: Place) -> None:
-    async def use() -> None:
-        for iterations in range(MOST_ITERATIONS):
-            robot = await place.opening()
-            await drive(place, robot)
-            closing = robot.close()
-            if not await cancelled_after(iterations, closing):
-                return
-            if iterations == 0:
-                await robot.close()  # it was cancelled before it began
-            await until(lambda: not place.is_open and not other_tasks())
-            assert place.state() is SupervisorState.IDLE
-            await robot.close()
-
-    asyncio.run(use())
+async def test_a_closing_that_is_cancelled_goes_on(place: Place) -> None:
+    for iterations in range(MOST_ITERATIONS):
+        robot = await place.opening()
+        await drive(place, robot)
+        closing = robot.close()
+        if not await cancelled_after(iterations, closing):
+            return
+        if iterations == 0:
+            await robot.close()  # it was cancelled before it began
+        await until(lambda: not place.is_open and not other_tasks())
+        assert place.state() is SupervisorState.IDLE
+        await robot.close()
 
 
-def test_leaving_the_block_by_an_error_stops_the_robot(place: Place) -> None:
+async def test_leaving_the_block_by_an_error_stops_the_robot(place: Place) -> None:
     async def fail() -> None:
         async with place.opening() as robot:
             await drive(place, robot)
             raise ZeroDivisionError
 
-    async def use() -> None:
-        with pytest.raises(ZeroDivisionError):
-            await fail()
-        assert place.state() is SupervisorState.IDLE
-        assert not place.is_open
-        assert other_tasks() == []
-
-    asyncio.run(use())
+    with pytest.raises(ZeroDivisionError):
+        await fail()
+    assert place.state() is SupervisorState.IDLE
+    assert not place.is_open
+    assert other_tasks() == []
 
 
-def test_leaving_the_block_by_a_cancellation_stops_the_robot(place: Place) -> None:
+async def test_leaving_the_block_by_a_cancellation_stops_the_robot(place: Place) -> None:
     async def hang() -> None:
         async with place.opening() as robot:
             await drive(place, robot)
             await asyncio.Event().wait()
 
-    async def use() -> None:
-        hanging = asyncio.ensure_future(hang())
-        await until(lambda: place.device.obeyed)
-        hanging.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await hanging
-        assert place.state() is SupervisorState.IDLE
-        assert not place.is_open
-        assert other_tasks() == []
-
-    asyncio.run(use())
+    hanging = asyncio.ensure_future(hang())
+    await until(lambda: place.device.obeyed)
+    hanging.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await hanging
+    assert place.state() is SupervisorState.IDLE
+    assert not place.is_open
+    assert other_tasks() == []
 
 
 # --- the end of a loop -------------------------------------------------------------------------
@@ -694,17 +631,14 @@ def test_a_loop_that_is_closed_without_a_word_closes_the_port(place: Place) -> N
     assert open_files() == files
 
 
-def test_a_forgotten_robot_is_stopped(place: Place) -> None:
-    async def use() -> None:
-        robots = [await place.opening()]
-        await drive(place, robots[0])
-        robots.clear()
-        gc.collect()
-        await until(lambda: not other_tasks())
-        assert place.state() is SupervisorState.IDLE
-        assert not place.is_open
-
-    asyncio.run(use())
+async def test_a_forgotten_robot_is_stopped(place: Place) -> None:
+    robots = [await place.opening()]
+    await drive(place, robots[0])
+    robots.clear()
+    gc.collect()
+    await until(lambda: not other_tasks())
+    assert place.state() is SupervisorState.IDLE
+    assert not place.is_open
 
 
 def test_a_forked_process_leaves_the_link_to_its_parent(tmp_path: Path) -> None:
@@ -739,8 +673,8 @@ async def serial(path: Path, **options: Any) -> AsyncIterator[aio.Driver]:
         yield robot
 
 
-def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
+async def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "robot") as device:
         async with serial(device.path) as robot:
             samples = robot.samples()
             await anext(samples)
@@ -770,12 +704,9 @@ def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> No
                     break
             robot.set_velocity(0.1, 0.0)
 
+
+async def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "robot") as device:
-        asyncio.run(use(device))
-
-
-def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
         async with serial(device.path) as robot:
             await robot.read()
             device.unplug()
@@ -786,26 +717,20 @@ def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
                 await asyncio.wait_for(anext(samples), 0.1)
         assert other_tasks() == []
 
-    with PtyDevice(tmp_path / "robot") as device:
-        asyncio.run(use(device))
 
-
-def test_a_full_port_keeps_a_setpoint_and_refuses_many(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            place.accepts = False
-            refused: list[str] = []
-            while not refused:
-                try:
-                    robot.set_duty(0.1, 0.1, ttl=5.0)
-                except errors.LinkLost as error:  # noqa: PERF203 - until it comes
-                    refused.append(str(error))
-            assert "accepts no data" in refused[0]
-            assert place.device.obeyed == []
-            place.accepts = True
-            await until(lambda: place.device.obeyed)
-
-    asyncio.run(use())
+async def test_a_full_port_keeps_a_setpoint_and_refuses_many(place: Place) -> None:
+    async with place.opening() as robot:
+        place.accepts = False
+        refused: list[str] = []
+        while not refused:
+            try:
+                robot.set_duty(0.1, 0.1, ttl=5.0)
+            except errors.LinkLost as error:  # noqa: PERF203 - until it comes
+                refused.append(str(error))
+        assert "accepts no data" in refused[0]
+        assert place.device.obeyed == []
+        place.accepts = True
+        await until(lambda: place.device.obeyed)
 
 
 def test_no_session_says_why(tmp_path: Path) -> None:
@@ -835,14 +760,11 @@ def test_no_session_says_why(tmp_path: Path) -> None:
         asyncio.run(mismatch(device))
 
 
-def test_the_last_stop_is_repeated_on_a_bad_line(place: Place) -> None:
-    async def use() -> None:
-        async with place.opening() as robot:
-            await drive(place, robot)
-            place.device.mute = True
-        assert place.device.count(Stop) > 5
-
-    asyncio.run(use())
+async def test_the_last_stop_is_repeated_on_a_bad_line(place: Place) -> None:
+    async with place.opening() as robot:
+        await drive(place, robot)
+        place.device.mute = True
+    assert place.device.count(Stop) > 5
 
 
 # --- options -----------------------------------------------------------------------------------

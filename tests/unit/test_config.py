@@ -16,6 +16,7 @@ from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.pins import Pins
+from wheelwire.peripherals import ImuSensor
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 
@@ -96,6 +97,16 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
         ({"port": "/dev/ttyUSB0"}, r"unknown key; did you mean pigpio.port or serial.port\?"),
         ({"left_pwm": 18}, r"unknown key; did you mean pins.left_pwm\?"),
         ({"wheel_separation": 0.2}, r"unknown key; did you mean parameters.wheel_separation\?"),
+        (
+            {"driver": "serial", "imu": {"chip": "mpu6050", "bus": 1, "forward": "x", "up": "z"}},
+            "imu: this robot's is in its board's file",
+        ),
+        ({"driver": "mock", "inputs": {}}, "inputs: this robot's is in its board's file"),
+        (
+            {"driver": "pigpio", "board": "pi4b", "power": {"cells": 3}},
+            "power: this robot's is in its board's file; here it stands beside the pins",
+        ),
+        ({"driver": "l298n", "imu": {"chip": "mpu"}}, "imu.chip = 'mpu': choose one of mpu6050"),
         (None, "the file is empty; choose one, such as `driver: serial`"),
         ({}, "driver is missing; choose one"),
         ({"wheel_base": 0.2}, "driver is missing; choose one"),
@@ -106,6 +117,19 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
 def test_an_error_names_key_value_and_bound(content: Any, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         parse_config(content)
+
+
+@pytest.mark.parametrize("driver", ["l298n", "pigpio"])
+def test_sensors_stand_beside_the_pins(driver: str) -> None:
+    imu = {"chip": "mpu6050", "bus": 1, "forward": "y", "up": "z"}
+    config = parse_config(
+        {"driver": driver, "pins": {"left_enc_a": 25}, "imu": imu, "power": None, "inputs": {}}
+    )
+    assert config.pins.left.encoder_a == 25
+    assert config.driver_options()["pins"] == config.pins
+    (found,) = config.pins.peripherals
+    assert isinstance(found, ImuSensor)
+    assert (found.bus, found.sda) == (1, None)
 
 
 def test_an_error_names_the_file(tmp_path: Path) -> None:
@@ -128,17 +152,21 @@ def test_a_robot_opens_from_its_file(tmp_path: Path) -> None:
         assert robot.geometry.wheel_separation == 0.3
 
 
-def test_a_key_that_is_there_twice_is_named_with_its_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (
+            "parameters:\n  wheel_radius: 0.03\n  wheel_radius: 0.04\n",
+            r"robot\.yaml, line 4: wheel_radius is .*line 3",
+        ),
+        ("? [a, b]\n: 1\n", r"robot\.yaml, line 2: .*a key has to be a word"),
+    ],
+    ids=["twice", "a list"],
+)
+def test_a_wrong_key_is_named_with_its_line(tmp_path: Path, keys: str, said: str) -> None:
     file = tmp_path / "robot.yaml"
-    file.write_text("driver: mock\nparameters:\n  wheel_radius: 0.03\n  wheel_radius: 0.04\n")
-    with pytest.raises(ConfigurationError, match=r"robot\.yaml, line 4: wheel_radius is .*line 3"):
-        wheelwire.load_config(file)
-
-
-def test_a_key_that_is_a_list_is_an_error_of_the_file(tmp_path: Path) -> None:
-    file = tmp_path / "robot.yaml"
-    file.write_text("driver: mock\n? [a, b]\n: 1\n")
-    with pytest.raises(ConfigurationError, match=r"robot\.yaml, line 2: .*a key has to be a word"):
+    file.write_text(f"driver: mock\n{keys}")
+    with pytest.raises(ConfigurationError, match=said):
         wheelwire.load_config(file)
 
 

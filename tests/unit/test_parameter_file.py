@@ -111,6 +111,11 @@ def written(text: str, tmp_path: Path) -> Path:
     return file
 
 
+@pytest.fixture
+def robot() -> Robot:
+    return Robot()
+
+
 @given(values)
 def test_what_is_written_is_read_again(
     tmp_path_factory: pytest.TempPathFactory, wanted: dict[str, float]
@@ -121,8 +126,7 @@ def test_what_is_written_is_read_again(
     assert load_parameter_file(written(json.dumps(exported.as_mapping()), folder)) == exported
 
 
-def test_each_line_has_its_unit() -> None:
-    robot = Robot()
+def test_each_line_has_its_unit(robot: Robot) -> None:
     text = ParameterFile.of_robot(robot.list(), None).text()
     for line, parameter in zip(text.splitlines()[-len(PARAMETERS) :], PARAMETERS, strict=True):
         assert line.split()[0] == f"{parameter.name}:"
@@ -202,8 +206,7 @@ WANTED = {"estop_input_enabled": 0.0, "wheel_radius": 0.04, "max_duty": 1.0, "pa
 REFUSED = errors.DeviceRefused(RefusalCode.NOT_STOPPED, "the request")
 
 
-def test_the_switch_of_the_estop_contact_is_set_last() -> None:
-    robot = Robot()
+def test_the_switch_of_the_estop_contact_is_set_last(robot: Robot) -> None:
     robot.set_all(WANTED)
     assert robot.order == ["wheel_radius", "path_gain", "estop_input_enabled"]
 
@@ -214,9 +217,8 @@ def test_the_switch_of_the_estop_contact_is_set_last() -> None:
     "error", [REFUSED, errors.RequestTimeout("no answer"), errors.LinkLost("unplugged")]
 )
 def test_after_a_failure_the_previous_values_are_active(
-    failing: str, error: errors.WheelwireError, *, answered: bool
+    robot: Robot, failing: str, error: errors.WheelwireError, *, answered: bool
 ) -> None:
-    robot = Robot()
     before = dict(robot.held)
 
     def fail(name: str, value: float) -> None:
@@ -236,8 +238,7 @@ def test_after_a_failure_the_previous_values_are_active(
     assert raised.value.__cause__ is error
 
 
-def test_an_interrupt_restores_too() -> None:
-    robot = Robot()
+def test_an_interrupt_restores_too(robot: Robot) -> None:
     before = dict(robot.held)
 
     def interrupt(name: str, _value: float) -> None:
@@ -251,8 +252,7 @@ def test_an_interrupt_restores_too() -> None:
     assert robot.held == before
 
 
-def test_restoring_waits_for_the_link() -> None:
-    robot = Robot()
+def test_restoring_waits_for_the_link(robot: Robot) -> None:
     before = dict(robot.held)
     failures = iter(range(4))
 
@@ -266,9 +266,8 @@ def test_restoring_waits_for_the_link() -> None:
     assert robot.held == before
 
 
-def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_could_not_be_restored_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parameters, "RESTORE_TIMEOUT_S", 0.0)
-    robot = Robot()
 
     def unplugged(_name: str, _value: float) -> None:
         if not robot.on_trial:
@@ -283,9 +282,8 @@ def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("kept", [False, True])
-def test_values_that_contradict_each_other_change_nothing(*, kept: bool) -> None:
+def test_values_that_contradict_each_other_change_nothing(robot: Robot, *, kept: bool) -> None:
     """Also where the answer was lost, and the device has kept them after all."""
-    robot = Robot()
     before = dict(robot.held)
 
     def fail() -> None:
@@ -300,8 +298,7 @@ def test_values_that_contradict_each_other_change_nothing(*, kept: bool) -> None
     assert robot.held == before
 
 
-def test_what_is_taken_only_after_others_is_restored_too() -> None:
-    robot = Robot()
+def test_what_is_taken_only_after_others_is_restored_too(robot: Robot) -> None:
     before = dict(robot.held)
 
     def judge(name: str, value: float) -> None:
@@ -319,8 +316,7 @@ def test_what_is_taken_only_after_others_is_restored_too() -> None:
     assert robot.held == before
 
 
-def test_a_robot_that_was_reset_meanwhile_is_noticed() -> None:
-    robot = Robot()
+def test_a_robot_that_was_reset_meanwhile_is_noticed(robot: Robot) -> None:
 
     def reset(name: str, value: float) -> None:
         if (name, value) == ("path_gain", 1.5):
@@ -332,8 +328,7 @@ def test_a_robot_that_was_reset_meanwhile_is_noticed() -> None:
     assert robot.held["path_gain"] == definition_of("path_gain").default
 
 
-def test_all_values_of_the_file_are_saved_and_no_other() -> None:
-    robot = Robot()
+def test_all_values_of_the_file_are_saved_and_no_other(robot: Robot) -> None:
     robot.held["integral_gain"] = 12.0  # only tried
     robot.set_all(WANTED, save=True)
     assert robot.saved == WANTED
@@ -343,8 +338,7 @@ def test_all_values_of_the_file_are_saved_and_no_other() -> None:
     assert robot.saved == robot.held == full
 
 
-def test_a_save_that_fails_restores_and_says_what_was_saved() -> None:
-    robot = Robot()
+def test_a_save_that_fails_restores_and_says_what_was_saved(robot: Robot) -> None:
     before = dict(robot.held)
 
     def fail(name: str | None) -> None:
@@ -368,9 +362,8 @@ def test_a_save_that_fails_restores_and_says_what_was_saved() -> None:
     ],
 )
 def test_nothing_is_set_if_any_value_is_wrong(
-    wanted: dict[str, float], error: type[errors.WheelwireError]
+    robot: Robot, wanted: dict[str, float], error: type[errors.WheelwireError]
 ) -> None:
-    robot = Robot()
     with pytest.raises(error):
         robot.set_all(wanted)
     assert robot.order == []

@@ -157,21 +157,18 @@ class Daemon:
         self.world.apply_pins()
 
     def _on_run(self, script: int, _: int, parameters: bytes) -> int:
-        if script not in self._scripts:
-            return BAD_SCRIPT_ID
-        self._scripts[script].run(_words(parameters))
-        return 0
+        return self._with_script(script, lambda known: known.run(_words(parameters)))
 
     def _on_update(self, script: int, _: int, parameters: bytes) -> int:
-        if script not in self._scripts:
-            return BAD_SCRIPT_ID
-        self._scripts[script].update(_words(parameters))
-        return 0
+        return self._with_script(script, lambda known: known.update(_words(parameters)))
 
     def _on_halt(self, script: int, _: int, __: bytes) -> int:
+        return self._with_script(script, Script.stop)
+
+    def _with_script(self, script: int, act: Callable[[Script], None]) -> int:
         if script not in self._scripts:
             return BAD_SCRIPT_ID
-        self._scripts[script].stop()
+        act(self._scripts[script])
         return 0
 
     def _on_delete(self, script: int, _: int, __: bytes) -> int:

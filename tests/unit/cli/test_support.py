@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, run, run_json
+from support.own_board import OWN_BOARD
 from wheelwire import errors
 from wheelwire.cli.support import _anonymous
 from wheelwire.files.board import load_board
@@ -26,7 +27,7 @@ def test_the_archive_has_what_the_robot_says(tmp_path: Path) -> None:
         archive.extractall(tmp_path)
     assert len(load_parameter_file(tmp_path / "parameters.yaml").values) == len(PARAMETERS)
     board = load_board(tmp_path / "board.yaml")
-    assert board.packed() == load_board("l298n").packed()
+    assert board.packed() == OWN_BOARD.packed()
     assert board.peripherals
     info = json.loads((tmp_path / "info.json").read_text("utf-8"))
     assert info["device"]["board"] == "SIMULATED"

@@ -85,15 +85,12 @@ def test_a_lost_link_says_what_may_be_behind_it() -> None:
         robot.set_velocity(0.1, 0.0)
 
 
-def test_asyncio_has_it_too() -> None:
-    async def lose() -> str:
-        async with aio.open_driver("mock", realtime=False) as robot:
-            robot.unplug()
-            with pytest.raises(LinkLost) as raised:
-                robot.set_velocity(0.1, 0.0)
-            return raised.value.why
-
-    assert asyncio.run(lose()) == "The connection to the robot was lost."
+async def test_asyncio_has_it_too() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+        robot.unplug()
+        with pytest.raises(LinkLost) as raised:
+            robot.set_velocity(0.1, 0.0)
+    assert raised.value.why == "The connection to the robot was lost."
 
 
 def test_a_watched_stop_is_said_alike_by_report_and_error() -> None:
@@ -237,27 +234,21 @@ def test_a_request_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> N
     assert [error.why for error in lost] == ["The connection to the robot was lost."]
 
 
-def test_asyncio_says_it_of_requests_and_to_its_callback() -> None:
-    async def lose() -> list[str]:
-        said: list[str] = []
-        async with aio.open_driver("mock", realtime=False) as robot:
-            robot.on_lost = lambda error: said.append(error.why)
-            robot.simulator.set("estop_open", 1)
-            robot.advance(0.1)
-            with pytest.raises(DeviceRefused) as refused:
-                await robot.clear_estop()
-            said.append(refused.value.why)
-            robot.unplug()
-            with pytest.raises(LinkLost) as raised:
-                await robot.stop()
-            said.append(raised.value.why)
-            while len(said) < 3:  # the callback is a task of its own
-                await asyncio.sleep(0.001)
-        return said
-
-    contact, *lost = asyncio.run(lose())
-    assert contact == "The emergency stop's contact opened."
-    assert lost == ["The connection to the robot was lost."] * 2
+async def test_asyncio_says_it_of_requests_and_to_its_callback() -> None:
+    told: list[str] = []
+    async with aio.open_driver("mock", realtime=False) as robot:
+        robot.on_lost = lambda error: told.append(error.why)
+        robot.simulator.set("estop_open", 1)
+        robot.advance(0.1)
+        with pytest.raises(DeviceRefused) as refused:
+            await robot.clear_estop()
+        robot.unplug()
+        with pytest.raises(LinkLost) as raised:
+            await robot.stop()
+        while not told:  # the callback is a task of its own
+            await asyncio.sleep(0.001)
+    assert refused.value.why == "The emergency stop's contact opened."
+    assert told == [raised.value.why] == ["The connection to the robot was lost."]
 
 
 def test_a_forgotten_driver_is_closed_although_it_explains_errors() -> None:

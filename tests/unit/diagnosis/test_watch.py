@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine
 from contextlib import suppress
 
 import pytest
@@ -122,15 +121,7 @@ async def drive_in_loop(robot: aio.Driver) -> None:
                 return
 
 
-def run(body: Callable[[aio.Driver], Coroutine[object, object, None]]) -> None:
-    async def open_and_run() -> None:
-        async with aio.open_driver("mock") as robot:
-            await body(robot)
-
-    asyncio.run(open_and_run())
-
-
-def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
+async def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
     found: list[tuple[str, bool]] = []
     own = threading.get_ident()
 
@@ -138,7 +129,7 @@ def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
         await asyncio.sleep(0)
         found.append((stop.cause, threading.get_ident() == own))
 
-    async def body(robot: aio.Driver) -> None:
+    async with aio.open_driver("mock") as robot:
         watch = await robot.watch_stops(report)
         await drive_in_loop(robot)
         await until(lambda: len(found) == 1)
@@ -154,12 +145,10 @@ def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
         await robot.clear_estop()
         await robot.estop()
         assert watch.latched() is None
-
-    run(body)
     assert found == [("program_paused", True), ("estop_by_session", True)]
 
 
-def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
+async def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     reports: list[str] = []
@@ -174,22 +163,21 @@ def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
         reports.append(stop.cause)
         raise RuntimeError("mine")
 
-    async def body(robot: aio.Driver) -> None:
+    async with aio.open_driver("mock") as robot:
         await robot.watch_stops(report)
         for _ in range(2):
             await drive_in_loop(robot)
             await robot.stop()
         await until(lambda: len(reports) == 2)
-
-    run(body)
     assert reports == ["stop_by_session"] * 2
     assert "watch_stops raised an exception" in caplog.text
 
 
-def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
+async def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
     closed: list[str] = []
 
-    async def body(robot: aio.Driver) -> None:
+    async with aio.open_driver("mock") as robot:
+
         async def report(stop: Stop) -> None:
             await robot.close()
             closed.append(stop.cause)
@@ -198,35 +186,28 @@ def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
         await drive_in_loop(robot)
         await robot.stop()
         await until(lambda: bool(closed))
-
-    run(body)
     assert closed == ["stop_by_session"]
     assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
 
 
-def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() -> None:
+async def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() -> None:
     found: list[Stop] = []
 
-    async def body(robot: aio.Driver) -> None:
+    async with aio.open_driver("mock") as robot:
         await robot.watch_stops(found.append)
         await drive_in_loop(robot)
         await robot.close()
         await asyncio.sleep(0.2)
-
-    run(body)
     assert found == []
     assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
 
 
-def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -> None:
-    async def body() -> None:
-        async with aio.open_driver("mock", realtime=False) as robot:
-            with pytest.raises(InvalidCommand, match="only a robot in real time"):
-                await robot.watch_stops(print)
-            with pytest.raises(InvalidArgument, match="watch_stops = 1"):
-                await robot.watch_stops(1)  # type: ignore[arg-type]
-
-    asyncio.run(body())
+async def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+        with pytest.raises(InvalidCommand, match="only a robot in real time"):
+            await robot.watch_stops(print)
+        with pytest.raises(InvalidArgument, match="watch_stops = 1"):
+            await robot.watch_stops(1)  # type: ignore[arg-type]
 
 
 def test_virtual_time_is_not_watched() -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import wait_until
+from support.waiting import until, wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -25,38 +23,29 @@ def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def test_a_driving_robot_that_is_unplugged(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    device: PtyDevice, robot: SerialDriver, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with PtyDevice(tmp_path / "port") as device:
-        robot = SerialDriver(str(device.path))
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        device.unplug()
-        wait_until(lambda: not robot.is_open)
-        robot.close()
+    robot.set_velocity(0.1, 0.0, ttl=1.0)
+    device.unplug()
+    wait_until(lambda: not robot.is_open)
+    robot.close()
     assert any(SAID in text for text in warnings(caplog))
 
 
 def test_a_driving_robot_that_does_not_answer(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    device: PtyDevice, robot: SerialDriver, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with PtyDevice(tmp_path / "port") as device:
-        robot = SerialDriver(str(device.path))
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        device.device.mute = True
-        robot.close()
+    robot.set_velocity(0.1, 0.0, ttl=1.0)
+    device.device.mute = True
+    robot.close()
     assert any(SAID in text for text in warnings(caplog))
 
 
-def test_the_same_with_asyncio(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    async def use(device: PtyDevice) -> None:
-        async with aio.open_driver("serial", port=str(device.path)) as robot:
-            robot.set_velocity(0.1, 0.0, ttl=1.0)
-            device.unplug()
-            while robot.is_open:
-                await asyncio.sleep(0.002)
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
+async def test_the_same_with_asyncio(device: PtyDevice, caplog: pytest.LogCaptureFixture) -> None:
+    async with aio.open_driver("serial", port=str(device.path)) as robot:
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        device.unplug()
+        await until(lambda: not robot.is_open)
     assert any(SAID in text for text in warnings(caplog))
 
 
@@ -69,31 +58,30 @@ def test_the_same_in_virtual_time(caplog: pytest.LogCaptureFixture) -> None:
 
 @pytest.mark.parametrize("before", ["stopped", "standing", "driving"])
 def test_nothing_is_said_of_a_robot_that_stands_or_is_stopped(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, before: str
+    device: PtyDevice, robot: SerialDriver, caplog: pytest.LogCaptureFixture, before: str
 ) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        if before != "standing":
-            robot.set_velocity(0.1, 0.0, ttl=1.0)
-        if before == "stopped":
-            robot.stop()
-        if before != "driving":  # a driving one is stopped by the closing itself
-            device.unplug()
-            wait_until(lambda: not robot.is_open)
-        robot.close()
+    if before != "standing":
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+    if before == "stopped":
+        robot.stop()
+    if before != "driving":  # a driving one is stopped by the closing itself
+        device.unplug()
+        wait_until(lambda: not robot.is_open)
+    robot.close()
     assert not any(SAID in text for text in warnings(caplog))
 
 
-def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device:
-        robot = SerialDriver(str(device.path))
-        robot.close()
+def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(
+    robot: SerialDriver,
+) -> None:
+    robot.close()
 
-        def drive() -> None:
-            with suppress(errors.LinkLost):
-                robot.set_velocity(0.1, 0.0)
+    def drive() -> None:
+        with suppress(errors.LinkLost):
+            robot.set_velocity(0.1, 0.0)
 
-        with pytest.raises(errors.LinkClosed):
-            drive()
-        with pytest.raises(errors.LinkClosed):
-            robot.read()
-        assert robot.latest_control_counters() is None
+    with pytest.raises(errors.LinkClosed):
+        drive()
+    with pytest.raises(errors.LinkClosed):
+        robot.read()
+    assert robot.latest_control_counters() is None

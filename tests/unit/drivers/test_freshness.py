@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import math
 import time
-from pathlib import Path
 
 import pytest
 
 from support.pty_device import PtyDevice
+from support.waiting import until, wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -19,60 +19,50 @@ from wheelwire_protocol.types import WheelState
 pytestmark = pytest.mark.timeout(60)
 
 
-def wait_until_lost(driver: SerialDriver | MockDriver) -> None:
-    end = time.monotonic() + 10
-    while driver.is_open:
-        assert time.monotonic() < end
-        time.sleep(0.005)
+def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    robot.read()
+    time.sleep(0.05)  # one is left unread
+    device.unplug()
+    wait_until(lambda: not robot.is_open)
+    for _ in range(3):
+        with pytest.raises(errors.LinkLost):
+            robot.read(0.05)
+    device.plug()
+    plugged_s = time.monotonic()
+    assert robot.read(10).stamp > plugged_s
 
 
-def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
-        driver.read()
-        time.sleep(0.05)  # one is left unread
+def test_a_device_that_falls_silent_is_not_taken_for_alive(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    robot.read()
+    time.sleep(0.05)
+    device.device.mute = True
+    time.sleep(0.3)
+    with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
+        robot.read(0)
+
+
+async def test_the_same_with_asyncio(device: PtyDevice) -> None:
+    async with aio.open_driver("serial", port=str(device.path)) as robot:
+        await robot.read()
+        await asyncio.sleep(0.05)
+        device.device.mute = True
+        await asyncio.sleep(0.3)
+        with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
+            await robot.read(0)
+        device.device.mute = False
+        await robot.read()
+        await asyncio.sleep(0.05)
         device.unplug()
-        wait_until_lost(driver)
-        for _ in range(3):
-            with pytest.raises(errors.LinkLost):
-                driver.read(0.05)
+        await until(lambda: not robot.is_open)
+        with pytest.raises(errors.LinkLost):
+            await robot.read(0.05)
         device.plug()
         plugged_s = time.monotonic()
-        assert driver.read(10).stamp > plugged_s
-
-
-def test_a_device_that_falls_silent_is_not_taken_for_alive(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
-        driver.read()
-        time.sleep(0.05)
-        device.device.mute = True
-        time.sleep(0.3)
-        with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
-            driver.read(0)
-
-
-def test_the_same_with_asyncio(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
-        async with aio.open_driver("serial", port=str(device.path)) as robot:
-            await robot.read()
-            await asyncio.sleep(0.05)
-            device.device.mute = True
-            await asyncio.sleep(0.3)
-            with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
-                await robot.read(0)
-            device.device.mute = False
-            await robot.read()
-            await asyncio.sleep(0.05)
-            device.unplug()
-            while robot.is_open:
-                await asyncio.sleep(0.005)
-            with pytest.raises(errors.LinkLost):
-                await robot.read(0.05)
-            device.plug()
-            plugged_s = time.monotonic()
-            assert (await robot.read(10)).stamp > plugged_s
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
+        assert (await robot.read(10)).stamp > plugged_s
 
 
 def test_the_same_in_virtual_time() -> None:
@@ -102,42 +92,42 @@ def test_a_reset_in_virtual_time_leaves_nothing_to_read() -> None:
         assert robot.read(5).boot_id != boot_id
 
 
-def test_the_latest_sample_takes_nothing_from_a_reader(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
-        driver.read()
-        device.device.lost.add(WheelState)
-        time.sleep(0.05)
-        first, second = driver.latest, driver.latest
-        assert first is not None
-        assert second is not None
-        assert first.sample == second.sample
-        assert 0 <= first.age_s <= second.age_s < 10
+def test_the_latest_sample_takes_nothing_from_a_reader(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    robot.read()
+    device.device.lost.add(WheelState)
+    time.sleep(0.05)
+    first, second = robot.latest, robot.latest
+    assert first is not None
+    assert second is not None
+    assert first.sample == second.sample
+    assert 0 <= first.age_s <= second.age_s < 10
 
 
-def test_health(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
-        end = time.monotonic() + 1.2
-        while time.monotonic() < end:
-            driver.read()
-        health = driver.health
-        assert health.is_open
-        assert health.age_s is not None
-        assert health.age_s < 1
-        assert health.rate_hz > 20
-        assert 0 <= health.loss < 0.1
-        assert 0 < health.clock_error_s < 0.1
-        assert health.latched is None
-        driver.estop()
-        while driver.read().state is not SupervisorState.ESTOPPED:
-            pass
-        assert driver.health.latched is SupervisorState.ESTOPPED
-        device.unplug()
-        wait_until_lost(driver)
-        time.sleep(0.3)
-        health = driver.health
-        assert not health.is_open
-        assert health.age_s is not None
-        assert health.age_s > 0.25
+def test_health(device: PtyDevice, robot: SerialDriver) -> None:
+    end = time.monotonic() + 1.2
+    while time.monotonic() < end:
+        robot.read()
+    health = robot.health
+    assert health.is_open
+    assert health.age_s is not None
+    assert health.age_s < 1
+    assert health.rate_hz > 20
+    assert 0 <= health.loss < 0.1
+    assert 0 < health.clock_error_s < 0.1
+    assert health.latched is None
+    robot.estop()
+    while robot.read().state is not SupervisorState.ESTOPPED:
+        pass
+    assert robot.health.latched is SupervisorState.ESTOPPED
+    device.unplug()
+    wait_until(lambda: not robot.is_open)
+    time.sleep(0.3)
+    health = robot.health
+    assert not health.is_open
+    assert health.age_s is not None
+    assert health.age_s > 0.25
 
 
 def test_the_rate_is_that_of_the_last_second() -> None:
@@ -152,30 +142,25 @@ def test_the_rate_is_that_of_the_last_second() -> None:
         assert robot.health.rate_hz == 0
 
 
-def test_what_is_known_without_waiting_with_asyncio(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
-        async with aio.connect(device.path) as robot:
-            await robot.read()
-            latest, health = robot.latest, robot.health
-            assert latest is not None
-            assert latest.age_s < 1
-            assert robot.is_open is health.is_open is True
-            assert health.latched is None
-            assert health.ttl_max_s == 1.0
-            await robot.estop()
-            while robot.health.latched is not SupervisorState.ESTOPPED:
-                await asyncio.sleep(0.005)
-            device.unplug()
-            while robot.is_open:
-                await asyncio.sleep(0.005)
-            await asyncio.sleep(0.2)
-            health = robot.health
-            assert health.is_open is False
-            assert health.age_s is not None
-            assert health.age_s > 0.2
-            assert health.ttl_max_s is None
-            assert robot.latest is not None
-        assert robot.is_open is robot.health.is_open is False
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
+async def test_what_is_known_without_waiting_with_asyncio(device: PtyDevice) -> None:
+    async with aio.connect(device.path) as robot:
+        await robot.read()
+        latest, health = robot.latest, robot.health
+        assert latest is not None
+        assert latest.age_s < 1
+        assert robot.is_open is health.is_open is True
+        assert health.latched is None
+        assert health.ttl_max_s == 1.0
+        await robot.estop()
+        while robot.health.latched is not SupervisorState.ESTOPPED:
+            await asyncio.sleep(0.005)
+        device.unplug()
+        await until(lambda: not robot.is_open)
+        await asyncio.sleep(0.2)
+        health = robot.health
+        assert health.is_open is False
+        assert health.age_s is not None
+        assert health.age_s > 0.2
+        assert health.ttl_max_s is None
+        assert robot.latest is not None
+    assert robot.is_open is robot.health.is_open is False

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -36,26 +34,23 @@ def refuse_what_is_too_old(robot: Any) -> None:
             command(robot, ttl=0.3, stamp=time.monotonic() + 1)
 
 
-def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    refuse_what_is_too_old(robot)
+    assert device.device.count(SetWheelVelocity, SetDuty) == 0
+    for command in COMMANDS:
+        command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
+    wait_until(lambda: device.device.count(SetWheelVelocity, SetDuty) >= len(COMMANDS))
+    assert robot.statistics.setpoints_expired == robot.health.setpoints_expired == 0
+
+
+async def test_the_same_with_asyncio(device: PtyDevice) -> None:
+    async with aio.connect(device.path) as robot:
         refuse_what_is_too_old(robot)
         assert device.device.count(SetWheelVelocity, SetDuty) == 0
         for command in COMMANDS:
             command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
-        wait_until(lambda: device.device.count(SetWheelVelocity, SetDuty) >= len(COMMANDS))
-        assert robot.statistics.setpoints_expired == robot.health.setpoints_expired == 0
-
-
-def test_the_same_with_asyncio(tmp_path: Path) -> None:
-    async def use(device: PtyDevice) -> None:
-        async with aio.connect(device.path) as robot:
-            refuse_what_is_too_old(robot)
-            assert device.device.count(SetWheelVelocity, SetDuty) == 0
-            for command in COMMANDS:
-                command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device))
 
 
 def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(

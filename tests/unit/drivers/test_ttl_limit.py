@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-from pathlib import Path
-
 import pytest
 
 from support.pty_device import PtyDevice
+from support.waiting import wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -19,60 +17,54 @@ from wheelwire_protocol.types import Hello, ParameterGet, ParameterSet
 pytestmark = pytest.mark.timeout(60)
 
 
-def test_milliseconds_for_seconds_are_refused_by_name(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        for command in (robot.set_velocity, robot.set_wheel_velocity, robot.set_duty):
-            with pytest.raises(errors.InvalidCommand, match=r"ttl = 300 s.* ttl_max_s is 1 s"):
-                command(0.1, 0.1, ttl=300)
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        assert robot.health.ttl_max_s == robot.ttl_max_s == 1.0
+def test_milliseconds_for_seconds_are_refused_by_name(robot: SerialDriver) -> None:
+    for command in (robot.set_velocity, robot.set_wheel_velocity, robot.set_duty):
+        with pytest.raises(errors.InvalidCommand, match=r"ttl = 300 s.* ttl_max_s is 1 s"):
+            command(0.1, 0.1, ttl=300)
+    robot.set_velocity(0.1, 0.0, ttl=1.0)
+    assert robot.health.ttl_max_s == robot.ttl_max_s == 1.0
 
 
-def test_the_limit_is_the_devices_and_follows_it(tmp_path: Path) -> None:
+def test_the_limit_is_the_devices_and_follows_it(device: PtyDevice, robot: SerialDriver) -> None:
     """A value that no 32-bit float is exactly has to be accepted as it was set."""
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        robot.parameters.set("ttl_max_s", 0.7)
-        robot.set_duty(0.1, 0.1, ttl=0.7)
-        with pytest.raises(errors.InvalidCommand, match=r"0\.7 s"):
-            robot.set_duty(0.1, 0.1, ttl=0.71)
-        robot.stop()  # it changes only then
-        robot.parameters.set("ttl_max_s", 4.0)
-        robot.set_duty(0.1, 0.1, ttl=4.0)
-        # Another program has changed it: whoever opens the next session reads it.
-        device.device.parameters["ttl_max_s"] = 0.5
-        device.device.reset()
-        while robot.sessions < 2 or not robot.is_open:
-            robot.read(10)
-        assert robot.ttl_max_s == 0.5
-        with pytest.raises(errors.InvalidCommand, match=r"0\.5 s"):
-            robot.set_velocity(0.1, 0.0, ttl=0.6)
+    robot.parameters.set("ttl_max_s", 0.7)
+    robot.set_duty(0.1, 0.1, ttl=0.7)
+    with pytest.raises(errors.InvalidCommand, match=r"0\.7 s"):
+        robot.set_duty(0.1, 0.1, ttl=0.71)
+    robot.stop()  # it changes only then
+    robot.parameters.set("ttl_max_s", 4.0)
+    robot.set_duty(0.1, 0.1, ttl=4.0)
+    # Another program has changed it: whoever opens the next session reads it.
+    device.device.parameters["ttl_max_s"] = 0.5
+    device.device.reset()
+    while robot.sessions < 2 or not robot.is_open:
+        robot.read(10)
+    assert robot.ttl_max_s == 0.5
+    with pytest.raises(errors.InvalidCommand, match=r"0\.5 s"):
+        robot.set_velocity(0.1, 0.0, ttl=0.6)
 
 
-def test_asking_for_it_sends_nothing_and_waits_for_nothing(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        asked = device.device.count(ParameterGet)
-        for _ in range(5):
-            assert robot.ttl_max_s == 1.0
-        assert device.device.count(ParameterGet) == asked
-        device.unplug()
-        while robot.is_open:
-            pass
-        assert robot.ttl_max_s is None
-        with pytest.raises(errors.LinkLost):
+def test_asking_for_it_sends_nothing_and_waits_for_nothing(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    asked = device.device.count(ParameterGet)
+    for _ in range(5):
+        assert robot.ttl_max_s == 1.0
+    assert device.device.count(ParameterGet) == asked
+    device.unplug()
+    wait_until(lambda: not robot.is_open)
+    assert robot.ttl_max_s is None
+    with pytest.raises(errors.LinkLost):
+        robot.set_velocity(0.1, 0.0, ttl=300)
+
+
+async def test_with_asyncio(device: PtyDevice) -> None:
+    async with aio.open_driver("serial", port=str(device.path)) as robot:
+        with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
             robot.set_velocity(0.1, 0.0, ttl=300)
-
-
-def test_with_asyncio(tmp_path: Path) -> None:
-    async def use(path: Path) -> None:
-        async with aio.open_driver("serial", port=str(path)) as robot:
-            with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
-                robot.set_velocity(0.1, 0.0, ttl=300)
-            await robot.parameters.set("ttl_max_s", 2.0)
-            assert robot.ttl_max_s == 2.0
-            robot.set_velocity(0.1, 0.0, ttl=2.0)
-
-    with PtyDevice(tmp_path / "port") as device:
-        asyncio.run(use(device.path))
+        await robot.parameters.set("ttl_max_s", 2.0)
+        assert robot.ttl_max_s == 2.0
+        robot.set_velocity(0.1, 0.0, ttl=2.0)
 
 
 def test_in_virtual_time() -> None:
@@ -112,15 +104,12 @@ def test_the_end_of_a_trial_and_a_reset_of_the_parameters_are_followed() -> None
         assert robot.ttl_max_s == 1.0
 
 
-def test_the_same_with_asyncio() -> None:
-    async def use() -> None:
-        async with aio.open_driver("mock") as robot:
-            async with robot.parameters.trial():
-                await robot.parameters.set("ttl_max_s", 0.5)
-                assert robot.ttl_max_s == 0.5
-            assert robot.ttl_max_s == 1.0
+async def test_the_same_with_asyncio() -> None:
+    async with aio.open_driver("mock") as robot:
+        async with robot.parameters.trial():
             await robot.parameters.set("ttl_max_s", 0.5)
-            await robot.parameters.reset()
-            assert robot.ttl_max_s == 1.0
-
-    asyncio.run(use())
+            assert robot.ttl_max_s == 0.5
+        assert robot.ttl_max_s == 1.0
+        await robot.parameters.set("ttl_max_s", 0.5)
+        await robot.parameters.reset()
+        assert robot.ttl_max_s == 1.0

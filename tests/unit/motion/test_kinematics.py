@@ -41,17 +41,14 @@ def test_no_limit_is_a_limit() -> None:
     assert DifferentialDrive(0.2, 0.033, 360).saturate(WheelVelocities(99, 1)) == (99, 1)
 
 
-def test_a_larger_left_wheel_is_told_to_turn_less() -> None:
-    drive = DifferentialDrive(0.2, 0.033, 360, left_radius_multiplier=1.05)
+@pytest.mark.parametrize(
+    ("larger", "expected"),
+    [("left_radius_multiplier", (0.2, 0.21)), ("right_radius_multiplier", (0.21, 0.2))],
+)
+def test_a_larger_wheel_is_told_to_turn_less(larger: str, expected: tuple[float, float]) -> None:
+    drive = DifferentialDrive(0.2, 0.033, 360, **{larger: 1.05})
     wheels = drive.wheel_velocities(Twist(0.21, 0.0))
-    assert wheels == pytest.approx((0.2, 0.21))
-    assert drive.twist(wheels) == pytest.approx((0.21, 0.0))
-
-
-def test_a_larger_right_wheel_is_told_to_turn_less() -> None:
-    drive = DifferentialDrive(0.2, 0.033, 360, right_radius_multiplier=1.05)
-    wheels = drive.wheel_velocities(Twist(0.21, 0.0))
-    assert wheels == pytest.approx((0.21, 0.2))
+    assert wheels == pytest.approx(expected)
     assert drive.twist(wheels) == pytest.approx((0.21, 0.0))
 
 

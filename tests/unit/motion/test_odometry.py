@@ -21,6 +21,11 @@ def finely_integrated(v: float, w: float, seconds: float) -> Pose:
     return Pose(x, y, heading)
 
 
+@pytest.fixture
+def odometry() -> Odometry:
+    return Odometry(FINE)
+
+
 @pytest.mark.parametrize("w", [-2.0, -0.3, 0.0, 1e-9, 0.3, 1.0])
 def test_an_arc_equals_a_finely_integrated_one(w: float) -> None:
     arc = Pose().advance(0.4 * 2.0, w * 2.0)
@@ -47,8 +52,7 @@ def test_the_midpoint_rule_meets_the_arc_where_they_change_over() -> None:
     assert math.dist(below[:2], above[:2]) < 2e-9
 
 
-def test_samples_become_a_pose_and_a_twist_on_the_devices_clock() -> None:
-    odometry = Odometry(FINE)
+def test_samples_become_a_pose_and_a_twist_on_the_devices_clock(odometry: Odometry) -> None:
     odometry.update(sample(t_us=0, stamp=0.0))
     ticks = round(0.1 / FINE.metres_per_tick)
     update = odometry.update(sample(t_us=100_000, left_ticks=ticks, right_ticks=ticks, stamp=9.0))
@@ -57,13 +61,11 @@ def test_samples_become_a_pose_and_a_twist_on_the_devices_clock() -> None:
     assert update.dt_s == 0.1
 
 
-def test_the_first_sample_does_not_move_the_robot() -> None:
-    odometry = Odometry(FINE)
+def test_the_first_sample_does_not_move_the_robot(odometry: Odometry) -> None:
     assert odometry.update(sample(left_ticks=77, right_ticks=99)).pose == Pose()
 
 
-def test_a_counter_wrap_is_no_jump() -> None:
-    odometry = Odometry(FINE)
+def test_a_counter_wrap_is_no_jump(odometry: Odometry) -> None:
     start = 2**31 - 5
     odometry.update(sample(left_ticks=start, right_ticks=start))
     end = wrap(start + 10)
@@ -71,8 +73,7 @@ def test_a_counter_wrap_is_no_jump() -> None:
     assert pose.x_m == pytest.approx(10 * FINE.metres_per_tick)
 
 
-def test_a_reset_of_the_device_is_no_jump_and_is_told() -> None:
-    odometry = Odometry(FINE)
+def test_a_reset_of_the_device_is_no_jump_and_is_told(odometry: Odometry) -> None:
     odometry.update(sample(left_ticks=50_000, right_ticks=50_000))
     before = odometry.update(sample(left_ticks=60_000, right_ticks=60_000, t_us=10_000)).pose
     update = odometry.update(sample(boot_id=2, t_us=5))
@@ -84,8 +85,7 @@ def test_a_reset_of_the_device_is_no_jump_and_is_told() -> None:
     assert not after.rebased
 
 
-def test_reset_moves_the_pose_and_keeps_the_counters() -> None:
-    odometry = Odometry(FINE)
+def test_reset_moves_the_pose_and_keeps_the_counters(odometry: Odometry) -> None:
     odometry.update(sample(left_ticks=100, right_ticks=100))
     odometry.reset(Pose(1.0, 2.0, 0.5))
     assert odometry.update(sample(left_ticks=100, right_ticks=100, t_us=1)).pose == (1.0, 2.0, 0.5)

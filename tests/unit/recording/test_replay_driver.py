@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -96,13 +95,9 @@ def test_its_parameters_are_those_of_the_day(day: tuple[Path, list[WheelSample]]
             robot.parameters.set("max_duty", 0.5)
 
 
-def test_asyncio_reads_it_as_well(day: tuple[Path, list[WheelSample]]) -> None:
-    async def samples() -> list[WheelSample]:
-        async with await wheelwire.aio.open_driver("replay", file=day[0], speed=50) as robot:
-            return [sample async for sample in robot.samples()]
-
-    again = asyncio.run(samples())
-    assert day[1][-1] in again
+async def test_asyncio_reads_it_as_well(day: tuple[Path, list[WheelSample]]) -> None:
+    async with await wheelwire.aio.open_driver("replay", file=day[0], speed=50) as robot:
+        assert day[1][-1] in [sample async for sample in robot.samples()]
 
 
 @pytest.mark.parametrize("speed", [-1, float("nan"), 1e9, "fast", None])

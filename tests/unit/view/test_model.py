@@ -25,9 +25,9 @@ def model() -> Model:
 def test_it_holds_the_last_20_s_and_no_more(model: Model) -> None:
     for found in wave(60.0):
         model.take(found)
-    assert model.points[-1].time_s == pytest.approx(60.0, abs=0.1)
-    assert model.points[0].time_s == pytest.approx(60.0 - WINDOW_S, abs=0.1)
-    assert len(model.points) == pytest.approx(WINDOW_S / 0.05, abs=2)
+    assert model.looks[-1].now_s == pytest.approx(60.0, abs=0.1)
+    assert model.looks[0].now_s == pytest.approx(60.0 - WINDOW_S, abs=0.1)
+    assert len(model.looks) == pytest.approx(WINDOW_S / 0.05, abs=2)
 
 
 def test_a_change_of_state_is_an_event_with_its_time(model: Model) -> None:
@@ -46,7 +46,7 @@ def test_a_fault_is_an_event_once(model: Model) -> None:
 def test_a_loss_leaves_a_gap_and_the_state_before_it(model: Model) -> None:
     model.take(Look(1.0, model.sample, None, "unplugged"))
     assert model.trouble == "unplugged"
-    assert model.points[-1].left_mps is None
+    assert model.looks[-1].sample is None
     assert model.state is SupervisorState.DRIVING
     model.take(look(2.0))
     assert not model.trouble

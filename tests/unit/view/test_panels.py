@@ -8,7 +8,7 @@ from support.looks import look, wave
 from wheelwire.link.info import LinkStatistics
 from wheelwire.view import panels
 from wheelwire.view.canvas import BLANK, Canvas
-from wheelwire.view.model import WINDOW_S, Look, Model, Point, Status
+from wheelwire.view.model import WINDOW_S, Look, Model, Status
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 SIZES = [(80, 24), (60, 20), (200, 60), (30, 2)]
@@ -50,9 +50,9 @@ def test_no_panel_is_larger_than_its_room(model: Model, width: int, height: int)
 
 
 def test_a_plot_has_its_newest_point_at_the_right_and_its_peak_at_the_top() -> None:
-    points = [Point(now_s, left_mps=now_s / 20) for now_s in range(21)]
+    looks = [look(now_s, now_s / 20) for now_s in range(21)]
     curve = panels.LEFT.speed
-    rows = [row.plain for row in panels.plot(points, 20.0, [curve], 26, 4, full=1.0)]
+    rows = [row.plain for row in panels.plot(looks, 20.0, [curve], 26, 4, full=1.0)]
     assert rows[0].startswith(" +1.0 ")
     assert rows[-1].startswith(" +0.0 ")
     assert rows[0][-1] != " "
@@ -61,8 +61,8 @@ def test_a_plot_has_its_newest_point_at_the_right_and_its_peak_at_the_top() -> N
 
 def test_what_is_asked_is_dotted_and_what_is_measured_is_a_line(model: Model) -> None:
     side = panels.LEFT
-    (asked,) = panels.plot(model.points, model.now_s, [side.asked_speed], 80, 1)
-    (measured,) = panels.plot(model.points, model.now_s, [side.speed], 80, 1)
+    (asked,) = panels.plot(model.looks, model.now_s, [side.asked_speed], 80, 1)
+    (measured,) = panels.plot(model.looks, model.now_s, [side.speed], 80, 1)
     count = [sum(f"{ord(char):b}".count("1") for char in row.plain) for row in (asked, measured)]
     assert count[0] < count[1]
 
@@ -70,15 +70,15 @@ def test_what_is_asked_is_dotted_and_what_is_measured_is_a_line(model: Model) ->
 def test_a_loss_is_a_gap_in_the_plot(model: Model) -> None:
     for tenths in range(100):
         model.take(Look(25.0 + tenths / 10, model.sample, None, "unplugged"))
-    rows = panels.plot(model.points, model.now_s, [panels.LEFT.speed], 46, 3)
+    rows = panels.plot(model.looks, model.now_s, [panels.LEFT.speed], 46, 3)
     assert all(row.plain[-18:].strip() == "" for row in rows)
     assert any(row.plain[6:20].strip() for row in rows)
 
 
 @pytest.mark.parametrize("mps", [0.04, 0.3, 1.7, 25.0])
 def test_the_scale_holds_every_speed(mps: float) -> None:
-    points = [Point(1.0, left_mps=mps), Point(2.0, left_mps=-mps)]
-    rows = panels.plot(points, 2.0, [panels.LEFT.speed], 30, 3)
+    looks = [look(1.0, mps), look(2.0, -mps)]
+    rows = panels.plot(looks, 2.0, [panels.LEFT.speed], 30, 3)
     high, low = float(rows[0].plain[:6]), float(rows[-1].plain[:6])
     assert high >= mps
     assert low == -high
@@ -123,10 +123,10 @@ def test_a_title_keeps_the_end_of_a_long_name() -> None:
 
 def test_a_curve_keeps_its_shape_while_it_moves() -> None:
     """Drawn a column later it is the same, one column further to the left."""
-    points = [Point(now / 20, left_mps=math.sin(now / 20)) for now in range(400)]
+    looks = [look(now / 20, math.sin(now / 20)) for now in range(400)]
     column_s = WINDOW_S / 40
     first, second = (
-        panels.plot(points, 20.0 + shift * 2 * column_s, [panels.LEFT.speed], 26, 4)
+        panels.plot(looks, 20.0 + shift * 2 * column_s, [panels.LEFT.speed], 26, 4)
         for shift in (0, 1)
     )
     for before, after in zip(first, second, strict=True):

@@ -1,0 +1,221 @@
+"""The simulated robot's range sensors and analogue inputs: values, and each fault by name."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from support.peripheral_lists import entry, write_list
+from support.raw import RawHost
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.sensors import (
+    RANGES,
+    PeripheralKind,
+    Place,
+    RangeQuality,
+    SensorChip,
+    SensorEventCode,
+    SensorState,
+)
+from wheelwire_protocol.types import (
+    Inputs,
+    Range,
+    SensorEvent,
+    SensorInfo,
+    SensorStream,
+    SetWheelVelocity,
+    WheelState,
+)
+
+RANGE, FIRST, SECOND = range(3)
+"""Channels."""
+TABLE = RANGES[SensorChip.HC_SR04]
+ROUND_MS = TABLE.period_us // 1000
+POLL_MS = 1
+ANALOG_MS = 100
+DIVIDER = 3
+
+
+class RangingHost(RawHost):
+    """A host that asks for all samples, of a robot with a range sensor and two analogue inputs."""
+
+    def __init__(self, seed: int = 1) -> None:
+        super().__init__(seed)
+        write_list(
+            self,
+            entry(
+                kind=PeripheralKind.RANGE,
+                chip=SensorChip.HC_SR04,
+                place=Place.FRONT,
+                pin_a=21,
+                pin_b=34,
+            ),
+            entry(kind=PeripheralKind.ANALOG, pin_a=35, value_a=1000 * DIVIDER, value_b=1),
+            entry(kind=PeripheralKind.ANALOG, pin_a=36, value_a=1000, value_b=4),
+        )
+        self.send(SensorStream(self.session_id, 2, 200))
+        self.run_ms(300)
+        self._commands = 0
+
+    def ms_until(self, state: SensorState, channel: int = RANGE) -> float:
+        """Lets time pass until the device says so; how long it took by its clock."""
+        self.received.clear()
+        start_us = self.device_us
+        for _ in range(5000):
+            self.run_ms(1)
+            for event in self.of(SensorEvent):
+                found = (event.channel, event.code, event.value)
+                if found == (channel, SensorEventCode.STATE, state):
+                    return (event.t_us - start_us) / 1e3
+        pytest.fail(f"it never was {state.name}: {self.of(SensorEvent)}")
+
+    def newest(self, milliseconds: int = 2 * ROUND_MS + 2 * POLL_MS) -> Range:
+        """The newest measurement after this time."""
+        self.received.clear()
+        self.run_ms(milliseconds)
+        return self.of(Range)[-1]
+
+    def inputs(self, milliseconds: int) -> list[Inputs]:
+        """Those that come within this time."""
+        self.received.clear()
+        self.run_ms(milliseconds)
+        return self.of(Inputs)
+
+    def drive(self, milliseconds: int) -> None:
+        """Command 50 times a second."""
+        for _ in range(milliseconds // 20):
+            self._commands += 1
+            expiry_us = (self.device_us + 500_000) % 2**32
+            self.send(SetWheelVelocity(self.session_id, self._commands, expiry_us, 0.1, 0.1))
+            self.run_ms(20)
+
+
+@pytest.fixture
+def host() -> RangingHost:
+    return RangingHost()
+
+
+# --- a range sensor ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("distance_m", [0.02, 0.25, 1.0, 2.5, 4.0])
+def test_it_measures_what_is_ahead(host: RangingHost, distance_m: float) -> None:
+    host.sim.set("range.front_m", distance_m)
+    found = host.newest()
+    assert found.quality == RangeQuality.GOOD
+    assert found.distance_mm == pytest.approx(1000 * distance_m, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "quality"),
+    [
+        (0.0, RangeQuality.NEAR),
+        (0.015, RangeQuality.NEAR),
+        (4.1, RangeQuality.FAR),
+        (10, RangeQuality.FAR),
+    ],
+)
+def test_what_it_cannot_measure_is_no_distance(
+    host: RangingHost, distance_m: float, quality: RangeQuality
+) -> None:
+    host.sim.set("range.front_m", distance_m)
+    found = host.newest()
+    assert (found.quality, found.distance_mm) == (quality, 0)
+
+
+def test_each_measurement_comes_once_with_its_time(host: RangingHost) -> None:
+    host.received.clear()
+    host.run_ms(3000)
+    found = host.of(Range)
+    assert len(found) == pytest.approx(3000 / ROUND_MS, abs=2)
+    assert {(b.sample - a.sample) % 2**16 for a, b in pairwise(found)} == {1}
+    periods = [b.t_us - a.t_us for a, b in pairwise(found)]
+    assert all(abs(period - TABLE.period_us) <= 1000 * POLL_MS for period in periods)
+
+
+def test_its_info_says_how_often(host: RangingHost) -> None:
+    host.received.clear()
+    host.send(SensorStream(host.session_id, 3, 200))
+    host.run_ms(20)
+    infos = {info.channel: info for info in host.of(SensorInfo)}
+    assert infos[RANGE].kind == PeripheralKind.RANGE
+    assert infos[RANGE].place == Place.FRONT
+    assert infos[RANGE].rate_hz == 1000 // ROUND_MS
+    assert infos[FIRST].kind == PeripheralKind.ANALOG
+    assert infos[FIRST].rate_hz == 0
+
+
+def test_one_whose_plug_is_off_is_absent_within_two_rounds(host: RangingHost) -> None:
+    host.sim.set("range.absent", 1)
+    assert host.ms_until(SensorState.ABSENT) <= 2 * ROUND_MS + 5
+    host.received.clear()
+    host.run_ms(1000)
+    assert not host.of(Range)
+    host.sim.set("range.absent", 0)
+    assert host.ms_until(SensorState.OK) <= 2 * ROUND_MS + 5
+
+
+def test_one_whose_echo_stays_high_is_hung_and_delays_no_control_step() -> None:
+    calm, hung = RangingHost(), RangingHost()
+    hung.sim.set("range.hung", 1)
+    assert hung.ms_until(SensorState.HUNG) <= 250 + 2 * ROUND_MS + 5
+    calm.run_ms(round((hung.device_us - calm.device_us) / 1e3))
+    for one in (calm, hung):
+        one.received.clear()
+        one.drive(2000)
+    assert not hung.of(Range)
+    assert hung.sim.state is SupervisorState.DRIVING
+    assert hung.of(WheelState)  # the same states, at the same times
+    assert hung.of(WheelState) == calm.of(WheelState)
+    hung.sim.set("range.hung", 0)
+    assert hung.ms_until(SensorState.OK) <= 2 * ROUND_MS + 5
+
+
+# --- analogue inputs -----------------------------------------------------------------------------
+
+
+def test_they_are_measured_before_their_dividers(host: RangingHost) -> None:
+    host.sim.set("analog.1_v", 6.5)
+    host.sim.set("analog.4_v", 1.25)
+    newest = host.inputs(ANALOG_MS + 30)[-1]
+    assert newest.analog_1_mv == pytest.approx(6500, abs=DIVIDER)
+    assert (newest.analog_2_mv, newest.analog_3_mv) == (0, 0)
+    assert newest.analog_4_mv == pytest.approx(1250, abs=1)
+    assert newest.stale == 0
+
+
+def test_what_is_above_the_adc_s_reach_is_its_reach(host: RangingHost) -> None:
+    host.sim.set("analog.1_v", 24)
+    assert host.inputs(ANALOG_MS + 30)[-1].analog_1_mv == 3100 * DIVIDER
+
+
+def test_they_are_sent_when_they_moved_by_50_mv_at_the_pin_and_each_second(
+    host: RangingHost,
+) -> None:
+    host.inputs(1100)
+    # A step of 0.15 V is 50 mV behind the divider; each of these is from the last one.
+    steps = ((0.140, False), (0.295, True), (0.435, False), (0.295, False), (0.140, True))
+    for volts, comes_early in steps:
+        host.received.clear()
+        while not host.of(Inputs):
+            host.run_ms(1)
+        host.sim.set("analog.1_v", volts)
+        early = host.inputs(ANALOG_MS + 30)
+        assert bool(early) == comes_early, volts
+        last = early or host.inputs(1000)
+        assert last[-1].analog_1_mv == pytest.approx(1000 * volts, abs=DIVIDER)
+
+
+def test_no_volts_are_a_value_and_no_reading_is_none(host: RangingHost) -> None:
+    assert host.inputs(1100)[-1].stale == 0
+    host.sim.set("analog.4_v", 2)
+    assert host.inputs(1100)[-1].analog_4_mv == 2000
+    host.sim.set("analog.failed", 1)
+    assert host.ms_until(SensorState.MISSED, SECOND) <= 3 * ANALOG_MS + 2
+    host.run_ms(30)
+    newest = host.of(Inputs)[-1]
+    assert newest.stale == 1 << FIRST | 1 << SECOND
+    assert newest.analog_4_mv == 0
+    host.sim.set("analog.failed", 0)
+    assert host.ms_until(SensorState.OK, SECOND) <= ANALOG_MS + 2
