@@ -49,7 +49,7 @@ class RangingHost(RawHost):
                 chip=SensorChip.HC_SR04,
                 place=Place.FRONT,
                 pin_a=21,
-                pin_b=34,
+                pin_b=39,
             ),
             entry(kind=PeripheralKind.ANALOG, pin_a=35, value_a=1000 * DIVIDER, value_b=1),
             entry(kind=PeripheralKind.ANALOG, pin_a=36, value_a=1000, value_b=4),
