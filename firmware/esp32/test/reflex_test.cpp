@@ -355,7 +355,8 @@ TEST(charge_is_counted_while_the_current_is_measured) {
   CHECK(std::abs(measure(10 + kPeriodUs, 36'000) - 1.0f) < 1e-5f);
   // It flows back while a motor brakes.
   CHECK(std::abs(measure(10 + 2 * kPeriodUs, -36'000)) < 1e-5f);
-  // Nobody knows what was drawn in an hour without a reading.
+  // Nobody knows what was drawn in an hour of steps without a reading.
+  hub.update(0, kHourUs - 1000);
   hub.update(0, kHourUs);
   CHECK(hub.state(0) == SensorState::kMissed);
   CHECK(std::abs(measure(kHourUs, 36'000)) < 1e-5f);
