@@ -3,7 +3,7 @@
 #include "esp_attr.h"
 #include "esp_rom_sys.h"
 #include "esp_timer.h"
-#include "image_board.hpp"
+#include "gpio_pin.hpp"
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 
@@ -19,31 +19,6 @@ namespace {
 /// The last group. The motors' PWM is in group 0; where that is the only one both share its clock,
 /// 80 MHz, and nothing else.
 constexpr int kGroup = SOC_MCPWM_GROUPS - 1;
-
-bool make_low_output(gpio_num_t pin) {
-  gpio_set_level(pin, 0);
-  const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_OUTPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
-  };
-  return gpio_config(&config) == ESP_OK;
-}
-
-/// Low while nothing is connected, where the chip can pull it.
-bool make_input(gpio_num_t pin) {
-  const bool can_pull = (table_of(kImageBoard.chip)->input_only & mask_of(pin)) == 0;
-  const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_INPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = can_pull ? GPIO_PULLDOWN_ENABLE : GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
-  };
-  return gpio_config(&config) == ESP_OK;
-}
 
 }  // namespace
 
@@ -68,7 +43,8 @@ bool EchoPin::start(const CaptureTimer& timer, const Peripheral& entry) {
   trigger_ = static_cast<gpio_num_t>(entry.pin_a);
   echo_ = static_cast<gpio_num_t>(entry.pin_b);
   ticks_per_us_ = timer.ticks_per_us();
-  return make_low_output(trigger_) && make_input(echo_) && start_capture(timer, entry.pin_b);
+  return make_low_output(entry.pin_a) && make_sensor_input(entry.pin_b) &&
+         start_capture(timer, entry.pin_b);
 }
 
 bool EchoPin::start_capture(const CaptureTimer& timer, int pin) {

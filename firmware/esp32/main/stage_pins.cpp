@@ -1,7 +1,7 @@
 #include "stage_pins.hpp"
 
 #include "brake_hold.hpp"
-#include "driver/gpio.h"
+#include "gpio_pin.hpp"
 #include "moving_wheels.hpp"
 #include "release_pins.hpp"
 
@@ -24,18 +24,6 @@ bool takes_pwm(const StageTable& stage, size_t input) {
   for (const auto& row : stage.rows)
     if (row[input] == StageLevel::kPwm) return true;
   return false;
-}
-
-bool make_low_output(int pin) {
-  gpio_set_level(static_cast<gpio_num_t>(pin), 0);
-  const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_OUTPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
-  };
-  return gpio_config(&config) == ESP_OK;
 }
 
 }  // namespace
