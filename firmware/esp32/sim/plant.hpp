@@ -98,10 +98,10 @@ class Plant {
   /// Hands take the robot to this speed, whatever its wheels and motors do, and hold it there; once
   /// it stands again, they let go. The wheels of a robot on the floor roll with it, but for one
   /// that is blocked.
-  void push_by_hand(const Push& push) { push_ = push; }
+  Push& push() { return push_; }
   const Push& push() const { return push_; }
-  /// Hands tilt the robot, and hold it so. Its wheels do not notice.
-  void tilt_by_hand(const Tilt& tilt) { held_ = tilt; }
+  /// Hands tilt the robot to this, and hold it so. Its wheels do not notice.
+  Tilt& held() { return held_; }
   const Tilt& held() const { return held_; }
   const Tilt& tilt() const { return tilt_; }  ///< As it is by now.
 

@@ -171,46 +171,23 @@ Variable by_hand(const std::string& side) {
   return variable;
 }
 
-template <double Push::* kSpeed>
-Variable pushed(Variable variable) {
-  variable.get = [](const Simulator& s) { return s.board.plant.push().*kSpeed; };
-  variable.set = [](Simulator& s, double value) {
-    Push push = s.board.plant.push();
-    push.*kSpeed = value;
-    s.board.plant.push_by_hand(push);
-    return true;
-  };
-  return variable;
-}
-
-template <double Tilt::* kAngle>
-Variable held(Variable variable) {
-  variable.get = [](const Simulator& s) { return s.board.plant.held().*kAngle; };
-  variable.set = [](Simulator& s, double value) {
-    Tilt tilt = s.board.plant.held();
-    tilt.*kAngle = value;
-    s.board.plant.tilt_by_hand(tilt);
-    return true;
-  };
-  return variable;
-}
-
 void add_hands(std::vector<Variable>& table) {
-  table.insert(table.end(),
-               {
-                   pushed<&Push::forward_mps>(real(
-                       "push.forward_mps", "m/s", -5, 5,
-                       "Hands push the robot at this speed, with its wheels if it is on the floor, "
-                       "whatever the motors do; 0 in both: they let go once it stands.")),
-                   pushed<&Push::turn_radps>(real("push.turn_radps", "rad/s", -10, 10,
-                                                  "The same, turned counter-clockwise positive.")),
-                   held<&Tilt::roll_rad>(real(
-                       "tilt.roll_rad", "rad", -kTurn / 2, kTurn / 2,
-                       "Hands tilt the robot to this, one radian in a second, the right side down "
-                       "positive. Only the IMU notices.")),
-                   held<&Tilt::pitch_rad>(real("tilt.pitch_rad", "rad", -kTurn / 2, kTurn / 2,
-                                               "The same, the nose down positive.")),
-               });
+  table.insert(
+      table.end(),
+      {
+          with_field<[](auto& s) -> auto& { return s.board.plant.push().forward_mps; }>(
+              real("push.forward_mps", "m/s", -5, 5,
+                   "Hands push the robot at this speed, with its wheels if it is on the floor, "
+                   "whatever the motors do; 0 in both: they let go once it stands.")),
+          with_field<[](auto& s) -> auto& { return s.board.plant.push().turn_radps; }>(real(
+              "push.turn_radps", "rad/s", -10, 10, "The same, turned counter-clockwise positive.")),
+          with_field<[](auto& s) -> auto& { return s.board.plant.held().roll_rad; }>(
+              real("tilt.roll_rad", "rad", -kTurn / 2, kTurn / 2,
+                   "Hands tilt the robot to this, one radian in a second, the right side down "
+                   "positive. Only the IMU notices.")),
+          with_field<[](auto& s) -> auto& { return s.board.plant.held().pitch_rad; }>(real(
+              "tilt.pitch_rad", "rad", -kTurn / 2, kTurn / 2, "The same, the nose down positive.")),
+      });
 }
 
 template <Side kSide>

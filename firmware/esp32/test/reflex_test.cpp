@@ -23,6 +23,13 @@ constexpr Peripheral kIna219 = {.kind = PeripheralKind::kPower,
                                 .pin_b = 17,
                                 .value_a = 1000};
 
+constexpr Peripheral kMpu6050 = {.kind = PeripheralKind::kImu,
+                                 .chip = SensorChip::kMpu6050,
+                                 .pin_a = 16,
+                                 .pin_b = 17,
+                                 .forward = Axis::kY,
+                                 .up = Axis::kZ};
+
 bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
 
 }  // namespace
@@ -378,13 +385,7 @@ TEST(a_host_that_did_not_ask_is_sent_nothing) {
 }
 
 TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
-  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
-                                        .chip = SensorChip::kMpu6050,
-                                        .pin_a = 16,
-                                        .pin_b = 17,
-                                        .forward = Axis::kY,
-                                        .up = Axis::kZ},
-                             bumper(Place::kFront)}));
+  SensorBench bench(list_of({kMpu6050, bumper(Place::kFront)}));
   bench.open();
   CHECK(bench.refusal(SensorStream{.rate_hz = 200}) == RefusalCode::kNone);
   bench.run(5);
@@ -416,12 +417,7 @@ TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
 }
 
 TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
-  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
-                                        .chip = SensorChip::kMpu6050,
-                                        .pin_a = 16,
-                                        .pin_b = 17,
-                                        .forward = Axis::kY,
-                                        .up = Axis::kZ}}));
+  SensorBench bench(list_of({kMpu6050}));
   bench.open();
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.sensors.imu = ImuReading{.state = SensorState::kOk, .t_us = bench.now_us};
@@ -439,13 +435,7 @@ TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
 }
 
 TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
-  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
-                                        .chip = SensorChip::kMpu6050,
-                                        .pin_a = 16,
-                                        .pin_b = 17,
-                                        .forward = Axis::kY,
-                                        .up = Axis::kZ},
-                             bumper(Place::kFront)}));
+  SensorBench bench(list_of({kMpu6050, bumper(Place::kFront)}));
   bench.open();
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(100);
@@ -460,12 +450,7 @@ TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
 }
 
 TEST(states_go_before_sensors_on_a_slow_line) {
-  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
-                                        .chip = SensorChip::kMpu6050,
-                                        .pin_a = 16,
-                                        .pin_b = 17,
-                                        .forward = Axis::kY,
-                                        .up = Axis::kZ}}));
+  SensorBench bench(list_of({kMpu6050}));
   bench.line.rate = 11'520;
   bench.open();
   CHECK(bench.refusal(SetStreamRate{.rate_hz = 150}) == RefusalCode::kNone);
@@ -504,15 +489,11 @@ std::vector<uint16_t> inputs_after(SensorBench& bench, uint16_t pin_mv, int mill
 }  // namespace
 
 TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
-  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
-                                        .chip = SensorChip::kMpu6050,
-                                        .pin_a = 16,
-                                        .pin_b = 17,
-                                        .forward = Axis::kY,
-                                        .up = Axis::kZ,
-                                        .value_a = 3,
-                                        .value_b = 0xffff,
-                                        .value_c = 0x8000}}));
+  Peripheral imu = kMpu6050;
+  imu.value_a = 3;
+  imu.value_b = 0xffff;
+  imu.value_c = 0x8000;
+  SensorBench bench(list_of({imu}));
   bench.open();
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(2);
@@ -546,12 +527,7 @@ TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
 }
 
 TEST(ranges_go_before_an_imu_on_a_slow_line) {
-  SensorBench bench(list_of({kRange, Peripheral{.kind = PeripheralKind::kImu,
-                                                .chip = SensorChip::kMpu6050,
-                                                .pin_a = 16,
-                                                .pin_b = 17,
-                                                .forward = Axis::kY,
-                                                .up = Axis::kZ}}));
+  SensorBench bench(list_of({kRange, kMpu6050}));
   bench.line.rate = 11'520;
   bench.open();
   CHECK(bench.refusal(SetStreamRate{.rate_hz = 100}) == RefusalCode::kNone);

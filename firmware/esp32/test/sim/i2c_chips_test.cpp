@@ -227,7 +227,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
     Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     bench.run(300);
-    bench.board.plant.tilt_by_hand(one.tilt);
+    bench.board.plant.held() = one.tilt;
     bench.run_afresh(2000);
     // Rates that turn the robot's axes from level to the tilt, sample by sample.
     double to_level[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -259,7 +259,7 @@ TEST(an_imu_feels_hands_that_push_and_turn) {
     model.wheels_free = is_raised;
     bench.board.plant.configure(model);
     bench.run(300);
-    bench.board.plant.push_by_hand({.forward_mps = 1.0, .turn_radps = 1.5});
+    bench.board.plant.push() = {.forward_mps = 1.0, .turn_radps = 1.5};
     bench.run_afresh(500);  // It takes half a second to that speed.
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0) * table.accelerometer_mps2,
                   kPushGrowth.forward_mps, 0.1));
@@ -267,7 +267,7 @@ TEST(an_imu_feels_hands_that_push_and_turn) {
     CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5, 0.01));
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 1) * table.accelerometer_mps2, 1.5,
                   0.05));
-    bench.board.plant.tilt_by_hand({.roll_rad = 0.5});
+    bench.board.plant.held() = {.roll_rad = 0.5};
     bench.run(600);
     bench.run_afresh(500);
     CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 1) * table.gyro_radps, 1.5 * std::sin(0.5),

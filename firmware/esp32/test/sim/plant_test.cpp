@@ -101,7 +101,7 @@ TEST(hands_push_a_robot_with_its_wheels_and_let_go_once_it_stands) {
   PlantModel model;
   model.wheels[kLeft].backlash_rad = 0.2;
   Plant plant(model);
-  plant.push_by_hand({.forward_mps = 0.5, .turn_radps = 1.0});
+  plant.push() = {.forward_mps = 0.5, .turn_radps = 1.0};
   run(plant, 1.0, {kForward, kBackward});
   CHECK(std::abs(plant.forward_mps() - 0.5) < 1e-6);
   CHECK(std::abs(plant.yaw_rate_radps() - 1.0) < 1e-6);
@@ -112,7 +112,7 @@ TEST(hands_push_a_robot_with_its_wheels_and_let_go_once_it_stands) {
   CHECK(std::abs(plant.pose().heading_rad - (1.0 - 1.0 * 0.1 / 2)) < 1e-3);
   const double travel = (plant.wheel_rad(kLeft) + plant.wheel_rad(kRight)) / 2 * 0.033;
   CHECK(std::abs(travel - plant.distance_m()) < 1e-6);
-  plant.push_by_hand({});
+  plant.push() = {};
   run(plant, 0.3, {});
   CHECK(plant.stands_still() && plant.forward_mps() == 0.0);
   run(plant, 0.3, {kForward, kForward});
@@ -125,7 +125,7 @@ TEST(a_raised_robot_is_carried_and_a_blocked_wheel_slides) {
     model.wheels_free = is_raised;
     model.wheels[kLeft].blocked = true;
     Plant plant(model);
-    plant.push_by_hand({.turn_radps = -2.0});
+    plant.push() = {.turn_radps = -2.0};
     run(plant, 1.0, {});
     CHECK(std::abs(plant.pose().heading_rad - (-2.0 + 0.2)) < 1e-3);
     CHECK(plant.distance_m() < 1e-9);
@@ -136,7 +136,7 @@ TEST(a_raised_robot_is_carried_and_a_blocked_wheel_slides) {
 
 TEST(a_tilt_takes_its_time_and_stays) {
   Plant plant;
-  plant.tilt_by_hand({.roll_rad = 0.5, .pitch_rad = -0.2});
+  plant.held() = {.roll_rad = 0.5, .pitch_rad = -0.2};
   run(plant, 0.1, {});
   CHECK(std::abs(plant.tilt().roll_rad - 0.1) < 1e-9);
   CHECK(std::abs(plant.tilt().pitch_rad + 0.1) < 1e-9);
