@@ -215,6 +215,11 @@ def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
     return name if place is Place.NONE else f"{name}.{place.name.lower()}"
 
 
+def axis_name(axis: Axis) -> str:
+    """As in a board's file: `x`, `-x`."""
+    return axis.name.lower().replace("minus_", "-")
+
+
 def most_bias_radps(chip: SensorChip) -> float:
     """The largest bias that an entry can hold, in rad/s."""
     return (_HALF - 1) * IMUS[chip].gyro_radps

@@ -24,7 +24,7 @@ from ..errors import (
     SensorMissing,
     SensorStale,
 )
-from ..peripherals import ImuSensor, packed_entry, unpacked_entry
+from ..peripherals import ImuSensor, axis_name, packed_entry, unpacked_entry
 from ..samples import WheelSample
 from ..sensors import ImuSample, Vector, sentence_of_state
 from .driving import RESTING_TICKS, fresh, not_watching
@@ -43,7 +43,6 @@ from .imu_mounting import (
     is_steady,
     lift_deg,
     mean_of,
-    name_of,
     raised_axis,
     turned_by,
     upward_axis,
@@ -174,7 +173,7 @@ def set_up_imu(
     packed = packed_entry(found)
     # A bias is stored in whole counts of the chip.
     found = cast("ImuSensor", unpacked_entry(packed))
-    findings = ImuFindings(name_of(found.forward), name_of(found.up), found.bias)
+    findings = ImuFindings(axis_name(found.forward), axis_name(found.up), found.bias)
     if packed == packed_entry(imu):
         say("IMU: as the robot has it already")
         return replace(findings, saved=True)
@@ -256,7 +255,7 @@ def _question(imu: ImuSensor, *, is_known: bool) -> Question:
 def _show(say: Say, former: ImuSensor, found: ImuSensor) -> None:
     say("To be saved, before -> after:")
     for key in ("forward", "up"):
-        before, after = (name_of(getattr(imu, key)) for imu in (former, found))
+        before, after = (axis_name(getattr(imu, key)) for imu in (former, found))
         say(f"  imu.{key}: {before} -> {after}{' (as before)' if before == after else ''}")
     before, after = (_text_of(imu.bias) for imu in (former, found))
     say(f"  imu.bias: {before} -> {after} rad/s")

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from wheelwire_protocol.sensors import Axis
 
 from ..errors import CommissioningFailed
+from ..peripherals import axis_name
 from ..sensors import Vector
 
 GRAVITY_MPS2 = 9.80665
@@ -194,13 +195,13 @@ def forward_axis(up: Axis, front: Axis, left: Axis) -> Axis:
         return front
     if left % 3 == front % 3:
         raise Unclear(
-            f"the lift of the front raised {name_of(front)}, that of the left side "
-            f"{name_of(left)}, which is the same line: lift the front first, then the left side"
+            f"the lift of the front raised {axis_name(front)}, that of the left side "
+            f"{axis_name(left)}, which is the same line: lift the front first, then the left side"
         )
     raise Unclear(
-        f"the lift of the front raised {name_of(front)}, and that of the left side "
-        f"{name_of(left)} in place of {name_of(expected)}: one of them was the rear or the right "
-        "side"
+        f"the lift of the front raised {axis_name(front)}, and that of the left side "
+        f"{axis_name(left)} in place of {axis_name(expected)}: one of them was the rear or the "
+        "right side"
     )
 
 
@@ -258,11 +259,6 @@ def unit(axis: Axis) -> Vector:
     """A vector of length 1 along an axis."""
     sign = 1.0 if axis < Axis.MINUS_X else -1.0
     return _vector(sign if axis % 3 == index else 0.0 for index in range(3))
-
-
-def name_of(axis: Axis) -> str:
-    """As in a board's file: `x`, `-x`."""
-    return axis.name.lower().replace("minus_", "-")
 
 
 def in_chip(vector: Vector, forward: Axis, up: Axis) -> Vector:

@@ -29,6 +29,7 @@ from ..peripherals import (
     PowerSensor,
     Pull,
     RangeSensor,
+    axis_name,
     channel_name,
     most_bias_radps,
 )
@@ -40,7 +41,7 @@ _CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in SensorChip}
 _IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in IMUS}
 _POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in POWERS}
 _RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in RANGES}
-_AXES = {axis.name.lower().replace("minus_", "-"): axis for axis in Axis}
+_AXES = {axis_name(axis): axis for axis in Axis}
 _PULLS = {pull.value: pull for pull in Pull}
 _LEVELS = {"low": True, "high": False}
 # Unless the file says otherwise. A bumper is a normally closed switch to ground.
@@ -107,7 +108,7 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
             bus = _bus_of(entry) | {"shunt_mohm": entry.shunt_mohm, "address": entry.address}
             sections["power"] = _without_none(bus)
         else:
-            axes = {name: _name_of(getattr(entry, name)) for name in ("forward", "up")}
+            axes = {name: axis_name(getattr(entry, name)) for name in ("forward", "up")}
             bias = list(entry.bias) if any(entry.bias) else None
             other = {"interrupt": entry.interrupt, **axes, "address": entry.address, "bias": bias}
             sections["imu"] = _without_none(_bus_of(entry) | other)
@@ -253,10 +254,6 @@ def _bus(section: Section) -> int | None:
 def _bus_of(entry: ImuSensor | PowerSensor) -> dict[str, Any]:
     bus = {"chip": _CHIP_NAMES[entry.chip], "sda": entry.sda, "scl": entry.scl}
     return bus if entry.bus is None else {**bus, "bus": entry.bus}
-
-
-def _name_of(axis: Axis) -> str:
-    return next(name for name, value in _AXES.items() if value is axis)
 
 
 def _without_none(content: dict[str, Any]) -> dict[str, Any]:

@@ -22,13 +22,13 @@ from wheelwire.commissioning.imu_mounting import (
     leftward_axis,
     lift_deg,
     mean_of,
-    name_of,
     raised_axis,
     turned_by,
     unit,
     upward_axis,
 )
 from wheelwire.link.sensor_stream import _turn
+from wheelwire.peripherals import axis_name
 from wheelwire.sensors import Vector
 from wheelwire_protocol.sensors import Axis
 
@@ -68,7 +68,7 @@ def test_the_chips_axes_are_those_that_a_sample_was_turned_from(forward: Axis, u
 
 
 def test_an_axis_has_its_name_in_a_boards_file() -> None:
-    assert [name_of(axis) for axis in Axis] == ["x", "y", "z", "-x", "-y", "-z"]
+    assert [axis_name(axis) for axis in Axis] == ["x", "y", "z", "-x", "-y", "-z"]
 
 
 def test_a_robot_that_stands_tilted_is_refused() -> None:
