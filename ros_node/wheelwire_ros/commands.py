@@ -13,8 +13,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 import wheelwire
 
-from .connection import CommandIgnored, Ignored, RobotConnection
 from .publishers import DEPTH, time_ns
+from .robot_connection import CommandIgnored, Ignored, RobotConnection
 from .threads import NodeThreads, steady_clock
 from .time_base import TimeBase
 

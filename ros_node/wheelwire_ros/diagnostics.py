@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
 
-from .connection import RobotConnection
+from .robot_connection import RobotConnection
 from .robot_state import RobotState
 from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK

@@ -20,7 +20,7 @@ from .library_log import forward_library_log
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import Setting, is_set
-from .pose import PoseMemory
+from .pose_memory import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, create_services
 from .threads import NodeThreads, steady_clock

@@ -18,12 +18,12 @@ from wheelwire import (
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers.transport_driver import DeviceDriver
 
-from . import diagnostics, parameters, pose, robot_state, sensors
+from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
-from .connection import RobotConnection
-from .estimator import MotionEstimator, PoseRecord
+from .motion_estimator import MotionEstimator, PoseRecord
 from .publishers import MotionPublisher
 from .reader import Pacer, SampleReader
+from .robot_connection import RobotConnection
 from .robot_state import ResetWatch, RobotState
 from .sensors import SensorPublisher
 from .time_base import Offset, TimeBase
@@ -70,7 +70,7 @@ class OpenRobot:
             recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )
         self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
-        self._recorded_poses = pose.RecordedPoses(lambda: noted(robot, POSE))
+        self._recorded_poses = pose_memory.RecordedPoses(lambda: noted(robot, POSE))
         # An error below closes in reverse order what is open so far; `pop_all` leaves it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
@@ -191,7 +191,7 @@ class OpenRobot:
         self._remember_pose(first, resources)
         has_divider = first.battery_v is not None
         topics = parameters.topics(get, has_battery=has_divider and not self._sensors.has_battery)
-        pose.subscribe_set_pose(node, threads, resources, self.set_pose, topics.frames.odom)
+        pose_memory.subscribe_set_pose(node, threads, resources, self.set_pose, topics.frames.odom)
         self._publisher = MotionPublisher(node, threads, resources, topics)
         self._commands = CommandSubscriber(
             node,
@@ -223,10 +223,10 @@ class OpenRobot:
         node = self._node
         self._resets.note(first, self.connection.robot)
         setting = node.setting("pose_file")
-        if setting == pose.AUTO and node.driver_type in ("mock", "replay"):
+        if setting == pose_memory.AUTO and node.driver_type in ("mock", "replay"):
             setting = ""  # each mock is another robot, at a place of its own; a replay is none
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
-        path = pose.path_of(setting, name, board_id)
+        path = pose_memory.path_of(setting, name, board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
         self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
         resources.callback(self._node.poses.close)

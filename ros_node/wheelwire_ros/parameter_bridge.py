@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from wheelwire import BaseDriver, ConfigurationError, WheelwireError
 
 from . import parameters
-from .connection import RobotConnection
 from .parameter_values import Disagreement, disagreements, same, start_values
+from .robot_connection import RobotConnection
 from .threads import NodeThreads
 
 

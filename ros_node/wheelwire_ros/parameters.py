@@ -19,9 +19,9 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
 from . import parameter_values as checks
 from .commands import AUTO, STAMPED, TYPES
-from .connection import Tuning
 from .parameter_values import Get
 from .publishers import Frames, MotionTopics
+from .robot_connection import Tuning
 from .sensors import SensorTopics
 from .speed_limiter import AxisLimits, Limits
 

@@ -17,7 +17,7 @@ from sensor_msgs.msg import BatteryState, JointState
 
 from wheelwire.recording import messages
 
-from .estimator import RobotMotion
+from .motion_estimator import RobotMotion
 from .threads import NodeThreads
 
 try:

@@ -26,7 +26,7 @@ CLOCK_ERROR_US = 10_000
 EXPLOSIVE = """
 import time
 from std_msgs.msg import Empty
-from wheelwire_ros import estimator, hardware_robot
+from wheelwire_ros import hardware_robot, motion_estimator
 
 def explode(*_):
     raise RuntimeError("a defect")
@@ -38,7 +38,7 @@ class Explosive(hardware_robot.HardwareRobot):
         self.create_subscription(Empty, "explode_reading", self.explode_reading, 1)
 
     def explode_reading(self, _):
-        estimator.MotionEstimator.update = explode
+        motion_estimator.MotionEstimator.update = explode
         time.sleep(3)  # past the instant by which the thread of the samples has to stop the wheels
 
 hardware_robot.HardwareRobot = Explosive

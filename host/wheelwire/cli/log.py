@@ -121,13 +121,13 @@ def record(
                 )
             name, _ = driver_at(address.text, baud_rate=baud_rate, bare=True)
             recorder = driver.record(file, name)
-            begin = time.monotonic()
+            begin, lost_before = time.monotonic(), driver.statistics.frames_lost
             try:
                 print_note(f"recording to {recorder.file}; Ctrl-C ends it", as_json=as_json)
                 _wait(driver, recorder, begin + (seconds or math.inf), as_json=as_json)
             finally:
                 end = time.monotonic()
-                lost = driver.statistics.frames_lost
+                lost = driver.statistics.frames_lost - lost_before
     except Interrupted:
         if recorder is None:
             raise

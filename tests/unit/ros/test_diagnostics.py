@@ -16,8 +16,8 @@ from wheelwire import BaseDriver, LinkLost, LinkStatistics, WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import ControlCounters
 from wheelwire_ros import diagnostics
-from wheelwire_ros.connection import Ignored, RobotConnection, Tuning
 from wheelwire_ros.diagnostics import FORGOTTEN_S, TwinWatch
+from wheelwire_ros.robot_connection import Ignored, RobotConnection, Tuning
 from wheelwire_ros.robot_state import ResetWatch, of_robot
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire import Pose, Twist
 from wheelwire_ros import publishers
-from wheelwire_ros.estimator import RobotMotion, WheelMotion
+from wheelwire_ros.motion_estimator import RobotMotion, WheelMotion
 from wheelwire_ros.publishers import Frames, MotionMessages, MotionTopics
 
 POSE_DIAGONAL = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]

@@ -22,7 +22,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from wheelwire import DifferentialDrive, Pose, WheelSample
 
-from .estimator import MotionEstimator, PoseRecord
+from .motion_estimator import MotionEstimator, PoseRecord
 from .publishers import PLANAR
 from .threads import NodeThreads
 

@@ -22,8 +22,8 @@ from wheelwire import (
     Twist,
 )
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_ros import connection as connection_module
-from wheelwire_ros.connection import CommandIgnored, Ignored, RobotConnection, Tuning
+from wheelwire_ros import robot_connection as connection_module
+from wheelwire_ros.robot_connection import CommandIgnored, Ignored, RobotConnection, Tuning
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, AxisLimits, Limits
 
 GIVEN = {"proportional_gain": 2.0, "wheel_radius": 0.04}

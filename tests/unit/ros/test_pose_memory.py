@@ -14,9 +14,9 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 
 from support.host_samples import sample
 from wheelwire import DifferentialDrive
-from wheelwire_ros import pose
-from wheelwire_ros.estimator import MotionEstimator, PoseRecord
-from wheelwire_ros.pose import MOVED_M, MOVED_RAD, PoseFileError, PoseMemory, how_far_off
+from wheelwire_ros import pose_memory
+from wheelwire_ros.motion_estimator import MotionEstimator, PoseRecord
+from wheelwire_ros.pose_memory import MOVED_M, MOVED_RAD, PoseFileError, PoseMemory, how_far_off
 
 DRIVE = DifferentialDrive(0.2, 0.05, 1000, max_velocity_mps=0.4)
 RECORD = PoseRecord(
@@ -35,9 +35,9 @@ RECORD = PoseRecord(
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "pose.json"
-    assert pose.read(path) is None
-    pose.write(path, RECORD)
-    assert pose.read(path) == RECORD
+    assert pose_memory.read(path) is None
+    pose_memory.write(path, RECORD)
+    assert pose_memory.read(path) == RECORD
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -58,9 +58,9 @@ def test_what_cannot_be_is_refused_with_the_files_name(
     tmp_path: Path, change: dict[str, object]
 ) -> None:
     path = tmp_path / "pose.json"
-    pose.write(path, replace(RECORD, **change))  # type: ignore[arg-type]
+    pose_memory.write(path, replace(RECORD, **change))  # type: ignore[arg-type]
     with pytest.raises(PoseFileError, match=r"pose\.json: it is no pose file"):
-        pose.read(path)
+        pose_memory.read(path)
 
 
 def test_each_name_and_board_has_a_file_of_its_own(
@@ -68,10 +68,10 @@ def test_each_name_and_board_has_a_file_of_its_own(
 ) -> None:
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     folder = tmp_path / "wheelwire"
-    assert pose.path_of("auto", "/a/robot", "01") == folder / "a.robot-01.pose.json"
-    assert pose.path_of("auto", "/robot", "") == folder / "robot.pose.json"
-    assert pose.path_of("", "/robot", "01") is None
-    assert pose.path_of("/x/y", "/robot", "01") == Path("/x/y")
+    assert pose_memory.path_of("auto", "/a/robot", "01") == folder / "a.robot-01.pose.json"
+    assert pose_memory.path_of("auto", "/robot", "") == folder / "robot.pose.json"
+    assert pose_memory.path_of("", "/robot", "01") is None
+    assert pose_memory.path_of("/x/y", "/robot", "01") == Path("/x/y")
 
 
 def test_the_ticks_since_are_one_arc_also_across_a_wrap() -> None:
@@ -124,7 +124,7 @@ def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -
     board[0] = "02"
     motions.update(sample(boot_id=2, left_ticks=500))
     memory.close()
-    found = pose.read(path)
+    found = pose_memory.read(path)
     assert found is None or found.boot_id == 1
 
 
@@ -153,5 +153,5 @@ def test_a_heading_is_the_turn_of_its_quaternion(degrees: float) -> None:
         position=Point(x=1.0, y=-2.0),
         orientation=Quaternion(z=math.sin(half), w=math.cos(half)),
     )
-    place = pose.planar_pose(message)
+    place = pose_memory.planar_pose(message)
     assert place == pytest.approx((1.0, -2.0, math.radians(degrees)))

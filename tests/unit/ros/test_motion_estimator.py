@@ -8,7 +8,7 @@ import pytest
 
 from support.host_samples import sample
 from wheelwire import DifferentialDrive, Pose, WheelSample
-from wheelwire_ros.estimator import MotionEstimator
+from wheelwire_ros.motion_estimator import MotionEstimator
 
 DRIVE = DifferentialDrive(wheel_separation=0.2, wheel_radius=0.05, counts_per_revolution=1000)
 
