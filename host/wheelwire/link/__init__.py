@@ -1,6 +1,6 @@
 """The link to a robot: one session over one port, served by one thread.
 
-session.py      hello, preparation, dispatch; without input and output, as are the next three
+session.py      hello, preparation, dispatch; no I/O in this, requests, setpoints and clock
 requests.py     what is answered: repeats and time-outs; setpoints.py: what expires instead
 clock.py        device time to host time, and its error
 state_stream.py state frames to samples; latest_sample.py: where the newest one waits for `read`

@@ -201,7 +201,7 @@ class SetpointSender:
             raise DeviceRefused(refusal, "the setpoint", faults)
 
     def advance(self, now_us: int) -> None:
-        """Send an unseen setpoint once more, with its own number and expiry, while it is valid."""
+        """Send an unseen setpoint once more, with the same number and expiry, while it is valid."""
         # Read once: another thread may replace it meanwhile.
         unseen = self._unseen
         if unseen is None or now_us < unseen[2]:
