@@ -5,15 +5,18 @@ On no line: what a line does to a link is tested where a link is opened.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import select
 import signal
+import socket
 import subprocess
 import sys
 import termios
 import time
 import tty
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -21,6 +24,7 @@ from pathlib import Path
 
 import pytest
 
+from support.waiting import wait_until
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.simulation import simulator as sim
 from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
@@ -34,6 +38,8 @@ from wheelwire_protocol.types import DeviceHello, Hello, WheelState
 TIMEOUT_S = 10.0
 SILENCE_S = 0.5
 HELLO = Hello(1, PROTOCOL_VERSION, schema_hash())
+STATE_SIZE = 45
+"""Bytes of a state's frame, at least."""
 
 
 @contextmanager
@@ -116,6 +122,21 @@ def test_a_port_that_nobody_reads_keeps_nothing_old(simulator: Simulator) -> Non
     # What is written to a terminal can be read a moment later. On a busy computer that looks
     # as if somebody had read it, and what comes is then kept for another second.
     assert any(first_state_is_new(simulator) for _ in range(5))
+
+
+def unread(end: socket.socket) -> int:
+    """Bytes that can be read."""
+    count = array("i", [0])
+    fcntl.ioctl(end.fileno(), termios.FIONREAD, count)
+    return count[0]
+
+
+def test_a_busy_host_finds_the_states_of_some_time_in_its_socket() -> None:
+    """As in the buffer of a serial port, although the kernel counts a socket's by what it adds."""
+    ours, theirs = socket.socketpair()
+    with ours, Simulator(socket=theirs):
+        assert say_hello(ours.fileno()) is not None
+        wait_until(lambda: unread(ours) > 70 * STATE_SIZE, what="the states of 0.7 s")
 
 
 def test_a_ports_name_is_never_that_of_a_later_terminal() -> None:

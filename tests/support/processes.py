@@ -14,11 +14,13 @@ def interruptible() -> None:
 
 
 def children(pid: int) -> list[int]:
-    """The child processes that were not waited for, of all threads."""
+    """The child processes of all its threads that were not waited for; none once it has ended."""
     found = []
-    for thread in Path(f"/proc/{pid}/task").iterdir():
-        with suppress(FileNotFoundError, ProcessLookupError):  # this thread has ended meanwhile
-            found += [int(child) for child in (thread / "children").read_text().split()]
+    # A thread, or all of them, may end meanwhile.
+    with suppress(FileNotFoundError, ProcessLookupError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            with suppress(FileNotFoundError, ProcessLookupError):
+                found += [int(child) for child in (thread / "children").read_text().split()]
     return found
 
 

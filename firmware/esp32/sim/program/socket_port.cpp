@@ -8,10 +8,17 @@
 
 namespace wheelwire::sim {
 
+namespace {
+
+/// About as much as a serial port's 4 KiB, in states: the kernel doubles this, and counts some 770
+/// bytes for a write of 49. With less, a host that is busy for a moment loses states; with more, a
+/// host that was stopped reads states that are seconds old.
+constexpr int kSendBuffer = 32 * 1024;
+
+}  // namespace
+
 SocketPort::SocketPort(int fd) : socket_(fd), name_("socket " + std::to_string(fd)) {
-  // States that the host does not read must not go stale in a queue.
-  const int least = 0;
-  if (::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &least, sizeof least) != 0) {
+  if (::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer) != 0) {
     throw std::runtime_error("cannot use " + name_ + ": " + std::strerror(errno));
   }
 }
