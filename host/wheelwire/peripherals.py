@@ -7,6 +7,7 @@ of packed entries, and checked by the firmware's own rules. The index of an entr
 from __future__ import annotations
 
 import enum
+import math
 import struct
 import zlib
 from collections.abc import Sequence
@@ -247,13 +248,16 @@ def packed_entry(entry: Peripheral) -> bytes:
     pins: tuple[int | None, ...] = ()
     if isinstance(entry, (ImuSensor, PowerSensor)):
         values |= {"chip": entry.chip, "address": entry.address or 0}
+        if entry.bus is None and entry.sda is not None and entry.scl is None:
+            # Packed it would be a bus by its number.
+            raise ConfigurationError(f"{key_of(entry)}.scl is missing: name it, or the bus")
         pins = (entry.sda, entry.scl) if entry.bus is None else (entry.bus, None)
     if isinstance(entry, ImuSensor):
         values |= {"forward": entry.forward, "up": entry.up}
         values |= zip(_VALUES, _counts_of(entry), strict=True)
         pins = *pins, entry.interrupt
     elif isinstance(entry, PowerSensor):
-        values["value_a"] = round(entry.shunt_mohm * 10)
+        values["value_a"] = _whole(entry.shunt_mohm * 10)
     elif isinstance(entry, BatteryLevels):
         levels = entry.warn_v, entry.limit_v, entry.stop_v
         values |= zip(_VALUES, map(_thousandths, levels), strict=True)
@@ -368,7 +372,7 @@ def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str
     if len(entries) > MOST_PERIPHERALS:
         return [_too_many(entries)]
     of_board = int.from_bytes(board[-_CRC_SIZE:], "little")
-    return [
+    texts = [
         issue.fault.doc.format(
             entry=key_of(entries[issue.channel]) if issue.channel >= 0 else "",
             pin=issue.pin,
@@ -377,6 +381,8 @@ def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str
         )
         for issue in check_peripherals(packed_list(entries, of_board), board)
     ]
+    # What is wrong with two pins alike is one problem.
+    return list(dict.fromkeys(texts))
 
 
 def _too_many(entries: Sequence[Peripheral]) -> str:
@@ -388,17 +394,27 @@ def _chunks(data: bytes) -> list[bytes]:
 
 
 def _thousandths(value: float) -> int:
-    return round(value * 1000)
+    return _whole(value * 1000)
+
+
+def _whole(value: float) -> int:
+    """Of what is not finite a number that fits into no field."""
+    return round(value) if math.isfinite(value) else -1
 
 
 def _counts_of(imu: ImuSensor) -> list[int]:
     if not any(imu.bias):
         return [0, 0, 0]
-    counts = [round(radps / IMUS[imu.chip].gyro_radps) for radps in imu.bias]
-    if not all(-_HALF <= count < _HALF for count in counts):
+    if imu.chip not in IMUS:
+        raise ConfigurationError(f"imu.chip = {imu.chip.name}: it has no gyroscope")
+    per_count = IMUS[imu.chip].gyro_radps
+    # The comparison is false for NaN, too.
+    if len(imu.bias) != len(_VALUES) or not all(
+        -_HALF - 0.5 <= radps / per_count < _HALF - 0.5 for radps in imu.bias
+    ):
         most = most_bias_radps(imu.chip)
         raise ConfigurationError(f"imu.bias = {imu.bias}: choose {-most:.2f} to {most:.2f} rad/s")
-    return [count % _COUNTS for count in counts]
+    return [round(radps / per_count) % _COUNTS for radps in imu.bias]
 
 
 def _bias_of(chip: SensorChip, numbers: Sequence[int]) -> tuple[float, float, float]:

@@ -167,9 +167,10 @@ class PeripheralFault(DocumentedEnum):
     )
     TWICE = (
         8,
-        "{entry}: there is already one of this kind at this place, or with this number; remove one",
+        "{entry}: there is already one of this kind at this place, with this number, or with this "
+        "address on its bus; remove one, or give it another address",
     )
-    PIN_MISSING = 9, "{entry}: a pin is missing"
+    PIN_MISSING = 9, "{entry}: a pin is missing: name each that it has"
     PIN_ABSENT = 10, "{entry}: {pin}: the chip has no GPIO {pin} on its pins"
     PIN_TAKEN = 11, "{entry}: {pin}: GPIO {pin} is in use already; choose a free one"
     PIN_OF_MEMORY = 12, "{entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another"
@@ -182,8 +183,8 @@ class PeripheralFault(DocumentedEnum):
     PIN_INPUT_ONLY = 15, "{entry}: {pin}: GPIO {pin} is an input only; this one is driven"
     NO_PULL = (
         16,
-        "{entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and write "
-        "`pull: external`, or choose another",
+        "{entry}: {pin}: GPIO {pin} cannot hold it as this input needs; fit 10 kOhm to 3.3 V and "
+        "write `pull: external`, or choose another",
     )
     ORIENTATION = 17, "{entry}: forward and up: choose two different axes"
     LEVELS = (
@@ -192,7 +193,7 @@ class PeripheralFault(DocumentedEnum):
         "three out to measure only",
     )
     NO_BATTERY = 19, "{entry}: the board has no battery divider, and the list no power sensor"
-    SHUNT = 20, "{entry}: shunt_mohm = {value}: choose 1 to {limit}"
+    SHUNT = 20, "{entry}: shunt_mohm rounds to 0: choose 0.1 to {limit}"
     CODE = 21, "{entry}: the firmware does not know one of its codes: update it"
     NORMALLY_OPEN = (
         22,

@@ -21,6 +21,7 @@ TITLES = {
     "carried out": ("message", "state"),
     "reset": ("reset", "state"),
     "board": ("active, wired", "confirmed"),
+    "battery": ("its voltage", "level or case"),
 }
 
 WIDE = 9

@@ -30,6 +30,7 @@ from wheelwire_protocol.sensors import (
     SensorState,
 )
 from wheelwire_protocol.types import (
+    ClearFault,
     Imu,
     Inputs,
     PeripheralsWrite,
@@ -269,6 +270,33 @@ def test_an_empty_battery_stops_the_robot() -> None:
     with pytest.raises(AssertionError):
         drives(robot, 300)
     assert Fault.EXTERNAL in robot.outputs.faults
+
+
+def test_an_empty_battery_stops_the_next_process_too() -> None:
+    records = [b""]
+
+    def keep(record: bytes) -> bool:
+        records.append(record)
+        return True
+
+    before = PiRobot(IMU, POWER, LEVELS)
+    before.core.keep_latches(b"", keep)
+    before.open()
+    before.run_ms(300)
+    before.chips.power.millivolts = 9_500
+    with pytest.raises(AssertionError):
+        drives(before, 3000)
+    after = PiRobot(IMU, POWER, LEVELS)
+    after.core.keep_latches(records[-1], keep)
+    after.chips.power.millivolts = 10_600  # above the warning's level, but not by a 32nd
+    after.open()
+    after.run_ms(15_000)
+    with pytest.raises(DeviceRefused, match="still present"):
+        after.request(ClearFault(0, 0))
+    after.chips.power.millivolts = 11_000
+    after.run_ms(11_000)
+    after.request(ClearFault(0, 0))
+    assert after.outputs.faults == 0
 
 
 def test_a_guarded_battery_that_nobody_measures_stops_the_robot() -> None:

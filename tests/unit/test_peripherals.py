@@ -295,15 +295,42 @@ def test_what_does_not_fit_is_not_packed() -> None:
         packed_entry(AnalogInput(1, 32, 66.0))
     with pytest.raises(ConfigurationError, match=r"ranges.front cannot be packed"):
         packed_entry(RangeSensor(SensorChip.HC_SR04, Place.FRONT, 200, 35))
+    with pytest.raises(ConfigurationError, match=r"imu.scl is missing: name it, or the bus"):
+        packed_entry(ImuSensor(SensorChip.MPU6050, 2, None))
     with pytest.raises(ConfigurationError, match="11 entries: a board takes 10"):
         packed_list([BatteryLevels(3, 2, 1)] * 11, 0)
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (ImuSensor(SensorChip.INA219, 16, 17, bias=(1, 1, 1)), "imu.chip = INA219"),
+        (ImuSensor(SensorChip.MPU6050, 16, 17, bias=(0, NAN, 0)), "imu.bias"),
+        (ImuSensor(SensorChip.MPU6050, 16, 17, bias=(0, INF, 0)), "imu.bias"),
+        (ImuSensor(SensorChip.MPU6050, 16, 17, bias=(1, 1)), "imu.bias"),  # type: ignore[arg-type]
+        (PowerSensor(SensorChip.INA219, 16, 17, NAN), "power cannot be packed"),
+        (BatteryLevels(INF, 2, 1), "power cannot be packed"),
+        (AnalogInput(1, 32, NAN), "inputs.analog_1 cannot be packed"),
+    ],
+)
+def test_numbers_that_are_none_are_not_packed(entry: Peripheral, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        packed_entry(entry)
 
 
 # Each with the part of the file that is wrong, and the sentence.
 WRONG: list[tuple[str, str]] = [
     ("imu: {chip: mpu6050, sda: 25, scl: 17, forward: x, up: z}", "imu: 25: GPIO 25 is in use"),
     ("imu: {chip: mpu6050, sda: 16, scl: 16, forward: x, up: z}", "imu: 16: GPIO 16 is in use"),
-    ("imu: {chip: mpu6050, scl: 17, forward: x, up: z}", "imu: a pin is missing"),
+    (
+        "imu: {chip: mpu6050, sda: 16, scl: 17, interrupt: 17, forward: x, up: z}",
+        "imu: 17: GPIO 17 is in use",
+    ),
+    ("imu: {chip: mpu6050, forward: x, up: z}", "imu: a pin is missing"),
+    ("ranges: {front: {chip: hc-sr04}}", "ranges.front: a pin is missing"),
     ("imu: {chip: mpu6050, bus: 1, forward: x, up: z}", "imu: an ESP32's bus has two pins, sda"),
     ("imu: {chip: mpu6050, sda: 24, scl: 17, forward: x, up: z}", "imu: 24: the chip has no GPIO"),
     ("imu: {chip: mpu6050, sda: 34, scl: 17, forward: x, up: z}", "imu: 34: GPIO 34 is an input"),
@@ -312,29 +339,20 @@ WRONG: list[tuple[str, str]] = [
     ("imu: {chip: mpu6050, sda: 2, scl: 17, forward: x, up: z}", "imu: 2: the level of GPIO 2"),
     ("imu: {chip: mpu6050, sda: 16, scl: 17, forward: x, up: -x}", "choose two different axes"),
     (
-        "imu: {chip: mpu6050, sda: 16, scl: 17, forward: x, up: z, address: 0x78}",
-        "imu: the firmware does not know one of its codes",
-    ),
-    (
         IMU + "power: {chip: ina226, sda: 16, scl: 17, shunt_mohm: 2, address: 0x68}",
-        "power: there is already one of this kind at this place",
+        "with this address on its bus; remove one, or give it another address",
     ),
     (POWER.replace("cells: 3", "cells: 3, warn_v: 10"), "power: the levels must fall"),
     ("power: {cells: 3}", "power: the board has no battery divider, and the list no power sensor"),
-    ("power: {chip: ina219, sda: 16, scl: 17, shunt_mohm: 0.04}", "power: shunt_mohm = 0: choose"),
-    ("inputs: {bumper: {pin: 34, pull: external}}", "inputs.bumper: place: a bumper is at the"),
     (
         "inputs: {bumper_rear: {pin: 34, pull: external, triggered: low}}",
         "inputs.bumper_rear: use a normally closed switch",
     ),
-    ("inputs: {cliff_front: {pin: 34}}", "inputs.cliff_front: 34: GPIO 34 has no pull-up"),
-    ("inputs: {bumper_left: {pin: 34, pull: external}}", "inputs.bumper_left: place: a bumper"),
+    ("inputs: {cliff_front: {pin: 34}}", "inputs.cliff_front: 34: GPIO 34 cannot hold it"),
+    ("inputs: {bumper_rear: {pin: 34, pull: down}}", "34: GPIO 34 cannot hold it as this input"),
+    ("inputs: {bumper_rear: {pin: 16, pull: down}}", "16: GPIO 16 cannot hold it as this input"),
     ("inputs: {analog_1: {pin: 16}}", "inputs.analog_1: 16: GPIO 16 cannot measure a voltage"),
     ("inputs: {analog_1: {divider: 2}}", "inputs.analog_1: a pin is missing"),
-    (
-        "inputs: {analog_1: {pin: 34, divider: 0.5}}",
-        "inputs.analog_1: divider = 500 thousandths: choose 1000 to 20000",
-    ),
     (
         "inputs: {analog_1: {pin: 34}, cliff: {pin: 34, pull: external}}",
         "inputs.cliff: 34: GPIO 34 is in use",
@@ -363,6 +381,39 @@ WRONG: list[tuple[str, str]] = [
 def test_a_wrong_list_is_refused_by_its_own_sentence(sections: str, words: str) -> None:
     (problem,) = board_of(BOARD + sections).problems()
     assert words in problem
+
+
+def test_a_key_that_is_suggested_can_be_used() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        board_of(BOARD + "inputs: {bumpers: {pin: 34, pull: external}}")
+    suggested = re.findall(r"bumper\w*", str(caught.value).partition(";")[2])
+    assert suggested
+    for name in suggested:
+        board = board_of(BOARD + f"inputs: {{{name}: {{pin: 34, pull: external}}}}")
+        assert board.problems() == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (DigitalInput(PeripheralKind.BUMPER, Place.LEFT, 34), "place: a bumper is at the front or"),
+        (DigitalInput(PeripheralKind.BUMPER, Place.NONE, 34), "place: a bumper is at the front or"),
+        (AnalogInput(1, 34, 0.5), "divider = 500 thousandths: choose 1000 to 20000"),
+        (PowerSensor(SensorChip.INA219, 16, 17, 0.04), "shunt_mohm rounds to 0: choose 0.1 to"),
+        (
+            PowerSensor(SensorChip.INA219, 16, 17, 1.0, address=0x78),
+            "power: the firmware does not know one of its codes",
+        ),
+    ],
+)
+def test_what_no_file_can_have_is_refused_by_the_rules(entry: Peripheral, words: str) -> None:
+    problems = replace(board_of(BOARD), peripherals=(entry,)).problems()
+    assert any(words in problem for problem in problems)
+
+
+def test_chips_at_one_address_of_two_buses() -> None:
+    power = "power: {chip: ina226, sda: 21, scl: 22, shunt_mohm: 2, address: 0x68}"
+    assert board_of(BOARD + IMU + power).problems() == []
 
 
 PI_SECTIONS = """
@@ -431,6 +482,11 @@ def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
         # Checked without a board's chip, and before packing: see above.
         PeripheralFault.NOT_ON_THIS_CHIP,
         PeripheralFault.TOO_MANY,
+        # Refused by its key: see below.
+        PeripheralFault.PLACE,
+        PeripheralFault.SHUNT,
+        PeripheralFault.CODE,
+        PeripheralFault.DIVIDER,
     }
     broken = set()
     for sections, _ in WRONG:
@@ -451,7 +507,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ("imu: {chip: mpu6050, forward: w, up: z}", "imu.forward = 'w': choose one of x, y, z, -x"),
     (
         "imu: {chip: mpu6050, forward: x, up: z, address: 200}",
-        "imu.address = 200: it must be a whole number, 0 to 127",
+        "imu.address = 200: it must be a whole number, 0 to 119",
     ),
     (
         "imu: {chip: mpu6050, forward: x, up: z, address: 0}",
@@ -473,7 +529,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ("power: {chip: ina219, sda: 16, scl: 17}", "power.shunt_mohm is missing: add it"),
     (
         "power: {chip: ina219, shunt_mohm: 7000}",
-        "power.shunt_mohm = 7000: it must be 6553.5 at most",
+        "power.shunt_mohm = 7000: it must be a number, 0.1 to 6553.5",
     ),
     ("power: {cells: 0}", "power.cells = 0: it must be a whole number, 1 to 15"),
     ("power: {warn_v: 10.5}", "power.limit_v is missing: add it"),
@@ -486,7 +542,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
         "imu: {chip: mpu6050, forward: x, up: z, bias: [0, 0, -9]}",
         "imu.bias = [0, 0, -9]: it must be three numbers [x, y, z], each -8.73 to 8.73 rad/s",
     ),
-    ("inputs: {bumper_lft: {pin: 34}}", "did you mean inputs.bumper_left?"),
+    ("inputs: {bumper_frnt: {pin: 34}}", "did you mean inputs.bumper_front?"),
     (
         "inputs: {analog_5: {pin: 34}}",
         "inputs.analog_5 = {'pin': 34}: unknown key; did you mean inputs.analog_",
@@ -497,12 +553,37 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ),
     (
         "inputs: {analog_1: {pin: 34, divider: 0}}",
-        "inputs.analog_1.divider = 0: it must be a number above 0",
+        "inputs.analog_1.divider = 0: it must be a number, 1 to 20",
     ),
     (
         "inputs: {analog_1: {pin: 34, divider: 66}}",
-        "inputs.analog_1.divider = 66: it must be 65.535 at most",
+        "inputs.analog_1.divider = 66: it must be a number, 1 to 20",
     ),
+    (
+        "imu: {chip: mpu6050, scl: 17, forward: x, up: z}",
+        "imu.scl = 17: name sda, too; or in place of both, on a computer, its bus's number",
+    ),
+    ("imu: {chip: mpu6050, sda: 2, forward: y, up: z}", "imu.sda = 2: name scl, too"),
+    ("power: {chip: ina219, sda: 2, shunt_mohm: 100}", "power.sda = 2: name scl, too"),
+    (
+        "imu: {chip: mpu6050, sda: 16, scl: 17, forward: x, up: z, address: 0x78}",
+        "imu.address = 120: it must be a whole number, 0 to 119",
+    ),
+    (
+        "power: {chip: ina219, sda: 16, scl: 17, shunt_mohm: 0.06}",
+        "power.shunt_mohm = 0.06: it must be a number, 0.1 to 6553.5",
+    ),
+    (
+        POWER.replace("cells: 3", "cells: 16"),
+        "power.cells = 16: it must be a whole number, 1 to 15",
+    ),
+    ("inputs: {analog_1: {pin: 34, divider: 0.5}}", "divider = 0.5: it must be a number, 1 to 20"),
+    ("inputs: {analog_1: {pin: 34, divider: 21}}", "divider = 21: it must be a number, 1 to 20"),
+    (
+        "inputs: {bumper_left: {pin: 34, pull: external}}",
+        "unknown key; did you mean inputs.bumper_",
+    ),
+    ("inputs: {bumper: {pin: 34, pull: external}}", "inputs.bumper = {"),
     ("ranges: [front]", "ranges = ['front']: it must be names with values"),
     ("ranges: {frnt: {chip: hc-sr04}}", "did you mean ranges.front?"),
     ("ranges: {front: {trigger: 16, echo: 35}}", "ranges.front.chip is missing: add it"),

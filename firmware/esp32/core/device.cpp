@@ -10,6 +10,11 @@ BoardFacts Device::facts_of(const BoardKeeper* keeper) {
           .is_confirmed = keeper->is_confirmed()};
 }
 
+void Device::start(uint64_t now_us) {
+  robot_.start(now_us);
+  if (sensors_ != nullptr && (robot_.reflexes() & kBatteryAtStop) != 0) sensors_->start_at_stop();
+}
+
 /// The order matters. Faults are latched before the link is read: a message may clear a fault, or
 /// stop the wheels, only after the fault has been reported. Contact and deadline are checked after
 /// it, and just before the outputs are written: a setpoint that has just arrived counts, but drives

@@ -26,7 +26,7 @@ class Device {
   /// outlive the device.
   void sense(SensorMessages& sensors);
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
-  void start(uint64_t now_us) { robot_.start(now_us); }
+  void start(uint64_t now_us);
   /// From now on all is recorded. Call it after the start; the recorder must outlive the device.
   void record(Recorder& recorder) { robot_.record(recorder); }
   /// From now on hosts may read what it has stored; the archive must outlive the device.

@@ -1,15 +1,20 @@
-// What outlives a reset: the latched e-stop, the latched faults, and that a clear must not restart
-// motion.
+// What outlives a reset: the latched e-stop, the latched faults, that a clear must not restart
+// motion, and a battery that was empty.
 #pragma once
 
 #include "hal.hpp"
 
 namespace wheelwire {
 
+/// Beside the flags of `reflex`: the battery was at STOP, and was not charged since. It forbids
+/// nothing by itself, but outlives a reset.
+constexpr uint8_t kBatteryAtStop = 0x80;
+
 struct Latches {
   bool estop = false;
   bool unarmed = false;  ///< A latch was cleared, and no zero setpoint or gap has followed.
-  uint32_t faults = 0;   ///< Flags of `fault`.
+  bool battery_at_stop = false;
+  uint32_t faults = 0;  ///< Flags of `fault`.
 
   bool operator==(const Latches&) const = default;
 
@@ -17,6 +22,7 @@ struct Latches {
   void visit(Visitor& visit) {
     visit("estop", estop);
     visit("unarmed", unarmed);
+    visit("battery_at_stop", battery_at_stop);
     visit("faults", faults);
   }
 

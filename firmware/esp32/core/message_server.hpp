@@ -34,7 +34,10 @@ class SensorMessages {
   virtual void attach(MessageServer& server) = 0;
   /// Whether anything is read.
   virtual bool is_active() const = 0;
-  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`.
+  /// Before the first `update`: the battery was at STOP before the reset.
+  virtual void start_at_stop() = 0;
+  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`, with
+  /// kBatteryAtStop.
   virtual uint8_t update(uint64_t now_us) = 0;
   /// Carries out a request that is new in this session, and answers it.
   virtual void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) = 0;

@@ -426,9 +426,9 @@ enum class PeripheralFault : uint8_t {
   kChip = 6,        ///< {entry}: chip: the firmware does not know this chip for this kind
   kPlace = 7,  ///< {entry}: place: a bumper is at the front or at the rear, a range sensor at a
                ///< side, too; name where
-  kTwice = 8,  ///< {entry}: there is already one of this kind at this place, or with this number;
-               ///< remove one
-  kPinMissing = 9,    ///< {entry}: a pin is missing
+  kTwice = 8,  ///< {entry}: there is already one of this kind at this place, with this number, or
+               ///< with this address on its bus; remove one, or give it another address
+  kPinMissing = 9,    ///< {entry}: a pin is missing: name each that it has
   kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
   kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
   kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another
@@ -436,13 +436,13 @@ enum class PeripheralFault : uint8_t {
   kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
                        ///< starts; choose another
   kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; this one is driven
-  kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and
-                 ///< write `pull: external`, or choose another
+  kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} cannot hold it as this input needs; fit 10 kOhm
+                 ///< to 3.3 V and write `pull: external`, or choose another
   kOrientation = 17,  ///< {entry}: forward and up: choose two different axes
   kLevels = 18,       ///< {entry}: the levels must fall: warn_v above limit_v above stop_v above 0;
                       ///< leave all three out to measure only
   kNoBattery = 19,    ///< {entry}: the board has no battery divider, and the list no power sensor
-  kShunt = 20,        ///< {entry}: shunt_mohm = {value}: choose 1 to {limit}
+  kShunt = 20,        ///< {entry}: shunt_mohm rounds to 0: choose 0.1 to {limit}
   kCode = 21,         ///< {entry}: the firmware does not know one of its codes: update it
   kNormallyOpen =
       22,  ///< {entry}: use a normally closed switch, so that a broken wire counts as pressed

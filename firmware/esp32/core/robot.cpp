@@ -25,6 +25,7 @@ void Robot::start(uint64_t now_us) {
   const Latches before = latches_.start();
   faults_ = before.faults;
   unarmed_ = before.unarmed;
+  if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
   quiet_since_us_ = drove_us_ = now_us;
   apply(SupervisorEvent::kStarted, now_us);
   if (before.estop) apply(SupervisorEvent::kEstop, now_us);
@@ -53,6 +54,7 @@ void Robot::note_reflexes(uint8_t reflexes) {
   reflexes_ = reflexes;
   drive_.note_reflexes(reflexes);
   target_ = limited(setpoint_);
+  note_latches();
 }
 
 void Robot::finish_step(uint64_t now_us) {
@@ -123,26 +125,34 @@ void Robot::check_contact(uint64_t now_us) {
 
 void Robot::actuate(uint64_t now_us) {
   if (!supervisor_.may_drive()) return stand_still(now_us);
-  rolling_.reset();
   if (reflexes_ != 0) return actuate_within_reflexes(now_us);
-  drive_.follow(setpoint_.mode, target_, config_);
+  follow();
 }
 
 /// A reflex keeps the drive off although the robot is DRIVING: also while the setpoint is allowed
 /// already and the wheels still slew from one that is not.
 void Robot::actuate_within_reflexes(uint64_t now_us) {
-  if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes())
-    return drive_.follow(setpoint_.mode, target_, config_);
+  if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes()) return follow();
   if (drive_.is_following()) drive_.begin_stop(StopMode::kConfigured, now_us, config_);
+  keep_stopped(now_us);
+}
+
+void Robot::follow() {
+  rolling_.reset();
+  drive_.follow(setpoint_.mode, target_, config_);
+}
+
+/// Nothing drives, so the robot may roll.
+void Robot::keep_stopped(uint64_t now_us) {
   drive_.keep_stopped(now_us);
+  const int32_t speed_umps = drive_.speed_umps();
+  if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
+    observer_.on_rolling(speed_umps, now_us);
 }
 
 void Robot::stand_still(uint64_t now_us) {
-  drive_.keep_stopped(now_us);
-  const int32_t speed_umps = drive_.speed_umps();
+  keep_stopped(now_us);
   sync_latches(now_us);
-  if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
-    observer_.on_rolling(speed_umps, now_us);
 }
 
 /// Never while a wheel turns: writing to flash stalls the chip.
@@ -155,6 +165,7 @@ void Robot::note_latches() {
   // Without a board nothing was driven: whether there is one now is for each start to find out.
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
                  .unarmed = unarmed_,
+                 .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
                  .faults = faults_ & ~fault::kNoBoard});
 }
 
@@ -165,7 +176,9 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
   if (before == SupervisorState::kDriving) drove_us_ = now_us;
-  note_latches();
+  // Each of the others is recorded where it changes.
+  if (before == SupervisorState::kEstopped || supervisor_.state() == SupervisorState::kEstopped)
+    note_latches();
   if (recorder_ != nullptr) recorder_->note_transition(event, before, supervisor_.state(), faults_);
   observer_.on_transition({event, before, supervisor_.state()}, now_us);
 }
@@ -247,7 +260,9 @@ RefusalCode Robot::clear_estop(uint64_t now_us) {
 }
 
 RefusalCode Robot::clear_fault(uint64_t now_us) {
-  const bool lasts = (faults_ & fault::kExternal) != 0 && stopped_by_sensors();
+  // Nor does anybody know that the cause is gone before the sensors were read.
+  const bool lasts =
+      (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
   if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
   faults_ = 0;

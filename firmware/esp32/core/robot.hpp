@@ -79,7 +79,8 @@ class Robot {
   void begin_step(uint64_t now_us);
   /// Second half, after they are read: e-stop contact, deadline, outputs.
   void finish_step(uint64_t now_us);
-  /// What the sensors forbid from the next control step on, as flags of `reflex`.
+  /// What the sensors forbid from the next control step on, as flags of `reflex`, with
+  /// kBatteryAtStop.
   void note_reflexes(uint8_t reflexes);
   /// There are sensors that can stop the robot. Call it before the start: nothing drives before the
   /// first step has their state.
@@ -150,7 +151,7 @@ class Robot {
   /// By the wheels, as latched by the last step.
   const EncoderCounts& encoder_counts() const { return counts_; }
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
-  /// What the sensors forbid, as flags of `reflex`.
+  /// What the sensors forbid, as flags of `reflex`, with kBatteryAtStop.
   uint8_t reflexes() const { return reflexes_; }
   /// nullptr: nothing is recorded.
   Recorder* recorder() const { return recorder_; }
@@ -207,6 +208,8 @@ class Robot {
   /// robot would drive in a way that nobody set up.
   uint32_t lasting_faults() const { return store_faults_ | failures_; }
   void actuate(uint64_t now_us);
+  void follow();
+  void keep_stopped(uint64_t now_us);
   void stand_still(uint64_t now_us);
   void sync_latches(uint64_t now_us);
   bool arm(const Setpoint& setpoint, uint64_t now_us);

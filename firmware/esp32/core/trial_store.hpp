@@ -19,8 +19,9 @@ constexpr uint64_t kStoreTrialUs = 10'000'000;
 /// power leaves what was before a write, or what is after it.
 template <size_t kItemSize>
 struct TrialBlock {
-  /// kWritten: no restart was asked for yet. kRequested: the next start tries it.
-  enum class Candidate : uint8_t { kNone, kWritten, kTried, kRequested };
+  /// kWritten: no restart was asked for yet. kRequested: the next start tries it. kConfirmed: what
+  /// is confirmed may lie in one slot of the store alone.
+  enum class Candidate : uint8_t { kNone, kWritten, kTried, kRequested, kConfirmed };
 
   static constexpr uint8_t kFormat = 1;
   static constexpr size_t kHeaderSize = 4;
@@ -70,7 +71,12 @@ class TrialStore {
     uint8_t bytes[Block::kSize];
     const size_t size = store_.load(bytes, sizeof bytes);
     if (size == 0 && store_.faults() == 0) return Found::kNothing;
-    if (!Block::decode(bytes, size, block_)) return Found::kUnreadable;
+    if (!Block::decode(bytes, size, block_)) {
+      // Nobody knows what was confirmed. A block that says so is saved with the next item that is
+      // written: one without a confirmed item would say that there never was any.
+      block_.has_confirmed = true;
+      return Found::kUnreadable;
+    }
     if (block_.candidate_state == Candidate::kRequested) {
       // The trial is recorded first: if the chip does not come back, the next start finds it tried.
       block_.candidate_state = Candidate::kTried;
@@ -80,8 +86,10 @@ class TrialStore {
       }
     }
     if (block_.candidate_state != Candidate::kNone) {
+      const bool is_single = block_.candidate_state == Candidate::kConfirmed;
       block_.candidate_state = Candidate::kNone;
-      save();  // If it fails, the next start comes to the same end.
+      // If it fails, the next start comes to the same end.
+      if (!save() && is_single) return Found::kUnreadable;
     }
     packed = block_.confirmed;
     return block_.has_confirmed ? Found::kConfirmed : Found::kNothing;
@@ -107,13 +115,16 @@ class TrialStore {
     block_.candidate_state = Candidate::kWritten;
     return RefusalCode::kStoreFailed;
   }
-  /// Saves the active item.
+  /// Saves the active item, twice: once the newest block is damaged, the one before it counts, and
+  /// must not say that another item is confirmed, or none.
   RefusalCode confirm(const uint8_t* packed) {
     const Block before = block_;
     memcpy(block_.confirmed, packed, kItemSize);
     block_.has_confirmed = true;
+    block_.candidate_state = Block::Candidate::kConfirmed;
+    const bool is_saved = save();
     block_.candidate_state = Block::Candidate::kNone;
-    if (!save()) {
+    if (!is_saved || !save()) {
       block_ = before;
       return RefusalCode::kStoreFailed;
     }

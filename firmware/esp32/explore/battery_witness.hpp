@@ -1,30 +1,55 @@
 // What a battery's levels forbid, by docs/sensors.md and the voltage that the chip can see.
 #pragma once
 
+#include <array>
+
 #include "peripherals.hpp"
 
 namespace wheelwire::explore {
 
 class BatteryWitness {
  public:
-  /// The firmware starts with this list.
-  void start(const PeripheralList& list) {
+  /// The chip was reset. What it knew of STOP it keeps, unless the power was off.
+  void resets(bool loses_memory) {
+    const Stopped stopped = loses_memory ? Stopped::kNo : stopped_at_reset();
     *this = {};
-    for (const Peripheral& entry : list)
-      if (entry.kind == PeripheralKind::kBattery && is_guarded(entry)) levels_ = entry;
+    stopped_ = stopped;
   }
 
-  /// A control step reads this voltage.
-  void reads(uint16_t millivolts, uint64_t now_us) {
-    if (!is_guarded(levels_)) return;
+  /// The firmware starts with this list.
+  void start(const PeripheralList& list) {
+    const Stopped stopped = stopped_;
+    *this = {};
+    stopped_ = stopped;
+    for (const Peripheral& entry : list)
+      if (entry.kind == PeripheralKind::kBattery && is_guarded(entry)) levels_ = entry;
+    if (stopped == Stopped::kYes) {
+      has_level_ = true;
+      level_ = kEmpty;
+    }
+  }
+
+  /// A control step reads this voltage. Returns what happened, for the table of what was reached;
+  /// nullptr: nothing did.
+  const char* reads(uint16_t millivolts, uint64_t now_us) {
+    if (!is_guarded(levels_)) return nullptr;
+    read_us_ = now_us;
     if (first_us_ == kNever) first_us_ = seen_us_ = now_us;
     if (millivolts != 0) {
+      const bool is_first = !is_read_;
       is_read_ = true;
       is_broken_ = false;
       seen_us_ = now_us;
-      return follow(millivolts, now_us);
+      const char* const what = follow(millivolts, now_us);
+      return is_first && stopped_ == Stopped::kYes ? "reset STOP" : what;
     }
-    if (now_us - seen_us_ >= (is_read_ ? kBrokenUs : kMissingUs)) is_broken_ = true;
+    if (is_broken_ || now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return nullptr;
+    is_broken_ = true;
+    const char* const ended = above_us_[kLow] != kNever && level_ != kGood ? "silent rising"
+                              : below_us_ != kNone                         ? "silent falling"
+                                                                           : "silent steady";
+    below_us_ = above_us_ = kNone;
+    return ended;
   }
 
   // Of a moment between two readings, at which the chip would see this voltage.
@@ -32,15 +57,16 @@ class BatteryWitness {
   uint8_t forbids(uint16_t millivolts, uint64_t now_us) const {
     if (!is_guarded(levels_)) return 0;
     if (is_broken_ && millivolts == 0) return reflex::kStop;
-    if (may_change(now_us)) return 0;
+    if (!is_read_ || is_unsure() || level_after(now_us + kSlackUs) != level_) return 0;
     return of(level_);
   }
   /// What it may forbid.
   uint8_t may_forbid(uint16_t millivolts, uint64_t now_us) const {
     if (!is_guarded(levels_)) return 0;
     uint8_t forbidden = of(level_);
-    if (is_broken_ || millivolts == 0) forbidden |= reflex::kStop;
-    if (may_change(now_us) || !is_read_) forbidden |= reflex::kStop | reflex::kLimit;
+    if (is_broken_ || millivolts == 0 || is_unsure()) forbidden |= reflex::kStop;
+    if (level_after(now_us + kSlackUs) != level_ || !is_read_)
+      forbidden |= reflex::kStop | reflex::kLimit;
     return forbidden;
   }
   /// Nobody knows it yet, and nothing drives.
@@ -56,61 +82,92 @@ class BatteryWitness {
   /// Two of the longest control periods.
   static constexpr uint64_t kSlackUs = 25'000;
 
-  enum Level { kGood, kLow, kLimited, kEmpty };
+  enum Level : size_t { kGood, kLow, kLimited, kEmpty, kLevels };
+  /// Since when the voltage has been beyond the bound of each level.
+  using Since = std::array<uint64_t, kLevels>;
+  static constexpr Since kNone = {kNever, kNever, kNever, kNever};
+
+  /// Whether it was at STOP when the chip was reset.
+  enum class Stopped { kNo, kPerhaps, kYes };
 
   static uint8_t of(Level level) {
     return level == kEmpty ? reflex::kStop : level == kLimited ? reflex::kLimit : 0u;
   }
-  Level at(double millivolts) const {
-    if (millivolts < levels_.value_c) return kEmpty;
-    if (millivolts < levels_.value_b) return kLimited;
-    return millivolts < levels_.value_a ? kLow : kGood;
+  /// The step in which it was reset may have read a voltage that nobody else saw.
+  Stopped stopped_at_reset() const {
+    if (!is_guarded(levels_) || (!is_read_ && stopped_ == Stopped::kYes)) return stopped_;
+    if (!has_level_ || is_unsure() || level_after(read_us_ + kSlackUs) != level_)
+      return Stopped::kPerhaps;
+    return level_ == kEmpty ? Stopped::kYes : Stopped::kNo;
   }
-  bool may_change(uint64_t now_us) const {
-    return (falls_since_us_ != kNever && now_us + kSlackUs >= falls_since_us_ + kFallUs) ||
-           (rises_since_us_ != kNever && now_us + kSlackUs >= rises_since_us_ + kRiseUs);
+  bool is_unsure() const { return stopped_ == Stopped::kPerhaps; }
+  uint16_t bound_of(size_t level) const {
+    return level == kEmpty     ? levels_.value_c
+           : level == kLimited ? levels_.value_b
+                               : levels_.value_a;
+  }
+  /// What it is then, if the voltage stays where it is.
+  Level level_after(uint64_t now_us) const {
+    if (!has_level_) return level_;
+    const auto lasted = [now_us](uint64_t since_us, uint64_t needed_us) {
+      return since_us != kNever && now_us >= since_us + needed_us;
+    };
+    for (const Level lower : {kEmpty, kLimited, kLow})
+      if (lower > level_ && lasted(below_us_[lower], kFallUs)) return lower;
+    if (lasted(above_us_[kLow], kRiseUs)) return kGood;
+    return level_ == kLimited && lasted(above_us_[kLimited], kRiseUs) ? kLow : level_;
   }
 
-  void follow(uint16_t millivolts, uint64_t now_us) {
-    const Level seen = at(millivolts);
+  const char* follow(uint16_t millivolts, uint64_t now_us) {
     if (!has_level_) {
       has_level_ = true;
-      level_ = seen;
-      return;
+      for (const Level level : {kLow, kLimited, kEmpty})
+        if (millivolts < bound_of(level)) level_ = level;
+      return nullptr;
     }
-    if (seen > level_) {
-      rises_since_us_ = kNever;
-      if (falls_since_us_ == kNever) falls_since_us_ = now_us;
-      if (now_us - falls_since_us_ < kFallUs) return;
-      return change(seen);
+    const Since was_below = below_us_;
+    const Since was_above = above_us_;
+    for (const Level level : {kLow, kLimited, kEmpty}) {
+      const bool is_below = millivolts < bound_of(level);
+      const bool is_above = millivolts - millivolts / 32 >= bound_of(level);
+      if (!is_below) below_us_[level] = kNever;
+      if (is_below && was_below[level] == kNever) below_us_[level] = now_us;
+      if (!is_above) above_us_[level] = kNever;
+      if (is_above && was_above[level] == kNever) above_us_[level] = now_us;
     }
-    falls_since_us_ = kNever;
-    // Above the bounds by a 32nd.
-    Level wanted = at(millivolts - millivolts / 32);
-    if (level_ == kEmpty && wanted != kGood) wanted = kEmpty;
-    if (wanted >= level_) {
-      rises_since_us_ = kNever;
-      return;
-    }
-    if (rises_since_us_ == kNever || wanted != rises_to_) rises_since_us_ = now_us;
-    rises_to_ = wanted;
-    if (now_us - rises_since_us_ >= kRiseUs) change(wanted);
+    if (above_us_[kLow] != was_above[kLow] && above_us_[kLimited] == was_above[kLimited])
+      crossed_us_ = now_us;
+    if (is_unsure() && above_us_[kLow] != kNever && now_us > above_us_[kLow] + kRiseUs + kSlackUs)
+      stopped_ = Stopped::kNo;
+    const Level before = level_;
+    level_ = level_after(now_us);
+    if (level_ > before) return name_of_fall(level_);
+    if (level_ == kGood && before != kGood)
+      return before == kEmpty ? "rises from_STOP" : "rises OK";
+    if (level_ < before)
+      return crossed_us_ > above_us_[kLimited] ? "rises across_WARN" : "rises WARN";
+    // It was below the lowest bound for a moment, and below a higher one for long.
+    const bool was_dip = was_below[kEmpty] != kNever && below_us_[kEmpty] == kNever;
+    if (was_dip && before != kEmpty)
+      return was_below[kEmpty] > was_below[kLow] ? "dips in_a_sag" : "dips alone";
+    return nullptr;
   }
-  void change(Level level) {
-    level_ = level;
-    falls_since_us_ = rises_since_us_ = kNever;
+  static const char* name_of_fall(Level level) {
+    return level == kEmpty ? "falls STOP" : level == kLimited ? "falls LIMIT" : "falls WARN";
   }
 
   Peripheral levels_{};
+  Stopped stopped_ = Stopped::kNo;
   uint64_t first_us_ = kNever;
   uint64_t seen_us_ = 0;  ///< When it was last other than 0 mV.
+  uint64_t read_us_ = 0;  ///< When a control step last read it.
   bool is_read_ = false;
   bool is_broken_ = false;
   bool has_level_ = false;
   Level level_ = kGood;
-  Level rises_to_ = kGood;
-  uint64_t falls_since_us_ = kNever;
-  uint64_t rises_since_us_ = kNever;
+  Since below_us_ = kNone;
+  Since above_us_ = kNone;   ///< By a 32nd.
+  uint64_t crossed_us_ = 0;  ///< When it was last above WARN by a 32nd, or was not any more.
 };
 
 }  // namespace wheelwire::explore

@@ -29,6 +29,11 @@ class Coverage {
              [name_of_board(believed) + ", " + name_of_board(wired) + ", " + name_of(state)];
   }
 
+  /// nullptr: nothing happened to it.
+  void battery(const char* what) {
+    if (what != nullptr) ++counts_["battery"][what];
+  }
+
   void add(const Coverage& other) {
     for (const auto& [table, cells] : other.counts_)
       for (const auto& [cell, count] : cells) counts_[table][cell] += count;

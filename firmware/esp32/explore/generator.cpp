@@ -24,7 +24,7 @@ class Generator {
     subject_ = static_cast<Subject>(below(static_cast<size_t>(Subject::kCount)));
     set_up();
     // On its own board, which measures its battery.
-    if (chance(12)) peripherals(kBatteryList);
+    if (chance(15)) peripherals(kBatteryList);
     const size_t phases = 6 + below(18);
     for (size_t i = 0; i < phases; ++i) phase();
     add(Kind::kRun, {2e6});
@@ -491,6 +491,78 @@ class Generator {
     add(Kind::kHold, {host_, left, right, for_us, 50e3, 0});
   }
 
+  void run_for(double low_us, double high_us) {
+    add(Kind::kRun, {std::floor(between(low_us, high_us))});
+  }
+  void measure(double millivolts) { add(Kind::kBattery, {millivolts / 1000.0}); }
+
+  /// Mostly until its level has fallen.
+  void empty(double millivolts) {
+    measure(millivolts);
+    hurry(std::floor(between(1.8e6, 2.8e6)));
+  }
+
+  /// A dip below the lowest bound amid a longer one below a higher.
+  void dip() {
+    measure(kWarnMv + 300.0);
+    hurry(200e3);
+    measure(one_of({kLimitMv + 100.0, kStopMv + 100.0}));
+    hurry(std::floor(between(1.5e6, 2.3e6)));
+    measure(kStopMv - 100.0);
+    hurry(std::floor(spread(20e3, 600e3)));
+    measure(one_of({kWarnMv + 300.0, kWarnMv + 100.0, kStopMv + 100.0}));
+    hurry(std::floor(between(100e3, 3e6)));
+  }
+  /// It is charged, and its voltage trembles around where a warning ends.
+  void tremble() {
+    empty(kLimitMv - 100.0);
+    for (size_t i = 0; i < 7; ++i) {
+      measure(i % 2 == 0 ? kWarnMv + 300.0 : kWarnMv + 200.0);
+      run_for(1e6, 2.5e6);
+    }
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+  /// The wire of its divider breaks while it is charged.
+  void fall_silent() {
+    empty(kStopMv - 100.0);
+    measure(kWarnMv + 300.0);
+    run_for(500e3, 6e6);
+    measure(0.0);
+    run_for(50e3, 9e6);
+    measure(kWarnMv + 300.0);
+    run_for(50e3, 9e6);
+    add(Kind::kClearFault, {host_, 1});
+    rest();
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+  /// A reset with an empty battery whose voltage has recovered without its load.
+  void restart_empty() {
+    empty(kStopMv - 100.0);
+    measure(one_of({kStopMv + 100.0, kWarnMv + 100.0, kWarnMv + 300.0, 0.0}));
+    if (chance(80)) reset();
+    add(Kind::kOpen, {host_});
+    if (chance(50)) add(Kind::kClearFault, {host_, 1});
+    run_for(10e3, 2e6);
+    add(Kind::kClearFault, {host_, 1});
+    rest();
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+
+  void what_batteries_do() {
+    switch (below(8)) {
+      case 0:
+        return dip();
+      case 1:
+        return tremble();
+      case 2:
+        return fall_silent();
+      case 3:
+        return restart_empty();
+      default:
+        return;
+    }
+  }
+
   /// The battery empties while it drives, and is charged.
   void drain() {
     if (chance(70)) make_ready();
@@ -504,6 +576,7 @@ class Generator {
       else
         drive(std::floor(spread(50e3, 3.5e6)));
       if (chance(15)) interrupt();
+      what_batteries_do();
       if (chance(30)) add(Kind::kClearFault, {host_, 1});
       if (chance(20)) setpoint(host_);
     }
@@ -514,6 +587,14 @@ class Generator {
     drive(std::floor(spread(50e3, 600e3)));
   }
 
+  /// It stands on a slope, and its program drives on; most often by a setpoint of zero.
+  void roll() {
+    add(Kind::kSlope, {one_of({-0.4, -0.3, 0.3, 0.4})});
+    const double speed_mps = one_of({0, 0, 0.2, -0.2});
+    add(Kind::kHold, {host_, speed_mps, speed_mps, 4e6, 50e3, side()});
+    if (chance(80)) add(Kind::kSlope, {0});
+  }
+
   /// Something triggers while it drives, and perhaps it backs out.
   void bump() {
     if (list_ == kBatteryList) return drain();
@@ -521,6 +602,7 @@ class Generator {
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
     add(Kind::kSensor, {which, 1});
+    if (subject_ != Subject::kSound && chance(15)) roll();
     for (size_t i = 1 + below(3); i > 0; --i) {
       if (chance(30)) {
         setpoint(host_);
@@ -586,7 +668,9 @@ class Generator {
     if (chance(70))
       add(Kind::kPowerCut, {static_cast<double>(below(3)), static_cast<double>(below(3))});
     if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(4)), side()});
-    switch (below(5)) {
+    switch (below(6)) {
+      case 5:
+        return damage();
       case 4:
         peripherals(below(kLists));
         break;
@@ -623,6 +707,40 @@ class Generator {
       add(Kind::kSave, {host_, 0});
       moment();
     }
+  }
+
+  /// A board or a list is damaged; perhaps another one is then written, and perhaps tried.
+  void damage() {
+    const bool is_board = chance(40);
+    if (chance(70)) make_ready();
+    if (chance(80)) is_board ? board() : peripherals(below(kLists));
+    add(Kind::kStop, {host_, 0, 1});
+    for (size_t i = 1 + below(2); i > 0; --i) {
+      add(Kind::kDamage, {is_board ? 0.0 : 1.0, static_cast<double>(below(3))});
+      add(Kind::kRun, {60e3});
+      add(Kind::kOpen, {0});
+      if (chance(20)) setpoint(host_);
+      if (chance(60)) {
+        if (is_board) {
+          add(Kind::kBoardWrite, {host_, static_cast<double>(below(8)), 0});
+        } else {
+          add(Kind::kPeripherals, {host_, static_cast<double>(below(kLists)), 0});
+        }
+        moment();
+        if (chance(40)) add(Kind::kRestart, {host_});
+        add(Kind::kRun, {130e3});
+        if (chance(20)) add(Kind::kRun, {11e6});
+        if (chance(30)) {
+          add(Kind::kOpen, {0});
+          add(is_board ? Kind::kBoardConfirm : Kind::kPeripheralsConfirm, {host_, 0});
+          moment();
+        }
+      }
+      if (chance(70)) reset();
+    }
+    add(Kind::kOpen, {0});
+    make_ready();
+    drive(std::floor(spread(50e3, 600e3)));
   }
 
   /// The cure that the fault's text proposes, and what the device is then.

@@ -58,6 +58,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"power_cut", {"write", "kept"}},
     {"store_fails", {"store", "fails"}},
     {"store_unreadable", {"faults", "store"}},
+    {"damage", {"store", "how"}},
     {"driver_fails", {"fails"}},
     {"boot_time", {"us"}},
     {"late", {"us"}},

@@ -60,6 +60,7 @@ enum class Kind : uint8_t {
   kPowerCut,
   kStoreFails,
   kStoreUnreadable,
+  kDamage,
   kDriverFails,
   kBootTime,
   kLate,

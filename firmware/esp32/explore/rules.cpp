@@ -505,7 +505,16 @@ void Judge::half_of_the_speed() {
     memory_.limited_since_us = 0;
     return;
   }
-  if (memory_.limited_since_us == 0) memory_.limited_since_us = now_us();
+  // A limit that is lowered takes effect as fast as the slew limit allows, as well.
+  const auto has_changed = [this](ParameterId id) {
+    return value(id) != memory_.values[index_of(id)];
+  };
+  if (memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
+      has_changed(kMaxAccelerationMps2)) {
+    memory_.limited_since_us = now_us();
+    memory_.limited_from_umps = static_cast<double>(std::max(
+        std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight])));
+  }
   const auto highest = [this](ParameterId id) {
     return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
   };
@@ -520,7 +529,9 @@ void Judge::half_of_the_speed() {
     return;
   }
   const double half_umps = highest(kMaxVelocityMps) / 2.0 * 1e6;
-  const double falls_s = half_umps * 1e-6 / static_cast<double>(value(kMaxAccelerationMps2)) + 0.5;
+  const double falls_s = std::max(half_umps, memory_.limited_from_umps) * 1e-6 /
+                             static_cast<double>(value(kMaxAccelerationMps2)) +
+                         0.5;
   // Before that one wheel may still gain: its correction is limited by the speed of the faster one.
   if (static_cast<double>(now_us() - memory_.limited_since_us) * 1e-6 <= falls_s) return;
   for (const Side side : kSides) {
@@ -594,6 +605,18 @@ void Judge::stops_as_asked(bool stepped) {
   }
 }
 
+/// A bumper keeps a robot in DRIVING from what its setpoint says.
+bool Judge::is_held_by_a_bumper() const {
+  const auto& granted = witness_.granted();
+  if (!granted) return false;
+  const uint8_t forbidden = witness_.forbidden();
+  const double sum = granted->left + granted->right;
+  // A sum of a few um/s may become none in whole numbers.
+  const auto is_against = [sum](double way) { return sum == 0.0 || way * sum > 1e-3; };
+  return ((forbidden & reflex::kNoForward) != 0 && is_against(1.0)) ||
+         ((forbidden & reflex::kNoReverse) != 0 && is_against(-1.0));
+}
+
 /// S22.
 void Judge::rolling_is_reported() {
   const double threshold = static_cast<double>(value(kRollingVelocityMps));
@@ -608,8 +631,9 @@ void Judge::rolling_is_reported() {
     sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  const bool rolls = sound && witness_.is_open() && threshold > 0.0 &&
-                     simulator_.state() != SupervisorState::kDriving && speed > 1.3 * threshold;
+  const bool is_held = simulator_.state() != SupervisorState::kDriving || is_held_by_a_bumper();
+  const bool rolls =
+      sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
   // It is reported once until it is slow: for long enough to be measured.
   if (speed >= 0.4 * threshold)
     memory_.slow_since_us = 0;
@@ -623,7 +647,6 @@ void Judge::rolling_is_reported() {
     if (!rolls) return;
   }
   memory_.rolled_mps = speed;
-  if (simulator_.state() == SupervisorState::kDriving) memory_.rolling_told = false;
   if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
   check(Rule::kRollingIsReported,
         memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs,
@@ -633,7 +656,9 @@ void Judge::rolling_is_reported() {
 void Judge::on_event(const Event& event) {
   if (event.code != EventCode::kRolling) return;
   memory_.rolling_told = true;
-  check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving,
+  const bool may_be_held =
+      (witness_.perhaps_forbidden() & (reflex::kNoForward | reflex::kNoReverse)) != 0;
+  check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving || may_be_held,
         "ROLLING is reported while it drives");
   const bool brakes = value(kStopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
   const bool recently_reset = now_us() < 3'000'000;

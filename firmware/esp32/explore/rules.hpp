@@ -51,8 +51,10 @@ struct Memory {
   std::array<Wheel, 2> wheels{};
   bool started_at_rest = false;
 
-  // S29. Since when a low battery has limited the velocity that is driven; 0: it does not.
+  // S29. Since when a low battery has limited the velocity that is driven; 0: it does not. And how
+  // fast the faster wheel was then.
   uint64_t limited_since_us = 0;
+  double limited_from_umps = 0.0;
   // S28. For how many steps windings have gone against a bumper, in an open loop.
   int against_steps = 0;
 
@@ -161,6 +163,7 @@ class Judge {
   bool is_wrong(sim::Side side) const;
   bool has_default_protection() const;
   bool is_clean() const;
+  bool is_held_by_a_bumper() const;
   uint64_t now_us() const { return simulator_.board.device_us(); }
   uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
   float value(ParameterId id) const { return witness_.value(id); }

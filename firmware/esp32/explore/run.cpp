@@ -96,7 +96,7 @@ void Run::call(bool stepped) {
   }
   if (!started_) return;
   if (stepped) witness_.expires_trial();
-  if (stepped) witness_.reads_sensors();
+  if (stepped) coverage_.battery(witness_.reads_sensors());
   judge_.after_call(stepped);
   witness_.notes_stop();
   if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
@@ -412,8 +412,9 @@ void Run::write_board(const Operation& operation, Host& host) {
 void Run::write_peripherals(const Operation& operation, Host& host) {
   const auto damage = static_cast<int>(operation.values[2]);
   const bool has_candidate =
-      witness_.flash().candidate && witness_.flash().candidate_state == Candidate::kWritten;
-  const BoardDescription& board = has_candidate ? *witness_.flash().candidate : witness_.board();
+      witness_.flash().board.candidate && witness_.flash().board.state == Candidate::kWritten;
+  const BoardDescription& board =
+      has_candidate ? *witness_.flash().board.candidate : witness_.board();
   const PeripheralList list =
       list_of(whole(operation.values[1]), fingerprint(board) + (damage == 2 ? 1 : 0));
   for (uint8_t i = 0; i < list.count; ++i) {
@@ -482,6 +483,14 @@ void Run::change_robot(const Operation& operation) {
           static_cast<uint32_t>(whole(values[0])) &
           (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
       return reset(ResetReason::kPowerOn);
+    case Kind::kDamage: {
+      const bool is_board = values[0] == 0.0;
+      const auto damage = static_cast<sim::Damage>(whole(values[1]) % 3);
+      witness_.damages(is_board ? Witness::Written::kBoard : Witness::Written::kPeripherals,
+                       damage == sim::Damage::kAll);
+      (is_board ? board.board_store : board.peripheral_store).damage(damage);
+      return reset(ResetReason::kPowerOn);
+    }
     case Kind::kDriverFails:
       simulator_.set_driver_failed(values[0] != 0.0);
       if (values[0] != 0.0 && started_) witness_.drivers_fail();
@@ -604,10 +613,12 @@ void Run::wire(int board) {
   simulator_.board.wire(boards[static_cast<size_t>(board) % boards.size()]);
 }
 
-/// Whether the firmware believes in the board that is there.
+/// Whether the firmware believes in the board that is there. Without one it sees no wheel.
 void Run::compare_boards() {
-  world_.wired_as_believed = simulator_.board.is_wired_as_active() ||
-                             fingerprint(simulator_.board.wired()) == fingerprint(witness_.board());
+  world_.wired_as_believed =
+      witness_.board_state() != BoardState::kNone &&
+      (simulator_.board.is_wired_as_active() ||
+       fingerprint(simulator_.board.wired()) == fingerprint(witness_.board()));
 }
 
 }  // namespace wheelwire::explore

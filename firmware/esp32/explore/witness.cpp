@@ -63,6 +63,46 @@ bool fits_the_chip(const Seen& message) {
   return false;
 }
 
+/// A restart was asked for, which tries what was written.
+template <typename Item>
+void request(Stored<Item>& stored) {
+  stored.state = Candidate::kRequested;
+  stored.requested = stored.candidate;
+}
+
+/// Nothing was confirmed that is lost, and it lies in one slot, which may be empty in the end.
+template <typename Item>
+bool may_be_none(const Stored<Item>& stored) {
+  return stored.is_lost && !stored.was_confirmed;
+}
+
+/// What may be found of what was stored, once the last block that was written is damaged, or all.
+template <typename Item>
+std::vector<Stored<Item>> damaged(const Stored<Item>& stored, bool all) {
+  std::vector<Stored<Item>> found;
+  // Nothing was ever written; or a write was, with which the power went.
+  if (stored == Stored<Item>{}) found.push_back(stored);
+  if (!all) {
+    Stored<Item> earlier = stored;
+    earlier.state = Candidate::kNone;
+    found.push_back(earlier);
+    if (stored.requested) {
+      earlier.state = Candidate::kRequested;
+      earlier.candidate = stored.requested;
+      found.push_back(earlier);
+    }
+    Stored<Item> former;
+    former.confirmed = stored.former;
+    if (stored.is_single) found.push_back(former);
+  }
+  Stored<Item> lost;
+  lost.is_lost = true;
+  lost.was_confirmed = stored.was_confirmed || stored.confirmed.has_value();
+  found.push_back(lost);
+  if (may_be_none(stored)) found.push_back({});
+  return found;
+}
+
 }  // namespace
 
 std::string Codes::text() const {
@@ -170,8 +210,7 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
   if (peripherals_state_ == PeripheralsState::kTrial) codes |= RefusalCode::kBoardOnTrial;
   if (peripherals_state_ == PeripheralsState::kUnusable) codes |= RefusalCode::kBoardUnconfirmed;
-  if (sensors_unread_ || battery_.is_unread(simulator_.board.battery.millivolts()))
-    codes |= RefusalCode::kBooting;
+  if (are_sensors_unread()) codes |= RefusalCode::kBooting;
   if ((forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kFault;
   const bool rests = unarmed_ && !is_zero;
   if (rests && !may_be_gap) codes |= RefusalCode::kUnarmed;
@@ -355,9 +394,10 @@ Codes Witness::board_codes(Codes refused, bool cannot_write) const {
 Codes Witness::fault_codes() const {
   if (lasting_ != 0) return RefusalCode::kCausePresent;
   if ((simulator_.faults() & fault::kExternal) == 0) return RefusalCode::kNone;
-  if ((forbidden() & reflex::kStop) != 0) return RefusalCode::kCausePresent;
+  if ((forbidden() & reflex::kStop) != 0 || are_sensors_unread()) return RefusalCode::kCausePresent;
   Codes codes = RefusalCode::kNone;
-  if ((perhaps_forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kCausePresent;
+  if ((perhaps_forbidden() & reflex::kStop) != 0 || battery_.may_be_unread())
+    codes |= RefusalCode::kCausePresent;
   return codes;
 }
 
@@ -389,14 +429,14 @@ uint8_t Witness::triggered() const {
   return forbidden;
 }
 
-void Witness::reads_sensors() {
+const char* Witness::reads_sensors() {
   constexpr uint64_t kReleasedUs = 80'000;
   sensors_unread_ = false;
-  battery_.reads(simulator_.board.battery.millivolts(), now_us());
   const uint8_t now = triggered();
   if (now_us() >= touched_us_ + kReleasedUs) touched_ = 0;
   forbidden_ = now;
   perhaps_forbidden_ = now | touched_;
+  return battery_.reads(simulator_.board.battery.millivolts(), now_us());
 }
 
 void Witness::notes_touch() {
@@ -514,7 +554,7 @@ Finding Witness::takes_effect(const Seen& answer) {
   // The list's request was written, and the board's was not.
   if (message.id == Restart::kId && task_->refusal == RefusalCode::kStoreFailed && fresh_list_ &&
       !cannot_write_list())
-    flash_.list_state = Candidate::kRequested;
+    request(flash_.list);
   // A save that fails for good leaves the values as they are set; so does a reset of them.
   if (message.id == ParameterReset::kId && task_->refusal == RefusalCode::kStoreFailed)
     values_ = defaults();
@@ -587,6 +627,7 @@ void Witness::acts(const Seen& message) {
     case ParameterReset::kId:
       values_ = defaults();
       lasting_ &= ~kStoreFaults;
+      formatted_ = formatted_ || flash_damaged_;
       flash_damaged_ = false;
       return;
     case ParameterTrial::kId:
@@ -664,29 +705,35 @@ void Witness::change_flash(const Seen& message, Flash& flash) const {
       }
       return;
     case BoardWrite::kId:
-      flash.candidate = BoardDescription::decode(packed_board(message));
-      flash.candidate_state = Candidate::kWritten;
+      flash.board.candidate = BoardDescription::decode(packed_board(message));
+      flash.board.state = Candidate::kWritten;
+      flash.board.is_single = false;
+      flash.board.is_lost = flash.board.is_lost || formatted_;
       return;
     case Restart::kId:
-      if (fresh_candidate_) flash.candidate_state = Candidate::kRequested;
-      if (fresh_list_) flash.list_state = Candidate::kRequested;
+      if (fresh_candidate_) request(flash.board);
+      if (fresh_list_) request(flash.list);
       return;
     case PeripheralsWrite::kId: {
       const auto request = message.as<PeripheralsWrite>();
       PeripheralList list = staged_;
       list.count = request.channel_count;
       list.board = request.board;
-      write_list(list, flash.list_candidate.emplace().data());
-      flash.list_state = Candidate::kWritten;
+      write_list(list, flash.list.candidate.emplace().data());
+      flash.list.state = Candidate::kWritten;
+      flash.list.is_single = false;
+      flash.list.is_lost = flash.list.is_lost || formatted_;
       return;
     }
     case PeripheralsConfirm::kId:
-      write_list(peripherals_, flash.list.emplace().data());
-      flash.list_state = Candidate::kNone;
+      write_list(peripherals_, flash.list.confirmed.emplace().data());
+      flash.list.is_lost = flash.list.is_single = false;
+      flash.list.state = Candidate::kNone;
       return;
     case BoardConfirm::kId:
-      flash.confirmed = board_;
-      flash.candidate_state = Candidate::kNone;
+      flash.board.confirmed = board_;
+      flash.board.is_lost = flash.board.is_single = false;
+      flash.board.state = Candidate::kNone;
       return;
   }
 }
@@ -741,26 +788,67 @@ void Witness::cut_at_write(Written what) {
   // The power may go once more before a start has shown which of them it is.
   const std::vector<Flash> before = possible_flashes();
   for (Flash flash : before) {
+    if (may_be_none(flash.board) || may_be_none(flash.list)) {
+      Flash emptied = flash;
+      if (may_be_none(flash.board)) emptied.board = {};
+      if (may_be_none(flash.list)) emptied.list = {};
+      maybe_flashes_.push_back(emptied);
+    }
     if (what == Written::kLatch) {
       flash.estop = !flash.estop;
     } else if (task_ && task_->is_new) {
       // A restart notes the list first, and then the board.
       if (task_->message.id == Restart::kId && fresh_list_) {
         Flash list_alone = flash;
-        list_alone.list_state = Candidate::kRequested;
+        request(list_alone.list);
         maybe_flashes_.push_back(list_alone);
+      }
+      const uint8_t id = task_->message.id;
+      if (id == BoardConfirm::kId || id == PeripheralsConfirm::kId) {
+        Flash single = flash;
+        change_flash(task_->message, single);
+        if (id == BoardConfirm::kId) {
+          single.board.is_single = true;
+          single.board.former = flash.board.confirmed;
+        } else {
+          single.list.is_single = true;
+          single.list.former = flash.list.confirmed;
+        }
+        maybe_flashes_.push_back(single);
       }
       change_flash(task_->message, flash);
     } else {
       // A start writes what it tries, the board's first.
-      flash.candidate_state = boot_of(flash).candidate_state;
+      flash.board.state = boot_of(flash).candidate_state;
+      flash.board.is_single = boot_of(flash).board_single;
       if (what == Written::kPeripherals) {
         maybe_flashes_.push_back(flash);
-        flash.list_state = boot_of(flash).list_state;
+        flash.list.state = boot_of(flash).list_state;
+        flash.list.is_single = boot_of(flash).list_single;
       }
     }
     maybe_flashes_.push_back(flash);
   }
+}
+
+void Witness::damages(Written what, bool all) {
+  std::vector<Flash> found;
+  for (const Flash& before : possible_flashes()) {
+    Flash flash = before;
+    if (what == Written::kBoard) {
+      for (const auto& board : damaged(before.board, all)) {
+        flash.board = board;
+        found.push_back(flash);
+      }
+    } else {
+      for (const auto& list : damaged(before.list, all)) {
+        flash.list = list;
+        found.push_back(flash);
+      }
+    }
+  }
+  flash_ = found.front();
+  maybe_flashes_.assign(found.begin() + 1, found.end());
 }
 
 std::vector<Flash> Witness::possible_flashes() const {
@@ -777,6 +865,7 @@ void Witness::resets(bool loses_memory) {
     memory_kept_ = true;
   }
   if (loses_memory) memory_kept_ = false;
+  battery_.resets(loses_memory);
   last_state_ = SupervisorState::kBoot;
   last_faults_ = 0;
   open_ = false;
@@ -798,7 +887,7 @@ bool has_levels(const PeripheralList& list) {
 
 /// Which list the board that is active then has.
 void Witness::boot_peripherals(const Flash& flash, Start& start) const {
-  start.list_state = flash.list_state;
+  start.list_state = flash.list.state;
   const sim::SimulatedBoard& board = simulator_.board;
   const bool confirmed = start.state == BoardState::kStored || start.state == BoardState::kTrial;
   const auto is_usable = [&](const PackedList& packed) {
@@ -816,13 +905,18 @@ void Witness::boot_peripherals(const Flash& flash, Start& start) const {
     return;
   }
   const bool writable = !board.peripheral_store.failing;
-  if (flash.list_state == Candidate::kRequested && writable) {
+  start.list_single = flash.list.is_single && !writable;
+  if (flash.list.state == Candidate::kRequested && writable) {
     start.list_state = Candidate::kTried;
-    if (is_usable(*flash.list_candidate))
-      return take(*flash.list_candidate, PeripheralsState::kTrial);
+    if (is_usable(*flash.list.candidate))
+      return take(*flash.list.candidate, PeripheralsState::kTrial);
   }
   if (writable) start.list_state = Candidate::kNone;
-  if (flash.list) return take(*flash.list, PeripheralsState::kStored);
+  if (flash.list.is_lost || start.list_single) {
+    start.peripherals_state = PeripheralsState::kUnusable;
+    return;
+  }
+  if (flash.list.confirmed) return take(*flash.list.confirmed, PeripheralsState::kStored);
   // The simulated robot's own.
   if (!confirmed || fingerprint(start.board) != fingerprint(sim::kOwnBoard)) return;
   start.peripherals_state = PeripheralsState::kStored;
@@ -837,21 +931,23 @@ Witness::Start Witness::boot_of(const Flash& flash) const {
 
 Witness::Start Witness::boot_board(const Flash& flash) const {
   Start start;
-  start.candidate_state = flash.candidate_state;
+  start.candidate_state = flash.board.state;
   // Nothing is known of the wiring.
   if (simulator_.board.board_store.unreadable != 0 || simulator_.board.flash.faults != 0)
     return start;
   const bool writable = !simulator_.board.board_store.failing;
-  if (flash.candidate_state == Candidate::kRequested && writable) {
+  start.board_single = flash.board.is_single && !writable;
+  if (flash.board.state == Candidate::kRequested && writable) {
     start.candidate_state = Candidate::kTried;
     start.state = BoardState::kTrial;
-    start.board = *flash.candidate;
+    start.board = *flash.board.candidate;
     return start;
   }
   if (writable) start.candidate_state = Candidate::kNone;
-  if (flash.confirmed) {
+  if (flash.board.is_lost || start.board_single) return start;
+  if (flash.board.confirmed) {
     start.state = BoardState::kStored;
-    start.board = *flash.confirmed;
+    start.board = *flash.board.confirmed;
   } else {
     start.state = simulator_.board_unwritten ? BoardState::kBuiltIn : BoardState::kStored;
     start.board = built_in_board(simulator_.board_unwritten);
@@ -869,14 +965,19 @@ Finding Witness::starts() {
       flash_ = flash;
       problem.text.clear();
     } else {
-      problem = {Rule::kFlashOldOrNew, first.text + "; after the cut: " + other.text};
+      const bool is_of_list = first.rule == Rule::kPeripheralsOfTheBoard;
+      problem = {is_of_list ? first.rule : Rule::kFlashOldOrNew,
+                 first.text + "; or else: " + other.text};
     }
   }
   maybe_flashes_.clear();
+  formatted_ = false;
   if (problem.text.empty()) {
     const Start start = boot_of(flash_);
-    flash_.candidate_state = start.candidate_state;
-    flash_.list_state = start.list_state;
+    flash_.board.state = start.candidate_state;
+    flash_.board.is_single = start.board_single;
+    flash_.list.state = start.list_state;
+    flash_.list.is_single = start.list_single;
   }
   note_state();
   memory_kept_ = false;
@@ -893,6 +994,8 @@ Finding Witness::starts_from(const Flash& flash) {
             "the board is " + name_of(simulator_.board_state()) + " instead of " +
                 name_of(start.state)};
   }
+  if (simulator_.board_fingerprint() != board_fingerprint())
+    return {Rule::kFlashOldOrNew, "it starts with another board than the confirmed one"};
   peripherals_state_ = start.peripherals_state;
   peripherals_ = start.peripherals;
   sensors_unread_ = peripherals_.count != 0;
@@ -902,6 +1005,10 @@ Finding Witness::starts_from(const Flash& flash) {
     return {Rule::kPeripheralsOfTheBoard, "the peripherals are " +
                                               name_of(simulator_.peripherals_state()) +
                                               " instead of " + name_of(start.peripherals_state)};
+  PackedList packed;
+  if (simulator_.peripherals_fingerprint() !=
+      (peripherals_.board == 0 ? 0 : write_list(peripherals_, packed.data())))
+    return {Rule::kPeripheralsOfTheBoard, "it starts with another list than the confirmed one"};
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
   lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;

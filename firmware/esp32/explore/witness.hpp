@@ -54,16 +54,27 @@ enum class Candidate { kNone, kWritten, kRequested, kTried };
 
 using PackedList = std::array<uint8_t, PeripheralList::kSize>;
 
+/// A board or a list of peripherals in flash, and the one that is tried in its place.
+template <typename Item>
+struct Stored {
+  std::optional<Item> confirmed{};
+  bool is_lost = false;          ///< It is damaged: nothing drives until somebody confirms one.
+  bool was_confirmed = false;    ///< What is lost was.
+  bool is_single = false;        ///< The power went before it was written a second time.
+  std::optional<Item> former{};  ///< What was confirmed before one that is single.
+  std::optional<Item> candidate{};
+  Candidate state = Candidate::kNone;
+  std::optional<Item> requested{};  ///< The last one that a restart was asked for.
+
+  bool operator==(const Stored&) const = default;
+};
+
 /// What lies in flash.
 struct Flash {
   std::optional<Values> parameters;  ///< None: the defaults.
   uint32_t parameters_board = 0;     ///< The board that they were saved for, by its fingerprint.
-  std::optional<BoardDescription> confirmed;
-  std::optional<BoardDescription> candidate;
-  Candidate candidate_state = Candidate::kNone;
-  std::optional<PackedList> list;  ///< Of peripherals, confirmed.
-  std::optional<PackedList> list_candidate;
-  Candidate list_state = Candidate::kNone;
+  Stored<BoardDescription> board;
+  Stored<PackedList> list;  ///< Of peripherals.
   bool estop = false;
 
   bool operator==(const Flash&) const = default;
@@ -105,6 +116,8 @@ class Witness {
   /// The power went at a write: what it was to change may have changed.
   enum class Written { kParameters, kBoard, kPeripherals, kLatch };
   void cut_at_write(Written what);
+  /// What was written last of a board or a list is damaged; `all`: and what was before it.
+  void damages(Written what, bool all);
   /// The chip was reset, and begins to boot.
   void resets(bool loses_memory);
   /// It has started.
@@ -142,8 +155,8 @@ class Witness {
     return perhaps_forbidden_ |
            battery_.may_forbid(simulator_.board.battery.millivolts(), now_us());
   }
-  /// A control step reads the sensors.
-  void reads_sensors();
+  /// A control step reads the sensors. Returns what happened to the battery; nullptr: nothing.
+  const char* reads_sensors();
   /// Somebody touched one.
   void notes_touch();
   bool unarmed() const { return unarmed_; }
@@ -183,6 +196,10 @@ class Witness {
   Codes board_codes(Codes last, bool cannot_write) const;
   Codes fault_codes() const;
   uint8_t triggered() const;
+  /// For certain.
+  bool are_sensors_unread() const {
+    return sensors_unread_ || battery_.is_unread(simulator_.board.battery.millivolts());
+  }
   Codes stopped_code() const;
   Codes lasting_code() const;
   Finding takes_effect(const Seen& answer);
@@ -195,9 +212,11 @@ class Witness {
     BoardState state = BoardState::kNone;
     BoardDescription board;
     Candidate candidate_state = Candidate::kNone;
+    bool board_single = false;
     PeripheralsState peripherals_state = PeripheralsState::kEmpty;
     PeripheralList peripherals;
     Candidate list_state = Candidate::kNone;
+    bool list_single = false;
   };
   void boot_peripherals(const Flash& flash, Start& start) const;
   Start boot_of(const Flash& flash) const;
@@ -246,6 +265,7 @@ class Witness {
   std::vector<Flash> maybe_flashes_;  ///< What may lie there instead since a write was cut.
   uint32_t lasting_ = 0;
   bool flash_damaged_ = false;  ///< Its partition cannot be opened.
+  bool formatted_ = false;      ///< It was, by this start: a reset of the parameters erased it all.
 
   BoardState board_state_ = BoardState::kNone;
   BoardDescription board_;

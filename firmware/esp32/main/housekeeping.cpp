@@ -10,7 +10,9 @@ namespace wheelwire {
 namespace {
 
 constexpr uint32_t kCycleMs = 20;
-constexpr uint32_t kCyclesPerBattery = 10;
+constexpr uint32_t kCyclesPerBattery = 2;
+// A measurement that fails is 0 mV until the next one, and must not count as a broken wire.
+static_assert(2 * kCyclesPerBattery * kCycleMs * 1000 < SensorHub::kZeroUs);
 constexpr uint32_t kCyclesPerAnalog = SensorHub::kAnalogPeriodUs / 1000 / kCycleMs;
 
 constexpr BaseType_t kCore = 0;

@@ -5,65 +5,78 @@
 
 namespace wheelwire {
 
-/// A level falls when the voltage was below its bound for kSagUs: a motor that starts pulls it down
-/// for less. It rises when the voltage was above the bound by a 32nd for kRecoverUs, and from STOP
-/// only above that of WARN: without the load that emptied it a battery's voltage rises by itself.
+/// Each bound has fallen once the voltage was below it for kSagUs: a motor that starts pulls it
+/// down for less. It has risen again once the voltage was a 32nd above it for kRecoverUs; that of
+/// STOP with that of WARN alone: without the load that emptied it a battery's voltage rises by
+/// itself. The level is that of the lowest bound that has fallen.
 class BatteryGuard {
  public:
   static constexpr uint64_t kSagUs = 2'000'000;
   static constexpr uint64_t kRecoverUs = 10'000'000;
 
   void start(const Peripheral& entry) {
-    bounds_[0] = entry.value_a;
-    bounds_[1] = entry.value_b;
-    bounds_[2] = entry.value_c;
+    bounds_[kWarn].millivolts = entry.value_a;
+    bounds_[kLimit].millivolts = entry.value_b;
+    bounds_[kStop].millivolts = entry.value_c;
+  }
+  /// Before the first voltage: it was at STOP, and nobody knows that it was charged.
+  void start_at_stop() {
+    for (Bound& bound : bounds_) bound.has_fallen = true;
+    level_ = BatteryLevel::kStop;
   }
 
   BatteryLevel level() const { return level_; }
   /// True if the level is another one now.
   bool update(uint16_t millivolts, uint64_t now_us) {
-    const BatteryLevel wanted = wanted_by(millivolts);
-    if (level_ == BatteryLevel::kUnknown) {
-      // The first one decides at once: an empty battery does not drive for the first two seconds.
-      level_ = wanted;
-      return true;
+    // The first one decides at once: an empty battery does not drive for the first two seconds.
+    const bool is_first = level_ == BatteryLevel::kUnknown;
+    for (size_t i = 0; i < kBounds; ++i) {
+      Bound& bound = bounds_[i];
+      if (is_first) {
+        bound.has_fallen = millivolts < bound.millivolts;
+      } else if (!is_beyond(i, millivolts)) {
+        bound.is_pending = false;
+      } else if (!bound.is_pending) {
+        bound.is_pending = true;
+        bound.since_us = now_us;
+      } else if (now_us - bound.since_us >= (bound.has_fallen ? kRecoverUs : kSagUs)) {
+        bound.is_pending = false;
+        bound.has_fallen = !bound.has_fallen;
+      }
     }
-    if (wanted == level_) {
-      pending_ = level_;
-      return false;
-    }
-    if (wanted != pending_) {
-      // A fall that goes further is the same fall.
-      if (!(is_lower(pending_, level_) && is_lower(wanted, level_))) since_us_ = now_us;
-      pending_ = wanted;
-    }
-    const uint64_t needed_us = is_lower(wanted, level_) ? kSagUs : kRecoverUs;
-    if (now_us - since_us_ < needed_us) return false;
-    level_ = wanted;
-    return true;
+    const BatteryLevel before = level_;
+    level_ = lowest();
+    return level_ != before;
+  }
+  /// There is no voltage: the next one begins anew to last.
+  void forget_pending() {
+    for (Bound& bound : bounds_) bound.is_pending = false;
   }
 
  private:
-  static constexpr bool is_lower(BatteryLevel a, BatteryLevel b) { return a > b; }
+  enum : size_t { kWarn, kLimit, kStop, kBounds };
 
-  BatteryLevel wanted_by(uint16_t millivolts) const {
-    BatteryLevel wanted = below(millivolts);
-    if (level_ == BatteryLevel::kUnknown || !is_lower(level_, wanted)) return wanted;
-    wanted = below(static_cast<uint16_t>(millivolts - millivolts / 32));
-    if (level_ == BatteryLevel::kStop && wanted != BatteryLevel::kOk) return level_;
-    return is_lower(level_, wanted) ? wanted : level_;
+  struct Bound {
+    uint16_t millivolts = 0;
+    bool has_fallen = false;
+    bool is_pending = false;  // The voltage is beyond it, since then, but not for long enough.
+    uint64_t since_us = 0;
+  };
+
+  bool is_beyond(size_t which, uint16_t millivolts) const {
+    const Bound& bound = bounds_[which];
+    if (!bound.has_fallen) return millivolts < bound.millivolts;
+    return millivolts - millivolts / 32 >= bounds_[which == kStop ? kWarn : which].millivolts;
   }
-  BatteryLevel below(uint16_t millivolts) const {
-    if (millivolts < bounds_[2]) return BatteryLevel::kStop;
-    if (millivolts < bounds_[1]) return BatteryLevel::kLimit;
-    if (millivolts < bounds_[0]) return BatteryLevel::kWarn;
+  BatteryLevel lowest() const {
+    if (bounds_[kStop].has_fallen) return BatteryLevel::kStop;
+    if (bounds_[kLimit].has_fallen) return BatteryLevel::kLimit;
+    if (bounds_[kWarn].has_fallen) return BatteryLevel::kWarn;
     return BatteryLevel::kOk;
   }
 
-  uint16_t bounds_[3]{};  // WARN, LIMIT, STOP
+  Bound bounds_[kBounds];
   BatteryLevel level_ = BatteryLevel::kUnknown;
-  BatteryLevel pending_ = BatteryLevel::kUnknown;
-  uint64_t since_us_ = 0;
 };
 
 }  // namespace wheelwire

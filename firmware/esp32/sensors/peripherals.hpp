@@ -191,7 +191,8 @@ class PeripheralCheck {
   constexpr void check_range(const Peripheral& entry) {
     check_driven_pin(entry.pin_a);
     check_pin(entry.pin_b);
-    if (entry.pin_a == entry.pin_b) tell(PeripheralFault::kPinTaken, entry.pin_b);
+    if (entry.pin_a >= 0 && entry.pin_a == entry.pin_b)
+      tell(PeripheralFault::kPinTaken, entry.pin_b);
     if (range_table_of(entry.chip) == nullptr) tell(PeripheralFault::kChip);
     if (entry.place == Place::kNone) tell(PeripheralFault::kPlace);
     size_t before = 0;
@@ -227,7 +228,10 @@ class PeripheralCheck {
     check_driven_pin(entry.pin_a);
     check_driven_pin(entry.pin_b);
     if (entry.pin_c != -1) check_pin(entry.pin_c);
-    if (entry.pin_a == entry.pin_b) tell(PeripheralFault::kPinTaken, entry.pin_b);
+    if (entry.pin_a >= 0 && entry.pin_a == entry.pin_b)
+      tell(PeripheralFault::kPinTaken, entry.pin_b);
+    if (entry.pin_c != -1 && (entry.pin_c == entry.pin_a || entry.pin_c == entry.pin_b))
+      tell(PeripheralFault::kPinTaken, entry.pin_c);
   }
 
   constexpr void check_numbered_bus(const Peripheral& entry) {
@@ -297,8 +301,9 @@ class PeripheralCheck {
       const bool is_same = entry.kind == other.kind &&
                            (entry.kind == PeripheralKind::kAnalog ? entry.value_b == other.value_b
                                                                   : entry.place == other.place);
-      const bool same_address =
-          is_on_bus(entry.kind) && is_on_bus(other.kind) && address_of(entry) == address_of(other);
+      const bool same_address = is_on_bus(entry.kind) && is_on_bus(other.kind) &&
+                                entry.pin_a == other.pin_a && entry.pin_b == other.pin_b &&
+                                address_of(entry) == address_of(other);
       if (is_same || same_address) return tell(PeripheralFault::kTwice);
     }
   }

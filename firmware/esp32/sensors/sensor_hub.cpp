@@ -13,14 +13,14 @@ int find(const PeripheralList& list, PeripheralKind kind) {
 
 }  // namespace
 
-void SensorHub::start(SensorPort& port, const PeripheralList& list, bool has_divider) {
+void SensorHub::start(SensorPort& port, const PeripheralList& list) {
   port_ = &port;
   list_ = &list;
-  has_divider_ = has_divider;
   range_round_us_ = wheelwire::range_round_us(list);
   power_channel_ = find(list, PeripheralKind::kPower);
   battery_channel_ = find(list, PeripheralKind::kBattery);
   if (battery_channel_ >= 0) battery_.start(list.entries[battery_channel_]);
+  // A power sensor measures the battery, also on a board with a divider.
   if (power_channel_ < 0) power_channel_ = battery_channel_;
   for (size_t i = 0; i < list.count; ++i) {
     if (!is_digital_input(list.entries[i].kind)) continue;
@@ -29,7 +29,16 @@ void SensorHub::start(SensorPort& port, const PeripheralList& list, bool has_div
   }
 }
 
-uint8_t SensorHub::update(uint16_t battery_mv, uint64_t now_us) {
+void SensorHub::start_at_stop() {
+  is_at_stop_ = true;
+  if (guards_battery()) battery_.start_at_stop();
+}
+
+bool SensorHub::guards_battery() const {
+  return battery_channel_ >= 0 && is_guarded(list_->entries[battery_channel_]);
+}
+
+uint8_t SensorHub::update(uint16_t divider_mv, uint64_t now_us) {
   if (!started_) {
     started_ = true;
     start_us_ = now_us;
@@ -58,21 +67,23 @@ uint8_t SensorHub::update(uint16_t battery_mv, uint64_t now_us) {
   updated_us_ = now_us;
   // After the power sensor, which may be what measures it.
   if (battery_channel_ >= 0)
-    read_battery(static_cast<size_t>(battery_channel_), battery_mv, now_us);
+    read_battery(static_cast<size_t>(battery_channel_), divider_mv, now_us);
   uint8_t forbidden = 0;
   for (size_t i = 0; i < list_->count; ++i)
     if (triggered_ & bit(i)) forbidden |= reflex_of(list_->entries[i]);
-  if (battery_channel_ >= 0 && is_guarded(list_->entries[battery_channel_])) {
+  if (guards_battery()) {
+    is_at_stop_ = battery_level() == BatteryLevel::kStop;
     const SensorState state = channels_[battery_channel_].state;
     if (state == SensorState::kUnread) {
       forbidden |= reflex::kUnread;
-    } else if (state != SensorState::kOk || battery_level_ == BatteryLevel::kStop) {
+    } else if (state != SensorState::kOk || is_at_stop_) {
       forbidden |= reflex::kStop;
-    } else if (battery_level_ == BatteryLevel::kLimit) {
+    } else if (battery_level() == BatteryLevel::kLimit) {
       forbidden |= reflex::kLimit;
     }
   }
-  return reflexes_ = forbidden;
+  reflexes_ = forbidden;
+  return static_cast<uint8_t>(is_at_stop_ ? forbidden | kBatteryAtStop : forbidden);
 }
 
 uint8_t SensorHub::reflex_of(const Peripheral& entry) const {
@@ -187,28 +198,27 @@ void SensorHub::read_analog(size_t channel, uint64_t now_us) {
 
 void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us) {
   Channel& battery = channels_[channel];
-  if (!has_divider_) {
+  const bool is_divided = power_channel_ == battery_channel_;
+  if (!is_divided) {
     const SensorState state = channels_[power_channel_].state;
     const bool is_zero = state == SensorState::kOk && power_.voltage_mv == 0;
     note_state(channel, is_zero ? SensorState::kZero : state, now_us);
   } else if (divider_mv != 0) {
     battery.seen_us = now_us;
     note_state(channel, SensorState::kOk, now_us);
-    if (power_channel_ == battery_channel_)
-      power_ = {.state = SensorState::kOk, .t_us = now_us, .voltage_mv = divider_mv};
+    power_ = {.state = SensorState::kOk, .t_us = now_us, .voltage_mv = divider_mv};
   } else if (battery.state == SensorState::kUnread) {
     if (now_us - start_us_ >= kFirstReadUs) note_state(channel, SensorState::kZero, now_us);
   } else if (now_us - battery.seen_us >= kZeroUs) {
     note_state(channel, SensorState::kZero, now_us);
   }
-  if (battery.state != SensorState::kOk) return;
-  const uint16_t millivolts = has_divider_ ? divider_mv : power_.voltage_mv;
+  if (battery.state != SensorState::kOk) return battery_.forget_pending();
+  const uint16_t millivolts = is_divided ? divider_mv : power_.voltage_mv;
   // A divider's 0 mV that has not lasted yet is no voltage of a battery.
-  if (millivolts == 0 || !is_guarded(list_->entries[channel])) return;
+  if (millivolts == 0 || !guards_battery()) return;
   if (!battery_.update(millivolts, now_us)) return;
-  battery_level_ = battery_.level();
   observer_.on_sensor_event(SensorEventCode::kBattery, channel,
-                            static_cast<uint16_t>(battery_level_), now_us);
+                            static_cast<uint16_t>(battery_level()), now_us);
 }
 
 uint16_t SensorHub::stale() const {

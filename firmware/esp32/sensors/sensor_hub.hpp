@@ -3,6 +3,7 @@
 #pragma once
 
 #include "battery_guard.hpp"
+#include "latches.hpp"
 #include "peripherals.hpp"
 #include "sensor_port.hpp"
 
@@ -35,11 +36,17 @@ class SensorHub {
 
   explicit SensorHub(SensorObserver& observer) : observer_(observer) {}
 
-  /// Reads these from now on; both must outlive it. `has_divider`: the board measures its battery.
-  void start(SensorPort& port, const PeripheralList& list, bool has_divider);
+  /// Reads these from now on; both must outlive it.
+  void start(SensorPort& port, const PeripheralList& list);
 
-  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`.
-  uint8_t update(uint16_t battery_mv, uint64_t now_us);
+  /// Before the first `update`: the battery was at STOP before the reset, and stays there until it
+  /// was charged. A list without its levels keeps that for the next one.
+  void start_at_stop();
+
+  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`, with
+  /// kBatteryAtStop.
+  /// `divider_mv`: of the battery, by the board's divider; 0: it is not measured.
+  uint8_t update(uint16_t divider_mv, uint64_t now_us);
 
   const PeripheralList& list() const { return *list_; }
   SensorState state(size_t channel) const { return channels_[channel].state; }
@@ -52,7 +59,7 @@ class SensorHub {
   uint16_t edges(size_t channel) const {
     return (inputs_ >> channel & 1) != 0 ? channels_[channel].count : uint16_t{0};
   }
-  BatteryLevel battery_level() const { return battery_level_; }
+  BatteryLevel battery_level() const { return battery_.level(); }
   /// Of the power sensor, or of the divider.
   const PowerReading& power() const { return power_; }
   /// Drawn since the start, as far as the power sensor measured it.
@@ -81,11 +88,11 @@ class SensorHub {
   /// The state of a sensor that gave nothing new.
   SensorState overdue(size_t channel, uint32_t period_us, uint64_t now_us) const;
   uint8_t reflex_of(const Peripheral& entry) const;
+  bool guards_battery() const;
 
   SensorObserver& observer_;
   SensorPort* port_ = nullptr;
   const PeripheralList* list_ = nullptr;
-  bool has_divider_ = false;
   bool started_ = false;
   uint8_t reflexes_ = reflex::kUnread;
   uint16_t inputs_ = 0;  // Channels that are digital inputs,
@@ -101,8 +108,8 @@ class SensorHub {
   int battery_channel_ = -1;
   PowerReading power_;
   int64_t used_ma_us_ = 0;  // A sum of floats would lose small currents after a day.
-  BatteryLevel battery_level_ = BatteryLevel::kUnknown;
   BatteryGuard battery_;
+  bool is_at_stop_ = false;
 };
 
 }  // namespace wheelwire

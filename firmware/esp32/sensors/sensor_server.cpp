@@ -27,7 +27,7 @@ SensorServer::SensorServer(PeripheralKeeper& keeper, SensorPort* port, BatterySe
     : keeper_(keeper),
       divider_(divider),
       is_active_(port != nullptr && keeper.is_active() && keeper.list().count != 0) {
-  if (is_active_) hub_.start(*port, keeper.list(), divider != nullptr);
+  if (is_active_) hub_.start(*port, keeper.list());
 }
 
 uint8_t SensorServer::update(uint64_t now_us) {
@@ -60,7 +60,7 @@ void SensorServer::on(const SensorStream& request, uint64_t now_us) {
   server_->conclude(request.kId, request.request_id, RefusalCode::kNone);
   streams_ = {};
   if (!is_active_) return;
-  streams_.asked_hz = request.rate_hz;
+  streams_.asked_hz = streams_.imu_hz = request.rate_hz;
   streams_.infos_left = hub_.list().count;
   streams_.next_power_us = now_us;
   const uint32_t interval_us = server_->state_interval_us();

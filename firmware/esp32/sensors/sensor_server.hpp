@@ -16,6 +16,7 @@ class SensorServer final : public SensorMessages, public SensorObserver {
 
   void attach(MessageServer& server) override { server_ = &server; }
   bool is_active() const override { return is_active_; }
+  void start_at_stop() override { hub_.start_at_stop(); }
   uint8_t update(uint64_t now_us) override;
   void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) override;
   void stream(uint64_t now_us) override;

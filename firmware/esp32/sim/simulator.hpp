@@ -67,9 +67,13 @@ class Simulator {
   std::vector<uint32_t> box_image();
 
   BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
+  uint32_t board_fingerprint() const { return keeper_ ? keeper_->fingerprint() : 0; }
 
   PeripheralsState peripherals_state() const {
     return peripherals_ ? peripherals_->state() : PeripheralsState::kEmpty;
+  }
+  uint32_t peripherals_fingerprint() const {
+    return peripherals_ ? peripherals_->fingerprint() : 0;
   }
   uint8_t reflexes() const { return device_ ? device_->reflexes() : uint8_t{0}; }
 

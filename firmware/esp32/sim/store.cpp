@@ -100,6 +100,13 @@ bool Store::erase() {
   return formatted;
 }
 
+void Store::damage(Damage what) {
+  for (Slot* const slot : {&first_, &second_}) {
+    if (slot->bytes().empty() || (what != Damage::kAll && slot != newest_)) continue;
+    slot->put(Bytes(what == Damage::kNewestEmpty ? 0 : 1));
+  }
+}
+
 /// Nothing is left of it.
 bool Store::format() {
   unreadable = 0;
@@ -132,7 +139,10 @@ bool Store::Slot::write(Bytes bytes) {
   if (fate == WriteFate::kUntouched) return false;
   if (fate == WriteFate::kLost) bytes.clear();
   bytes_.swap(bytes);
-  if (store_.write_file()) return fate == WriteFate::kDone;
+  if (store_.write_file()) {
+    if (fate == WriteFate::kDone) store_.newest_ = this;
+    return fate == WriteFate::kDone;
+  }
   bytes_.swap(bytes);
   return false;
 }

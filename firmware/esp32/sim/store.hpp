@@ -26,6 +26,9 @@ class StoreWatch {
   ~StoreWatch() = default;
 };
 
+/// What time does to flash: a slot cannot be read, or is empty.
+enum class Damage { kNewest, kAll, kNewestEmpty };
+
 /// What all stores lie in. Where it cannot be opened, none can be read or written, and erasing any
 /// of them formats it, as on the chip (main/nvs_store.cpp).
 struct Partition {
@@ -54,6 +57,8 @@ class Store final : public ParameterStore {
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
   bool erase() override;
+  /// Of the slots that hold something.
+  void damage(Damage what);
   uint32_t faults() override { return unreadable | partition_faults() | twin_.faults(); }
 
  private:
@@ -86,6 +91,7 @@ class Store final : public ParameterStore {
   std::optional<std::string> path_;
   Slot first_{*this};
   Slot second_{*this};
+  Slot* newest_ = nullptr;  ///< The last one that was written.
   TwinStore twin_{first_, second_};
 };
 

@@ -49,6 +49,17 @@ struct Start {
   BoardKeeper keeper;
 };
 
+struct TwoSlots {
+  MemoryStore first, second;
+  CutStore cut{first};
+  TwinStore store{cut, second};
+
+  /// Whatever lies in it.
+  static void damage(MemoryStore& slot) {
+    if (!slot.block.empty()) slot.block.back() ^= 1;
+  }
+};
+
 /// Writes a board, and asks for the restart that tries it.
 void write_and_restart(ParameterStore& store, const BoardDescription& board) {
   Start start(store);
@@ -183,6 +194,57 @@ TEST(keeper_none_of_whose_slots_is_whole_has_no_board) {
     }
     CHECK(Start(store).keeper.state() == BoardState::kNone);
   }
+}
+
+TEST(keeper_of_a_damaged_block_has_no_board_until_one_is_confirmed) {
+  TwoSlots slots;
+  CHECK(Start(slots.store).confirm() == RefusalCode::kNone);
+  TwoSlots::damage(slots.first);
+  TwoSlots::damage(slots.second);
+  {
+    Start start(slots.store);
+    CHECK(start.keeper.state() == BoardState::kNone);
+    CHECK(start.keeper.write(Packed(variant(21)).bytes) == RefusalCode::kNone);
+  }
+  CHECK(Start(slots.store).keeper.state() == BoardState::kNone);
+  write_and_restart(slots.store, variant(21));
+  CHECK(Start(slots.store).keeper.on_trial());  // And loses its power.
+  CHECK(Start(slots.store).keeper.state() == BoardState::kNone);
+  write_and_restart(slots.store, variant(21));
+  CHECK(Start(slots.store).confirm() == RefusalCode::kNone);
+  CHECK(Start(slots.store).keeper.state() == BoardState::kStored);
+}
+
+TEST(keeper_has_the_confirmed_board_though_the_newest_block_is_damaged) {
+  for (const bool has_former : {false, true}) {
+    TwoSlots slots;
+    if (has_former) {
+      write_and_restart(slots.store, variant(22));
+      CHECK(Start(slots.store).confirm() == RefusalCode::kNone);
+    }
+    write_and_restart(slots.store, variant(21));
+    CHECK(Start(slots.store).confirm() == RefusalCode::kNone);
+    for (MemoryStore* const slot : {&slots.first, &slots.second}) {
+      const std::vector<uint8_t> whole = slot->block;
+      TwoSlots::damage(*slot);
+      const Start start(slots.store);
+      CHECK(start.keeper.state() == BoardState::kStored && start.keeper.board().left_in1 == 21);
+      slot->block = whole;
+    }
+  }
+}
+
+TEST(keeper_drives_on_a_confirmed_board_once_both_slots_hold_it) {
+  TwoSlots slots;
+  write_and_restart(slots.store, variant(21));
+  // The first slot has the trial, the second one the confirmation; then the power goes.
+  slots.cut.writes_left = 1;
+  CHECK(Start(slots.store).confirm() == RefusalCode::kStoreFailed);
+  CHECK(Start(slots.store).keeper.state() == BoardState::kNone);  // The flash still refuses.
+  slots.cut.writes_left = 1;
+  CHECK(Start(slots.store).keeper.state() == BoardState::kStored);
+  TwoSlots::damage(slots.second);
+  CHECK(Start(slots.store).keeper.state() == BoardState::kStored);
 }
 
 /// From the first write of a board to the last, whatever write the power is cut at: the next starts

@@ -93,7 +93,7 @@ class Rig final : public SensorPort, public SensorObserver {
     Chip& chip = bus.chips[kAddress];
     chip.bytes[0x75] = 0x68;
     sensors.add(0, list_.entries[0], bus, has_interrupt ? &edges : nullptr);
-    hub_.start(*this, list_, false);
+    hub_.start(*this, list_);
   }
 
   Bus bus;

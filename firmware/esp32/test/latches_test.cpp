@@ -2,6 +2,7 @@
 #include "latches.hpp"
 
 #include "check.hpp"
+#include "crc32.hpp"
 #include "memory_store.hpp"
 #include "robot_bench.hpp"
 
@@ -32,7 +33,8 @@ RefusalCode last_refusal(const RobotBench& bench) {
 TEST(latches_come_back_as_they_were) {
   for (const bool estop : {false, true}) {
     for (const uint32_t faults : {0u, 1u, 0xffffu}) {
-      const Latches latches{.estop = estop, .unarmed = !estop, .faults = faults};
+      const Latches latches{
+          .estop = estop, .unarmed = !estop, .battery_at_stop = faults == 1, .faults = faults};
       uint8_t record[Latches::kSize];
       latches.encode(record);
       Latches found;
@@ -45,6 +47,16 @@ TEST(latches_come_back_as_they_were) {
       CHECK(!Latches::decode(record, sizeof record - 1, found));
     }
   }
+}
+
+/// As releases wrote it that kept nothing of the battery.
+TEST(an_older_record_is_read_as_it_was_meant) {
+  uint8_t record[] = {0x57, 0x4c, 3, 0, 5, 0, 0, 0, 0, 0, 0, 0};
+  const uint32_t crc = crc32(record, 8);
+  for (size_t i = 0; i < 4; ++i) record[8 + i] = static_cast<uint8_t>(crc >> 8 * i);
+  Latches found;
+  CHECK(Latches::decode(record, sizeof record, found));
+  CHECK((found == Latches{.estop = true, .unarmed = true, .faults = 5}));
 }
 
 TEST(an_estop_survives_a_reset_until_it_is_cleared) {

@@ -173,9 +173,42 @@ TEST(a_battery_needs_falling_bounds_and_something_that_measures_it) {
   CHECK(fault_of(board, {battery(7000, 6800, 0)}) == kLevels);
 }
 
+TEST(each_pin_of_a_peripheral_is_another) {
+  const auto with_pins = [](Peripheral entry, int8_t a, int8_t b, int8_t c) {
+    return changed(entry, [a, b, c](auto& e) {
+      e.pin_a = a;
+      e.pin_b = b;
+      e.pin_c = c;
+    });
+  };
+  CHECK(fault_of({with_pins(imu(), 16, 17, 21)}) == kNone);
+  CHECK(fault_of({with_pins(imu(), 16, 17, 16)}) == kPinTaken);
+  CHECK(fault_of({with_pins(imu(), 16, 17, 17)}) == kPinTaken);
+  CHECK(fault_of({with_pins(imu(), 16, 16, -1)}) == kPinTaken);
+  CHECK(fault_of({with_pins(range(), 16, 16, -1)}) == kPinTaken);
+}
+
+TEST(a_pin_that_is_missing_is_not_taken) {
+  for (Peripheral entry : {imu(), power(), range()}) {
+    entry.pin_a = entry.pin_b = entry.pin_c = -1;
+    int taken = 0;
+    check_peripherals(list_of({entry}), wroom(), [&taken](const PeripheralIssue& issue) {
+      taken += issue.fault == kPinTaken;
+    });
+    CHECK(taken == 0 && fault_of({entry}) == kPinMissing);
+  }
+}
+
 TEST(two_of_a_kind_at_one_place_or_at_one_address) {
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kFront, 39)}) == kTwice);
   CHECK(fault_of({imu(), changed(power(), [](auto& e) { e.address = 0x68; })}) == kTwice);
+  BoardDescription board = wroom();
+  board.led = -1;
+  CHECK(fault_of(board, {imu(), changed(power(), [](auto& e) {
+                           e.address = 0x68;
+                           e.pin_a = 21;
+                           e.pin_b = 22;
+                         })}) == kNone);
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kRear)}) == kPinTaken);
   CHECK(fault_of({range(), changed(range(), [](auto& e) {
                     e.pin_a = 16;

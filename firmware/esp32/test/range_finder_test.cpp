@@ -68,7 +68,7 @@ class Rig final : public SensorPort, public SensorObserver {
       finder_.add(i, list_.entries[i], echoes[i]);
     }
     list_.count = static_cast<uint8_t>(count);
-    hub_.start(*this, list_, false);
+    hub_.start(*this, list_);
   }
 
   std::deque<Echo> echoes;

@@ -3,6 +3,7 @@
 
 #include "check.hpp"
 #include "sensor_bench.hpp"
+#include "twin_store.hpp"
 
 using namespace wheelwire;
 using test::battery;
@@ -274,6 +275,144 @@ TEST(a_sag_under_load_is_no_empty_battery) {
   }
 }
 
+TEST(a_level_falls_by_the_time_below_its_own_bound) {
+  SensorBench bench(kGuard);
+  bench.open();
+  const auto drive_at = [&](uint16_t millivolts, int steps) {
+    bench.battery.measured_mv = millivolts;
+    bench.drive_on(0.2f, 0.2f, steps);
+  };
+  // A dip amid a sag that stays above the lower bounds.
+  drive_at(6950, 1940);
+  drive_at(6300, 100);
+  CHECK(bench.driven() && bench.device.reflexes() == 0);
+  drive_at(6950, 5000);
+  CHECK(bench.device.reflexes() == 0);
+  drive_at(6300, 1990);
+  CHECK(bench.driven() && bench.device.faults() == 0);
+  // Deep enough for LIMIT all the time, and for STOP with an interruption.
+  drive_at(6700, 20);
+  CHECK(bench.device.reflexes() == reflex::kLimit);
+  drive_at(6300, 1990);
+  CHECK(bench.driven());
+  drive_at(6300, 20);
+  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+TEST(a_voltage_that_trembles_around_one_level_rises_above_a_lower_one) {
+  SensorBench bench(kGuard);
+  bench.battery.measured_mv = 6700;
+  bench.open();
+  CHECK(bench.device.reflexes() == reflex::kLimit);
+  for (int i = 0; i < 22; ++i) {
+    CHECK(bench.device.reflexes() == reflex::kLimit);
+    bench.battery.measured_mv = i % 2 == 0 ? 7200 : 7260;  // A 32nd above WARN is 7226 mV.
+    bench.run(i == 21 ? 40 : 476);
+  }
+  CHECK(bench.device.reflexes() == 0);
+}
+
+TEST(silence_neither_charges_nor_empties_a_battery) {
+  SensorBench bench(kGuard);
+  bench.open();
+  bench.battery.measured_mv = 6300;
+  bench.drive_on(0.2f, 0.2f, 2100);
+  CHECK(bench.device.faults() == fault::kExternal);
+  const auto measure = [&](uint16_t millivolts, int milliseconds) {
+    bench.battery.measured_mv = millivolts;
+    bench.run(milliseconds);
+  };
+  measure(7600, 1000);
+  measure(0, 9200);
+  measure(7600, 9900);
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+  measure(7600, 200);
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+  // What it fell before counts as little.
+  measure(6300, 1500);
+  measure(0, 300);
+  measure(6300, 1500);
+  CHECK((bench.device.reflexes() & reflex::kStop) == 0);
+  measure(6300, 600);
+  CHECK((bench.device.reflexes() & reflex::kStop) != 0);
+}
+
+namespace {
+
+/// A robot whose battery was at STOP, and has recovered without its load.
+void drive_empty(SensorBench& bench) {
+  bench.open();
+  bench.battery.measured_mv = 6300;
+  bench.drive_on(0.2f, 0.2f, 2100);
+  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
+  bench.battery.measured_mv = 6900;
+  bench.run(100);
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+}
+
+/// A reset of the processor; the battery has 6.9 V.
+void survive(const SensorBench& before, SensorBench& after) {
+  after.latches.record = before.latches.record;
+  after.battery.measured_mv = 6900;
+}
+
+}  // namespace
+
+TEST(a_reset_charges_no_battery) {
+  SensorBench first(kGuard);
+  drive_empty(first);
+  // Nor does one on a board whose list has no levels, as while such a list is on trial.
+  SensorBench second(kBumpers);
+  survive(first, second);
+  second.open();
+  CHECK(second.clear_fault() == RefusalCode::kNone);
+  second.run(20);
+  SensorBench third(kGuard);
+  survive(second, third);
+  third.open();
+  third.drive_on(0.2f, 0.2f, 50);
+  CHECK(!third.driven() && third.device.faults() == fault::kExternal);
+  third.run(20'000);
+  CHECK(third.clear_fault() == RefusalCode::kCausePresent);
+  third.battery.measured_mv = 7400;
+  third.run(11'000);
+  CHECK(third.clear_fault() == RefusalCode::kNone);
+  SensorBench fourth(kGuard);
+  survive(third, fourth);
+  fourth.open();
+  fourth.send(fourth.velocity(0, 0));
+  fourth.drive_on(0.2f, 0.2f, 50);
+  CHECK(fourth.driven());
+}
+
+TEST(after_a_power_cut_the_first_voltage_decides) {
+  SensorBench first(kGuard);
+  drive_empty(first);
+  SensorBench second(kGuard);
+  second.latch_store.block = first.latch_store.block;
+  second.battery.measured_mv = 6900;
+  second.open();
+  second.drive_on(0.2f, 0.2f, 50);
+  CHECK(second.driven());
+}
+
+TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
+  SensorBench first(kGuard);
+  first.open();
+  first.battery.measured_mv = 0;
+  first.drive_on(0.2f, 0.2f, 200);
+  CHECK(first.device.faults() == fault::kExternal);
+  SensorBench second(kGuard);
+  survive(first, second);
+  second.battery.measured_mv = 0;
+  second.open();
+  for (int i = 0; i < 3; ++i) {
+    CHECK(second.clear_fault() == RefusalCode::kCausePresent);
+    second.run(500);
+  }
+  CHECK(second.device.faults() == fault::kExternal);
+}
+
 TEST(an_empty_battery_drives_not_even_at_first) {
   SensorBench bench(kGuard);
   bench.battery.measured_mv = 6000;
@@ -338,6 +477,33 @@ TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
   CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
 }
 
+TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
+  SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}));
+  bench.battery.measured_mv = 7600;
+  const auto measure = [&](uint16_t millivolts) {
+    bench.sensors.power =
+        PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
+  };
+  measure(5800);
+  bench.open();
+  measure(5800);
+  bench.drive_on(0.2f, 0.2f, 20);
+  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+TEST(a_battery_that_nothing_measures_is_missing_after_a_second) {
+  SensorBench bench(kGuard, false);
+  bench.open();
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kBooting);
+  bench.run(1000);
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
+}
+
 TEST(charge_is_counted_while_the_current_is_measured) {
   struct Nobody final : SensorObserver {
     void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
@@ -347,7 +513,7 @@ TEST(charge_is_counted_while_the_current_is_measured) {
   const PeripheralList list = list_of({kIna219});
   test::BenchSensors sensors;
   SensorHub hub(nobody);
-  hub.start(sensors, list, false);
+  hub.start(sensors, list);
   const auto measure = [&](uint64_t t_us, int32_t milliamperes) {
     sensors.power =
         PowerReading{.state = SensorState::kOk, .t_us = t_us, .current_ma = milliamperes};
@@ -466,6 +632,19 @@ TEST(states_go_before_sensors_on_a_slow_line) {
   CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
 }
 
+TEST(an_imu_that_gets_nothing_of_the_line_is_reported) {
+  SensorBench bench(list_of({kMpu6050}));
+  bench.line.rate = 11'520;
+  bench.open();
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = 188}) == RefusalCode::kNone);
+  bench.received.clear();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(3);
+  const auto events = bench.of<SensorEvent>();
+  CHECK(!events.empty() && events[0].code == SensorEventCode::kReduced && events[0].value == 0);
+  CHECK(bench.of<SensorInfo>()[0].rate_hz == 0);
+}
+
 namespace {
 
 const Peripheral kRange{.kind = PeripheralKind::kRange,
@@ -577,6 +756,48 @@ TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
   CHECK(bench.of<Inputs>().back().stale == 1 && bench.of<Inputs>().back().analog_2_mv == 0);
 }
 
+// --- rolling -------------------------------------------------------------------------------------
+
+namespace {
+
+/// The events of a robot that rolls at 0.576 m/s while its host drives on against a bumper.
+int rolling_events(SensorBench& bench, float left_mps, float right_mps, int steps) {
+  for (int i = 0; i < steps; ++i) {
+    bench.send(bench.velocity(left_mps, right_mps));
+    bench.turn(1, 1);
+    bench.step();
+  }
+  int events = 0;
+  for (const Event& event : bench.of<Event>()) {
+    if (event.code != EventCode::kRolling) continue;
+    ++events;
+    CHECK(event.after == SupervisorState::kDriving);
+    CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
+  }
+  return events;
+}
+
+}  // namespace
+
+TEST(a_robot_that_rolls_while_a_bumper_holds_the_drive_off_is_reported) {
+  for (const float velocity_mps : {0.0f, 0.2f}) {
+    SensorBench bench(kBumpers);
+    bench.open();
+    bench.set_level(0, true);
+    CHECK(rolling_events(bench, velocity_mps, velocity_mps, 1500) == 1);
+    CHECK(bench.state() == SupervisorState::kDriving && !bench.driven());
+  }
+}
+
+TEST(a_robot_that_a_bumper_lets_drive_back_does_not_roll) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.set_level(0, true);
+  bench.drive_on(-0.4f, -0.4f, 1500);
+  CHECK(bench.driven());
+  for (const Event& event : bench.of<Event>()) CHECK(event.code != EventCode::kRolling);
+}
+
 // --- the list ------------------------------------------------------------------------------------
 
 TEST(a_list_is_written_tried_and_confirmed) {
@@ -638,4 +859,62 @@ TEST(a_damaged_list_drives_nothing) {
   keeper.start(&kBoardOfEsp32);
   CHECK(keeper.state() == PeripheralsState::kUnusable);
   CHECK(keeper.refusal() == RefusalCode::kBoardUnconfirmed);
+}
+
+TEST(a_damaged_list_drives_nothing_until_one_is_confirmed) {
+  MemoryStore store;
+  const auto state_of_a_start = [&store](bool confirms = false) {
+    PeripheralKeeper keeper(store, nullptr);
+    keeper.start(&kBoardOfEsp32);
+    if (confirms) CHECK(keeper.confirm(keeper.fingerprint()) == RefusalCode::kNone);
+    return keeper.state();
+  };
+  const auto write = [&store](bool restarts) {
+    PeripheralKeeper keeper(store, nullptr);
+    keeper.start(&kBoardOfEsp32);
+    const PeripheralList empty = list_of({});
+    uint8_t packed[PeripheralList::kSize];
+    CHECK(keeper.write(0, empty.board, write_list(empty, packed)) == RefusalCode::kNone);
+    if (restarts) CHECK(keeper.request_trial() == RefusalCode::kNone);
+  };
+  store.block = {1, 2, 3};
+  write(false);
+  CHECK(state_of_a_start() == PeripheralsState::kUnusable);
+  write(true);
+  CHECK(state_of_a_start() == PeripheralsState::kTrial);
+  CHECK(state_of_a_start() == PeripheralsState::kUnusable);
+  write(true);
+  CHECK(state_of_a_start(true) == PeripheralsState::kStored);
+  CHECK(state_of_a_start() == PeripheralsState::kStored);
+}
+
+TEST(a_confirmed_list_acts_though_the_newest_block_is_damaged) {
+  MemoryStore slots[2];
+  TwinStore store(slots[0], slots[1]);
+  const auto start = [&store](bool confirms) {
+    PeripheralKeeper keeper(store, nullptr);
+    keeper.start(&kBoardOfEsp32);
+    if (confirms) CHECK(keeper.confirm(keeper.fingerprint()) == RefusalCode::kNone);
+    return keeper.list().count;
+  };
+  {
+    PeripheralKeeper keeper(store, nullptr);
+    keeper.start(&kBoardOfEsp32);
+    const PeripheralList wanted = kBumpers;
+    uint8_t packed[PeripheralList::kSize];
+    for (uint8_t i = 0; i < wanted.count; ++i) {
+      uint8_t entry[Peripheral::kSize];
+      wanted.entries[i].encode(entry);
+      keeper.set(i, entry);
+    }
+    keeper.write(wanted.count, wanted.board, write_list(wanted, packed));
+    keeper.request_trial();
+  }
+  CHECK(start(true) == 2);
+  for (MemoryStore& slot : slots) {
+    const std::vector<uint8_t> whole = slot.block;
+    slot.block.back() ^= 1;
+    CHECK(start(false) == 2);
+    slot.block = whole;
+  }
 }

@@ -50,22 +50,23 @@ _TRIGGERED = {
     PeripheralKind.CLIFF: "high",
     PeripheralKind.STAGE_FAULT: "low",
 }
+_NOT_OF_BUMPERS = (Place.NONE, Place.LEFT, Place.RIGHT)
 _INPUTS = {
     channel_name(kind, place).replace(".", "_"): (kind, place)
     for kind in DIGITAL_INPUTS
     for place in Place
+    if kind is not PeripheralKind.BUMPER or place not in _NOT_OF_BUMPERS
 }
 _ANALOG = {
     channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
     for number in range(1, MOST_ANALOG + 1)
 }
 _PLACES = {place.name.lower(): place for place in Place if place is not Place.NONE}
-_MAX_SHUNT_MOHM = MAX_SHUNT_UOHM / 1000
+_SHUNTS_MOHM = 0.1, MAX_SHUNT_UOHM / 1000
 _MAX_V = 65.0
 """A level travels as millivolts in 16 bits."""
-_MAX_DIVIDER = 65.535
-"""As a level, in thousandths."""
-_MAX_ADDRESS = 0x7F
+_DIVIDERS = 1.0, 20.0
+_MAX_ADDRESS = 0x77
 _MAX_CELLS = 15
 _LAST_BUS = 127
 """It travels as a signed byte."""
@@ -148,7 +149,7 @@ def _power(board: Section) -> Iterator[PowerSensor | BatteryLevels]:
             chip=power.code("chip", _POWER_CHIPS),
             sda=power.pin("sda"),
             scl=power.pin("scl"),
-            shunt_mohm=_shunt_mohm(power),
+            shunt_mohm=_within(power, "shunt_mohm", _SHUNTS_MOHM),
             address=_address(power),
             bus=_bus(power),
         )
@@ -161,9 +162,7 @@ def _power(board: Section) -> Iterator[PowerSensor | BatteryLevels]:
 def _levels(power: Section) -> BatteryLevels:
     defaults: dict[str, float] = {}
     if "cells" in power.values:
-        cells = power.whole("cells", _MAX_CELLS)
-        if cells == 0:
-            raise power.refusal("cells", f"it must be a whole number, 1 to {_MAX_CELLS}")
+        cells = power.whole("cells", _MAX_CELLS, low=1)
         defaults = {name: round(cells * volts, 3) for name, volts in _CELL_V.items()}
     return BatteryLevels(**{name: _level(power, name, defaults) for name in _CELL_V})
 
@@ -202,9 +201,7 @@ def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
 
 def _analog(inputs: Section, name: str) -> AnalogInput:
     entry = Section(inputs.get(name), ("pin", "divider"), f"inputs.{name}")
-    divider = entry.above_zero("divider", 1.0)
-    if divider > _MAX_DIVIDER:
-        raise entry.refusal("divider", f"it must be {_MAX_DIVIDER:g} at most")
+    divider = _within(entry, "divider", _DIVIDERS, 1.0)
     return AnalogInput(_ANALOG[name], entry.pin("pin"), divider)
 
 
@@ -219,17 +216,16 @@ def _ranges(board: Section) -> Iterator[RangeSensor]:
 
 
 def _level(power: Section, name: str, defaults: Mapping[str, float]) -> float:
-    value = power.get(name, defaults.get(name, MISSING))
-    if not is_number(value) or not 0 <= value <= _MAX_V:
-        raise power.refusal(name, f"it must be a number, 0 to {_MAX_V:g}")
+    return _within(power, name, (0.0, _MAX_V), defaults.get(name, MISSING))
+
+
+def _within(
+    section: Section, name: str, bounds: tuple[float, float], default: object = MISSING
+) -> float:
+    value, (low, high) = section.get(name, default), bounds
+    if not is_number(value) or not low <= value <= high:
+        raise section.refusal(name, f"it must be a number, {low:g} to {high:g}")
     return float(value)
-
-
-def _shunt_mohm(power: Section) -> float:
-    value = power.above_zero("shunt_mohm")
-    if value > _MAX_SHUNT_MOHM:
-        raise power.refusal("shunt_mohm", f"it must be {_MAX_SHUNT_MOHM:g} at most")
-    return value
 
 
 def _address(section: Section) -> int | None:
@@ -244,6 +240,11 @@ def _address(section: Section) -> int | None:
 def _bus(section: Section) -> int | None:
     """The number of a computer's bus."""
     if section.get("bus", None) is None:
+        for pin, other in (("sda", "scl"), ("scl", "sda")):
+            if section.pin(pin) is not None and section.pin(other) is None:
+                raise section.refusal(
+                    pin, f"name {other}, too; or in place of both, on a computer, its bus's number"
+                )
         return None
     for pin in ("sda", "scl"):
         if section.get(pin, None) is not None:

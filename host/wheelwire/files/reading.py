@@ -150,12 +150,12 @@ class Section:
             raise self.refusal(name, f"choose one of {', '.join(codes)}")
         return codes[value]
 
-    def whole(self, name: str, high: int, default: object = MISSING) -> int:
-        """A whole number from 0 to `high`."""
+    def whole(self, name: str, high: int, default: object = MISSING, low: int = 0) -> int:
+        """A whole number from `low` to `high`."""
         value = self.get(name, default)
         # Not isinstance: `yes` in YAML is True, an int, and must not mean 1.
-        if type(value) is not int or not 0 <= value <= high:
-            raise self.refusal(name, f"it must be a whole number, 0 to {high}")
+        if type(value) is not int or not low <= value <= high:
+            raise self.refusal(name, f"it must be a whole number, {low} to {high}")
         return value
 
     def above_zero(self, name: str, default: object = MISSING) -> float:

@@ -76,10 +76,12 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     from wheelwire_protocol.native import NativeMissingError, Sensors
 
     from .bus_reader import BusReaders
+    from .core import check_board
 
     start_ns = time.monotonic_ns()
     # Before there are pins: a reader that does not end must not hold any.
     try:
+        check_board(settings)  # or a bus that a pin of the list excludes would be what is reported
         sensors = Sensors(settings.packed_peripherals())
         readers = BusReaders(sensors, settings.buses, start_ns)
     except (WheelwireError, NativeMissingError, OSError) as error:

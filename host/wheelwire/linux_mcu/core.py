@@ -29,6 +29,16 @@ STOPPED_STEPS = 4
 MACHINE_ID = Path("/etc/machine-id")
 
 
+def check_board(settings: McuSettings) -> None:
+    """The board and its peripherals keep the firmware's rules.
+
+    Raises:
+        ConfigurationError: They do not.
+    """
+    if problems := settings.board.problems():
+        raise ConfigurationError("; ".join(problems))
+
+
 def make_core(
     settings: McuSettings, heartbeat: Heartbeat | None = None, sensors: Sensors | None = None
 ) -> Core:
@@ -52,13 +62,10 @@ def make_core(
     core = Core(identity, store.load(), store.save)
     latches = latch_file(settings)
     core.keep_latches(latches.load(), latches.save)
-    problems = settings.board.problems()
-    if problems:
-        raise ConfigurationError("; ".join(problems))
     # Before the presets, which override the defaults that a board gives.
     core.take_board(settings.board.packed())
     if sensors is not None:
-        core.sense(sensors)  # their rules were checked with the board's
+        core.sense(sensors)
     # A contact that the board names is fitted; the robot's own parameters may still disable it.
     presets = {"estop_input_enabled": float(settings.board.estop is not None)}
     for name, value in {**presets, **settings.parameters}.items():

@@ -6,6 +6,7 @@ import json
 import os
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,8 @@ from wheelwire.linux_mcu import core, gpio, guard
 from wheelwire.linux_mcu.guard import Heartbeat, Phase
 from wheelwire.linux_mcu.line import Line
 from wheelwire.linux_mcu.settings import McuSettings
+from wheelwire.peripherals import DigitalInput, ImuSensor
+from wheelwire_protocol.sensors import Axis, PeripheralKind, Place, SensorChip
 
 
 class Scene:
@@ -104,3 +107,13 @@ def test_pins_that_cannot_be_had_are_told_of_and_never_driven(scene: Scene) -> N
     assert scene.answer() == {"error": "DriverUnavailable", "text": "in use"}
     assert scene.log == [("opened", Phase.OPENING)]
     assert scene.heartbeat.phase is Phase.OPENING
+
+
+def test_a_pin_of_the_bus_is_told_of_before_the_bus_is_looked_for(scene: Scene) -> None:
+    imu = ImuSensor(SensorChip.MPU6050, None, None, forward=Axis.Y, up=Axis.Z, bus=1)
+    bumper = DigitalInput(PeripheralKind.BUMPER, Place.FRONT, 2)
+    scene.settings = replace(scene.settings, board=replace(Pins(), peripherals=(imu, bumper)))
+    assert scene.run() == program.FAILED
+    os.close(scene.settings.socket or 0)
+    assert "inputs.bumper_front: 2: GPIO 2 is in use already" in scene.answer()["text"]
+    assert scene.log == []

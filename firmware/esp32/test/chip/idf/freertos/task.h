@@ -25,6 +25,8 @@ inline TaskHandle_t xTaskCreateStaticPinnedToCore(void (*run)(void*), const char
   return nullptr;
 }
 inline void vTaskDelay(TickType_t ticks) { fake_sleep(ticks); }
+inline TickType_t xTaskGetTickCount() { return 0; }
+inline void xTaskDelayUntil(TickType_t*, TickType_t ticks) { fake_sleep(ticks); }
 inline TaskHandle_t xTaskGetCurrentTaskHandle() { return nullptr; }
 inline BaseType_t xTaskNotifyFromISR(TaskHandle_t, uint32_t, eNotifyAction, BaseType_t*) {
   return pdTRUE;
