@@ -134,7 +134,8 @@ class DeviceRefused(WheelwireError):  # noqa: N818
     def __str__(self) -> str:
         # Any other code has said the same already.
         said = self.why if self.code in _HELD else ""
-        return " ".join(filter(None, (super().__str__(), said)))
+        text = super().__str__()
+        return f"{text.rstrip('.')}. {said}" if said else text
 
     def hinted(self, subject: str, hint: str) -> DeviceRefused:
         """The same refusal, of what a person calls `subject`, with another hint."""

@@ -8,6 +8,8 @@ from wheelwire import ImuSample, WheelSample
 
 Vector = tuple[float, float, float]
 WINDOW_S = 1.0
+LONGEST_GAP_S = 0.25
+"""Between two samples of a window: nobody knows whether the robot stood meanwhile."""
 MOST_SAMPLES = 1100
 """Of a window: at 1000 Hz, the highest rate, and a little more."""
 SPREAD = 20.0
@@ -41,6 +43,8 @@ class GyroBias:
     def corrected(self, sample: ImuSample) -> Vector:
         """The rates without the bias."""
         rest = self._rest
+        if rest and sample.stamp - rest[-1].stamp > LONGEST_GAP_S:
+            rest.clear()
         rest.append(sample)
         if sample.stamp - rest[0].stamp >= WINDOW_S or len(rest) >= MOST_SAMPLES:
             axes = list(zip(*(one.gyro for one in rest), strict=True))

@@ -91,7 +91,7 @@ class MotionPublisher:
         if topics.transform:
             self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
         self._battery = publisher(BatteryState, "battery_state") if topics.battery else None
-        self._battery_due_ns = 0
+        self._battery_pace = BatteryPace()
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement."""
@@ -101,13 +101,27 @@ class MotionPublisher:
             publisher.publish(message)
         self.published += 1
         voltage_v = motion.battery_v
-        if self._battery and voltage_v is not None and stamp_ns >= self._battery_due_ns:
-            self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
+        if self._battery and voltage_v is not None and self._battery_pace.is_due(stamp_ns):
             # Once a second a message may be built the slow way, by ROS.
             message = battery_message(voltage_v, *self.topics.battery_range_v)
             message.header.stamp = time_message(stamp_ns)
             message.header.frame_id = self.topics.frames.base
             self._battery.publish(message)
+
+
+class BatteryPace:
+    """Lets one message a second pass, also after the ROS clock went back."""
+
+    def __init__(self) -> None:
+        self._newest_ns: int | None = None
+
+    def is_due(self, stamp_ns: int) -> bool:
+        """Whether one with this stamp passes."""
+        newest_ns = self._newest_ns
+        if newest_ns is not None and 0 <= stamp_ns - newest_ns < BATTERY_PERIOD_NS:
+            return False
+        self._newest_ns = stamp_ns
+        return True
 
 
 class MotionMessages:

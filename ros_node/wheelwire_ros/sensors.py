@@ -45,13 +45,12 @@ from wheelwire_protocol.sensors import (
 )
 
 from .gyro_bias import GyroBias, Vector
-from .publishers import NANOSECONDS, battery_message, time_message
+from .publishers import BatteryPace, battery_message, time_message
 from .threads import NodeThreads
 
 IMU_DEPTH = 100
 """The samples of half a second: they come with those of the wheels, several at once."""
 DEPTH = 10
-BATTERY_PERIOD_NS = NANOSECONDS
 OBSTACLES = (PeripheralKind.BUMPER, PeripheralKind.CLIFF)
 ANGLES_DEG = {
     Place.NONE: 0.0,
@@ -148,7 +147,7 @@ class SensorPublisher:
         """Their topics, by the sensors' names."""
         self._range_samples: SampleIterator[RangeSample] | None = None
         self._unstamped: list[InputsSample] = []
-        self._battery_due_ns = 0
+        self._battery_pace = BatteryPace()
         if sensors is None:
             return
 
@@ -244,8 +243,7 @@ class SensorPublisher:
 
     def _publish_battery(self, sample: PowerSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "power")
-        if stamp_ns is not None and stamp_ns >= self._battery_due_ns:
-            self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
+        if stamp_ns is not None and self._battery_pace.is_due(stamp_ns):
             message = battery_message(
                 sample.voltage_v, *self._topics.battery_range_v, sample.current_a
             )

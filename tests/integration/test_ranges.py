@@ -118,6 +118,8 @@ def test_a_robot_without_range_sensors_says_so() -> None:
 def test_a_name_that_is_none(robot: MockDriver) -> None:
     with pytest.raises(errors.SensorMissing, match=r"sensor 'rear': choose one of front, left, or"):
         robot.ranges.read("rear")
+    with pytest.raises(errors.SensorMissing, match="no range sensor"):
+        robot.ranges.read(["front"])  # type: ignore[arg-type]
     with pytest.raises(errors.InvalidArgument, match="timeout"):
         robot.ranges.read(FRONT, timeout=-1)
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 import pytest
 
-from support.command import output, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
+from support.range_board import simulator_on_board
 from support.waiting import wait_until
 from wheelwire import aio, errors, open_driver
 from wheelwire.diagnosis import Stop
@@ -21,13 +24,16 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.files.board import load_board
-from wheelwire.peripherals import DigitalInput, Pull
+from wheelwire.link import session
+from wheelwire.peripherals import BatteryLevels, DigitalInput, PowerSensor, Pull
 from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.board import Module
 from wheelwire_protocol.codes import Fault, Group
 from wheelwire_protocol.sensors import (
     PeripheralKind,
     Place,
     Reflex,
+    SensorChip,
     SensorEventCode,
     SensorState,
 )
@@ -35,6 +41,15 @@ from wheelwire_protocol.types import GroupGet
 
 NAMES = ["imu", "battery", "bumper.front_left", "bumper.front_right"]
 FREE = ()
+WITH_POWER_SENSOR = replace(
+    load_board("l298n"),
+    module=Module.WROOM_32,
+    led=None,
+    peripherals=(
+        PowerSensor(SensorChip.INA219, sda=16, scl=17, shunt_mohm=100.0),
+        BatteryLevels(7.0, 6.5, 6.0),
+    ),
+)
 LEFT = ("bumper.front_left",)
 
 
@@ -190,19 +205,64 @@ def test_a_robot_without_sensors_says_so(simulator: Simulator) -> None:
     assert "no sensors" in output("sensors", simulator.port)
 
 
+def asks_for_no_sensors(session_id: int, request_id: int, asked: int) -> GroupGet:
+    """The device answers as firmware without sensors does."""
+    return GroupGet(session_id, request_id, 77 if asked is Group.SENSOR else asked)
+
+
 def test_firmware_without_sensors_is_named(
     simulator: Simulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        requests,
-        "GroupGet",
-        lambda s, r, asked: GroupGet(s, r, 77 if asked is Group.SENSOR else asked),
-    )
+    monkeypatch.setattr(requests, "GroupGet", asks_for_no_sensors)
     with (
         SerialDriver(simulator.port) as robot,
         pytest.raises(errors.GroupUnavailable, match=r"about sensors .* has none"),
     ):
         robot.imu.read()
+
+
+def test_firmware_that_lost_its_sensors_is_named(
+    robot: MockDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was flashed while it was out of reach."""
+    robot.imu.read()
+    robot.unplug()
+    robot.advance(0.5)
+    for module in (requests, session):
+        monkeypatch.setattr(module, "GroupGet", asks_for_no_sensors)
+    robot.plug()
+    robot.advance(1.0)
+    for use in (robot.imu.read, robot.sensors.start, robot.sensors.events):
+        with pytest.raises(errors.GroupUnavailable, match=r"about sensors .* has none"):
+            use()
+
+
+def test_an_imu_for_which_the_line_has_no_room_is_stale() -> None:
+    with (
+        simulator_on_board(baud_rate=115200) as simulator,
+        SerialDriver(simulator.port, baud_rate=115200, stream_rate_hz=180) as robot,
+    ):
+        with pytest.raises(errors.SensorStale, match="leave it no room on the line: lower"):
+            robot.imu.read(timeout=0.1)
+        info = robot.imu.info
+        assert info is not None
+        assert info.rate_hz == 0
+        assert robot.imu.state is SensorState.MISSED
+        assert robot.imu.latest is None
+        assert robot.ranges.read("front").distance_m > 0
+        with pytest.raises(errors.SensorStale) as raised:
+            robot.imu.read(timeout=0.1)
+        assert raised.value.state is SensorState.MISSED
+
+
+def test_a_battery_that_a_power_sensor_measures_is_not_missed(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_POWER_SENSOR)
+        robot.power.read()
+        found = {one.info.name: one for one in robot.sensors.channels}
+        assert {one.state for one in found.values()} == {SensorState.OK}
+        assert found["power"].sample is not None
+        assert found["battery"].sample is None
 
 
 @pytest.mark.parametrize("rate_hz", [0, 1001, 0.5, "fast", True])
@@ -219,6 +279,24 @@ def test_another_rate(robot: MockDriver) -> None:
     info = robot.imu.info
     assert info is not None
     assert info.rate_hz == 50
+
+
+def test_another_rate_is_known_when_it_was_asked_for() -> None:
+    with MockDriver() as robot:
+        for rate_hz in (100, 20, 200, 50) * 3:
+            robot.sensors.start(rate_hz)
+            info = robot.imu.info
+            assert info is not None
+            assert info.rate_hz == rate_hz
+
+
+async def test_another_rate_is_known_on_asyncio_too() -> None:
+    async with aio.open_driver("mock") as robot:
+        for rate_hz in (100, 20, 200, 50) * 3:
+            await robot.sensors.start(rate_hz)
+            info = robot.imu.info
+            assert info is not None
+            assert info.rate_hz == rate_hz
 
 
 def test_an_iterator_ends_with_the_driver() -> None:
@@ -322,6 +400,60 @@ def test_a_recording_has_them(tmp_path: Path, simulator: Simulator) -> None:
         assert day.power.read(timeout=2.0).voltage_v == pytest.approx(7.4, abs=0.05)
 
 
+def recorded(folder: Path, seconds: float, use: Callable[[MockDriver], object]) -> Path:
+    pytest.importorskip("mcap")
+    with open_driver("mock", record=folder / "day.mcap") as robot:
+        use(robot)
+        end_us = robot.read().t_us + round(seconds * 1e6)
+        wait_until(lambda: robot.read().t_us >= end_us)
+    (recording,) = folder.glob("*.mcap")
+    return recording
+
+
+@pytest.mark.parametrize("seconds", [1.0, 4.0])
+def test_a_recording_of_a_program_that_did_not_ask_for_them(tmp_path: Path, seconds: float) -> None:
+    recording = recorded(tmp_path, seconds, lambda robot: robot.read())
+    with (
+        open_driver("replay", file=recording, speed=0) as day,
+        pytest.raises(errors.InvalidCommand, match="no program had asked for the sensors"),
+    ):
+        day.imu.read()
+
+
+def test_the_command_ends_with_a_recording(tmp_path: Path) -> None:
+    recording = recorded(tmp_path, 1.5, lambda robot: robot.imu.read())
+    result = run("sensors", str(recording), "--seconds", "30", "--json")
+    assert result.returncode == 0, result.stderr
+    for line in result.stdout.splitlines():
+        assert [one["channel"] for one in json.loads(line)] == NAMES
+
+
+def test_the_command_does_not_take_a_lost_robot_for_one_without_sensors(
+    simulator: Simulator,
+) -> None:
+    with subprocess.Popen(
+        [*PROGRAM, "sensors", simulator.port, "--seconds", "60", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as command:
+        assert command.stdout
+        assert [one["channel"] for one in json.loads(command.stdout.readline())] == NAMES
+        simulator.close()
+        said, told = command.communicate(timeout=TIMEOUT_S)
+    assert command.returncode == errors.LinkLost.exit_code, told
+    assert all(json.loads(line) for line in said.splitlines())
+
+
+@pytest.mark.parametrize("pressed", [False, True])
+def test_a_drive_against_a_bumper_names_it(simulator: Simulator, pressed: bool) -> None:
+    simulator.set("bumper.front_left", pressed)
+    result = run("drive", simulator.port, "--linear", "0.1", "--seconds", "0.3", "--yes")
+    assert result.returncode == 0, result.stderr
+    assert ("bumper.front_left triggered: this robot does not drive" in result.stderr) is pressed
+    assert ("drove to x +0.000 m" in result.stdout) is pressed
+
+
 WITH_CLIFF = replace(
     load_board("l298n"),
     peripherals=(DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL),),
@@ -350,11 +482,16 @@ def test_a_cliff_that_stopped_the_robot_is_named(tmp_path: Path, simulator: Simu
         assert refused.value.faults == Fault.EXTERNAL
         assert refused.value.why == "cliff.front saw no floor."
         wait_until(lambda: bool(stops))
+        robot.record(tmp_path / "later.mcap")
     (stop,) = stops
     assert (stop.cause, stop.sentence) == ("cliff_seen", "cliff.front saw no floor.")
     assert any("EXTERNAL" in one for one in stop.evidence)
+    line = output("monitor", simulator.port, "--seconds", "0.1").splitlines()[-1]
+    assert f"`wheelwire clear {simulator.port}` ends it. EXTERNAL: An input" in line
     (recorded,) = run_json("why", str(tmp_path / "day.mcap"))
     assert recorded["cause"] == "cliff_seen"
+    later = output("why", str(tmp_path / "later.mcap"))
+    assert "It was stopped before the recording began: FAULT, EXTERNAL." in later
 
 
 def test_the_command_shows_all_channels() -> None:

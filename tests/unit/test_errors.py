@@ -117,3 +117,10 @@ def test_no_call_of_a_robot_is_where_an_oserror_is_handled() -> None:
         and calls_a_robot(node.body)
     ]
     assert found == []
+
+
+@pytest.mark.parametrize("hint", ["", "`wheelwire clear` ends it", "Close the contact."])
+def test_why_is_a_sentence_of_its_own(hint: str) -> None:
+    error = errors.DeviceRefused(RefusalCode.FAULT, "the setpoint", Fault.EXTERNAL, hint=hint)
+    error.why = "cliff.front saw no floor."
+    assert str(error).endswith(f"{hint or 'clear the fault.'}".rstrip(".") + f". {error.why}")

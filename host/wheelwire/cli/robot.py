@@ -21,6 +21,7 @@ from wheelwire.errors import (
     InvalidCommand,
     LinkClosed,
     PortUnavailable,
+    WheelwireError,
     fault_names,
 )
 from wheelwire.link.info import ActiveBoard, ActivePeripherals, DeviceInfo
@@ -145,8 +146,8 @@ def _state(state: SupervisorState, address: str) -> str:
 
 def _latched(sample: WheelSample, address: str) -> str:
     """Why nothing drives, and the command that ends it."""
-    said = _state(sample.state, address), fault_names(sample.faults)
-    return " ".join(filter(None, said))
+    state, faults = _state(sample.state, address), fault_names(sample.faults)
+    return f"{state.rstrip('.')}. {faults}" if faults else state
 
 
 def drive(
@@ -185,6 +186,12 @@ def drive(
             else:
                 raise
             raise error.hinted("the setpoint", hint) from error
+        triggered = _triggered(driver)
+    if triggered:
+        print_note(
+            f"{', '.join(triggered)} triggered: this robot does not drive against that",
+            as_json=as_json,
+        )
     # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
@@ -212,6 +219,13 @@ def drive(
         f"while stopping",
         soft_wrap=True,
     )
+
+
+def _triggered(robot: BaseDriver) -> tuple[str, ...]:
+    """The inputs that act on the robot now, by name; none if nothing tells."""
+    with suppress(WheelwireError):  # it has no inputs, or cannot be asked any more
+        return robot.inputs.read().triggered
+    return ()
 
 
 class _Driven(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +12,7 @@ import typer
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.device_sensors import SensorStatus
 from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.peripherals import INPUTS
 from wheelwire.sensors import (
     ImuSample,
     InputReading,
@@ -18,8 +20,9 @@ from wheelwire.sensors import (
     PowerSample,
     RangeSample,
     SensorEvent,
+    SensorInfo,
 )
-from wheelwire_protocol.sensors import BatteryLevel, RangeQuality, SensorState
+from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, RangeQuality, SensorState
 
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, console, print_json, print_note, print_table
@@ -48,12 +51,19 @@ def sensors(
         while not _is_decided(driver) and time.monotonic() < begin + FIRST_S:
             time.sleep(POLL_S)
         end = time.monotonic() + seconds
-        while True:
-            _print(driver.sensors.channels, as_json=as_json)
-            if time.monotonic() >= end:
-                return
-            time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
-            _print_events(events, as_json=as_json)
+        with suppress(StopIteration):  # of the events, at the end of a recording
+            while True:
+                _print(_channels(driver), as_json=as_json)
+                if time.monotonic() >= end:
+                    return
+                time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
+                _print_events(events, as_json=as_json)
+
+
+def _channels(driver: BaseDriver) -> tuple[SensorStatus, ...]:
+    """All channels; of a robot that is out of reach none is known, which is an error."""
+    driver.sensors.events()  # asks anew, or raises why it cannot
+    return driver.sensors.channels
 
 
 def _is_decided(driver: BaseDriver) -> bool:
@@ -81,7 +91,7 @@ def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
                 (
                     one.info.name,
                     one.info.kind.name.lower(),
-                    f"{one.info.rate_hz} Hz" if one.info.rate_hz else "change",
+                    _rate(one.info),
                     "" if one.age_s is None else f"{one.age_s:.3f} s",
                     _word(one.state) + (f", {one.state.name}" if _is_stale(one) else ""),
                     _text(one),
@@ -89,6 +99,12 @@ def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
                 for one in channels
             ],
         )
+
+
+def _rate(info: SensorInfo) -> str:
+    if info.kind is PeripheralKind.BATTERY and not info.rate_hz:
+        return ""  # the power sensor measures it
+    return "change" if info.kind in INPUTS else f"{info.rate_hz} Hz"
 
 
 def _as_object(one: SensorStatus) -> dict[str, Any]:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 BEFORE_S, AFTER_S = 4.0, 1.0
 """The time around the newest stop that the picture shows."""
+NOTHING = "Nothing has stopped the robot in this file."
 
 
 def why(
@@ -67,15 +68,16 @@ def why(
     _check_options(address.text, plot, save_boxes)
     facts: list[str] = []
     if is_recording(address.text):
-        said = _of_recording(Path(address.text), plot)
+        said, facts = _of_recording(Path(address.text), plot)
     elif is_box(address.text):
         said = [_said(stop, None) for stop in stops_of_file(Path(address.text))]
+        facts = [] if said else [NOTHING]
     else:
         said, facts = _of_robot(address, baud_rate, save_boxes, as_json=as_json)
     if as_json:
         print_json(said)
     else:
-        _print(said, facts or ["" if said else "Nothing has stopped the robot in this file."])
+        _print(said, facts)
 
 
 def _check_options(address: str, plot: Path | None, folder: Path | None) -> None:
@@ -88,13 +90,17 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
     check_folder(folder)
 
 
-def _of_recording(file: Path, plot: Path | None) -> list[dict[str, Any]]:
+def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
+    """What stopped the robot, and what was latched before, if that is all."""
     from wheelwire.recording.reader import metadata, offset_us
 
-    stops, added_us = _stops_of(file), offset_us(metadata(file))
+    (stops, before), added_us = _stops_of(file), offset_us(metadata(file))
     if plot is not None:
         _draw(file, stops, plot)
-    return [_said(stop, _time_of_day(stop.host_us + added_us)) for stop in stops]
+    facts = [] if stops else [NOTHING]
+    if facts and before:
+        facts.append(f"It was stopped before the recording began: {', '.join(before)}.")
+    return [_said(stop, _time_of_day(stop.host_us + added_us)) for stop in stops], facts
 
 
 def _of_robot(
@@ -128,18 +134,20 @@ def _of_robot(
     return said, facts
 
 
-def _stops_of(file: Path) -> list[Stop]:
+def _stops_of(file: Path) -> tuple[list[Stop], tuple[str, ...]]:
+    """The stops of a recording, and what was latched before it."""
     from wheelwire.diagnosis import Diagnosis
-    from wheelwire.recording.reader import is_complete, records
+    from wheelwire.recording.reader import records, was_closed
 
     diagnosis = Diagnosis()
     try:
-        return [
+        stops = [
             *diagnosis.feed_all(records(file)),
-            *diagnosis.end(complete=is_complete(file)),
+            *diagnosis.end(complete=was_closed(file)),
         ]
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from error
+    return stops, diagnosis.latched_before
 
 
 def _time_of_day(unix_us: int) -> datetime:

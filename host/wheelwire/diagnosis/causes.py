@@ -78,7 +78,9 @@ CAUSES: dict[str, Cause] = {
     "stage_tripped": Cause(
         "{channel} said that a power stage has tripped", "the motors' currents, then its heat"
     ),
-    "battery_at_stop": Cause("The battery fell to the level at which the robot stops", "charge it"),
+    "battery_at_stop": Cause(
+        "The battery fell to the level at which the robot stops", "the battery's charge"
+    ),
     "sensor_stale": Cause(
         "{channel}, which can stop the robot, gave nothing that can be used",
         "`wheelwire sensors`, then that sensor's wires",
@@ -156,15 +158,18 @@ CAUSES: dict[str, Cause] = {
     "board_unconfirmed": Cause(
         "Nobody has confirmed the board, so nothing drives", "`wheelwire board confirm`"
     ),
-    "board_on_trial": Cause("A board is on trial", "confirm it, or wait"),
+    "board_on_trial": Cause("A board is on trial", "`wheelwire board confirm`"),
     "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
     "unarmed": Cause(
-        "After a clear the program went on with a speed at once", "send zero first, or pause"
+        "After a clear the program went on with a speed at once",
+        "the program: it must send zero first, or pause",
     ),
     "clock_unsynchronised": Cause("The clock is not synchronised yet", "the program"),
-    "no_session": Cause("The device knows no session of this program", "was the device reset?"),
+    "no_session": Cause(
+        "The device knows no session of this program", "whether the device was reset"
+    ),
     "protocol_mismatch": Cause(
-        "Host and firmware are of different releases", "one release on both sides"
+        "Host and firmware are of different releases", "the releases on both sides"
     ),
     "box_damaged": Cause(
         "A fault stopped the robot, and the black box that tells which one is damaged",
@@ -189,7 +194,7 @@ CAUSES: dict[str, Cause] = {
         "control_rate_hz, then the baud rate",
     ),
     "still_starting": Cause(
-        "The device is about to start, or to restart", "nothing: ask again in a moment"
+        "The device is about to start, or to restart", "the state: ask again in a moment"
     ),
     "parameters_on_trial": Cause(
         "Parameters are on trial", "the program that tries them: keep or revert them first"
@@ -203,12 +208,16 @@ CAUSES: dict[str, Cause] = {
     ),
     "not_supported": Cause("This device cannot do that", "`wheelwire info`: it names the device"),
     # --- the supply
-    "battery_low": Cause("The battery was low already at rest, and the device reset", "charge it"),
+    "battery_low": Cause(
+        "The battery was low already at rest, and the device reset", "the battery's charge"
+    ),
     "battery_sags": Cause(
         "The supply is good at rest, falls under load, and the device reset",
         "the wires and plugs of the supply",
     ),
-    "battery_empty": Cause("The battery ran empty, and the device lost its supply", "charge it"),
+    "battery_empty": Cause(
+        "The battery ran empty, and the device lost its supply", "the battery's charge"
+    ),
 }
 
 _NOT_COUNTING = Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING

@@ -122,9 +122,13 @@ class Diagnosis:
     """Runs a session again, and reports its stops.
 
     Live, a stop is reported some 60 ms after it, with the records that come then.
+
+    Attributes:
+        latched_before: The state and faults that were latched before the first record, by name.
     """
 
     def __init__(self) -> None:
+        self.latched_before: tuple[str, ...] = ()
         self._rerun = Rerun()
         self._frames = FrameReader()
         self._history = History()
@@ -235,6 +239,9 @@ class Diagnosis:
         if session is not None and session.phase is Phase.OPEN:
             self._state = session.setpoints.supervisor
             self._faults = session.setpoints.faults
+            if self._state in (SupervisorState.FAULT, SupervisorState.ESTOPPED):
+                faults = (str(one.name) for one in Fault if one in self._faults)
+                self.latched_before = self._state.name, *faults
         if session is not None:
             self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
             if session.device is not None:

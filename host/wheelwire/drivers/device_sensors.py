@@ -14,7 +14,7 @@ from wheelwire_protocol.sensors import PeripheralKind, SensorState
 from wheelwire_protocol.types import PeripheralGet, SensorStream
 
 from ..arguments import timeout_s, whole
-from ..errors import InvalidCommand, RequestTimeout, SensorMissing, SensorStale, shown
+from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
 from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
@@ -38,6 +38,7 @@ FRESH_S = 0.1
 _PERIODS = 3
 _INPUTS_HZ = 1
 MAX_RATE_HZ = 1000
+_NO_ROOM = ", for the states of the wheels leave it no room on the line: lower their rate"
 _IN_FILE = (
     "in its board's file, and write that with `wheelwire board write`; of a computer's own pins "
     "in the robot's file"
@@ -91,15 +92,13 @@ class Streams:
         link.check()
         if link.sensors.rate_hz != rate_hz:
             await self._ask(rate_hz)
+        elif not link.knows_list:  # the firmware may be another one than when it was asked
+            await self.requests.check_group(Group.SENSOR)
         await self.requests.wait_for_sample(
             self.latest, lambda: link.has_ended or link.knows_sensors, INFO_S
         )
-        link.check()
         if not link.knows_sensors:
-            raise RequestTimeout(
-                f"{link.name} did not say within {INFO_S:g} s which sensors it has: check the "
-                "link's statistics"
-            )
+            raise link.why_no_sensors(INFO_S)
 
     async def _ask(self, rate_hz: int) -> None:
         link = self.requests.link
@@ -131,6 +130,8 @@ class Streams:
         state = self.requests.link.sensors.states.get(info.channel, SensorState.UNREAD)
         if state is not SensorState.OK:
             return state, None
+        if info.kind is PeripheralKind.BATTERY and not info.rate_hz:
+            return SensorState.OK, None  # the samples of the power sensor have its level
         if info.kind not in INPUT_KINDS:
             return self._newest(info.name, info.rate_hz)
         state, sample = self._newest(INPUTS, _INPUTS_HZ)
@@ -147,8 +148,8 @@ class Streams:
     def _newest(self, name: str, rate_hz: int) -> tuple[SensorState, AnySample | None]:
         """The newest sample of this name, unless it is too old."""
         newest = self.requests.link.sensors.newest.get(name)
-        if not rate_hz:  # nothing of it is sent
-            return SensorState.OK, None
+        if not rate_hz:
+            return SensorState.MISSED, None
         if newest is None:
             return SensorState.UNREAD, None
         sample = newest.sample()
@@ -177,7 +178,9 @@ class Streams:
         state, sample = self.known_by(name, find)
         if sample is None:
             link.check()
-            raise SensorStale(name, state, sentence_of_state(state))
+            info = find(self.infos)
+            has_no_room = info is not None and not info.rate_hz and state is SensorState.MISSED
+            raise SensorStale(name, state, sentence_of_state(state) + _NO_ROOM * has_no_room)
         return sample
 
     def age_s(self, sample: AnySample) -> float:
@@ -295,7 +298,7 @@ class RangesView:
         limit_s = timeout_s("timeout", timeout)
         await self._begin()
         known = self.infos
-        if name not in known:
+        if name not in tuple(known):  # whatever was given, and be it a list
             raise SensorMissing(
                 f"the robot has no range sensor {shown(name)}: choose one of {', '.join(known)}, "
                 f"or name it {_IN_FILE}"

@@ -113,6 +113,14 @@ class DeviceLink(ABC):
         peripherals = self._session.peripherals
         return self.sensors.is_complete(None if peripherals is None else peripherals.size)
 
+    def why_no_sensors(self, waited_s: float) -> WheelwireError:
+        """The error of a caller to whom the device did not say which sensors it has."""
+        self.check()
+        return RequestTimeout(
+            f"{self.name} did not say within {waited_s:g} s which sensors it has: check the link's "
+            "statistics"
+        )
+
     def asked(self, now_us: int) -> Setpoint | None:
         """The newest setpoint of whoever drives; None once it has expired or was stopped."""
         newest = self._session.setpoints.newest  # once: another thread may replace it

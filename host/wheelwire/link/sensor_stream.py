@@ -233,6 +233,8 @@ class SensorStream:
         self._attempts = 0
         self._channels: dict[int, _Channel] = {}
         self._messages: dict[int, wire.SensorInfo] = {}
+        self._outdated: frozenset[int] = frozenset()
+        """The channels that have not said what they are since another rate was asked for."""
         self._early: tuple[wire.Inputs, ClockEstimator, int] | None = None
         """The newest inputs, while not all channels have said what they are."""
         self._t_us: int | None = None
@@ -247,14 +249,23 @@ class SensorStream:
         self._early = self.stopped = None
         self.due_us = None
         self._attempts = 0
+        self._outdated = frozenset()
         self._t_us = None
 
     def is_complete(self, size: int | None) -> bool:
         """Whether all channels are known; `size`: of the device's list, None: not known."""
-        return self.rate_hz != 0 and size is not None and len(self.infos) >= size
+        return (
+            self.rate_hz != 0
+            and size is not None
+            and len(self.infos) >= size
+            and not self._outdated
+        )
 
     def note_asked(self, rate_hz: int, size: int | None, now_us: int) -> None:
         """The device has granted a stream, and says what its channels are."""
+        if self.rate_hz not in (0, rate_hz):
+            self._outdated = frozenset(self.infos)
+            self._attempts = 0
         self.rate_hz = rate_hz
         self._attempts += 1
         wants_more = not self.is_complete(size) and self._attempts < INFO_ATTEMPTS
@@ -286,11 +297,13 @@ class SensorStream:
             info, message.gyro_scale, message.accelerometer_scale, bias, turn
         )
         self._messages[number] = message
+        self._outdated -= {number}
         # In the order of the channels, in which they do not come.
         self.infos = dict(sorted({**self.infos, number: info}.items()))
         self._set_state(number, state)
         if self._knows_all():
-            self.due_us = None
+            if not self._outdated:
+                self.due_us = None
             early, self._early = self._early, None
             if early is not None:
                 self.take_inputs(*early)
@@ -387,6 +400,7 @@ class SensorStream:
             "states": list(self.states.items()),
             "clock": [self._t_us, self._arrived_us],
             "asking": [self._attempts, self.due_us],
+            "outdated": sorted(self._outdated),
         }
 
     def resume(self, known: Mapping[str, Any]) -> None:
@@ -397,6 +411,7 @@ class SensorStream:
         self.states = {number: SensorState(state) for number, state in known["states"]}
         self._t_us, self._arrived_us = known["clock"]
         self._attempts, self.due_us = known["asking"]
+        self._outdated = frozenset(known.get("outdated", ()))  # not of earlier releases
 
     # ---------------------------------------------------------------------------------------------
 

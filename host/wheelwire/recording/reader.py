@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 METADATA = "wheelwire"
 """The name of the metadata record that says what was recorded."""
+REPAIRED = "wheelwire_repaired"
+"""The name of the one that a repair adds: nobody closed the recording."""
 INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
 NOTHING = (
     "it is no MCAP file, or nothing of it was written; name a file that `wheelwire log record` "
@@ -263,6 +265,23 @@ def is_complete(path: str | Path) -> bool:
             return False
     with opened(path) as file:
         return has_end(file)
+
+
+def was_closed(path: str | Path) -> bool:
+    """Whether whoever recorded closed it: its end is its own, and no repair's.
+
+    Raises:
+        RecordingError: The file cannot be read.
+    """
+    from mcap.records import Metadata
+
+    with closing(_parts_of(path)) as from_file:
+        is_repaired = any(
+            part.opcode == METADATA_RECORD
+            and Metadata.read(stream_of(part.content)).name == REPAIRED
+            for part in from_file
+        )
+    return not is_repaired and is_complete(path)
 
 
 def is_being_written(path: str | Path) -> bool:

@@ -31,6 +31,7 @@ from .reader import (
     MESSAGE_INDEX,
     METADATA_RECORD,
     NOTHING,
+    REPAIRED,
     SCHEMA,
     Part,
     chunk_of,
@@ -245,12 +246,26 @@ def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
         )
     file.seek(found.end)
     file.truncate()
-    file.write(found.tail)
+    offset = found.end + len(found.tail)
+    mark = _mark(found, offset)
+    file.write(found.tail + mark)
     file.flush()
     os.fsync(file.fileno())  # first: a file that has an end is whole
-    file.write(_end(found, found.end + len(found.tail)))
+    file.write(_end(found, offset + len(mark)))
     file.flush()
     os.fsync(file.fileno())
+
+
+def _mark(found: _Found, offset: int) -> bytes:
+    """The metadata that say that the end is not of who recorded."""
+    from mcap.data_stream import RecordBuilder
+    from mcap.records import Metadata, MetadataIndex
+
+    builder = RecordBuilder()
+    Metadata(name=REPAIRED, metadata={}).write(builder)
+    mark: bytes = builder.end()
+    found.metadata.append(MetadataIndex(offset, len(mark), REPAIRED))
+    return mark
 
 
 def _end(found: _Found, offset: int) -> bytes:

@@ -17,7 +17,7 @@ from itertools import islice, takewhile
 from typing import Any, cast
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.codes import Group, StopMode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import (
     Ack,
@@ -43,7 +43,7 @@ from wheelwire_protocol.types import (
     Stop,
 )
 
-from ..errors import InvalidCommand, LinkClosed, RecordingError
+from ..errors import InvalidCommand, LinkClosed, RecordingError, WheelwireError
 from ..link.clock import host_clock_us
 from ..link.connection import Opening
 from ..link.info import LinkStatistics
@@ -385,6 +385,19 @@ class ReplayLink(RerunLink, InlineLink):
         """The setpoints that were asked for beside the recorded ones."""
         return self._comparing.result
 
+    def why_no_sensors(self, waited_s: float) -> WheelwireError:
+        """As `DeviceLink.why_no_sensors`."""
+        if self._session.sensors.rate_hz:
+            return super().why_no_sensors(waited_s)
+        return self._nobody_asked
+
+    @property
+    def _nobody_asked(self) -> InvalidCommand:
+        return InvalidCommand(
+            f"{self._name} is a recording, and no program had asked for the sensors by then: call "
+            "`robot.sensors.start()` in the program that is recorded"
+        )
+
     def listen(self, listener: Listener, happening: Happening) -> None:
         """As `Link.listen`."""
         super().listen(listener, happening)
@@ -440,6 +453,9 @@ class ReplayLink(RerunLink, InlineLink):
         elif isinstance(message, ParameterGet) and message.parameter in known:
             done(ParameterValue(0, 0, message.parameter, known[message.parameter]))
         elif (answer := self._answers.to(message, self._session.count, self._played_us)) is None:
+            if isinstance(message, GroupGet) and message.group == Group.SENSOR:
+                done(self._nobody_asked)  # whoever does, asks this first
+                return
             done(
                 InvalidCommand(
                     f"{type(message).__name__}: {self._name} is a recording, which answers only "

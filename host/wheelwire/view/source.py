@@ -14,7 +14,7 @@ from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
 from ..link.clock import host_clock_us
-from ..recording.reader import is_complete, records
+from ..recording.reader import records, was_closed
 from .model import Look, Model, Status
 
 LOOKS_PER_STATUS = 10
@@ -138,4 +138,4 @@ class _RecordedStops:
     def rest(self) -> list[Stop]:
         """Those up to the end; raises as `until`."""
         stops = self.until(sys.maxsize)
-        return stops + self._diagnosis.end(complete=is_complete(self._file))
+        return stops + self._diagnosis.end(complete=was_closed(self._file))

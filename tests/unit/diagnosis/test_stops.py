@@ -41,6 +41,13 @@ def test_what_looks_alike_is_told_apart_by_any_seed(name: str, seed: int) -> Non
     assert [stop.cause for stop in diagnosed(STAGED[name], seed)] == list(STAGED[name].stops)
 
 
+@pytest.mark.parametrize("name", CAUSES)
+def test_what_to_look_at_follows_look_first_at(name: str) -> None:
+    look_at = CAUSES[name].look_at
+    assert re.match(r"the |what |where |who |whether |`|[a-z]+_[a-z_]+", look_at), look_at
+    assert not look_at.endswith(("?", "."))
+
+
 def test_every_reset_reason_is_staged() -> None:
     staged = {
         cause for one in STAGED.values() for stop in one.stops for cause in stop.split(" or ")

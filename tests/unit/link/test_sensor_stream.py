@@ -335,6 +335,23 @@ def test_channels_that_did_not_say_what_they_are_are_asked_again() -> None:
     assert stream.due_us is None
 
 
+def test_at_another_rate_each_channel_says_again_what_it_is(known: Stream) -> None:
+    stream, size = known.stream, len(KINDS)
+    stream.note_asked(50, size, 0)
+    assert stream.due_us == INFO_US
+    other = resumed(stream)
+    for one in (stream, other):
+        assert not one.is_complete(size)
+        assert set(one.infos) == set(range(size))  # the samples meanwhile have their units
+        for channel in range(size):
+            assert not one.is_complete(size)
+            one.take_info(info(channel))
+        assert one.is_complete(size)
+        assert one.due_us is None
+        one.note_asked(50, size, 0)
+        assert one.is_complete(size)
+
+
 def test_they_are_not_asked_for_ever() -> None:
     stream = SensorStream()
     for _ in range(INFO_ATTEMPTS):

@@ -22,7 +22,7 @@ from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Session
 from wheelwire.link.tap import Kind
 from wheelwire.recording import recorder as recorder_module
-from wheelwire.recording.reader import messages, metadata, records
+from wheelwire.recording.reader import is_complete, messages, metadata, records, was_closed
 from wheelwire.recording.recorder import Attachment, Recorder, Rotation
 from wheelwire.recording.repair import repair
 from wheelwire.recording.writer import RecordingFile
@@ -219,6 +219,9 @@ def test_the_next_recording_in_a_folder_repairs_what_a_crash_left(
     time.sleep(0.2)  # until it is closed
     assert list(records(crashed)) == known
     assert not repair(crashed)
+    assert is_complete(crashed)
+    assert not was_closed(crashed)  # why the robot stopped does not change by a repair
+    assert was_closed(recorder.file)
     with pytest.raises(RecordingError, match="is being written"):
         repair(other.file)
     assert foreign.read_bytes() == others

@@ -14,9 +14,10 @@ from wheelwire.link.tap import Kind, Record, TapReader
 from wheelwire.recording.replay import ReplayLink
 from wheelwire.samples import Setpoint
 from wheelwire.simulation.bad_line import Impairment
-from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.codes import Group, StopMode
 from wheelwire_protocol.types import (
     ClearEstop,
+    GroupGet,
     LinkCountersGet,
     ParameterGet,
     ParameterSet,
@@ -102,6 +103,13 @@ def test_the_counters_at_the_end_are_those_of_the_day(day: Day) -> None:
     assert ours.clock_error_us == theirs.clock_error_us
     assert ours.sessions == 2
     assert ours.reconnects == 1
+
+
+def test_a_day_on_which_nobody_asked_for_the_sensors_says_so(day: Day) -> None:
+    """Of a robot whose session does not ask by itself whether its firmware has any."""
+    link, _ = replay(day)
+    with pytest.raises(InvalidCommand, match="no program had asked for the sensors"):
+        link.request(GroupGet(0, 0, Group.SENSOR))
 
 
 def test_its_end_ends_iterators_and_fails_calls(day: Day) -> None:

@@ -26,6 +26,10 @@ class Robot:
         self._stamp = 0.0
         self._ticks = 0
 
+    def be_silent(self, seconds: float) -> None:
+        """Its IMU sends nothing."""
+        self._stamp += seconds
+
     def run(
         self, seconds: float, yaw_rate_radps: float = 0.0, *, wheels_turn: bool = False
     ) -> None:
@@ -84,6 +88,16 @@ def test_a_steady_turn_of_the_floor_is_no_bias() -> None:
     robot = Robot()
     robot.run(5.0, 1.0)
     assert robot.bias.radps == (0, 0, 0)
+
+
+def test_a_second_with_a_gap_tells_no_bias() -> None:
+    robot = Robot()
+    for _ in range(20):
+        robot.run(0.1)
+        robot.be_silent(0.9)
+    assert robot.bias.radps == (0, 0, 0)
+    robot.run(1.1)
+    assert robot.bias.radps == pytest.approx(BIAS, abs=NOISE_RADPS / 2)
 
 
 def test_without_a_known_noise_no_bias_is_taken() -> None:
