@@ -70,18 +70,16 @@ void request(Stored<Item>& stored) {
   stored.requested = stored.candidate;
 }
 
-/// Nothing was confirmed that is lost, and it lies in one slot, which may be empty in the end.
+/// Nothing was ever confirmed: what was written lies in one slot, which may be empty in the end.
 template <typename Item>
 bool may_be_none(const Stored<Item>& stored) {
-  return stored.is_lost && !stored.was_confirmed;
+  return !stored.confirmed && !stored.was_confirmed;
 }
 
 /// What may be found of what was stored, once the last block that was written is damaged, or all.
 template <typename Item>
 std::vector<Stored<Item>> damaged(const Stored<Item>& stored, bool all) {
   std::vector<Stored<Item>> found;
-  // Nothing was ever written; or a write was, with which the power went.
-  if (stored == Stored<Item>{}) found.push_back(stored);
   if (!all) {
     Stored<Item> earlier = stored;
     earlier.state = Candidate::kNone;
@@ -788,10 +786,12 @@ void Witness::cut_at_write(Written what) {
   // The power may go once more before a start has shown which of them it is.
   const std::vector<Flash> before = possible_flashes();
   for (Flash flash : before) {
-    if (may_be_none(flash.board) || may_be_none(flash.list)) {
+    const bool no_board = flash.board.is_lost && may_be_none(flash.board);
+    const bool no_list = flash.list.is_lost && may_be_none(flash.list);
+    if (no_board || no_list) {
       Flash emptied = flash;
-      if (may_be_none(flash.board)) emptied.board = {};
-      if (may_be_none(flash.list)) emptied.list = {};
+      if (no_board) emptied.board = {};
+      if (no_list) emptied.list = {};
       maybe_flashes_.push_back(emptied);
     }
     if (what == Written::kLatch) {
