@@ -170,6 +170,13 @@ def test_a_wrong_key_is_named_with_its_line(tmp_path: Path, keys: str, said: str
         wheelwire.load_config(file)
 
 
+def test_a_rule_that_the_pins_break_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: l298n\ninputs:\n  bumper_front: {pin: 8}\n  bumper_rear: {pin: 18}\n")
+    with pytest.raises(ConfigurationError, match=r"robot\.yaml, line 4: inputs\.bumper_rear: .*18"):
+        wheelwire.load_config(file)
+
+
 def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(

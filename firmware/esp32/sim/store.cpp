@@ -101,9 +101,11 @@ bool Store::erase() {
 }
 
 void Store::damage(Damage what) {
+  // Flash that loses both entries without a trace is as one that was never written.
+  const bool leaves_other = !first_.bytes().empty() && !second_.bytes().empty();
   for (Slot* const slot : {&first_, &second_}) {
     if (slot->bytes().empty() || (what != Damage::kAll && slot != newest_)) continue;
-    slot->put(Bytes(what == Damage::kNewestEmpty ? 0 : 1));
+    slot->put(Bytes(what == Damage::kNewestEmpty && leaves_other ? 0 : 1));
   }
 }
 

@@ -26,7 +26,7 @@ class StoreWatch {
   ~StoreWatch() = default;
 };
 
-/// What time does to flash: a slot cannot be read, or is empty.
+/// What time does to flash: a slot cannot be read; or, if the other one holds something, is empty.
 enum class Damage { kNewest, kAll, kNewestEmpty };
 
 /// What all stores lie in. Where it cannot be opened, none can be read or written, and erasing any

@@ -11,6 +11,7 @@ from typing import Any
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import is_number
+from ..board import BoardDescription
 from ..errors import ConfigurationError, shown
 from .parameters import parameter_value, parameter_values
 from .peripherals import SECTIONS, parse_peripherals
@@ -79,8 +80,8 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     # Last: a wrong value is reported first, whether or not a driver is named.
     if {"board", "pins"} <= file.values.keys():
         raise ConfigurationError("board and pins are both given: remove one of them")
-    if found["driver"] == "pigpio" and found["board"] is None:
-        check_hardware_pwm(found["pins"])  # a board may also have its PWM timed by the daemon
+    if found["board"] is None:
+        _check_pins(found["driver"], found["pins"])
     if found["driver"] is None:
         raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
     for name in SECTIONS:
@@ -92,6 +93,14 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
     return {**found, "aliases": aliases}
+
+
+def _check_pins(driver: str | None, pins: BoardDescription) -> None:
+    if driver == "pigpio":
+        check_hardware_pwm(pins)  # a board may also have its PWM timed by the daemon
+    # The driver checks these rules, too, but knows no line to look at.
+    if driver in OWN_PINS and (problems := pins.problems()):
+        raise ConfigurationError("; ".join(problems))
 
 
 def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
