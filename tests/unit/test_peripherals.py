@@ -458,6 +458,14 @@ def test_what_a_pi_cannot_have(sections: str, words: str) -> None:
     assert words in problem
 
 
+def test_a_bus_that_comes_after_an_input_on_its_pin() -> None:
+    """A file names the bus first; a program may list them in any order."""
+    bumper = DigitalInput(PeripheralKind.BUMPER, Place.REAR, 2)
+    imu = ImuSensor(SensorChip.MPU6050, None, None, None, Axis.Y, Axis.Z, bus=1)
+    (problem,) = replace(load_board("pi4b"), peripherals=(bumper, imu)).problems()
+    assert problem.startswith("imu: 2: GPIO 2 is in use already")
+
+
 def test_a_computer_has_neither_a_timer_nor_an_adc_for_sensors() -> None:
     board = pi_with("inputs: {cliff: {pin: 7}}")
     data = bytearray(packed_list(board.peripherals, board.fingerprint()))
