@@ -368,8 +368,10 @@ void Judge::begins_gently() {
   // With other values its last ticks may look like any speed.
   for (const ParameterId id : {kWheelRadius, kCountsPerRevolution, kVelocityWindowUs})
     if (value(id) != kParameters[index_of(id)].default_value) return;
+  // A wheel that was turned by hand has a speed, too.
   if (!begins || !granted || granted->duty || memory_.stood_since_us == 0 ||
-      now_us() < memory_.stood_since_us + kMeasuredSlowUs)
+      now_us() < memory_.stood_since_us + kMeasuredSlowUs ||
+      world_us() < world_.disturbed_us + kMeasuredSlowUs)
     return;
   const double step_umps = static_cast<double>(value(kMaxAccelerationMps2)) /
                            static_cast<double>(value(kControlRateHz)) * 1e6;
