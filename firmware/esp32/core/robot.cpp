@@ -176,7 +176,7 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
   if (before == SupervisorState::kDriving) drove_us_ = now_us;
-  // Each of the others is recorded where it changes.
+  // The other latches are recorded where they change.
   if (before == SupervisorState::kEstopped || supervisor_.state() == SupervisorState::kEstopped)
     note_latches();
   if (recorder_ != nullptr) recorder_->note_transition(event, before, supervisor_.state(), faults_);

@@ -371,7 +371,7 @@ void Judge::begins_gently() {
   // A wheel that was turned by hand has a speed, too.
   if (!begins || !granted || granted->duty || memory_.stood_since_us == 0 ||
       now_us() < memory_.stood_since_us + kMeasuredSlowUs ||
-      world_us() < world_.disturbed_us + kMeasuredSlowUs)
+      world_us() < world_.turned_by_hand_us + kMeasuredSlowUs)
     return;
   const double step_umps = static_cast<double>(value(kMaxAccelerationMps2)) /
                            static_cast<double>(value(kControlRateHz)) * 1e6;

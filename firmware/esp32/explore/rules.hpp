@@ -94,6 +94,7 @@ struct World {
   bool wired_as_believed = true;
   uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
   bool ever_disturbed = false;
+  uint64_t turned_by_hand_us = 0;  ///< Simulated time at which a wheel was, last [us].
   // Since the last control step:
   bool writes_flash = false;  ///< It may be late.
   bool handled = false;       ///< A message was.

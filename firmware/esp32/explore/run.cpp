@@ -587,6 +587,7 @@ void Run::change_plant(const Operation& operation) {
     case Kind::kPush:
       plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % kSides),
                          std::clamp(values[1], -100.0, 100.0) * 6.28318530717958647692);
+      world_.turned_by_hand_us = world_.disturbed_us;
       return;
     case Kind::kBlocked:
       wheel.blocked = values[1] != 0.0;

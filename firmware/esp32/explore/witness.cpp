@@ -803,20 +803,16 @@ void Witness::cut_at_write(Written what) {
         request(list_alone.list);
         maybe_flashes_.push_back(list_alone);
       }
-      const uint8_t id = task_->message.id;
-      if (id == BoardConfirm::kId || id == PeripheralsConfirm::kId) {
-        Flash single = flash;
-        change_flash(task_->message, single);
-        if (id == BoardConfirm::kId) {
-          single.board.is_single = true;
-          single.board.former = flash.board.confirmed;
-        } else {
-          single.list.is_single = true;
-          single.list.former = flash.list.confirmed;
-        }
-        maybe_flashes_.push_back(single);
-      }
+      const Flash earlier = flash;
       change_flash(task_->message, flash);
+      const auto add_single = [&](auto Flash::* item) {
+        Flash single = flash;
+        (single.*item).is_single = true;
+        (single.*item).former = (earlier.*item).confirmed;
+        maybe_flashes_.push_back(single);
+      };
+      if (task_->message.id == BoardConfirm::kId) add_single(&Flash::board);
+      if (task_->message.id == PeripheralsConfirm::kId) add_single(&Flash::list);
     } else {
       // A start writes what it tries, the board's first.
       flash.board.state = boot_of(flash).candidate_state;
@@ -834,18 +830,16 @@ void Witness::cut_at_write(Written what) {
 void Witness::damages(Written what, bool all) {
   std::vector<Flash> found;
   for (const Flash& before : possible_flashes()) {
-    Flash flash = before;
-    if (what == Written::kBoard) {
-      for (const auto& board : damaged(before.board, all)) {
-        flash.board = board;
-        found.push_back(flash);
+    const auto damage = [&](auto Flash::* item) {
+      for (const auto& one : damaged(before.*item, all)) {
+        found.push_back(before);
+        found.back().*item = one;
       }
-    } else {
-      for (const auto& list : damaged(before.list, all)) {
-        flash.list = list;
-        found.push_back(flash);
-      }
-    }
+    };
+    if (what == Written::kBoard)
+      damage(&Flash::board);
+    else
+      damage(&Flash::list);
   }
   flash_ = found.front();
   maybe_flashes_.assign(found.begin() + 1, found.end());
