@@ -12,11 +12,13 @@ import pytest
 import wheelwire
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
+from wheelwire.board import BoardDescription
 from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.pins import Pins
 from wheelwire.peripherals import ImuSensor
+from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 
@@ -175,6 +177,14 @@ def test_a_rule_that_the_pins_break_is_named_with_its_line(tmp_path: Path) -> No
     file.write_text("driver: l298n\ninputs:\n  bumper_front: {pin: 8}\n  bumper_rear: {pin: 18}\n")
     with pytest.raises(ConfigurationError, match=r"robot\.yaml, line 4: inputs\.bumper_rear: .*18"):
         wheelwire.load_config(file)
+
+
+def test_a_file_is_read_without_the_firmwares_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_: object) -> list[str]:
+        raise NativeMissingError("the library is missing")
+
+    monkeypatch.setattr(BoardDescription, "problems", missing)
+    assert parse_config({"driver": "l298n"}).driver == "l298n"
 
 
 def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:

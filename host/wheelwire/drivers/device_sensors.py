@@ -180,7 +180,9 @@ class Streams:
             link.check()
             info = find(self.infos)
             has_no_room = info is not None and not info.rate_hz and state is SensorState.MISSED
-            raise SensorStale(name, state, sentence_of_state(state) + _NO_ROOM * has_no_room)
+            raise SensorStale(
+                name, state, sentence_of_state(state) + (_NO_ROOM if has_no_room else "")
+            )
         return sample
 
     def age_s(self, sample: AnySample) -> float:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import is_number
@@ -98,8 +99,14 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
 def _check_pins(driver: str | None, pins: BoardDescription) -> None:
     if driver == "pigpio":
         check_hardware_pwm(pins)  # a board may also have its PWM timed by the daemon
+    if driver not in OWN_PINS:
+        return
     # The driver checks these rules, too, but knows no line to look at.
-    if driver in OWN_PINS and (problems := pins.problems()):
+    try:
+        problems = pins.problems()
+    except NativeMissingError:
+        return  # the driver says what to install
+    if problems:
         raise ConfigurationError("; ".join(problems))
 
 
