@@ -28,7 +28,7 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 
 gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, commands' options, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
-	$(BIN)/python tools/draw_rooms.py
+	$(BIN)/python tools/draw_packages.py
 	$(BIN)/python tools/write_cli_page.py
 	@$(MAKE) --no-print-directory sim
 	$(BIN)/python tools/write_simulator_page.py
@@ -37,7 +37,8 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
-	$(BIN)/python tools/draw_rooms.py --check
+	$(BIN)/python tools/draw_packages.py --check
+	$(BIN)/python tools/draw_demo.py --check
 	$(BIN)/python tools/write_cli_page.py --check
 	$(BIN)/python tools/write_boards.py --check
 

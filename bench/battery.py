@@ -15,7 +15,7 @@ from wheelwire.peripherals import BatteryLevels
 from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode
 
 LEVELS = BatteryLevels(warn_v=7.0, limit_v=6.8, stop_v=6.6)
-"""Of two lithium cells."""
+"""Levels for two lithium cells."""
 BOUNDS_V = {
     BatteryLevel.OK: LEVELS.warn_v,
     BatteryLevel.WARN: LEVELS.limit_v,
@@ -23,10 +23,16 @@ BOUNDS_V = {
 }
 """The voltage below which each level ends."""
 FULL_V, FLAT_V = 7.5, 6.4
-EMPTY_S = 240.0
-"""Of driving, from full to flat: a battery of minutes, so that the run is short."""
+CAPACITY_AH = 0.007
+"""From full to flat: a battery of minutes, so that the run is short."""
 OHM = 0.3
-"""Of battery and leads."""
+"""Resistance of battery and leads."""
+BATTERY = {
+    "battery.capacity_ah": CAPACITY_AH,
+    "battery.fall_v": FULL_V - FLAT_V,
+    **dict.fromkeys(("supply_v", "battery_v"), FULL_V),
+    "supply_ohm": OHM,
+}
 STEP_S = 0.02
 SPEED_MPS = 0.4
 LEG_S = 2.0
@@ -38,11 +44,12 @@ REST_S = 60.0
 
 METHOD = f"""\
 The simulated robot drives back and forth at {SPEED_MPS} m/s, {LEG_S:g} s each way, in virtual time:
-the same at every run. Its battery's voltage falls evenly from {FULL_V} to {FLAT_V} V in
-{EMPTY_S:g} s; with a resistance of {OHM} ohm it sags further under the motors' current, most when
-they start. The robot warns below {LEVELS.warn_v} V, slows down below {LEVELS.limit_v} V and stops
-below {LEVELS.stop_v} V. A *dip* is a time below the bound of the next level that ended before that
-level began. Stopped, the battery rests at {LEVELS.warn_v} V; then it is charged.
+the same at every run. The motors' current empties its battery of {CAPACITY_AH * 1000:g} mAh, whose
+voltage falls evenly from {FULL_V} to {FLAT_V} V; with a resistance of {OHM} ohm it sags further
+under that current, most when the motors start. The robot warns below {LEVELS.warn_v} V, slows down
+below {LEVELS.limit_v} V and stops below {LEVELS.stop_v} V. A *dip* is a time below the bound of the
+next level that ended before that level began. Stopped, the battery rests at {LEVELS.warn_v} V; then
+it is charged.
 """
 
 
@@ -62,11 +69,20 @@ class Drive:
         self._dips_of_level: list[float] = []
         self._events = robot.sensors.events()
 
-    def step(self, open_v: float) -> bool:
-        """Drive for one step, at this voltage without a load; returns whether the robot obeys."""
+    @property
+    def open_v(self) -> float:
+        """The battery's voltage without a load."""
+        used = self.robot.simulator.get("battery.used_ah") / CAPACITY_AH
+        return FULL_V - (FULL_V - FLAT_V) * used
+
+    def rest_at(self, volts: float) -> None:
+        """Let the battery recover, or charge it."""
+        used = (FULL_V - volts) / (FULL_V - FLAT_V)
+        self.robot.simulator.set("battery.used_ah", used * CAPACITY_AH)
+
+    def step(self) -> bool:
+        """Drive for one step; returns whether the robot obeys."""
         sim = self.robot.simulator
-        sim.set("battery_v", open_v)
-        sim.set("supply_v", open_v)
         forward = 1 if self.now_s % (2 * LEG_S) < LEG_S else -1
         try:
             self.robot.set_velocity(forward * SPEED_MPS, 0.0)
@@ -75,10 +91,10 @@ class Drive:
             obeys = False
         self.robot.advance(STEP_S)
         self.now_s += STEP_S
-        self._look(open_v, sim.get("true.supply_v"))
+        self._look(sim.get("true.supply_v"))
         return obeys
 
-    def _look(self, open_v: float, sensed_v: float) -> None:
+    def _look(self, sensed_v: float) -> None:
         speed = abs(self.robot.simulator.get("true.left_mps"))
         self.fastest[self.level] = max(self.fastest[self.level], speed)
         if sensed_v < BOUNDS_V.get(self.level, 0.0):
@@ -88,9 +104,9 @@ class Drive:
             self._below_s = 0.0
         for event in iter(self._events.poll, None):
             if event.code is SensorEventCode.BATTERY:
-                self._change(BatteryLevel(event.value), open_v, sensed_v)
+                self._change(BatteryLevel(event.value), sensed_v)
 
-    def _change(self, level: BatteryLevel, open_v: float, sensed_v: float) -> None:
+    def _change(self, level: BatteryLevel, sensed_v: float) -> None:
         dips = self._dips_of_level
         if self.level in BOUNDS_V:
             self.shortest_s = min(self.shortest_s, self._below_s)
@@ -98,7 +114,7 @@ class Drive:
         change = f"{self.level.name} to {level.name}"
         self.rows.append(
             [
-                *(change, f"{self.now_s:.1f} s", f"{open_v:.2f} V", f"{sensed_v:.2f} V"),
+                *(change, f"{self.now_s:.1f} s", f"{self.open_v:.2f} V", f"{sensed_v:.2f} V"),
                 *(f"{len(dips)}", longest, f"{self.fastest[self.level]:.2f} m/s"),
             ]
         )
@@ -110,13 +126,14 @@ class Drive:
 def charged(drive: Drive) -> tuple[float, bool]:
     """How long it is full before the level is OK; whether the robot drives after a clear."""
     began_s = drive.now_s
+    drive.rest_at(FULL_V)
     while drive.level is not BatteryLevel.OK and drive.now_s < began_s + 2 * REST_S:
-        drive.step(FULL_V)
+        drive.step()
     after_s = drive.now_s - began_s
     drive.robot.clear_fault()
     drive.robot.set_velocity(0.0, 0.0)
     drive.robot.advance(0.1)
-    return after_s, all(drive.step(FULL_V) for _ in range(round(1 / STEP_S)))
+    return after_s, all(drive.step() for _ in range(round(1 / STEP_S)))
 
 
 def main() -> int:
@@ -126,16 +143,17 @@ def main() -> int:
     with MockDriver(realtime=False) as robot:
         half_mps = robot.parameters["max_velocity_mps"] / 2
         sim = robot.simulator
-        sim.set("supply_ohm", OHM)
+        for name, value in BATTERY.items():
+            sim.set(name, value)
         robot.board.take_up(board)
         drive = Drive(robot)
-        drive.step(FULL_V)
-        while drive.step(FULL_V - (FULL_V - FLAT_V) * drive.now_s / EMPTY_S):
+        while drive.step():
             pass
         robot.advance(0.5)  # until it stands
         at_m = sim.get("true.distance_m")
+        drive.rest_at(LEVELS.warn_v)
         for _ in range(round(REST_S / STEP_S)):
-            drive.step(LEVELS.warn_v)
+            drive.step()
         moved_m = sim.get("true.distance_m") - at_m
         after_s, drives = charged(drive)
     header = ("level", "after", "voltage", "sensed", "dips before", "the longest", "fastest before")

@@ -28,7 +28,7 @@ from wheelwire.simulation.simulator import Simulator
 
 STREAM_HZ = 1000
 LOOP_HZ = 50
-"""Of the program: a setpoint and a sample each."""
+"""Rate of the program's loop: a setpoint and a sample each."""
 SETTLING_S = 3.0
 GROWTH_KIB = 16 * 1024
 """A file's index waits in memory for its end: some KiB a second, for an hour at most."""

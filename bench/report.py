@@ -17,7 +17,8 @@ from support.benchmark import ROOT, output_folder
 BENCHES = (
     *("codec", "capture", "imports"),
     *("link", "latency", "links_per_host", "sensor_line", "ros"),
-    *("control", "battery", "drivers", "cost", "recording", "view"),
+    *("control", "reflexes", "sensor_faults", "battery"),
+    *("drivers", "cost", "recording", "view"),
 )
 """The benchmarks, in the order of the report."""
 

@@ -36,15 +36,15 @@ REST_S = 2.0
 SPEED_MPS = 0.25
 SEEDS = range(5)
 RADIUS_M = 1.0
-"""Of the figure eight."""
+"""Radius of the figure eight."""
 VX_VARIANCE = 1e-3
 YAW_RATE_VARIANCE = 1e-2
-"""Of odom: the node's twist_covariance_diagonal."""
+"""Variances of odom: the node's twist_covariance_diagonal."""
 PROCESS_NOISE = np.diag([0.05, 0.05, 0.06, 0.025, 0.02])
 """robot_localization's defaults for x, y, yaw, v and w, per second."""
 V, W = 3, 4
 BIAS_RADPS = 0.01
-"""Of the gyroscope: 0.6 degrees a second."""
+"""Bias of the gyroscope: 0.6 degrees a second."""
 WAYS = (
     "wheels alone",
     "wheels + gyro, bias taken at rest",

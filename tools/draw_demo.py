@@ -1,4 +1,7 @@
-"""Draw what `wheelwire demo` shows, for the README: docs/demo.svg. Runs the demonstration once.
+"""Draw what `wheelwire demo` shows, for the README: docs/demo.svg.
+
+tools/draw_demo.py            runs the demonstration once, and writes the picture
+tools/draw_demo.py --check    fails when the picture differs in more than its numbers
 
 The picture moves by SMIL, which browsers play inside an image as well. Where nothing plays it, as
 in a print, it shows the whole path and the robot where it stands at the end.
@@ -7,6 +10,8 @@ in a print, it shows the whole path and the robot where it stands at the end.
 from __future__ import annotations
 
 import math
+import re
+import sys
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -15,7 +20,8 @@ from tempfile import TemporaryDirectory
 from rich.console import Console
 
 from wheelwire.demo import run
-from wheelwire.demo.scenario import TTL_S, Report
+from wheelwire.demo.figure import DURATION_S, commanded_path
+from wheelwire.demo.scenario import STRAIGHT_S, TTL_S, Report
 from wheelwire.motion.odometry import Pose
 
 PICTURE = Path(__file__).parents[1] / "docs" / "demo.svg"
@@ -26,7 +32,7 @@ PLOT_SCALE = 200.0
 ROW, LABEL_WIDTH = 20, 380
 TRUTH_HZ = 50
 EVERY = 5
-"""Of the poses, one in so many is drawn."""
+"""One in so many poses is drawn."""
 SPEED = 3.0
 """How much faster the picture is than the robot."""
 PAUSE_S = 5.0
@@ -44,13 +50,27 @@ ROBOT = (
 """Around its middle, ahead is right."""
 
 
-def main() -> None:
-    """Run, and write the picture."""
+IDEAL = Report(5.4, 0.0, 0.0, 1, 1, 0, 0, 0, 0.0, 0.0, 0, 0, 486_000, 0.05, None, None)
+
+
+def main() -> str | None:
+    """Run, and write the picture; with --check, what to do about an old one."""
+    if "--check" in sys.argv[1:]:
+        path = commanded_path(DURATION_S + STRAIGHT_S)
+        is_new = shape(draw([path] * 3, IDEAL)) == shape(PICTURE.read_text("utf-8"))
+        return None if is_new else "docs/demo.svg is out of date; run tools/draw_demo.py"
     paths: list[Sequence[Pose]] = []
     with TemporaryDirectory() as folder:
         report = run(Path(folder), Console(stderr=True), lambda _, *found: paths.extend(found))
     commanded, odometry, true = paths
     PICTURE.write_text(draw([commanded, true, odometry], report), "utf-8")
+    return None
+
+
+def shape(picture: str) -> str:
+    """The picture without its numbers, which differ from run to run."""
+    words = re.sub(r'(?<=fill="#9be29b">)[^<]*', "", picture)
+    return re.sub(r"(?:-?\d+(?:\.\d+)?[,; ]*)+", "#", words)
 
 
 def draw(paths: Sequence[Sequence[Pose]], report: Report) -> str:
@@ -172,4 +192,4 @@ def draw_terminal(rows: Sequence[tuple[str, str]]) -> tuple[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

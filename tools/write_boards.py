@@ -26,7 +26,7 @@ from wheelwire_protocol.board import (
     StageTable,
 )
 from wheelwire_protocol.board import MODULES as CHIP_MODULES
-from wheelwire_protocol.codes import Board as Chip
+from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.generate.text import constant_name
 
 PAGE = ROOT / "docs" / "boards.md"
@@ -202,9 +202,9 @@ class Wiring:
         """Under the ends of the wires."""
         self.wires = Picture()
         self.tops: list[int] = []
-        """Of each wheel's first input of the stage."""
+        """Tops of each wheel's first input of the stage."""
         self.middles: list[int] = []
-        """Of each wheel's motor."""
+        """Middles of each wheel's motor."""
         self.pulled: list[int] = []
 
     def draw(self) -> str:
@@ -460,7 +460,7 @@ def _initializers(board: BoardDescription) -> list[str]:
     """The fields of a BoardDescription in C++."""
     values = {
         "version": "kBoardVersion",
-        "chip": f"Board::{constant_name(board.chip.name)}",
+        "chip": f"Chip::{constant_name(board.chip.name)}",
         "stage": f"Stage::{constant_name(board.stage.name)}",
         "line": f"BoardLine::{constant_name(board.line.name)}",
         "name": f'"{board.name}"',

@@ -34,7 +34,7 @@ def page() -> str:
 
 
 def sections(command: Any, path: str) -> Iterator[str]:
-    """Of a command and its subcommands, each below a heading of its own."""
+    """The sections of a command and its subcommands, each below a heading of its own."""
     arguments = [parameter for parameter in command.params if is_argument(parameter)]
     usage = " ".join([path, *(written(argument) for argument in arguments)])
     yield f"## {path}\n"
@@ -58,7 +58,10 @@ def is_argument(parameter: Any) -> bool:
 def written(parameter: Any) -> str:
     """An argument or option as one writes it."""
     if is_argument(parameter):
-        name = (parameter.metavar or parameter.name.upper()).strip("[]")
+        name = parameter.metavar or parameter.name.upper()
+        if " " in name:  # several arguments, with their own brackets
+            return str(name)
+        name = name.strip("[]")
         return name if parameter.required else f"[{name}]"
     value = "" if parameter.is_flag else f" {parameter.metavar or parameter.name.upper()}"
     return ", ".join(parameter.opts) + value

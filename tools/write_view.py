@@ -26,7 +26,7 @@ from wheelwire.view.source import Source
 
 PAGE = generated.ROOT / "docs" / "view.md"
 TEN_O_CLOCK_S = 36_000.0
-"""Of the robot's clock at zero, since 1970."""
+"""The robot's clock at zero, since 1970."""
 SECONDS = 22.0
 BLOCKED_S = 20.0
 """When the left wheel is held."""

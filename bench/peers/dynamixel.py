@@ -17,7 +17,7 @@ _PARAMETERS_AT = 9
 """Behind header, reserved byte, id, length, instruction and error."""
 _CRC_SIZE = 2
 _LENGTH = 2 + BODY.size + _CRC_SIZE
-"""Of a packet, from its instruction on."""
+"""A packet's length field: it counts from the instruction on."""
 
 
 class _Port:

@@ -10,7 +10,7 @@ from support.captures import wheel_states
 from .base import Peer, parts_of
 
 CORRUPT = 0.01
-"""Of all bytes, each replaced by another."""
+"""Part of all bytes that is replaced by other bytes."""
 
 _FRAMES = 5000
 _SEED = 1

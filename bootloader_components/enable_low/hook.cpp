@@ -7,11 +7,11 @@ extern "C" void bootloader_hooks_include() {}
 namespace {
 
 #if CONFIG_IDF_TARGET_ESP32
-constexpr wheelwire::Board kChip = wheelwire::Board::kEsp32;
+constexpr wheelwire::Chip kChip = wheelwire::Chip::kEsp32;
 #elif CONFIG_IDF_TARGET_ESP32S3
-constexpr wheelwire::Board kChip = wheelwire::Board::kEsp32s3;
+constexpr wheelwire::Chip kChip = wheelwire::Chip::kEsp32s3;
 #else
-constexpr wheelwire::Board kChip = wheelwire::Board::kEsp32c6;
+constexpr wheelwire::Chip kChip = wheelwire::Chip::kEsp32c6;
 #endif
 
 constexpr wheelwire::PinWords kDrivable =

@@ -274,7 +274,8 @@ class Driver(AwaitableDevice, LinkedRobot):
         Stops are found in a thread of their own. Each report is awaited before the next one.
 
         Args:
-            report: Called some 60 ms after a stop. What it raises is logged.
+            report: Called some 60 ms after a stop, up to 1.2 s after one by a sensor. What it
+                raises is logged.
 
         Raises:
             InvalidArgument: `report` cannot be called.

@@ -26,7 +26,7 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
-from wheelwire_protocol.codes import Board as Chip
+from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
@@ -231,12 +231,12 @@ def unpacked(data: bytes) -> BoardDescription:
     except ValueError as error:
         # From one of the enumerations: a newer release has chips or kinds that this one has not.
         raise ConfigurationError(
-            f"a code of the board is unknown: {error}; update wheelwire"
+            f"this release does not know a code of the robot's board ({error}): update wheelwire"
         ) from None
 
 
 def sentence(issue: BoardIssue, chip: Chip, stage: Stage) -> str:
-    """What is wrong and what to do, for a person."""
+    """The sentence for a person: what is wrong, and what to do."""
     title = CHIPS[chip].title if chip in CHIPS else "this chip"
     return issue.fault.doc.format(
         function=issue.function.doc,

@@ -46,7 +46,7 @@ class RobotConfig:
         board: The name or file of a board: in place of `pins`, or, for a serial robot, the one that
             its device has to be on.
         store: File for saved parameters; not for a serial robot, whose device saves its own.
-        options: Of a driver of another package: the section of the driver's name.
+        options: The section of a driver of another package, under the driver's name.
         aliases: The aliases that were found, and the names that they stand for.
     """
 
@@ -83,7 +83,7 @@ class RobotConfig:
         }.get(self.driver) or self._plug_in_options()
 
     def _plug_in_options(self) -> dict[str, Any]:
-        """Of a driver of another package: its section, and what the file has beside it."""
+        """The options of another package's driver: its section, and what the file has beside it."""
         beside = {
             "parameters": self.parameters or None,
             "board": self.board,
@@ -139,7 +139,7 @@ def driver_at(
 
     Args:
         address: See `connect`.
-        baud_rate: Of a port, to be tried first; None: the default.
+        baud_rate: Baud rate of a port, to be tried first; None: the default.
         bare: Nothing in its file is to change a serial robot, or keep it from being opened: for
             those who only look at the robot or its parameters, or stop it.
 

@@ -9,9 +9,10 @@ have a robot's calls within the same `try`.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from wheelwire_protocol.codes import Fault, RefusalCode
 from wheelwire_protocol.sensors import SensorState
@@ -41,6 +42,9 @@ class WheelwireError(Exception):
     def __reduce__(self) -> tuple[object, ...]:
         # Exception's own version would call the class with the finished message as its arguments.
         return rebuilt, (type(self), self.args, self.__dict__)
+
+
+ErrorT = TypeVar("ErrorT", bound=WheelwireError)
 
 
 class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's names say the state
@@ -138,7 +142,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         return f"{text.rstrip('.')}. {said}" if said else text
 
     def hinted(self, subject: str, hint: str) -> DeviceRefused:
-        """The same refusal, of what a person calls `subject`, with another hint."""
+        """The same refusal with another hint; `subject` is what a person calls its object."""
         error = DeviceRefused(self.code, subject, self.faults, hint=hint)
         error.why, error.evidence, error.look_at = self.why, self.evidence, self.look_at
         return error
@@ -356,10 +360,25 @@ class RecordingError(WheelwireError):
     exit_code = 29
 
 
+def afresh(error: ErrorT) -> ErrorT:
+    """A copy to be raised of an error that is stored, and is raised again and again.
+
+    The traceback of the original would keep alive whoever it was raised to, and grow each time.
+    """
+    raised = copy.copy(error)
+    raised.__cause__ = error.__cause__
+    # A cause, even None, would hide which error its caller was handling.
+    raised.__suppress_context__ = error.__suppress_context__
+    return raised
+
+
 def rebuilt(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:
-    """An error with these arguments of `Exception` and these attributes, from another process."""
+    """An error with these arguments of `Exception` and these attributes: a copy.
+
+    The original may be in another process.
+    """
     # The arguments are those of Exception. `__init__`, which takes others, is not called.
     error = kind.__new__(kind, *arguments)
     # An OSError leaves that to `__init__`.

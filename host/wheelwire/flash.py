@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from wheelwire_protocol.codes import Board
+from wheelwire_protocol.codes import Chip
 
 from .drivers.serial import SerialDriver
 from .errors import FlashFailed, PortUnavailable, WheelwireError
@@ -47,7 +47,7 @@ ERASED = b"\xff"
 
 _IMAGE_MAGIC = 0xE9
 _CHIP_ID_OFFSET = 12
-_BOOTLOADERS = {0x1000: {0: Board.ESP32}, 0: {9: Board.ESP32S3, 13: Board.ESP32C6}}
+_BOOTLOADERS = {0x1000: {0: Chip.ESP32}, 0: {9: Chip.ESP32S3, 13: Chip.ESP32C6}}
 """Offset of the boot loader, and the chip ids that its header may contain there."""
 # Magic, type, subtype, offset, size, label, flags.
 _ENTRY = struct.Struct("<2sBBII16sI")
@@ -59,17 +59,17 @@ _APPLICATION = 0
 _OTADATA = (1, 0)
 
 
-def built_image(board: Board, build: Path = CHECKOUT_BUILD) -> Image:
-    """The image that was built in this checkout for a board.
+def built_image(chip: Chip, build: Path = CHECKOUT_BUILD) -> Image:
+    """The image that was built in this checkout for a chip.
 
     Raises:
         FlashFailed: There is none.
     """
-    name = f"wheelwire-{board.name.lower()}.bin"
-    path = build / board.name.lower() / name
+    name = f"wheelwire-{chip.name.lower()}.bin"
+    path = build / chip.name.lower() / name
     if not path.exists():
         raise FlashFailed(
-            f"no firmware image for the {board.name}: download {name} from a release and give it "
+            f"no firmware image for the {chip.name}: download {name} from a release and give it "
             f"with --image, or build it as {path}"
         )
     return read_image(path)
@@ -103,7 +103,7 @@ def ensure_stopped(port: str) -> None:
             sample = robot.read()
 
 
-def identify_chip(port: str) -> Board:
+def identify_chip(port: str) -> Chip:
     """Ask the boot ROM which chip this is. Resets the chip.
 
     Raises:
@@ -117,8 +117,8 @@ def identify_chip(port: str) -> Board:
         )
     name = connected[1]
     try:
-        # esptool writes ESP32-S3 for the board ESP32S3.
-        return Board[name.replace("-", "")]
+        # esptool writes ESP32-S3 for ESP32S3.
+        return Chip[name.replace("-", "")]
     except KeyError:
         raise FlashFailed(
             f"the chip at {port} is an {name}, which is not supported: use an ESP32, ESP32-S3 or "
@@ -126,7 +126,7 @@ def identify_chip(port: str) -> Board:
         ) from None
 
 
-def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
+def read_chip_table(port: str, chip: Chip) -> tuple[Partition, ...]:
     """The chip's partition table; empty if it has none. Leaves the chip in its boot loader.
 
     Raises:
@@ -136,12 +136,12 @@ def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
         path = Path(folder) / "table.bin"
         command = ("read-flash", f"{TABLE_OFFSET:#x}", f"{TABLE_BYTES:#x}", str(path))
         # A generator: nothing runs unless its output is read.
-        for _ in _esptool(*_chip_at(port, board), "--after", "no-reset", *command):
+        for _ in _esptool(*_chip_at(port, chip), "--after", "no-reset", *command):
             pass
         return parse_table(path.read_bytes())
 
 
-def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], None]) -> None:
+def write_plan(port: str, chip: Chip, plan: Plan, report: Callable[[float], None]) -> None:
     """Carry out a plan and reset the chip. `report` receives the fraction written, 0 to 1.
 
     Raises:
@@ -154,7 +154,7 @@ def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], No
             path.write_bytes(part.content)
             arguments += [f"{part.offset:#x}", str(path)]
         # In one call, which resets the chip at its end: no start finds only some of the parts.
-        for line in _esptool(*_chip_at(port, board), "--baud", str(FLASH_BAUD_RATE), *arguments):
+        for line in _esptool(*_chip_at(port, chip), "--baud", str(FLASH_BAUD_RATE), *arguments):
             # By the address: esptool's own percentage begins anew with each part.
             if writing := _WRITING.search(line):
                 report(_written(plan.writes, int(writing[1], 16)))
@@ -168,11 +168,11 @@ def _written(parts: Sequence[Part], address: int) -> float:
     return sum(before) / max(1, sum(sizes))
 
 
-def _chip_at(port: str, board: Board) -> tuple[str, ...]:
-    return "--chip", board.name.lower(), "--port", port
+def _chip_at(port: str, chip: Chip) -> tuple[str, ...]:
+    return "--chip", chip.name.lower(), "--port", port
 
 
-def verify(port: str, board: Board) -> DeviceInfo:
+def verify(port: str, chip: Chip) -> DeviceInfo:
     """Connect to the new firmware.
 
     Raises:
@@ -190,10 +190,10 @@ def verify(port: str, board: Board) -> DeviceInfo:
             if time.monotonic() > end:
                 raise
             time.sleep(REOPEN_PERIOD_S)
-    if device.board is not board:
+    if device.board is not chip:
         raise FlashFailed(
             f"the firmware was written, but reports the board {device.board.name} in place of "
-            f"{board.name}: flash the release's image for the {board.name}"
+            f"{chip.name}: flash the release's image for the {chip.name}"
         )
     return device
 
@@ -281,7 +281,7 @@ class Image:
     """A merged image, split into the parts to write, and its partition table."""
 
     path: Path
-    board: Board
+    chip: Chip
     parts: tuple[Part, ...]
     table: tuple[Partition, ...]
 
@@ -343,14 +343,14 @@ def read_image(path: Path) -> Image:
             f"{path} is not a Wheelwire firmware image for a supported chip; "
             "use wheelwire-<board>.bin from a release"
         )
-    board, start = bootloader
+    chip, start = bootloader
     # Erased, it selects no slot: the boot loader starts the first one, which the image fills.
     otadata = [
         Part(p.name, p.offset, ERASED * p.size) for p in table if (p.kind, p.subtype) == _OTADATA
     ]
     return Image(
         path,
-        board,
+        chip,
         (
             # Without the filling up to the next part: erased flash is 0xff anyway.
             Part("bootloader", start, content[start:TABLE_OFFSET].rstrip(ERASED)),
@@ -401,8 +401,8 @@ def _ordered(parts: Sequence[Part]) -> tuple[Part, ...]:
     return tuple(sorted(parts, key=lambda part: part.offset))
 
 
-def _bootloader_of(content: bytes) -> tuple[Board, int] | None:
-    """The board that an image is for, and the offset of its boot loader."""
+def _bootloader_of(content: bytes) -> tuple[Chip, int] | None:
+    """The chip that an image is for, and the offset of its boot loader."""
     # The chip id alone is no proof: a boot loader of another chip may lie at another offset.
     for offset, boards in _BOOTLOADERS.items():
         header = content[offset : offset + _CHIP_ID_OFFSET + 2]

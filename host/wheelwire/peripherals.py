@@ -1,7 +1,8 @@
 """A board's peripherals: sensors, inputs and the battery's levels, and whether they can work.
 
-Peripherals are data, as the board is: part of its YAML (`files.board`), sent and stored as a list
-of packed entries, and checked by the firmware's own rules. The index of an entry is its channel.
+Peripherals are data, like the board. The board's YAML file names them (`files.board`); the line and
+the flash have them as a list of packed entries, and the firmware's own rules check that list. The
+index of an entry is its channel.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ _VALUES = ("value_a", "value_b", "value_c")
 # Format, count, zeros, and the board's fingerprint.
 _HEAD = struct.Struct("<BBHI")
 _CRC_SIZE = 4
-# A list has unsigned numbers alone; those of a bias are in two's complement.
+# An entry has unsigned numbers only; a bias is in two's complement.
 _HALF, _COUNTS = 0x8000, 0x1_0000
 _BIAS_DIGITS = 5
 """Decimals of a bias in rad/s: enough for one count of any chip."""
 ENTRY_SIZE = _ENTRY.size
-"""Of a packed entry, in bytes."""
+"""Size of a packed entry, in bytes."""
 _LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY_SIZE + _CRC_SIZE
 
 
@@ -64,16 +65,16 @@ class ImuSensor:
     """Gyroscope and accelerometer on an I2C bus. Pins are GPIO numbers.
 
     Attributes:
-        chip: Which one.
-        sda: The bus's data.
-        scl: The bus's clock.
+        chip: The IMU's chip.
+        sda: The bus's data line.
+        scl: The bus's clock line.
         interrupt: The chip's data-ready output; None: not connected.
-        forward: The axis of its print that points forward on the robot.
-        up: The one that points up.
-        address: On the bus; None: the chip's usual one.
-        bias: What the gyroscope says of the robot at rest, about the chip's own x, y and z; the
-            samples are without it. Kept in whole counts of the chip. [rad/s]
-        bus: Of a computer: the bus's number, in place of its pins.
+        forward: The printed axis that points forward on the robot.
+        up: The printed axis that points up.
+        address: Address on the bus; None: the chip's usual one.
+        bias: What the gyroscope measures at rest, about the chip's own x, y and z, to be subtracted
+            from each sample. Stored in whole counts of the chip. [rad/s]
+        bus: Number of a computer's bus, in place of its pins.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.IMU
@@ -95,12 +96,12 @@ class PowerSensor:
     """Voltage and current of the supply, by a chip on an I2C bus. Pins are GPIO numbers.
 
     Attributes:
-        chip: Which one.
-        sda: The bus's data.
-        scl: The bus's clock.
+        chip: The power sensor's chip.
+        sda: The bus's data line.
+        scl: The bus's clock line.
         shunt_mohm: The resistor through which the current flows. [mOhm]
-        address: On the bus; None: the chip's usual one.
-        bus: Of a computer: the bus's number, in place of its pins.
+        address: Address on the bus; None: the chip's usual one.
+        bus: Number of a computer's bus, in place of its pins.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.POWER
@@ -116,12 +117,12 @@ class PowerSensor:
 
 @dataclass(frozen=True)
 class BatteryLevels:
-    """Voltages of the battery below which the robot acts. All 0: it is only measured.
+    """Voltages of the battery below which the robot acts. All 0: the robot only measures it.
 
     Attributes:
-        warn_v: It warns. [V]
-        limit_v: It drives at half its speed at most. [V]
-        stop_v: It stops, until the battery is charged. [V]
+        warn_v: Below it the robot warns. [V]
+        limit_v: Below it the robot drives at half its speed at most. [V]
+        stop_v: Below it the robot stops, until the battery is charged. [V]
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.BATTERY
@@ -133,7 +134,7 @@ class BatteryLevels:
 
     @property
     def is_guarded(self) -> bool:
-        """Whether it has levels."""
+        """Whether there is any level."""
         return any((self.warn_v, self.limit_v, self.stop_v))
 
 
@@ -143,9 +144,9 @@ class DigitalInput:
 
     Attributes:
         kind: One of BUMPER, CLIFF and STAGE_FAULT.
-        place: Where it is on the robot.
-        pin: Its GPIO.
-        triggered_low: It triggers at the low level; otherwise at the high one.
+        place: Place on the robot.
+        pin: GPIO of the input.
+        triggered_low: Whether the low level triggers the input; otherwise the high one does.
         pull: What holds the pin.
     """
 
@@ -161,10 +162,10 @@ class RangeSensor:
     """Measures the distance to what is ahead of it, by the echo of a sound. Pins are GPIO numbers.
 
     Attributes:
-        chip: Which part.
-        place: Where it is on the robot.
-        trigger: Starts a measurement.
-        echo: Its output, by a divider if the part has 5 V.
+        chip: The sensor's type.
+        place: Place on the robot.
+        trigger: The pin that starts a measurement.
+        echo: The pin at the sensor's output, through a divider if that has 5 V.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.RANGE
@@ -180,9 +181,9 @@ class AnalogInput:
     """A voltage at a pin of the chip's ADC1.
 
     Attributes:
-        number: Its name: 1 is `analog_1`.
-        pin: Its GPIO.
-        divider: Volts to be measured per volt at the pin.
+        number: Number in the input's name: 1 is `analog_1`.
+        pin: GPIO of the input.
+        divider: Volts at the input per volt at the pin.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.ANALOG
@@ -199,7 +200,7 @@ Peripheral: TypeAlias = (
 
 DIGITAL_INPUTS = (PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT)
 INPUTS = (*DIGITAL_INPUTS, PeripheralKind.ANALOG)
-"""What is sampled together."""
+"""The kinds that share one sample."""
 
 
 def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
@@ -207,8 +208,8 @@ def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
 
     Args:
         kind: What is connected.
-        place: Where it is on the robot.
-        number: Of an analogue input.
+        place: Place on the robot.
+        number: Number of an analogue input.
     """
     name = kind.name.lower()
     if kind is PeripheralKind.ANALOG:
@@ -217,7 +218,7 @@ def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
 
 
 def axis_name(axis: Axis) -> str:
-    """As in a board's file: `x`, `-x`."""
+    """The name of an axis in a board's file: `x`, `-x`."""
     return axis.name.lower().replace("minus_", "-")
 
 
@@ -227,7 +228,7 @@ def most_bias_radps(chip: SensorChip) -> float:
 
 
 def key_of(entry: Peripheral) -> str:
-    """The section of a board's file in which it is."""
+    """The section of a board's file that names this entry."""
     if isinstance(entry, DigitalInput):
         return f"inputs.{channel_name(entry.kind, entry.place).replace('.', '_')}"
     if isinstance(entry, AnalogInput):
@@ -238,7 +239,7 @@ def key_of(entry: Peripheral) -> str:
 
 
 def packed_entry(entry: Peripheral) -> bytes:
-    """The bytes in which one is sent and stored.
+    """The bytes of an entry, on the line and in flash.
 
     Raises:
         ConfigurationError: A value does not fit into its field.
@@ -249,7 +250,7 @@ def packed_entry(entry: Peripheral) -> bytes:
     if isinstance(entry, (ImuSensor, PowerSensor)):
         values |= {"chip": entry.chip, "address": entry.address or 0}
         if entry.bus is None and entry.sda is not None and entry.scl is None:
-            # Packed it would be a bus by its number.
+            # A packed entry with one pin means a bus by its number.
             raise ConfigurationError(f"{key_of(entry)}.scl is missing: name it, or the bus")
         pins = (entry.sda, entry.scl) if entry.bus is None else (entry.bus, None)
     if isinstance(entry, ImuSensor):
@@ -283,13 +284,13 @@ def unpacked_entry(data: bytes) -> Peripheral:
     """The peripheral in a packed entry.
 
     Raises:
-        ConfigurationError: It has codes that are unknown here.
+        ConfigurationError: This release does not know a code in it.
     """
     values = dict(zip(_NAMES, _ENTRY.unpack(data), strict=True))
     first, second, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
     numbers = [values[name] for name in _VALUES]
     address = values["address"] or None
-    # Of a bus by two pins none is missing, or its list would have been refused.
+    # The firmware refuses a bus with one of its two pins: a single number is that of a bus.
     bus = first if second is None else None
     sda, scl = (first, second) if bus is None else (None, None)
     try:
@@ -297,9 +298,10 @@ def unpacked_entry(data: bytes) -> Peripheral:
         forward, up = Axis(values["forward"]), Axis(values["up"])
         place, flags = Place(values["place"]), PeripheralFlag(values["flags"])
     except ValueError as error:
-        # From one of the enumerations: a newer release has chips or kinds that this one has not.
+        # One of the enumerations raised it: a newer release has more chips or kinds.
         raise ConfigurationError(
-            f"a code of a peripheral is unknown: {error}; update wheelwire"
+            f"the robot has a peripheral that this release does not know ({error}): "
+            "update wheelwire"
         ) from None
     if kind is PeripheralKind.IMU:
         bias = _bias_of(chip, numbers)
@@ -317,14 +319,14 @@ def unpacked_entry(data: bytes) -> Peripheral:
 
 
 def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
-    """The bytes in which a list is stored; its checksum, the last four, is its fingerprint.
+    """The bytes of a stored list; the last four, its checksum, are its fingerprint.
 
     Args:
-        entries: Those of the list.
+        entries: The entries of the list.
         board: Fingerprint of the board that they are connected to.
 
     Raises:
-        ConfigurationError: There are too many, or a value does not fit into its field.
+        ConfigurationError: There are too many entries, or a value does not fit into its field.
     """
     if len(entries) > MOST_PERIPHERALS:
         raise ConfigurationError(_too_many(entries))
@@ -338,7 +340,7 @@ def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
     """The peripherals in a packed list, and the fingerprint of their board.
 
     Raises:
-        ConfigurationError: It is damaged, or of a format or with codes that are unknown here.
+        ConfigurationError: The list is damaged, or this release does not know its format or codes.
     """
     body, crc = data[:-_CRC_SIZE], data[-_CRC_SIZE:]
     if len(data) != _LIST_SIZE or zlib.crc32(body).to_bytes(_CRC_SIZE, "little") != crc:
@@ -346,8 +348,8 @@ def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
     version, count, _, board = _HEAD.unpack_from(body)
     if version != PERIPHERAL_FORMAT or count > MOST_PERIPHERALS:
         raise ConfigurationError(
-            f"the peripherals have format {version} and {count} entries, this library reads format "
-            f"{PERIPHERAL_FORMAT} and {MOST_PERIPHERALS} entries: update the older one"
+            f"the peripherals have format {version} and {count} entries, and this library reads "
+            f"format {PERIPHERAL_FORMAT}, at most {MOST_PERIPHERALS} entries: update the older one"
         )
     entries = body[_HEAD.size : _HEAD.size + count * ENTRY_SIZE]
     return tuple(map(unpacked_entry, _chunks(entries))), board
@@ -359,10 +361,10 @@ def fingerprint(entries: Sequence[Peripheral], board: int) -> int:
 
 
 def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str]:
-    """What is wrong with a list, a sentence each; empty if it can be used.
+    """The problems of a list, a sentence each; empty if the list can be used.
 
     Args:
-        entries: Those of the list.
+        entries: The entries of the list.
         board: The packed board that they are connected to.
 
     Raises:
@@ -381,7 +383,7 @@ def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str
         )
         for issue in check_peripherals(packed_list(entries, of_board), board)
     ]
-    # What is wrong with two pins alike is one problem.
+    # The same problem of two pins is one sentence.
     return list(dict.fromkeys(texts))
 
 
@@ -398,7 +400,7 @@ def _thousandths(value: float) -> int:
 
 
 def _whole(value: float) -> int:
-    """Of what is not finite a number that fits into no field."""
+    """The nearest whole number; for infinity and NaN one that fits into no field."""
     return round(value) if math.isfinite(value) else -1
 
 

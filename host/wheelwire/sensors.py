@@ -24,11 +24,11 @@ class ImuSample(NamedTuple):
     """One sample of the gyroscope and the accelerometer, in the robot's axes (REP-103).
 
     Attributes:
-        t_us: The device's clock when it was measured, 64 bits. [us]
-        sample: Counts the samples that the chip gave. Wraps at 2^16.
-        gyro: Turning about each axis, without the bias that the board's file names. [rad/s]
-        acceleration: Along each axis; at rest 9.8 upwards. [m/s^2]
-        temperature_c: Of the chip. [degC]
+        t_us: The device's clock at the measurement, 64 bits. [us]
+        sample: Number of the chip's sample. Wraps at 2^16.
+        gyro: Angular velocity about each axis, less the bias in the board's file. [rad/s]
+        acceleration: Acceleration along each axis; a robot at rest has 9.8 upwards. [m/s^2]
+        temperature_c: Temperature of the chip. [degC]
         stamp: Time of the measurement on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
     """
@@ -43,14 +43,14 @@ class ImuSample(NamedTuple):
 
 
 class PowerSample(NamedTuple):
-    """The supply: of a power sensor, or of the board's battery divider.
+    """One sample of the supply, by a power sensor or by the board's battery divider.
 
     Attributes:
-        t_us: The device's clock when it was measured, 64 bits. [us]
-        voltage_v: Measured. [V]
-        current_a: Drawn; None if nothing measures it. [A]
-        used_ah: Drawn since the device started; None if nothing measures it. [Ah]
-        level: Of the battery, by the levels of its board.
+        t_us: The device's clock at the measurement, 64 bits. [us]
+        voltage_v: Voltage of the supply. [V]
+        current_a: Current drawn; None if nothing measures it. [A]
+        used_ah: Charge drawn since the device started; None if nothing measures it. [Ah]
+        level: Level of the battery, by the voltages in the board's file.
         stamp: Time of the measurement on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
     """
@@ -69,13 +69,13 @@ class RangeSample(NamedTuple):
 
     Attributes:
         t_us: The device's clock at the middle of the echo, 64 bits. [us]
-        sample: Counts the sensor's measurements. Wraps at 2^16.
-        name: Where it is on the robot, as in the board's file: `front`.
-        distance_m: To the nearest thing in its cone. As in REP-117: infinite if nothing is within
-            reach, minus infinite if something is nearer than it can measure. [m]
-        min_m: What is nearer is not measured. [m]
-        max_m: What is farther is not measured. [m]
-        field_of_view_rad: Full width of the cone in which it sees something. [rad]
+        sample: Number of the sensor's measurement. Wraps at 2^16.
+        name: Place of the sensor, as in the board's file: `front`.
+        distance_m: Distance to the nearest object in the sensor's cone. As in REP-117: infinite if
+            nothing is within reach, minus infinite if an object is too near to measure. [m]
+        min_m: Shortest distance that the sensor measures. [m]
+        max_m: Longest distance that the sensor measures. [m]
+        field_of_view_rad: Full width of the sensor's cone. [rad]
         stamp: Time of the measurement on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
     """
@@ -95,10 +95,10 @@ class InputReading(NamedTuple):
     """One digital input.
 
     Attributes:
-        triggered: It acts on the robot: a bumper is pressed, a cliff is seen, a stage has tripped.
-        level: At its pin; True: high.
-        edges: Of the level, since the device's reset. Wraps at 2^16.
-        state: Whether it can be used.
+        triggered: Whether a bumper is pressed, a cliff is seen, or a power stage has tripped.
+        level: Level at the pin; True: high.
+        edges: Number of the level's changes since the device's reset. Wraps at 2^16.
+        state: Whether the input can be used.
     """
 
     triggered: bool
@@ -111,14 +111,14 @@ class InputsSample(NamedTuple):
     """All inputs at one moment, and what the sensors forbid.
 
     Attributes:
-        t_us: The device's clock when they were read, 64 bits. [us]
-        channels: Each digital input by its name, as in `bumper.front_left`.
-        reflexes: What is forbidden now, whatever is commanded.
-        level: Of the battery.
+        t_us: The device's clock at the reading, 64 bits. [us]
+        channels: Each digital input by its name, such as `bumper.front_left`.
+        reflexes: What the sensors forbid now, whatever is commanded.
+        level: Level of the battery.
         stamp: Time of the reading on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
-        analog: Each analogue input that can be used by its name, as in `analog_1`: the voltage
-            before its divider. [V]
+        analog: Voltage before the divider of each analogue input that can be used, by its name,
+            such as `analog_1`. [V]
     """
 
     t_us: int
@@ -136,17 +136,17 @@ class InputsSample(NamedTuple):
 
 
 class SensorInfo(NamedTuple):
-    """What a channel is.
+    """Description of a channel.
 
     Attributes:
-        channel: Its number: the place in the board's list of peripherals.
-        name: As in `imu`, `battery`, `bumper.front_left`, `range.front`, `analog_1`.
+        channel: Number of the channel: its index in the board's list of peripherals.
+        name: Such as `imu`, `battery`, `bumper.front_left`, `range.front`, `analog_1`.
         kind: What is connected.
-        chip: Which chip; NONE if it is none.
-        place: Where it is on the robot.
-        rate_hz: At which samples come; 0: on a change, and each second. [Hz]
-        gyro_noise: Of an IMU: standard deviation. [rad/s]
-        acceleration_noise: Of an IMU: standard deviation. [m/s^2]
+        chip: The sensor's chip; NONE without one.
+        place: Place on the robot.
+        rate_hz: Rate of the samples; 0: one on each change, and one each second. [Hz]
+        gyro_noise: Standard deviation of an IMU's gyroscope. [rad/s]
+        acceleration_noise: Standard deviation of an IMU's accelerometer. [m/s^2]
     """
 
     channel: int
@@ -163,12 +163,12 @@ class SensorEvent(NamedTuple):
     """Something happened to a channel, or its reflex acted.
 
     Attributes:
-        name: Of the channel.
-        code: What.
-        value: By code: a SensorState, what a Reflex does, a BatteryLevel, or a rate.
-        sentence: The same for people.
-        t_us: The device's clock, 64 bits. [us]
-        stamp: On this host's `time.monotonic()`. [s]
+        name: Name of the channel.
+        code: What happened.
+        value: A SensorState, a Reflex, a BatteryLevel or a rate, depending on the code.
+        sentence: The event in words.
+        t_us: The device's clock at the event, 64 bits. [us]
+        stamp: Time of the event on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
     """
 
@@ -182,7 +182,7 @@ class SensorEvent(NamedTuple):
 
     @property
     def is_warning(self) -> bool:
-        """Whether the robot, or its user, is limited by it."""
+        """Whether the event limits the robot, or needs its user's attention."""
         if self.code is SensorEventCode.STATE:
             return self.value != SensorState.OK
         if self.code is SensorEventCode.BATTERY:
@@ -196,19 +196,19 @@ _EFFECTS = {
     Reflex.STOP: "the robot stops",
 }
 _LEVELS = {
-    BatteryLevel.UNKNOWN: "its level is unknown",
-    BatteryLevel.OK: "it is charged",
-    BatteryLevel.WARN: "it is low: charge it soon",
-    BatteryLevel.LIMIT: "it is low: the robot drives at half its speed at most",
-    BatteryLevel.STOP: "it is empty: the robot stops until it is charged",
+    BatteryLevel.UNKNOWN: "the charge is unknown",
+    BatteryLevel.OK: "charged",
+    BatteryLevel.WARN: "low; charge it soon",
+    BatteryLevel.LIMIT: "low; the robot drives at half its speed at most",
+    BatteryLevel.STOP: "empty; the robot stops until the battery is charged",
 }
 
 
 def sentence_of_event(name: str, code: SensorEventCode, value: int) -> str:
-    """What has happened, for people.
+    """An event in words.
 
     Raises:
-        ValueError: The value means nothing for this code.
+        ValueError: The code has no such value.
     """
     if code is SensorEventCode.STATE:
         return f"{name}: {sentence_of_state(SensorState(value))}"
@@ -218,11 +218,11 @@ def sentence_of_event(name: str, code: SensorEventCode, value: int) -> str:
         return f"{name} is free again"
     if code is SensorEventCode.BATTERY:
         return f"{name}: {_LEVELS[BatteryLevel(value)]}"
-    return f"{name}: the line carries {value} samples a second, no more"
+    return f"{name}: the line carries only {value} samples a second"
 
 
 def sentence_of_state(state: SensorState) -> str:
-    """Whether a sensor's samples can be used, for people."""
+    """A sensor's state in words."""
     if state is SensorState.OK:
         return "OK"
     return f"STALE, {state.name}: {state.doc[0].lower()}{state.doc[1:].rstrip('.')}"

@@ -19,9 +19,9 @@ from .codes import Fault, RefusalCode, ResetReason, SupervisorEvent, SupervisorS
 from .types import AnyMessage
 
 BOX_SIZE = 32768
-"""Of every box, in bytes."""
+"""Size of every box, in bytes."""
 PARTS = 4
-"""Of every box: the oldest one makes room for the next."""
+"""Number of parts of every box: the oldest part makes room for the next."""
 
 
 class BoxError(ValueError):
@@ -50,7 +50,7 @@ class BoxHead(NamedTuple):
 
     cause: BoxCause
     reset_reason: ResetReason
-    """Of the reset after which it was stored; else that of the boot in which it was recorded."""
+    """Reason of the reset after which it was stored; else of the boot that recorded it."""
     number: int
     """Counts up over all boxes of a device."""
     boot_id: int
@@ -153,7 +153,7 @@ class Rerun(NamedTuple):
     """Device clock of the first step."""
     last_us: int
     step: int
-    """Of the first difference, counted from 1."""
+    """Step of the first difference, counted from 1."""
     t_us: int
     field: str
     """Which value differs, such as "left_duty_q15" or "robot.drive.left.velocity_umps".
@@ -165,7 +165,7 @@ class Rerun(NamedTuple):
 
 
 def core_hash() -> int:
-    """Of the core that is loaded here.
+    """Hash of the core that is loaded here.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
@@ -174,7 +174,7 @@ def core_hash() -> int:
 
 
 def release_text(release: int) -> str:
-    """Of the firmware, as `0.1.0`."""
+    """Release of the firmware, as `0.1.0`."""
     return f"{release >> 16}.{release >> 8 & 255}.{release & 255}"
 
 

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from .codes import Board, DocumentedEnum
+from .codes import Chip, DocumentedEnum
 
 BOARD_VERSION = 1
-"""Of the packed struct. A device refuses any other."""
+"""Version of the packed struct. A device refuses any other."""
 NAME_SIZE = 24
 
 
@@ -229,7 +229,7 @@ class StageTable:
         inputs: Those of each wheel.
         rows: The level of each input for each action.
         pull_downs: Inputs that nothing in the stage holds low.
-        max_frequency_hz: Of the PWM.
+        max_frequency_hz: Highest frequency of the PWM.
         frequency_source: Where that limit is from.
         pwm_outputs: The chip's PWM outputs that each wheel takes.
         can_coast: Whether the motor can turn freely while the stage is supplied.
@@ -387,18 +387,18 @@ class ChipTable:
         title: As in sentences.
         existing: Those that lead out of the chip.
         strapping: Their level at reset selects how the chip starts.
-        memory: Of flash and PSRAM, on any module.
+        memory: Pins of flash and PSRAM, on any module.
         input_only: Without an output driver and without pull resistors.
         adc: Those that can measure a voltage while everything else runs.
-        uart: Of the line through the board's USB bridge.
-        usb: Of the chip's own USB; empty if it has none.
+        uart: Pins of the line through the board's USB bridge.
+        usb: Pins of the chip's own USB; empty if it has none.
         pulled_up: Those with a weak pull-up at reset, or from then on until our program sets them.
             Some 45 kOhm against the 10 kOhm of a board's pull-down leave 0.6 V: that is low.
         held_high: Those that are high then by an output, or by a resistor against which 10 kOhm
             lose. All pins in neither set float, or are pulled down.
         levels_source: Where these two sets are from.
         counters: Pulse counters.
-        pwm_outputs: Of its motor-control PWM.
+        pwm_outputs: Outputs of its motor-control PWM.
         has_led: Whether the firmware can show its state on an LED.
     """
 
@@ -423,9 +423,9 @@ def _span(first: int, last: int) -> frozenset[int]:
     return frozenset(range(first, last + 1))
 
 
-CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
+CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
     {
-        Board.ESP32: ChipTable(
+        Chip.ESP32: ChipTable(
             name="esp32",
             title="the ESP32",
             # 37 and 38 are on the chip, but its usual modules do not lead them out.
@@ -444,7 +444,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             # Six for each MCPWM unit: the ESP32 and the S3 have two units, the C6 has one.
             pwm_outputs=12,
         ),
-        Board.ESP32S3: ChipTable(
+        Chip.ESP32S3: ChipTable(
             name="esp32s3",
             title="the ESP32-S3",
             existing=_span(0, 48) - _span(22, 25),
@@ -461,7 +461,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             counters=4,
             pwm_outputs=12,
         ),
-        Board.ESP32C6: ChipTable(
+        Chip.ESP32C6: ChipTable(
             name="esp32c6",
             title="the ESP32-C6",
             existing=_span(0, 30) - {14},
@@ -479,7 +479,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             pwm_outputs=6,
         ),
         # Its pins are moved and counted by the computer itself, as many as there are.
-        Board.LINUX: ChipTable(
+        Chip.LINUX: ChipTable(
             name="raspberry-pi",
             title="the Raspberry Pi",
             existing=_span(0, 27),
@@ -516,7 +516,7 @@ class ModuleTable:
     """
 
     name: str
-    chip: Board
+    chip: Chip
     memory: frozenset[int]
     source: str
 
@@ -524,19 +524,19 @@ class ModuleTable:
 MODULES: Mapping[Module, ModuleTable] = MappingProxyType(
     {
         Module.WROOM_32: ModuleTable(
-            "wroom-32", Board.ESP32, _span(6, 11), "ESP32-WROOM-32 data sheet, pin definitions"
+            "wroom-32", Chip.ESP32, _span(6, 11), "ESP32-WROOM-32 data sheet, pin definitions"
         ),
         Module.WROVER: ModuleTable(
             "wrover",
-            Board.ESP32,
+            Chip.ESP32,
             _span(6, 11) | {16, 17},
             "ESP32-WROVER data sheet, pin definitions",
         ),
         Module.S3_QUAD: ModuleTable(
-            "s3-quad", Board.ESP32S3, _span(26, 32), "ESP32-S3 data sheet, mapping of flash pins"
+            "s3-quad", Chip.ESP32S3, _span(26, 32), "ESP32-S3 data sheet, mapping of flash pins"
         ),
         Module.S3_OCTAL: ModuleTable(
-            "s3-octal", Board.ESP32S3, _span(26, 37), "ESP32-S3 data sheet, mapping of flash pins"
+            "s3-octal", Chip.ESP32S3, _span(26, 37), "ESP32-S3 data sheet, mapping of flash pins"
         ),
     }
 )

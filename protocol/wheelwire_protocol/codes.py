@@ -167,7 +167,7 @@ class EventCode(DocumentedEnum):
     ROLLING = 4, "The robot rolls although it is not driven: a slope, or somebody pushes it."
 
 
-class Board(DocumentedEnum):
+class Chip(DocumentedEnum):
     """What the firmware runs on."""
 
     SIMULATED = 0, "The firmware's core on a computer, with a simulated robot."
@@ -311,7 +311,7 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     TrialAction,
     ResetReason,
     EventCode,
-    Board,
+    Chip,
 )
 FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction)
 RECORDER_CODES: tuple[type[DocumentedEnum], ...] = (BoxCause,)

@@ -26,9 +26,9 @@ from .board import (
     Stage,
 )
 from .codes import (
-    Board,
     BoxCause,
     Capability,
+    Chip,
     Contradiction,
     EventCode,
     Fault,
@@ -68,14 +68,16 @@ def _pin(name: str) -> Field:
 def board_fields() -> list[Field]:
     """The packed struct in which a board is sent and stored: its fields, in order."""
     return [
-        field("version", Int8ul, Unit.NONE, "Of this struct."),
-        field("chip", Int8ul, Unit.NONE, "The chip whose pins these are.", Board),
+        field("version", Int8ul, Unit.NONE, "Version of this struct."),
+        field("chip", Int8ul, Unit.NONE, "The chip whose pins these are.", Chip),
         field("module", Int8ul, Unit.NONE, "What carries the chip.", Module),
         field("stage", Int8ul, Unit.NONE, "The power stage of both wheels.", Stage),
         field("line", Int8ul, Unit.NONE, "The line to the host.", BoardLine),
         field("name", Bytes(NAME_SIZE), Unit.NONE, "ASCII, filled up with zeros."),
         *map(_pin, PIN_FUNCTIONS),
-        field("encoder_pulls", Int8ul, Unit.NONE, "Of all four encoder inputs.", EncoderPulls),
+        field(
+            "encoder_pulls", Int8ul, Unit.NONE, "Pulls of all four encoder inputs.", EncoderPulls
+        ),
         field("estop_contact", Int8ul, Unit.NONE, "What a press does.", ContactKind),
         field("pwm_frequency_hz", Int16ul, Unit.HERTZ, "Default of the parameter of this name."),
         field("encoder_filter_ns", Int16ul, Unit.NANOSECOND, "Default of glitch_filter_ns."),
@@ -99,18 +101,18 @@ def peripheral_fields() -> list[Field]:
     """The packed struct in which one peripheral is sent and stored: its fields, in order."""
     return [
         field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
-        field("chip", Int8ul, Unit.NONE, "Of IMU, POWER and RANGE.", SensorChip),
+        field("chip", Int8ul, Unit.NONE, "The chip of an IMU, POWER or RANGE.", SensorChip),
         field("place", Int8ul, Unit.NONE, "Where it is.", Place),
-        field("flags", Int8ul, Unit.NONE, "Of its pin.", PeripheralFlag),
+        field("flags", Int8ul, Unit.NONE, "Properties of its pin.", PeripheralFlag),
         _pin("pin_a"),
         _pin("pin_b"),
         _pin("pin_c"),
-        field("address", Int8ul, Unit.NONE, "On the I2C bus; 0: the chip's usual one."),
-        field("forward", Int8ul, Unit.NONE, "Of IMU: the axis that points forward.", Axis),
-        field("up", Int8ul, Unit.NONE, "Of IMU: the axis that points up.", Axis),
-        field("value_a", Int16ul, Unit.NONE, "By kind; see SPEC.md."),
-        field("value_b", Int16ul, Unit.NONE, "By kind."),
-        field("value_c", Int16ul, Unit.NONE, "By kind."),
+        field("address", Int8ul, Unit.NONE, "Its address on the I2C bus; 0: the chip's usual one."),
+        field("forward", Int8ul, Unit.NONE, "The IMU's axis that points forward.", Axis),
+        field("up", Int8ul, Unit.NONE, "The IMU's axis that points up.", Axis),
+        field("value_a", Int16ul, Unit.NONE, "Depends on the kind; see SPEC.md."),
+        field("value_b", Int16ul, Unit.NONE, "Depends on the kind."),
+        field("value_c", Int16ul, Unit.NONE, "Depends on the kind."),
     ]
 
 
@@ -158,8 +160,8 @@ HELLO = Message(
     doc="Opens a session. Repeating it with the same nonce changes nothing.",
     body=Struct(
         field("nonce", Int32ul, Unit.NONE, "Random; with boot_id it names the session."),
-        field("protocol_version", Int16ul, Unit.NONE, "Of the host."),
-        field("schema_hash", Int32ul, Unit.NONE, "Of the host's message definitions."),
+        field("protocol_version", Int16ul, Unit.NONE, "The host's protocol version."),
+        field("schema_hash", Int32ul, Unit.NONE, "Hash of the host's message definitions."),
     ),
     frozen=True,
 )
@@ -310,7 +312,9 @@ PARAMETER_TRIAL = Message(
         _session(),
         _request(),
         field("action", Int8ul, Unit.NONE, "What to do.", TrialAction),
-        field("timeout_s", Float32l, Unit.SECOND, "Of BEGIN and RENEW: 0.2 to 60."),
+        field(
+            "timeout_s", Float32l, Unit.SECOND, "Life of the trial after BEGIN or RENEW: 0.2 to 60."
+        ),
     ),
 )
 
@@ -384,8 +388,8 @@ BOX_READ = Message(
         _session(),
         _request(),
         # Not by its age: a box that is stored meanwhile must not change which one is read.
-        field("number", Int32ul, Unit.NONE, "Of the box."),
-        field("offset", Int32ul, Unit.NONE, "In bytes, from its beginning."),
+        field("number", Int32ul, Unit.NONE, "Number of the box."),
+        field("offset", Int32ul, Unit.NONE, "Offset from its beginning, in bytes."),
     ),
     group=Group.RECORDER,
 )
@@ -420,7 +424,7 @@ SENSOR_STREAM = Message(
             "rate_hz",
             Int16ul,
             Unit.HERTZ,
-            "Of the IMU at most; the others have their own. 0: no samples.",
+            "Highest rate of the IMU; other sensors have their own. 0: no samples.",
         ),
     ),
     group=Group.SENSOR,
@@ -457,7 +461,7 @@ PERIPHERALS_WRITE = Message(
         _request(),
         field("channel_count", Int8ul, Unit.NONE, "How many entries count; 0: an empty list."),
         field("board", Int32ul, Unit.NONE, "Fingerprint of the board that they are connected to."),
-        field("crc", Int32ul, Unit.NONE, "Of the list: see SPEC.md."),
+        field("crc", Int32ul, Unit.NONE, "CRC of the list: see SPEC.md."),
     ),
     group=Group.SENSOR,
 )
@@ -468,7 +472,7 @@ PERIPHERALS_CONFIRM = Message(
     body=Struct(
         _session(),
         _request(),
-        field("crc", Int32ul, Unit.NONE, "Of the list that is meant."),
+        field("crc", Int32ul, Unit.NONE, "CRC of the list that is meant."),
     ),
     group=Group.SENSOR,
 )
@@ -484,18 +488,18 @@ DEVICE_HELLO = Message(
     body=Struct(
         # Shows which hello this answers: a late answer to a previous one must not open a session.
         field("nonce", Int32ul, Unit.NONE, "The host's, repeated."),
-        field("protocol_version", Int16ul, Unit.NONE, "Of the device."),
-        field("schema_hash", Int32ul, Unit.NONE, "Of the device's message definitions."),
+        field("protocol_version", Int16ul, Unit.NONE, "The device's protocol version."),
+        field("schema_hash", Int32ul, Unit.NONE, "Hash of the device's message definitions."),
         field("refusal", Int8ul, Unit.NONE, "NONE: the session is open.", RefusalCode),
         _boot(),
         field("device_us", Int64ul, Unit.MICROSECOND, "Device clock, from reset."),
         field("reset_reason", Int8ul, Unit.NONE, "Why the device last started.", ResetReason),
-        field("board", Int8ul, Unit.NONE, "What the firmware runs on.", Board),
+        field("board", Int8ul, Unit.NONE, "What the firmware runs on.", Chip),
         field("board_id", Int64ul, Unit.NONE, "The chip's MAC address."),
         field("capabilities", Int32ul, Unit.NONE, "What this device can do.", Capability),
-        field("version_major", Int8ul, Unit.NONE, "Of the firmware."),
-        field("version_minor", Int8ul, Unit.NONE, "Of the firmware."),
-        field("version_patch", Int8ul, Unit.NONE, "Of the firmware."),
+        field("version_major", Int8ul, Unit.NONE, "The firmware's major version."),
+        field("version_minor", Int8ul, Unit.NONE, "The firmware's minor version."),
+        field("version_patch", Int8ul, Unit.NONE, "The firmware's patch version."),
         field(
             "git_hash",
             Int32ul,
@@ -606,7 +610,7 @@ EVENT = Message(
             "speed_mps",
             Float32l,
             Unit.METRE_PER_SECOND,
-            "Of ROLLING: how fast the faster wheel turns; otherwise 0.",
+            "With ROLLING, the speed of the faster wheel; otherwise 0.",
         ),
     ),
 )
@@ -683,12 +687,18 @@ CONTRADICTIONS = Message(
     body=Struct(
         _session(),
         _request(),
-        field("active", Int32ul, Unit.NONE, "Of the active values: nothing drives.", Contradiction),
+        field(
+            "active",
+            Int32ul,
+            Unit.NONE,
+            "Contradictions of the active values: nothing drives.",
+            Contradiction,
+        ),
         field(
             "refused",
             Int32ul,
             Unit.NONE,
-            "Of the values that this session was last refused for.",
+            "Contradictions of the values that this session was last refused.",
             Contradiction,
         ),
     ),
@@ -732,19 +742,26 @@ BOX_VALUE = Message(
             "1: what it ends with is how the device stands now, or the reset that began this boot.",
         ),
         field("number", Int32ul, Unit.NONE, "Counts up over all boxes of the device, from 1."),
-        field("size", Int32ul, Unit.NONE, "In bytes."),
+        field("size", Int32ul, Unit.NONE, "Size in bytes."),
         field("cause", Int8ul, Unit.NONE, "Why it was stored.", BoxCause),
         field(
             "reset_reason",
             Int8ul,
             Unit.NONE,
-            "Of the boot in which it was stored.",
+            "Reason for the reset before the boot in which it was stored.",
             ResetReason,
         ),
-        field("boot_id", Int32ul, Unit.NONE, "Of the boot in which it was recorded."),
+        field("boot_id", Int32ul, Unit.NONE, "Number of the boot in which it was recorded."),
         field("core", Int32ul, Unit.NONE, "Hash of the core that recorded it."),
-        field("release", Int32ul, Unit.NONE, "Of the firmware: major << 16, minor << 8, patch."),
-        field("git_hash", Int32ul, Unit.NONE, "Of the firmware's commit; 0: unknown."),
+        field(
+            "release", Int32ul, Unit.NONE, "The firmware's version: major << 16, minor << 8, patch."
+        ),
+        field(
+            "git_hash",
+            Int32ul,
+            Unit.NONE,
+            "First 8 hex digits of the firmware's commit; 0: unknown.",
+        ),
         field("board", Int32ul, Unit.NONE, "Fingerprint of the board; 0: none."),
         field("faults", Int32ul, Unit.NONE, "Latched when it was stored.", Fault),
         field("stored_us", Int64ul, Unit.MICROSECOND, "Device clock when it was stored."),
@@ -828,20 +845,20 @@ SENSOR_INFO = Message(
         field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
         field("chip", Int8ul, Unit.NONE, "Which chip.", SensorChip),
         field("place", Int8ul, Unit.NONE, "Where it is.", Place),
-        field("forward", Int8ul, Unit.NONE, "Of an IMU: the axis that points forward.", Axis),
-        field("up", Int8ul, Unit.NONE, "Of an IMU: the axis that points up.", Axis),
+        field("forward", Int8ul, Unit.NONE, "The IMU's axis that points forward.", Axis),
+        field("up", Int8ul, Unit.NONE, "The IMU's axis that points up.", Axis),
         field("state", Int8ul, Unit.NONE, "Whether its samples can be used.", SensorState),
         field("rate_hz", Int16ul, Unit.HERTZ, "At which samples are sent; 0: on a change."),
-        field("gyro_scale", Float32l, Unit.RADIAN_PER_SECOND, "Of one count."),
-        field("accelerometer_scale", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Of one count."),
+        field("gyro_scale", Float32l, Unit.RADIAN_PER_SECOND, "One count."),
+        field("accelerometer_scale", Float32l, Unit.METRE_PER_SECOND_SQUARED, "One count."),
         field("gyro_noise", Float32l, Unit.RADIAN_PER_SECOND, "Standard deviation."),
         field(
             "accelerometer_noise", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Standard deviation."
         ),
         *_axes(
             "bias",
-            "Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its "
-            "divider, its number. As its entry says.",
+            "As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue "
+            "input's divider and number.",
         ),
     ),
     group=Group.SENSOR,
@@ -861,7 +878,7 @@ IMU = Message(
         ),
         *_axes("gyro", "Times gyro_scale of SensorInfo."),
         *_axes("accelerometer", "Times accelerometer_scale of SensorInfo."),
-        field("temperature_cdeg", Int16sl, Unit.CENTIDEGREE_CELSIUS, "Of the chip."),
+        field("temperature_cdeg", Int16sl, Unit.CENTIDEGREE_CELSIUS, "Temperature of the chip."),
     ),
     group=Group.SENSOR,
 )
@@ -874,7 +891,7 @@ POWER = Message(
         field("voltage_mv", Int16ul, Unit.MILLIVOLT, "Measured."),
         field("current_ma", Int32sl, Unit.MILLIAMPERE, "Drawn; 0 if nothing measures it."),
         field("used_mah", Float32l, Unit.MILLIAMPERE_HOUR, "Drawn since the device started."),
-        field("level", Int8ul, Unit.NONE, "Of the battery.", BatteryLevel),
+        field("level", Int8ul, Unit.NONE, "Level of the battery.", BatteryLevel),
     ),
     group=Group.SENSOR,
 )
@@ -889,7 +906,7 @@ INPUTS = Message(
         field("triggered", Int16ul, Unit.NONE, "Bit n: channel n acts on the robot."),
         field("stale", Int16ul, Unit.NONE, "Bit n: the samples of channel n cannot be used."),
         field("reflexes", Int8ul, Unit.NONE, "What is forbidden now.", Reflex),
-        field("level", Int8ul, Unit.NONE, "Of the battery.", BatteryLevel),
+        field("level", Int8ul, Unit.NONE, "Level of the battery.", BatteryLevel),
         *(
             field(f"edges_{n}", Int16ul, Unit.NONE, f"Edges at channel {n} since reset. Wraps.")
             for n in range(MOST_PERIPHERALS)
@@ -923,7 +940,7 @@ PERIPHERAL_VALUE = Message(
         field("channel_count", Int8ul, Unit.NONE, "How many entries the list has."),
         field("state", Int8ul, Unit.NONE, "Where the list is from.", PeripheralsState),
         field("board", Int32ul, Unit.NONE, "Fingerprint of the board that it is for."),
-        field("crc", Int32ul, Unit.NONE, "Of the list."),
+        field("crc", Int32ul, Unit.NONE, "CRC of the list."),
         *peripheral_fields(),
     ),
     group=Group.SENSOR,

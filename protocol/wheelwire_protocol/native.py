@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from .board import BoardFault, BoardPin
-from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
+from .codes import Capability, Chip, Fault, RefusalCode, ResetReason, SupervisorState
 from .sensors import PeripheralFault
 from .types import SCHEMA_HASH
 
 ABI = 11
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 RECORDER_SIZE = 320 * 1024
-"""Of what `Core.keep_recorder` has written, in bytes."""
+"""Size of what `Core.keep_recorder` writes, in bytes."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
@@ -47,7 +47,7 @@ class Identity(NamedTuple):
 
     boot_id: int
     """Random, 32 bits."""
-    board: Board
+    board: Chip
     board_id: int = 0
     """64 bits that identify this robot."""
     reset_reason: ResetReason = ResetReason.UNKNOWN
@@ -235,7 +235,7 @@ class Core:
             contact_open: Whether the normally-closed e-stop contact is open.
             left_illegal: Impossible transitions, each a lost edge; cumulative.
             right_illegal: As `left_illegal`.
-            levels: Of the peripherals that are digital inputs: bit n is that of channel n.
+            levels: Levels of the digital inputs among the peripherals: bit n is that of channel n.
         """
         return self._run(
             self._library.wheelwire_core_step,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from .codes import Board
+from .codes import Chip
 from .units import Unit
 
 
@@ -102,8 +102,10 @@ PARAMETERS: tuple[Parameter, ...] = (
     _real(8, "max_duty", _ALWAYS, Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
     _real(9, "max_duty_rate_per_s", _ALWAYS, Unit.DUTY_PER_SECOND, 20, 0.5, 1000,
           "Slew limit of duty setpoints. A stop bypasses it."),
-    _real(10, "proportional_gain", _ALWAYS, Unit.DUTY_PER_MPS, 1.2, 0, 50, "Of the velocity loop."),
-    _real(11, "integral_gain", _ALWAYS, Unit.DUTY_PER_METRE, 16.0, 0, 500, "Of the velocity loop."),
+    _real(10, "proportional_gain", _ALWAYS, Unit.DUTY_PER_MPS, 1.2, 0, 50,
+          "Proportional gain of the velocity loop."),
+    _real(11, "integral_gain", _ALWAYS, Unit.DUTY_PER_METRE, 16.0, 0, 500,
+          "Integral gain of the velocity loop."),
     _real(12, "velocity_feedforward", _ALWAYS, Unit.DUTY_PER_MPS, 1.365, 0, 50,
           "Duty per speed: (1 - static_feedforward) / no-load speed, at nominal_supply_v."),
     _real(13, "acceleration_feedforward", _ALWAYS, Unit.DUTY_PER_MPS2, 0.143, 0, 10,
@@ -179,9 +181,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 PARAMETER_BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
 PARAMETER_BY_ID: dict[int, Parameter] = {p.id: p for p in PARAMETERS}
 
-PLATFORM_DEFAULTS: dict[Board, dict[str, float]] = {
+PLATFORM_DEFAULTS: dict[Chip, dict[str, float]] = {
     # A process shares its processor with others, and most such robots have no e-stop contact.
-    Board.LINUX: {
+    Chip.LINUX: {
         "control_rate_hz": 100,
         "overrun_limit_us": 100_000,
         "estop_input_enabled": 0,

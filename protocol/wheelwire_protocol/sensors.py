@@ -16,7 +16,7 @@ from typing import Any
 from .codes import DocumentedEnum, DocumentedFlag
 
 PERIPHERAL_FORMAT = 1
-"""Of the stored list. A device refuses any other."""
+"""Version of the stored list. A device refuses any other."""
 MOST_PERIPHERALS = 10
 """Entries of a list. A channel is the index of an entry."""
 MOST_ANALOG = 4
@@ -83,7 +83,7 @@ class Axis(DocumentedEnum):
 
 
 class PeripheralFlag(DocumentedFlag):
-    """Of an entry."""
+    """Flags of an entry."""
 
     TRIGGERED_LOW = 1, "A digital input triggers at the low level; otherwise at the high one."
     PULL_UP = 2, "The chip's own pull-up holds the pin."
@@ -173,7 +173,11 @@ class PeripheralFault(DocumentedEnum):
     PIN_MISSING = 9, "{entry}: a pin is missing: name each that it has"
     PIN_ABSENT = 10, "{entry}: {pin}: the chip has no GPIO {pin} on its pins"
     PIN_TAKEN = 11, "{entry}: {pin}: GPIO {pin} is in use already; choose a free one"
-    PIN_OF_MEMORY = 12, "{entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another"
+    PIN_OF_MEMORY = (
+        12,
+        "{entry}: {pin}: GPIO {pin} leads to flash or PSRAM, on some modules at least; choose "
+        "another, or name the module",
+    )
     PIN_OF_LINK = 13, "{entry}: {pin}: GPIO {pin} carries the line to the computer; choose another"
     PIN_STRAPPING = (
         14,
@@ -246,7 +250,7 @@ class ImuTable:
         setup: Registers and the values to write to them, in order.
         check_register: Reads `check_value` as long as the chip has its settings.
         data_register: The first of the bytes that are read at once.
-        order: Of their numbers.
+        order: Order of the bytes of a number.
         gyro: Where x of the gyroscope is in them, in bytes; y and z follow.
         accelerometer: As `gyro`.
         temperature: As `gyro`, one number.
@@ -352,7 +356,7 @@ IMUS: Mapping[SensorChip, ImuTable] = MappingProxyType(
         SensorChip.LSM6DS3TR_C: ImuTable(identities=(0x6A,), temperature_counts=256.0, **_LSM6),
     }
 )
-"""By SensorChip."""
+"""The IMUs' tables by SensorChip."""
 
 
 @dataclass(frozen=True)
@@ -364,7 +368,7 @@ class PowerTable:
         setup: The 16-bit value of the configuration register, 0.
         identity_register: Holds `identity`; -1: the chip has none, the configuration is read.
         identity: What it holds.
-        bus_register: Of the voltage.
+        bus_register: Register of the voltage.
         bus_shift: How far its counts are shifted to the left.
         bus_uv: Microvolts of one count.
         shunt_nv: Nanovolts of one count of the shunt's voltage, register 1.
@@ -406,7 +410,7 @@ POWERS: Mapping[SensorChip, PowerTable] = MappingProxyType(
         ),
     }
 )
-"""By SensorChip."""
+"""The power sensors' tables by SensorChip."""
 
 
 @dataclass(frozen=True)
@@ -450,4 +454,4 @@ RANGES: Mapping[SensorChip, RangeTable] = MappingProxyType(
         ),
     }
 )
-"""By SensorChip."""
+"""The range sensors' tables by SensorChip."""

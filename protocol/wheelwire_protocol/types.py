@@ -21,9 +21,9 @@ class Hello(NamedTuple):
     nonce: int
     """Random; with boot_id it names the session."""
     protocol_version: int
-    """Of the host."""
+    """The host's protocol version."""
     schema_hash: int
-    """Of the host's message definitions."""
+    """Hash of the host's message definitions."""
 
 
 class Stop(NamedTuple):
@@ -201,7 +201,7 @@ class ParameterTrial(NamedTuple):
     action: int
     """What to do. See `codes.TrialAction`."""
     timeout_s: float
-    """Of BEGIN and RENEW: 0.2 to 60. [s]"""
+    """Life of the trial after BEGIN or RENEW: 0.2 to 60. [s]"""
 
 
 class GroupGet(NamedTuple):
@@ -250,9 +250,9 @@ class BoardWrite(NamedTuple):
     request_id: int
     """Counts up in a session; the answer returns it."""
     version: int
-    """Of this struct."""
+    """Version of this struct."""
     chip: int
-    """The chip whose pins these are. See `codes.Board`."""
+    """The chip whose pins these are. See `codes.Chip`."""
     module: int
     """What carries the chip. See `codes.Module`."""
     stage: int
@@ -298,7 +298,7 @@ class BoardWrite(NamedTuple):
     led: int
     """GPIO; -1: none."""
     encoder_pulls: int
-    """Of all four encoder inputs. See `codes.EncoderPulls`."""
+    """Pulls of all four encoder inputs. See `codes.EncoderPulls`."""
     estop_contact: int
     """What a press does. See `codes.ContactKind`."""
     pwm_frequency_hz: int
@@ -343,9 +343,9 @@ class BoxRead(NamedTuple):
     request_id: int
     """Counts up in a session; the answer returns it."""
     number: int
-    """Of the box."""
+    """Number of the box."""
     offset: int
-    """In bytes, from its beginning."""
+    """Offset from its beginning, in bytes."""
 
 
 class LedgerGet(NamedTuple):
@@ -374,7 +374,7 @@ class SensorStream(NamedTuple):
     request_id: int
     """Counts up in a session; the answer returns it."""
     rate_hz: int
-    """Of the IMU at most; the others have their own. 0: no samples. [Hz]"""
+    """Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz]"""
 
 
 class PeripheralGet(NamedTuple):
@@ -400,11 +400,11 @@ class PeripheralSet(NamedTuple):
     kind: int
     """What it is. See `codes.PeripheralKind`."""
     chip: int
-    """Of IMU, POWER and RANGE. See `codes.SensorChip`."""
+    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
     place: int
     """Where it is. See `codes.Place`."""
     flags: int
-    """Of its pin. See `codes.PeripheralFlag`."""
+    """Properties of its pin. See `codes.PeripheralFlag`."""
     pin_a: int
     """GPIO; -1: none."""
     pin_b: int
@@ -412,17 +412,17 @@ class PeripheralSet(NamedTuple):
     pin_c: int
     """GPIO; -1: none."""
     address: int
-    """On the I2C bus; 0: the chip's usual one."""
+    """Its address on the I2C bus; 0: the chip's usual one."""
     forward: int
-    """Of IMU: the axis that points forward. See `codes.Axis`."""
+    """The IMU's axis that points forward. See `codes.Axis`."""
     up: int
-    """Of IMU: the axis that points up. See `codes.Axis`."""
+    """The IMU's axis that points up. See `codes.Axis`."""
     value_a: int
-    """By kind; see SPEC.md."""
+    """Depends on the kind; see SPEC.md."""
     value_b: int
-    """By kind."""
+    """Depends on the kind."""
     value_c: int
-    """By kind."""
+    """Depends on the kind."""
 
 
 class PeripheralsWrite(NamedTuple):
@@ -437,7 +437,7 @@ class PeripheralsWrite(NamedTuple):
     board: int
     """Fingerprint of the board that they are connected to."""
     crc: int
-    """Of the list: see SPEC.md."""
+    """CRC of the list: see SPEC.md."""
 
 
 class PeripheralsConfirm(NamedTuple):
@@ -448,7 +448,7 @@ class PeripheralsConfirm(NamedTuple):
     request_id: int
     """Counts up in a session; the answer returns it."""
     crc: int
-    """Of the list that is meant."""
+    """CRC of the list that is meant."""
 
 
 class DeviceHello(NamedTuple):
@@ -457,9 +457,9 @@ class DeviceHello(NamedTuple):
     nonce: int
     """The host's, repeated."""
     protocol_version: int
-    """Of the device."""
+    """The device's protocol version."""
     schema_hash: int
-    """Of the device's message definitions."""
+    """Hash of the device's message definitions."""
     refusal: int
     """NONE: the session is open. See `codes.RefusalCode`."""
     boot_id: int
@@ -469,17 +469,17 @@ class DeviceHello(NamedTuple):
     reset_reason: int
     """Why the device last started. See `codes.ResetReason`."""
     board: int
-    """What the firmware runs on. See `codes.Board`."""
+    """What the firmware runs on. See `codes.Chip`."""
     board_id: int
     """The chip's MAC address."""
     capabilities: int
     """What this device can do. See `codes.Capability`."""
     version_major: int
-    """Of the firmware."""
+    """The firmware's major version."""
     version_minor: int
-    """Of the firmware."""
+    """The firmware's minor version."""
     version_patch: int
-    """Of the firmware."""
+    """The firmware's patch version."""
     git_hash: int
     """First 8 hex digits of the firmware's commit; 0: unknown."""
 
@@ -608,7 +608,7 @@ class Event(NamedTuple):
     faults: int
     """Latched fault flags. See `codes.Fault`."""
     speed_mps: float
-    """Of ROLLING: how fast the faster wheel turns; otherwise 0. [m/s]"""
+    """With ROLLING, the speed of the faster wheel; otherwise 0. [m/s]"""
 
 
 class LinkCounters(NamedTuple):
@@ -680,9 +680,9 @@ class Contradictions(NamedTuple):
     request_id: int
     """Counts up in a session; the answer returns it."""
     active: int
-    """Of the active values: nothing drives. See `codes.Contradiction`."""
+    """Contradictions of the active values: nothing drives. See `codes.Contradiction`."""
     refused: int
-    """Of the values that this session was last refused for. See `codes.Contradiction`."""
+    """Contradictions of the values that this session was last refused. See `codes.Contradiction`."""
 
 
 class BoardValue(NamedTuple):
@@ -695,9 +695,9 @@ class BoardValue(NamedTuple):
     state: int
     """Where it is from. See `codes.BoardState`."""
     version: int
-    """Of this struct."""
+    """Version of this struct."""
     chip: int
-    """The chip whose pins these are. See `codes.Board`."""
+    """The chip whose pins these are. See `codes.Chip`."""
     module: int
     """What carries the chip. See `codes.Module`."""
     stage: int
@@ -743,7 +743,7 @@ class BoardValue(NamedTuple):
     led: int
     """GPIO; -1: none."""
     encoder_pulls: int
-    """Of all four encoder inputs. See `codes.EncoderPulls`."""
+    """Pulls of all four encoder inputs. See `codes.EncoderPulls`."""
     estop_contact: int
     """What a press does. See `codes.ContactKind`."""
     pwm_frequency_hz: int
@@ -774,19 +774,19 @@ class BoxValue(NamedTuple):
     number: int
     """Counts up over all boxes of the device, from 1."""
     size: int
-    """In bytes."""
+    """Size in bytes."""
     cause: int
     """Why it was stored. See `codes.BoxCause`."""
     reset_reason: int
-    """Of the boot in which it was stored. See `codes.ResetReason`."""
+    """Reason for the reset before the boot in which it was stored. See `codes.ResetReason`."""
     boot_id: int
-    """Of the boot in which it was recorded."""
+    """Number of the boot in which it was recorded."""
     core: int
     """Hash of the core that recorded it."""
     release: int
-    """Of the firmware: major << 16, minor << 8, patch."""
+    """The firmware's version: major << 16, minor << 8, patch."""
     git_hash: int
-    """Of the firmware's commit; 0: unknown."""
+    """First 8 hex digits of the firmware's commit; 0: unknown."""
     board: int
     """Fingerprint of the board; 0: none."""
     faults: int
@@ -876,27 +876,27 @@ class SensorInfo(NamedTuple):
     place: int
     """Where it is. See `codes.Place`."""
     forward: int
-    """Of an IMU: the axis that points forward. See `codes.Axis`."""
+    """The IMU's axis that points forward. See `codes.Axis`."""
     up: int
-    """Of an IMU: the axis that points up. See `codes.Axis`."""
+    """The IMU's axis that points up. See `codes.Axis`."""
     state: int
     """Whether its samples can be used. See `codes.SensorState`."""
     rate_hz: int
     """At which samples are sent; 0: on a change. [Hz]"""
     gyro_scale: float
-    """Of one count. [rad/s]"""
+    """One count. [rad/s]"""
     accelerometer_scale: float
-    """Of one count. [m/s^2]"""
+    """One count. [m/s^2]"""
     gyro_noise: float
     """Standard deviation. [rad/s]"""
     accelerometer_noise: float
     """Standard deviation. [m/s^2]"""
     bias_x: int
-    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
+    """As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count]"""
     bias_y: int
-    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
+    """As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count]"""
     bias_z: int
-    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
+    """As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count]"""
 
 
 class Imu(NamedTuple):
@@ -925,7 +925,7 @@ class Imu(NamedTuple):
     accelerometer_z: int
     """Times accelerometer_scale of SensorInfo. [count]"""
     temperature_cdeg: int
-    """Of the chip. [0.01 degC]"""
+    """Temperature of the chip. [0.01 degC]"""
 
 
 class Power(NamedTuple):
@@ -944,7 +944,7 @@ class Power(NamedTuple):
     used_mah: float
     """Drawn since the device started. [mAh]"""
     level: int
-    """Of the battery. See `codes.BatteryLevel`."""
+    """Level of the battery. See `codes.BatteryLevel`."""
 
 
 class Inputs(NamedTuple):
@@ -963,7 +963,7 @@ class Inputs(NamedTuple):
     reflexes: int
     """What is forbidden now. See `codes.Reflex`."""
     level: int
-    """Of the battery. See `codes.BatteryLevel`."""
+    """Level of the battery. See `codes.BatteryLevel`."""
     edges_0: int
     """Edges at channel 0 since reset. Wraps."""
     edges_1: int
@@ -1025,15 +1025,15 @@ class PeripheralValue(NamedTuple):
     board: int
     """Fingerprint of the board that it is for."""
     crc: int
-    """Of the list."""
+    """CRC of the list."""
     kind: int
     """What it is. See `codes.PeripheralKind`."""
     chip: int
-    """Of IMU, POWER and RANGE. See `codes.SensorChip`."""
+    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
     place: int
     """Where it is. See `codes.Place`."""
     flags: int
-    """Of its pin. See `codes.PeripheralFlag`."""
+    """Properties of its pin. See `codes.PeripheralFlag`."""
     pin_a: int
     """GPIO; -1: none."""
     pin_b: int
@@ -1041,17 +1041,17 @@ class PeripheralValue(NamedTuple):
     pin_c: int
     """GPIO; -1: none."""
     address: int
-    """On the I2C bus; 0: the chip's usual one."""
+    """Its address on the I2C bus; 0: the chip's usual one."""
     forward: int
-    """Of IMU: the axis that points forward. See `codes.Axis`."""
+    """The IMU's axis that points forward. See `codes.Axis`."""
     up: int
-    """Of IMU: the axis that points up. See `codes.Axis`."""
+    """The IMU's axis that points up. See `codes.Axis`."""
     value_a: int
-    """By kind; see SPEC.md."""
+    """Depends on the kind; see SPEC.md."""
     value_b: int
-    """By kind."""
+    """Depends on the kind."""
     value_c: int
-    """By kind."""
+    """Depends on the kind."""
 
 
 class Range(NamedTuple):
@@ -1225,7 +1225,7 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
     ("pulldowns", "Q"),
     ("crc", "L"),
 )
-"""Of the packed board: each field and its format characters."""
+"""The fields of the packed board, and their format characters."""
 
 PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
     ("kind", "B"),
@@ -1242,7 +1242,7 @@ PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
     ("value_b", "H"),
     ("value_c", "H"),
 )
-"""Of the packed peripheral: each field and its format characters."""
+"""The fields of the packed peripheral, and their format characters."""
 
 GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
@@ -1279,4 +1279,4 @@ GROUPS: dict[type[AnyMessage], Group] = {
     PeripheralValue: Group.SENSOR,
     Range: Group.SENSOR,
 }
-"""Of the messages that not every device has."""
+"""The groups of the messages that not every device has."""

@@ -97,7 +97,7 @@ def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: di
         package="wheelwire_ros",
         executable="hardware_robot",
         name="hardware_robot",
-        # Of two values for one parameter the later one counts.
+        # If a parameter has two values, the later one counts.
         parameters=[LaunchConfiguration("params_file"), {**given, **clock}],
         **common,
         **RESPAWN,

@@ -32,7 +32,7 @@ PACKAGE = "geometry_msgs/msg/"
 PLAIN, STAMPED = "Twist", "TwistStamped"
 TYPES = {PLAIN: Twist, STAMPED: TwistStamped}
 AUTO = "auto"
-"""In place of a type: the type of the first message."""
+"""A type's name that means the type of the first message."""
 
 
 class CommandType:

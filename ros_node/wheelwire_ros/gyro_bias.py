@@ -9,14 +9,14 @@ from wheelwire import ImuSample, WheelSample
 Vector = tuple[float, float, float]
 WINDOW_S = 1.0
 LONGEST_GAP_S = 0.25
-"""Between two samples of a window: nobody knows whether the robot stood meanwhile."""
+"""Longest gap between two samples of a window: in a longer one the robot may have moved."""
 MOST_SAMPLES = 1100
-"""Of a window: at 1000 Hz, the highest rate, and a little more."""
+"""Samples of a window: at 1000 Hz, the highest rate, and a little more."""
 SPREAD = 20.0
 """Standard deviations of the chip's noise within which all samples of a robot at rest lie: some 6
 by the noise, the rest for a lidar that spins. A hand that carries the robot turns it more."""
 LARGEST_RADPS = 0.4
-"""More is no bias: the data sheets' limit is 20 degrees a second."""
+"""A larger rate is no bias: the data sheets' limit is 20 degrees a second."""
 
 
 class GyroBias:

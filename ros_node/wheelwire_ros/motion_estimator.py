@@ -61,7 +61,7 @@ class PoseRecord:
         left_total: Ticks since the odometry began, which joint_states shows.
         right_total: The same of the right wheel.
         pose: x and y in m, heading in rad.
-        covariance: Of the pose, 3 by 3, row by row.
+        covariance: Covariance of the pose, 3 by 3, row by row.
         saved_s: When the node saved it, on the wall clock.
         is_final: Whether the wheels stood, and nothing of this node moved them later.
     """

@@ -34,7 +34,7 @@ OFFSET = "ros_offset_ns"
 POSE = "pose"
 """The note about where the node began, or was set to: the newest `PoseRecord`s."""
 POSES = 8
-"""More than are set while a replay takes one sample."""
+"""A replay sets fewer poses while it takes one sample."""
 LONGEST_TTL_S = 5.0
 """The upper bound of ttl_max_s."""
 

@@ -59,7 +59,7 @@ def frame(name: str) -> str | None:
 
 
 def wheel_names(names: Sequence[str]) -> str | None:
-    """At least one name, none empty."""
+    """Refuses an empty list, and an empty name."""
     if not names or not all(name.strip() for name in names):
         return "write at least one name, as in the URDF, and none that is empty"
     return None

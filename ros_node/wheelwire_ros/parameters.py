@@ -260,7 +260,7 @@ def _frame(parameter: str, get: Get) -> str:
 
 
 def _frame_prefix(get: Get) -> str:
-    """Of the frames' names, with a slash; empty if there is none."""
+    """Prefix of the frames' names, with a slash; empty if there is none."""
     prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
     return f"{prefix}/" if prefix else ""
 

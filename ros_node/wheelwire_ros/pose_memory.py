@@ -291,7 +291,7 @@ def subscribe_set_pose(
         node: An rclpy node.
         threads: The node's.
         resources: Removes the topic when it closes.
-        set_pose: Of the odometry.
+        set_pose: Sets the pose of the odometry.
         odom_frame: The odometry's frame; the node refuses a pose in another one.
     """
     logger = node.get_logger()
@@ -337,7 +337,7 @@ def planar_pose(pose: Any) -> Pose:
 
 
 def planar_covariance(covariance: Sequence[float]) -> Any:
-    """Of (x, y, heading), 3 by 3, from ROS's 6 by 6.
+    """Covariance of (x, y, heading), 3 by 3, from ROS's 6 by 6.
 
     Raises:
         ValueError: It is no covariance.

@@ -12,7 +12,7 @@ SILENCE_S = 0.25
 UNEXPLAINED = 4
 """Times of silence after which the cause is no longer waited for: the link finds it sooner."""
 PAUSE_S = 0.05
-"""Between two attempts to read from a lost link."""
+"""Pause between two attempts to read from a lost link."""
 JOIN_S = 2.0
 EARLY = 0.125
 """Fraction of a period by which a sample may be early and still count as on time."""

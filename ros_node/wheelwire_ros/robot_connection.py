@@ -125,7 +125,7 @@ class RobotConnection:
         """How often an e-stop or a fault was cleared, or the device replaced: after each the robot
         waits for a zero command."""
         self._board_id: str | None = None
-        """Of the last session that was prepared."""
+        """Board id of the last session that was prepared."""
         self._is_replaced = False
         """Whether the node waits for a zero command, because another device was connected."""
         self._moving_s = -math.inf

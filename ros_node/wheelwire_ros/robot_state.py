@@ -45,7 +45,7 @@ class RobotState(NamedTuple):
     resets: int = 0
     """How often the device was reset, until then."""
     board_id: str = ""
-    """Of the device; empty where the driver does not report it."""
+    """Id of the device; empty where the driver does not report it."""
     stop: str = ""
     """Why the robot stopped, until it drives again."""
     limits: Limits = NO_LIMITS
@@ -110,7 +110,7 @@ class ResetWatch:
         self.text = ""
         """One sentence for a person; empty after no reset."""
         self.board_id = ""
-        """Of the device that sent the last sample; empty where the driver does not report it."""
+        """Id of the device that sent the last sample; empty where the driver does not report it."""
         self._boot_id: int | None = None
 
     def note(self, sample: WheelSample, robot: BaseDriver) -> bool:

@@ -77,7 +77,7 @@ class SensorTopics(NamedTuple):
     """The settings of what the node publishes about sensors."""
 
     frame_prefix: str
-    """Of the range sensors' frames, with its slash."""
+    """Prefix of the range sensors' frames, with its slash."""
     imu_frame: str
     takes_bias: bool
     """Whether the gyroscope's bias is measured at rest, and taken off."""
@@ -315,7 +315,7 @@ def _reflex(info: SensorInfo) -> Reflex:
 
 
 def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
-    """Of a channel: whether it limits the robot, its state in words, and its values."""
+    """A channel in words: whether it limits the robot, its state, and its values."""
     info, sample = status.info, status.sample
     values: dict[str, Any] = {
         "state": "OK" if status.state is SensorState.OK else "STALE",

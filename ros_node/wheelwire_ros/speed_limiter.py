@@ -34,8 +34,8 @@ class AxisLimits:
             -max_acceleration.
         max_deceleration_reverse: Towards zero, negative velocities; at least 0; NaN:
             -max_deceleration.
-        max_jerk: Of the acceleration's growth upwards; at least 0. [m/s^3 or rad/s^3]
-        min_jerk: Of its growth downwards; at most 0; NaN: -max_jerk.
+        max_jerk: Growth of the acceleration upwards; at least 0. [m/s^3 or rad/s^3]
+        min_jerk: Growth of the acceleration downwards; at most 0; NaN: -max_jerk.
     """
 
     max_velocity: float = _NAN
@@ -48,7 +48,7 @@ class AxisLimits:
     min_jerk: float = _NAN
 
     def excess(self, velocity: float) -> float:
-        """By which factor a velocity exceeds its limit; at least 1, and 1 for a limit of 0."""
+        """The factor by which a velocity exceeds its limit; at least 1, and 1 for a limit of 0."""
         bound = self._velocity_bound(velocity)
         return max(1.0, abs(velocity) / bound) if bound > 0 else 1.0
 

@@ -70,7 +70,7 @@ class TimeBase:
         """Readings of the monotonic clock and of /clock, the newest last, over `RATE_WINDOW_NS`."""
         self._lock = threading.Lock()
         self._last: dict[str, tuple[int, int]] = {}
-        """Of each stream's last conversion: what /clock said, and the result."""
+        """The last conversion of each stream: what /clock said, and the result."""
         self._log = log
         self._monotonic_ns = monotonic_ns
         self._note_offsets = note_offsets

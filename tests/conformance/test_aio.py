@@ -12,7 +12,7 @@ import pytest
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from wheelwire import aio
-from wheelwire_protocol.codes import Board, SupervisorState
+from wheelwire_protocol.codes import Chip, SupervisorState
 
 PATIENCE_S = 30.0
 PARAMETERS = {"overrun_limit_us": 1e6, "brake_time_s": 0.2}
@@ -69,7 +69,7 @@ async def test_a_pigpio_daemon() -> None:
 
 async def test_a_simulated_robot_and_its_loss() -> None:
     async with aio.open_driver("mock", parameters=PARAMETERS) as robot:
-        assert robot.info.device.board is Board.SIMULATED
+        assert robot.info.device.board is Chip.SIMULATED
         await drive(robot)
         assert robot.simulator.get("true.distance_m") > 0
         first = robot.sessions

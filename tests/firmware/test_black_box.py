@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from support.virtual import VirtualRobot
+from support.virtual import VirtualRobot, box_after_a_contact
 from wheelwire.errors import DeviceRefused, RecordingError
 from wheelwire.recording.black_box import read_box, rerun_box
 from wheelwire_protocol.black_box import (
@@ -29,14 +29,6 @@ from wheelwire_protocol.black_box import (
 )
 
 FAULTS = ("left.encoder_dead", "right.encoder_dead", "left.blocked", "right.encoder_reversed")
-
-
-def box_after_a_contact() -> bytes:
-    robot = VirtualRobot().open()
-    robot.drive(0.2, 0.1, 1.5)
-    robot.sim.set("estop_open", 1)
-    robot.run(0.3)
-    return robot.sim.black_box()
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +114,6 @@ def of_core(image: bytes, core: int) -> bytes:
 def test_a_box_of_another_core_is_refused_by_name(image: bytes, tmp_path: Path) -> None:
     path = tmp_path / "other.box"
     path.write_bytes(of_core(image, 0xC0FFEE))
-    with pytest.raises(RecordingError, match=f"core 00c0ffee .*here is {core_hash():08x}"):
+    with pytest.raises(RecordingError, match=f"core 00c0ffee .*this is {core_hash():08x}"):
         rerun_box(path)
     assert any(isinstance(entry, End) for entry in read_box(path).entries())

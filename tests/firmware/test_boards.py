@@ -18,8 +18,8 @@ from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE, schema_hash
-from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.codes import (
+    Chip,
     Fault,
     Group,
     RefusalCode,
@@ -76,7 +76,7 @@ def restart(robot: VirtualRobot) -> None:
 
 
 SLOT_AT, SLOT_SIZE = 4, 512
-"""Of the two slots in a file of the simulator's."""
+"""Place and size of the two slots in the simulator's file."""
 
 
 def with_board(name: str, store: Path) -> VirtualRobot:

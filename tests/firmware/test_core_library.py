@@ -9,7 +9,7 @@ import pytest
 from support.library_robot import LibraryRobot
 from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
-from wheelwire_protocol.codes import Board, Fault, RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.codes import Chip, Fault, RefusalCode, StopMode, SupervisorState
 from wheelwire_protocol.native import Core, Identity, NativeMissingError, StageInputs
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
@@ -50,7 +50,7 @@ def drive(robot: LibraryRobot, left: float, right: float) -> None:
 
 
 def test_before_the_start_nothing_moves() -> None:
-    core = Core(Identity(1, Board.LINUX))
+    core = Core(Identity(1, Chip.LINUX))
     outputs = core.step(1_000, 5, 5)
     assert outputs.state is SupervisorState.BOOT
     assert outputs.left == outputs.right == StageInputs(COAST, 0, 0, 0, 0)
@@ -199,7 +199,7 @@ def test_a_computer_has_its_own_defaults_and_a_reset_restores_them(robot: Librar
 
 
 def test_a_chip_has_those_of_the_table() -> None:
-    robot = LibraryRobot(board=Board.SIMULATED).start()
+    robot = LibraryRobot(board=Chip.SIMULATED).start()
     assert robot.outputs.period_us == 1_000
 
 
@@ -254,7 +254,7 @@ def test_a_corrupt_block_leaves_the_defaults(block: bytes) -> None:
 
 
 def test_a_closed_core_says_so() -> None:
-    core = Core(Identity(1, Board.LINUX))
+    core = Core(Identity(1, Chip.LINUX))
     core.close()
     core.close()
     with pytest.raises(ValueError, match="closed"):

@@ -19,7 +19,7 @@ from wheelwire.peripherals import (
     fingerprint,
     packed_list,
 )
-from wheelwire_protocol.codes import Board, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import Chip, Fault, RefusalCode, SupervisorState
 from wheelwire_protocol.native import Core, Identity, Sensors, TransferResult
 from wheelwire_protocol.sensors import (
     PeripheralFault,
@@ -340,7 +340,7 @@ def test_a_host_cannot_write_the_list(robot: PiRobot) -> None:
 
 
 def core_on(board_of: tuple[Peripheral, ...]) -> Core:
-    core = Core(Identity(1, Board.LINUX))
+    core = Core(Identity(1, Chip.LINUX))
     core.take_board(board_with(*board_of).packed())
     return core
 
@@ -352,7 +352,7 @@ def sensors_for(board: int, *peripherals: Peripheral) -> Sensors:
 def test_a_list_for_another_board_is_refused() -> None:
     board = board_with().fingerprint()
     assert core_on(()).sense(sensors_for(board + 1, IMU)) is PeripheralFault.OTHER_BOARD
-    assert Core(Identity(1, Board.LINUX)).sense(sensors_for(board, IMU)) is (
+    assert Core(Identity(1, Chip.LINUX)).sense(sensors_for(board, IMU)) is (
         PeripheralFault.OTHER_BOARD
     )
     assert core_on(()).sense(sensors_for(board, IMU)) is PeripheralFault.NONE

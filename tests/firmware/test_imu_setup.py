@@ -25,7 +25,7 @@ from wheelwire_protocol.sensors import Axis, PeripheralsState, SensorChip
 
 BIAS_RADPS = 0.02
 COUNT_RADPS = 0.0003
-"""Of the gyroscope, and of what rounding and noise leave of its bias."""
+"""One count of the gyroscope, which is also what rounding and noise leave of its bias."""
 ASKED = ["imu", "imu_rest", "imu_front", "imu_left", "imu_turn"]
 SHORT_S = 3.0
 """How long setup waits for a hand that does nothing."""
@@ -167,7 +167,11 @@ def test_it_says_what_it_saves(robot: MockDriver) -> None:
     assert "  imu.forward: y -> -y" in said
     assert "  imu.up: z -> z (as before)" in said
     (bias,) = (line for line in said if "imu.bias" in line)
-    assert bias.startswith("  imu.bias: [0.0000, 0.0000, 0.0000] -> [0.0000, 0.0000, 0.0")
+    before, _, found = bias.partition(" -> ")
+    assert before == "  imu.bias: [0.0000, 0.0000, 0.0000]"
+    assert re.fullmatch(r"\[-?\d\.\d{4}, -?\d\.\d{4}, -?\d\.\d{4}\] rad/s", found)
+    rates = [float(rate) for rate in re.findall(r"-?\d\.\d{4}", found)]
+    assert rates == pytest.approx([0.0, 0.0, BIAS_RADPS], abs=COUNT_RADPS + 0.0001)
 
 
 def test_the_motors_stay_off(robot: MockDriver) -> None:
@@ -259,7 +263,7 @@ def test_a_robot_that_is_to_keep_nothing_is_told_what_to_write(robot: MockDriver
     person = Hand(robot)
     run = Run(robot, person, keeps=False)
     assert person.asked == ASKED
-    assert "not saved; write it into the board's file" in run.said
+    assert "not saved: write these values into the board's file" in run.said
     assert run.found is not None
     assert not run.found.saved
     assert entry_of(robot) == before
@@ -285,13 +289,13 @@ def test_what_the_device_refuses_is_a_problem(
 @pytest.mark.parametrize(
     ("key", "move", "sentence"),
     [
-        ("imu_rest", partial(tilt, pitch_rad=0.5), "it stands tilted by 29 degrees"),
+        ("imu_rest", partial(tilt, pitch_rad=0.5), "the robot stands tilted by 29 degrees"),
         ("imu_front", partial(tilt, roll_rad=0.5), "which is the same line: lift the front first"),
         ("imu_front", partial(tilt, pitch_rad=0.5), "one of them was the rear or the right side"),
         ("imu_left", partial(tilt, roll_rad=-0.5), "one of them was the rear or the right side"),
         ("imu_left", partial(tilt, pitch_rad=-0.5), "which is the same line: lift the front first"),
-        ("imu_front", partial(tilt, pitch_rad=-0.5, roll_rad=0.5), "lifted between two axes"),
-        ("imu_front", partial(tilt, pitch_rad=-1.3), "lifted by 7. degrees: lift it by about 30"),
+        ("imu_front", partial(tilt, pitch_rad=-0.5, roll_rad=0.5), "was between two axes"),
+        ("imu_front", partial(tilt, pitch_rad=-1.3), "lift was 7. degrees: lift the robot by"),
     ],
 )
 def test_a_hand_that_does_something_else_is_told_and_asked_again(
@@ -325,7 +329,7 @@ def test_a_turn_to_the_right_contradicts_and_nothing_is_saved(robot: MockDriver)
     assert person.asked == [*ASKED, "imu_turn", "imu_turn"]
     assert run.found is None
     (problem,) = run.problems
-    assert "seen a turn to the right, by 60 degrees" in problem
+    assert "measured a turn to the right, by 60 degrees" in problem
     assert "contradict each other" in problem
     assert entry_of(robot) == before
 
@@ -333,9 +337,9 @@ def test_a_turn_to_the_right_contradicts_and_nothing_is_saved(robot: MockDriver)
 @pytest.mark.parametrize(
     ("key", "sentence"),
     [
-        ("imu_front", "nobody lifted it within 3 s by 15 degrees or more"),
-        ("imu_left", "nobody lifted it within 3 s by 15 degrees or more"),
-        ("imu_turn", "nobody turned it within 3 s by 60 degrees"),
+        ("imu_front", "nobody lifted the robot by 15 degrees or more"),
+        ("imu_left", "nobody lifted the robot by 15 degrees or more"),
+        ("imu_turn", "nobody turned the robot by 60 degrees within 3 s"),
     ],
 )
 def test_nobody_does_anything(
@@ -361,7 +365,7 @@ def test_a_robot_that_is_never_put_down_is_noticed(
     monkeypatch.setattr(imu_setup, "_PATIENCE_S", SHORT_S)
     person = Holds(robot, {"imu_left": nothing})
     run = Run(robot, person)
-    assert "after 3 s it still was not level: put it down first" in run.said
+    assert "after 3 s the robot still was not level: put it down first" in run.said
     assert run.found is not None
 
 
@@ -374,7 +378,7 @@ def test_a_robot_that_shakes_is_given_up(
     run = Run(robot, person)
     assert person.asked == ["imu", "imu_rest", "imu_rest", "imu_rest"]
     (problem,) = run.problems
-    assert problem.startswith("IMU left as it was: the robot moves or shakes")
+    assert problem.startswith("the IMU's values stay as they were: the robot moves or shakes")
 
 
 def test_a_hand_that_lets_go_late_is_waited_for(robot: MockDriver) -> None:
@@ -405,7 +409,7 @@ def test_what_is_skipped_stays_as_it_is(robot: MockDriver, key: str) -> None:
     before = entry_of(robot)
     run = Run(robot, Hand(robot, answers={key: "skip"}))
     assert (run.found, run.problems) == (None, [])
-    assert run.said[-1] == "IMU left as it was"
+    assert run.said[-1] == "the IMU's values stay as they were"
     assert entry_of(robot) == before
 
 

@@ -412,6 +412,30 @@ def test_a_sagging_supply_is_slow() -> None:
     assert reported(soft)[0] < 0.9 * reported(stiff)[0]
 
 
+def test_what_the_motors_draw_empties_the_battery() -> None:
+    robot = VirtualRobot(
+        **{"battery.capacity_ah": 0.001, "battery.fall_v": 2, "left.blocked": 1, "right.blocked": 1}
+    ).open()
+    robot.run(2.0)
+    assert robot.sim.get("battery.used_ah") == 0.0  # nothing was driven
+    assert robot.sim.get("true.supply_v") == 7.4
+    robot.drive_duty(1.0, 1.0, 0.4)
+    used = robot.sim.get("battery.used_ah")
+    current = robot.sim.get("left.current_a") + robot.sim.get("right.current_a")
+    assert used == pytest.approx(current * 0.4 / 3600, rel=0.3)  # the duty rises at first
+    expected_v = pytest.approx(7.4 - 2 * used / 0.001, abs=1e-6)
+    assert robot.sim.get("true.supply_v") == expected_v
+    assert robot.sample.battery_v == pytest.approx(7.4 - 2 * used / 0.001, abs=0.06)
+    robot.stop()
+    robot.run(0.2)
+    rest_v = 7.4 - 2 * robot.sim.get("battery.used_ah") / 0.001
+    robot.sim.set("mass_kg", 1.0)  # whatever else is set
+    assert robot.sim.get("true.supply_v") == pytest.approx(rest_v, abs=1e-9)
+    robot.sim.set("battery.used_ah", 0)
+    robot.run(0.2)
+    assert robot.sim.get("true.supply_v") == 7.4
+
+
 def test_no_supply_moves_nothing() -> None:
     robot = driven(0.5, 0.5, 0.4, supply_v=0.0)
     assert robot.sim.get("drive_on")

@@ -16,7 +16,7 @@ from wheelwire.simulation.libfwsim import FwSim
 
 RUNS = 40
 CHI_SQUARED_99 = 11.34
-"""Of three degrees of freedom: a hundredth of all errors are larger."""
+"""For three degrees of freedom: a hundredth of all errors are larger."""
 WHEEL_VARIANCE = 2.5e-5
 
 
@@ -52,7 +52,7 @@ class Run:
             self._covariance.update(update, self._robot.geometry.wheel_separation)
 
     def _sigma_m(self) -> float:
-        """Of the position, both axes together."""
+        """Standard deviation of the position, both axes together."""
         return float(np.sqrt(np.trace(self._covariance.matrix[:2, :2])))
 
     def _error(self, simulator: FwSim) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

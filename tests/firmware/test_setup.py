@@ -311,7 +311,7 @@ def test_a_motor_too_weak_for_the_loop_is_a_finding() -> None:
         "left motor much weaker: the left wheel h",
         "the left wheel does not start to turn up",
     ]
-    assert "a weaker motor the loop cannot hold" in findings.problems[1]
+    assert "the loop cannot hold a weaker motor" in findings.problems[1]
 
 
 def test_what_is_about_to_be_saved_is_listed_before_and_after() -> None:

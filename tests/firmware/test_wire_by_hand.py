@@ -101,7 +101,7 @@ def test_a_setpoint_ends_at_the_device_s_time_that_it_names(by_hand: ByHand) -> 
 
 
 def speed_after(mode: int) -> tuple[float, float]:
-    """Of both wheels, 0.5 s after a stop of this mode from 0.4 m/s."""
+    """Speed of both wheels 0.5 s after a stop of this mode from 0.4 m/s."""
     robot = ByHand()
     robot.drive(SET_WHEEL_VELOCITY, 0.4, 0.4, "ff")
     robot.state(800)

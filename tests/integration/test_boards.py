@@ -12,7 +12,7 @@ import pytest
 from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from support.typing_terminal import TypingTerminal
-from support.waiting import wait_until
+from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.commissioning.setup import choose_board
@@ -26,8 +26,7 @@ from wheelwire.peripherals import DigitalInput, Pull, fingerprint
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.codes import Board as Chip
-from wheelwire_protocol.codes import Fault, Group, RefusalCode
+from wheelwire_protocol.codes import Chip, Fault, Group, RefusalCode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.sensors import PeripheralKind, PeripheralsState, Place
 from wheelwire_protocol.types import (
@@ -132,13 +131,6 @@ def test_an_estop_input_that_is_off_is_a_warning(simulator: Simulator) -> None:
     run_json("params", "set", simulator.port, "estop_input_enabled", "0")
     (warning,) = run_json("info", simulator.port)["warnings"]
     assert "although the board has a contact" in warning
-
-
-def keep_driving(robot: DeviceDriver) -> None:
-    """For half a second."""
-    for _ in range(50):
-        robot.set_velocity(0.1, 0.0)
-        robot.read()
 
 
 def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:

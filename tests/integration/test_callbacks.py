@@ -530,6 +530,30 @@ def test_a_robot_that_is_forgotten_ends_its_thread() -> None:
     assert heard == []
 
 
+@pytest.mark.parametrize("is_asked_for", ["set_velocity", "read", "contradictions", "warnings"])
+def test_a_robot_that_is_forgotten_after_an_error_ends_its_thread(is_asked_for: str) -> None:
+    """An error that the link raises again and again keeps nobody alive to whom it was raised."""
+
+    def use(robot: MockDriver) -> None:
+        robot.unplug()
+        while True:
+            if is_asked_for == "warnings":
+                assert robot.warnings == ()
+            elif is_asked_for == "set_velocity":
+                robot.set_velocity(0.1, 0.0)
+            else:
+                getattr(robot, is_asked_for)()
+
+    robot = MockDriver()
+    gone = weakref.ref(robot)
+    with pytest.raises(LinkLost):
+        use(robot)
+    del robot
+    gc.collect()
+    assert gone() is None
+    wait_until(lambda: not link_threads())
+
+
 def _refers_to(_robot: object, heard: list[object], told: object) -> None:
     heard.append(told)
 

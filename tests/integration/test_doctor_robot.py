@@ -19,7 +19,7 @@ from wheelwire.doctor import Finding, examine_robot, robot
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.files.bad_line import load_profile
 from wheelwire.files.board import load_board
-from wheelwire.peripherals import DigitalInput, Pull
+from wheelwire.peripherals import BatteryLevels, DigitalInput, Pull
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codec import BY_TYPE
@@ -89,6 +89,48 @@ def test_a_list_of_sensors_of_another_board(simulator: Simulator) -> None:
     assert found.cure.startswith("wheelwire board write ROBOT ")
     assert run("board", "write", simulator.port, "tb6612").returncode == 0
     assert "peripherals" not in examined(simulator)
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "words"),
+    [
+        ("imu.absent", 1, "imu cannot be used: STALE, ABSENT"),
+        ("imu.freeze", 1, "imu cannot be used: STALE, FROZEN"),
+        ("battery_v", 0, "battery cannot be used: STALE, ZERO"),
+    ],
+)
+def test_a_sensor_that_cannot_be_used(
+    simulator: Simulator, variable: str, value: float, words: str
+) -> None:
+    simulator.set(variable, value)
+    finding = only(examined(simulator), "sensor")
+    assert finding.problem.startswith(words)
+    assert words.split()[-1] in finding.cure
+
+
+def test_a_bumper_that_is_pressed(simulator: Simulator) -> None:
+    simulator.set("bumper.front_left", 1)
+    finding = only(examined(simulator), "triggered")
+    assert "bumper.front_left has triggered" in finding.problem
+    assert "wire" in finding.cure
+
+
+def test_a_battery_that_is_low(simulator: Simulator) -> None:
+    levels = BatteryLevels(warn_v=7.6, limit_v=6.8, stop_v=6.6)
+    with SerialDriver(simulator.port) as driver:
+        driver.board.take_up(replace(OWN_BOARD, peripherals=(levels,)))
+    finding = examined(simulator)["battery"]  # beside the restart with the new list
+    assert "battery: low" in finding.problem
+    assert "7.4" in finding.cure
+
+
+def test_beside_a_program_sensors_are_those_that_it_asked_for(simulator: Simulator) -> None:
+    simulator.set("imu.absent", 1)
+    with SerialDriver(simulator.port) as holder:
+        wait_for_holder(simulator.port)
+        assert '"sensor"' not in run("doctor", simulator.port, "--json").stdout
+        holder.sensors.start(50)
+        assert "ABSENT" in run("doctor", simulator.port, "--json").stdout
 
 
 def test_a_core_dump(simulator: Simulator) -> None:

@@ -96,7 +96,7 @@ def test_a_task_drives_while_another_one_watches(simulator: Simulator) -> None:
 
 
 def state_after_ctrl_c() -> float:
-    """Of a robot that the example drove, on asyncio."""
+    """The state of a robot after Ctrl-C ended the asyncio example that drove it."""
     with Simulator() as simulator:
         process = start("asyncio_drive.py", simulator.port, "--seconds", "60")
         wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)

@@ -97,7 +97,7 @@ def test_a_host_may_close_and_reopen_the_port(link: Path) -> None:
 
 
 def first_state_is_new(simulator: Simulator) -> bool:
-    """Of a session whose port was closed for two seconds, in which it went on sending."""
+    """Whether the first state is new after the port was closed while the session went on."""
     closed_us = simulator.get("device_us")
     end = time.monotonic() + TIMEOUT_S
     while simulator.get("device_us") < closed_us + 2e6:

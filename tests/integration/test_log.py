@@ -7,15 +7,24 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from support.command import PROGRAM, run, run_json
 from support.processes import interruptible
+from support.range_board import simulator_on_board
 from support.simulator_on_line import simulator_on
+from support.waiting import wait_until
+from wheelwire.cli.app import app
+from wheelwire.drivers import requests
+from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RecordingError
+from wheelwire.files.board import load_board
 from wheelwire.recording.reader import is_complete, metadata
 from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import Group
+from wheelwire_protocol.types import GroupGet
 
 
 def started(*arguments: str) -> subprocess.Popen[str]:
@@ -30,6 +39,19 @@ def started(*arguments: str) -> subprocess.Popen[str]:
     assert process.stderr is not None
     assert "recording to" in process.stderr.readline()
     return process
+
+
+def ended(process: subprocess.Popen[str]) -> None:
+    """End a recording by Ctrl-C."""
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
+def messages(path: Path, name: str) -> list[dict[str, Any]]:
+    """The recorded messages of one kind."""
+    result = run("log", "decode", str(path), "--message", name, "--json")
+    return [json.loads(line) for line in result.stdout.splitlines()]
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
@@ -108,3 +130,90 @@ def test_a_full_disk_ends_it_with_one_line(tmp_path: Path) -> None:
     assert sum("has ended" in line for line in lines) == 1
     assert run_json("log", "repair", str(path))["repaired"] is True
     assert run_json("log", "info", str(path))["complete"] is True
+
+
+def test_the_recording_has_the_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    said = run_json("log", "record", "mock", str(path), "--seconds", "1")
+    assert list(said["files"]) == [str(path)]
+    found = {one["channel"]: one for one in run_json("sensors", str(path))}
+    assert list(found) == ["imu", "battery", "bumper.front_left", "bumper.front_right"]
+    assert found["imu"]["rate_hz"] == 200
+    assert len(messages(path, "Imu")) == pytest.approx(200, abs=50)
+
+
+@pytest.mark.parametrize("loss", ["reset", "unplug"])
+def test_samples_go_on_after_a_loss(tmp_path: Path, loss: str) -> None:
+    path = tmp_path / "day.mcap"
+    with Simulator(link=tmp_path / "port") as simulator:
+        process = started(simulator.port, str(path))
+        wait_until(lambda: bumper_is(simulator, pressed=False))
+        if loss == "reset":
+            simulator.reset()
+        else:
+            simulator.unplug()
+            time.sleep(0.7)
+            simulator.plug()
+        simulator.set("bumper.front_left", 1)
+        wait_until(lambda: bumper_is(simulator, pressed=True))
+        ended(process)
+    pressed = [one["triggered"] for one in messages(path, "Inputs")]
+    assert pressed[0] == 0
+    assert pressed[-1] != 0
+
+
+def bumper_is(simulator: Simulator, *, pressed: bool) -> bool:
+    """Whether `wheelwire sensors` beside the recording says so."""
+    result = run("sensors", simulator.port, "--json")
+    return f'"triggered": {json.dumps(pressed)}' in result.stdout.partition("front_right")[0]
+
+
+def test_a_robot_without_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    with Simulator(link=tmp_path / "port") as simulator:
+        with SerialDriver(simulator.port) as robot:
+            robot.board.take_up(load_board("tb6612"))
+        result = run("log", "record", simulator.port, str(path), "--seconds", "0.5")
+    assert result.returncode == 0, result.stderr
+    assert run_json("sensors", str(path)) == []
+
+
+def test_firmware_without_sensors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "day.mcap"
+    monkeypatch.setattr(
+        requests,
+        "GroupGet",
+        lambda session, request, group: GroupGet(
+            session, request, 77 if group is Group.SENSOR else group
+        ),
+    )
+    with Simulator(link=tmp_path / "port") as simulator:
+        app(("log", "record", simulator.port, str(path), "--seconds", "0.5"), standalone_mode=False)
+    assert is_complete(path)
+    assert len(messages(path, "WheelState")) > 20
+    assert messages(path, "Inputs") == []
+
+
+def test_a_line_without_room_for_the_imu(tmp_path: Path) -> None:
+    """The states and the other sensors are recorded all the same."""
+    path = tmp_path / "day.mcap"
+    with simulator_on_board(baud_rate=115200, link=tmp_path / "port") as simulator:
+        run("params", "set", simulator.port, "stream_rate_hz", "180", "--save")
+        result = run(
+            *("log", "record", simulator.port, str(path), "--seconds", "2", "--json"),
+            *("--baud", "115200"),
+        )
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["frames_lost"] == 0
+    for line in result.stderr.splitlines():
+        json.loads(line)
+    found = {one["channel"]: one for one in run_json("sensors", str(path))}
+    assert (found["imu"]["rate_hz"], found["imu"]["reason"]) == (0, "MISSED")
+    assert messages(path, "Range")
+    assert len(messages(path, "WheelState")) > 300
+
+
+def test_ctrl_c_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    ended(started("mock", str(path)))
+    assert is_complete(path)

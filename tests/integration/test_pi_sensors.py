@@ -49,7 +49,7 @@ class Scene:
             patch.setenv(name, value)
 
     def options(self, file: Path | None = None) -> dict[str, Any]:
-        """Of the robot in a file, on a busy test machine."""
+        """The options of the robot in a file, for a busy test machine."""
         return {**load_config(file or self.file).driver_options(), "core_timeout_ms": 5000}
 
     def open(self, file: Path | None = None) -> BaseDriver:

@@ -108,7 +108,7 @@ def test_a_stale_range_is_never_handed_out(robot: MockDriver, variable: str) -> 
 
 def test_a_robot_without_range_sensors_says_so() -> None:
     with MockDriver(realtime=False) as robot:
-        with pytest.raises(errors.SensorMissing, match="no range sensors: name them in its board"):
+        with pytest.raises(errors.SensorMissing, match="no range sensor: name it in the board"):
             robot.ranges.read(FRONT)
         with pytest.raises(errors.SensorMissing):
             robot.ranges.samples()

@@ -15,7 +15,7 @@ import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
 from support.range_board import simulator_on_board
-from support.waiting import wait_until
+from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers import requests
@@ -196,13 +196,13 @@ def test_samples_go_on_after_a_reset_of_the_device(robot: MockDriver) -> None:
 def test_a_robot_without_sensors_says_so(simulator: Simulator) -> None:
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(load_board("tb6612"))
-        with pytest.raises(errors.SensorMissing, match="no imu: name it in its board's file"):
+        with pytest.raises(errors.SensorMissing, match="no imu: name it in the board's file"):
             robot.imu.read()
         with pytest.raises(errors.SensorMissing):
             robot.inputs.samples()
         assert robot.sensors.channels == ()
     assert run_json("sensors", simulator.port) == []
-    assert "no sensors" in output("sensors", simulator.port)
+    assert "no sensor" in output("sensors", simulator.port)
 
 
 def asks_for_no_sensors(session_id: int, request_id: int, asked: int) -> GroupGet:
@@ -281,6 +281,40 @@ def test_another_rate(robot: MockDriver) -> None:
     assert info.rate_hz == 50
 
 
+@pytest.mark.parametrize("asked_hz", [7, 150, 190, 1000])
+def test_the_rate_is_that_at_which_samples_come(robot: MockDriver, asked_hz: int) -> None:
+    robot.sensors.start(rate_hz=asked_hz)
+    robot.advance(0.5)
+    samples = robot.imu.samples()
+    came = 0
+    for _ in range(10):
+        robot.advance(0.5)
+        came += len(list(iter(samples.poll, None)))
+    info = robot.imu.info
+    assert info is not None
+    assert came / 5.0 == pytest.approx(info.rate_hz, abs=0.5)
+    (shown,) = (one for one in robot.sensors.channels if one.info.name == "imu")
+    assert shown.info == info
+
+
+def test_the_rate_on_a_slow_line_is_that_at_which_samples_come(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with MockDriver(realtime=False) as robot:
+        robot.simulator.set("baud_rate", 115200)
+        robot.sensors.start(200)
+        robot.advance(1.0)
+        samples = robot.imu.samples()
+        robot.advance(0.9)
+        info = robot.imu.info
+        assert info is not None
+        came = len(list(iter(samples.poll, None)))
+        assert 0 < info.rate_hz < 200
+        (said,) = (one for one in caplog.messages if "samples a second" in one)
+        assert "imu: the line carries" in said
+        assert came / 0.9 == pytest.approx(info.rate_hz, abs=3)
+
+
 def test_another_rate_is_known_when_it_was_asked_for() -> None:
     with MockDriver() as robot:
         for rate_hz in (100, 20, 200, 50) * 3:
@@ -353,7 +387,7 @@ def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> 
             with pytest.raises(errors.InvalidCommand, match="has not asked for them") as raised:
                 beside.imu.read()
             assert f"process {os.getpid()}" in str(raised.value)
-            assert "call `robot.sensors.start(200)` in it" in str(raised.value)
+            assert "call `robot.sensors.start(200)` there" in str(raised.value)
             with pytest.raises(errors.InvalidCommand, match="has not asked for them"):
                 beside.inputs.read()
             refused = run("sensors", simulator.port)
@@ -454,17 +488,44 @@ def test_a_drive_against_a_bumper_names_it(simulator: Simulator, pressed: bool) 
     assert ("drove to x +0.000 m" in result.stdout) is pressed
 
 
+def test_sensors_beside_a_drive(simulator: Simulator) -> None:
+    """The command that drives has asked for them."""
+    command = [*PROGRAM, "drive", simulator.port, "--linear", "0.1", "--seconds", "60"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as drive:
+        try:
+            wait_until(lambda: simulator.get("drive_on"))
+            found = {one["channel"]: one for one in run_json("sensors", simulator.port)}
+        finally:
+            drive.terminate()
+    assert {name: one["state"] for name, one in found.items()} == dict.fromkeys(NAMES, "OK")
+
+
+def test_a_drive_that_a_cliff_ends_names_it(tmp_path: Path, simulator: Simulator) -> None:
+    pytest.importorskip("mcap")
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_CLIFF)
+    command = [*PROGRAM, "drive", simulator.port, "--linear", "0.1", "--seconds", "60"]
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "WHEELWIRE_RECORD": str(tmp_path)},
+    ) as drive:
+        wait_until(lambda: simulator.get("drive_on"))
+        simulator.set("cliff.front", 1)
+        _, told = drive.communicate(timeout=TIMEOUT_S)
+    assert drive.returncode == errors.DeviceRefused.exit_code
+    assert "cliff.front saw no floor." in told
+    (recording,) = tmp_path.glob("*.mcap")
+    (stop,) = run_json("why", str(recording))
+    assert stop["cause"] == "cliff_seen"
+
+
 WITH_CLIFF = replace(
     load_board("l298n"),
     peripherals=(DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL),),
 )
-
-
-def keep_driving(robot: SerialDriver) -> None:
-    """For half a second."""
-    for _ in range(50):
-        robot.set_velocity(0.1, 0.0)
-        robot.read()
 
 
 def test_a_cliff_that_stopped_the_robot_is_named(tmp_path: Path, simulator: Simulator) -> None:
@@ -508,6 +569,14 @@ def test_the_command_shows_all_channels() -> None:
     table = output("sensors", "mock")
     for word in (*NAMES, "200 Hz", "free", "OK"):
         assert word in table
+
+
+def test_the_command_says_that_the_line_is_too_slow() -> None:
+    with Simulator(settings={"baud_rate": 115200}) as simulator:
+        result = run("sensors", simulator.port, "--json", "--baud", "115200")
+    (said,) = (line for line in result.stderr.splitlines() if "samples a second" in line)
+    assert json.loads(said)["note"].startswith("imu: the line carries")
+    assert json.loads(result.stdout)[0]["rate_hz"] == 100
 
 
 def test_the_command_names_what_is_stale(simulator: Simulator) -> None:

@@ -37,7 +37,7 @@ wheel_separation: 0.14
 save: yes
 """
 SETUP_S = 280.0
-"""Of a whole set-up in real time; it takes some 90 s."""
+"""Limit of a whole set-up in real time, which takes some 90 s."""
 FOUND = {
     "motors_swapped": 0,
     "encoders_swapped": 1,

@@ -97,6 +97,12 @@ def test_a_held_key_drives_on_and_arrows_are_keys_too(simulator: Simulator) -> N
         assert simulator.get("true.distance_m") > before_m + 0.2  # 0.14 m are one press
 
 
+def test_sensors_are_shown_beside_it(simulator: Simulator) -> None:
+    with teleop(simulator):
+        found = run_json("sensors", simulator.port)
+    assert {one["state"] for one in found} == {"OK"}
+
+
 def test_space_stops(simulator: Simulator) -> None:
     with teleop(simulator) as terminal:
         drives_by(terminal, simulator)

@@ -88,7 +88,7 @@ async def test_the_help_and_the_question_fit_the_narrow_screen(robot: MockDriver
 async def test_it_drives_after_a_yes_and_space_stops(robot: MockDriver) -> None:
     async with viewing(robot) as at:
         await begin_to_drive(at)
-        await at.sees("asked +0.16")
+        await at.drives(until="asked +0.16")
         await at.press("space")
         await at.sees("IDLE: Stopped")
         await at.hears("stopped")
@@ -320,9 +320,12 @@ async def test_attached_it_shows_what_the_holder_asks(
     holder: SerialDriver, attached: AttachedDriver
 ) -> None:
     async with viewing(attached) as at:
-        holder.set_velocity(0.1, 0.0, ttl=0.9)
-        await at.sees("asked +0.10")
-        await at.sees("DRIVING")
+
+        def is_shown() -> bool:
+            holder.set_velocity(0.1, 0.0, ttl=0.9)
+            return at.shows("asked +0.10") and at.shows("DRIVING")
+
+        await at.until(is_shown)
 
 
 async def test_attached_it_ends_with_the_holder(

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("textual")
-from support.command import PROGRAM, run
+from support.command import PROGRAM, run, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire.simulation.simulator import Simulator
@@ -64,6 +64,24 @@ def test_q_ends_it_and_leaves_the_terminal_as_it_was(terminal: TypingTerminal) -
     terminal.press(b"q")
     assert terminal.wait() == 0
     assert terminal.attributes() == terminal.before
+
+
+def test_it_ends_although_the_kernel_continues_it_meanwhile(terminal: TypingTerminal) -> None:
+    """As when a window is closed while it ends: whoever loses its terminal gets SIGCONT."""
+    terminal.wait_for(SCREEN)
+    terminal.process.send_signal(signal.SIGTERM)
+    end_s = time.monotonic() + 20.0
+    while terminal.process.poll() is None:
+        assert time.monotonic() < end_s
+        terminal.process.send_signal(signal.SIGCONT)
+        time.sleep(0.01)
+    assert terminal.process.returncode == ENDED_BY[signal.SIGTERM]
+
+
+def test_sensors_are_shown_beside_it(simulator: Simulator, terminal: TypingTerminal) -> None:
+    terminal.wait_for(SCREEN)
+    found = run_json("sensors", simulator.port)
+    assert {one["state"] for one in found} == {"OK"}
 
 
 def test_ctrl_c_stops_the_wheels_and_has_its_exit_code(simulator: Simulator) -> None:

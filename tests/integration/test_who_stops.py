@@ -28,7 +28,7 @@ from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.settings import McuSettings
 
 LIFE_US = 4_500_000
-"""Of the last setpoint: longer than all that is measured here."""
+"""Life of the last setpoint: longer than all that is measured here."""
 CORE_TIMEOUT_US = 500_000
 """Longer than the default: a core that waits for a busy test machine is not hung."""
 BUSY_US = 1_500_000
@@ -61,11 +61,11 @@ class Scene:
     mcu: McuProcess
     core: int
     pwm: Path | None = None
-    """Of the kernel's PWM."""
+    """Folder of the kernel's PWM."""
 
     def removal(self) -> Removal:
         """Wait for the end of the drive, and of what follows it."""
-        wait_until(lambda: not self.stand_in.truth()["driven"], what="the end of the drive")
+        wait_until(lambda: len(self._since_the_drive()) > 1, what="the end of the drive")
         if isinstance(self.stand_in, PigpioProcess):
             us, _, _, writer = self._since_the_drive()[1]
             return Removal(us, SCRIPT if writer == "script" else CORE)

@@ -25,7 +25,7 @@ MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
 LIFTS_DEG = st.floats(15.5, 59.5)
 ASKEW_DEG = st.floats(-6, 6)
 NOISE_MPS2 = 0.05
-"""Of the mean of half a second: ten times that of the noisiest chip."""
+"""Noise of the mean of half a second: ten times that of the noisiest chip."""
 
 
 class Robot(NamedTuple):
@@ -34,7 +34,7 @@ class Robot(NamedTuple):
     forward: Axis
     up: Axis
     roll_deg: float
-    """Of the print on the robot, and the floor's."""
+    """Tilt of the print on the robot and of the floor."""
     pitch_deg: float
 
     def measured(self, noise: Vector, angle_deg: float = 0.0, toward_deg: float = 0.0) -> Vector:

@@ -86,7 +86,7 @@ def test_a_transition_that_the_state_does_not_have_is_refused(graph: Graph) -> N
 
 
 def test_an_estop_outlives_a_cleanup(graph: Graph) -> None:
-    """Of a driver whose supervisor ends with it."""
+    """Also with a driver whose supervisor ends with it."""
     diagnostics = Diagnostics(graph)
     with RobotNode(graph, driver_type="mock"):
         graph.wait_active()

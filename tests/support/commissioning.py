@@ -16,7 +16,7 @@ from wheelwire.files.plant import load_plant, shipped_plants
 
 PLANTS = tuple(shipped_plants())
 BATTERIES_V = (6.5, 7.4, 9.0)
-"""Of a robot for 7.4 V: another one's is changed in the same proportion."""
+"""Voltages for a robot of 7.4 V: another robot's change in the same proportion."""
 NOMINAL_V = 7.4
 OWN = ("counts_per_revolution", "wheel_radius", "wheel_separation")
 """Parameters that a robot has before its motors are identified."""
@@ -91,7 +91,7 @@ def true_breakaway(robot: MockDriver) -> float:
 
 
 def true_time_constant_s(robot: MockDriver, low: float = 0.3, high: float = 0.5) -> float:
-    """Of the left wheel's speed between two duties."""
+    """Time constant of the left wheel's speed between two duties."""
     for _ in range(8):
         robot.set_duty(low, low, 0.5)
         robot.advance(0.25)
@@ -143,12 +143,12 @@ class Outcome(NamedTuple):
 
     @property
     def slope_error(self) -> float:
-        """Of the feed-forward, as a fraction."""
+        """Error of the velocity feed-forward, as a fraction."""
         return self.found.velocity_feedforward / self.truth.velocity_feedforward - 1
 
     @property
     def offset_error(self) -> float:
-        """Of the static feed-forward, as a fraction."""
+        """Error of the static feed-forward, as a fraction."""
         return self.found.static_feedforward / self.truth.static_feedforward - 1
 
     @property

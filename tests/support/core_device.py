@@ -7,7 +7,7 @@ from random import Random
 from typing import Any, TypeVar
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import Board, RefusalCode, ResetReason, SupervisorState
+from wheelwire_protocol.codes import Chip, RefusalCode, ResetReason, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Counters, Encoder
 from wheelwire_protocol.native import Core, Identity, Outputs, StageInputs
@@ -49,7 +49,7 @@ class CoreDevice:
         *,
         seed: int = 1,
         drift: float = 0.0,
-        board: Board = Board.SIMULATED,
+        board: Chip = Chip.SIMULATED,
         board_id: int = BOARD_ID,
         mute: bool = False,
         edits: Edits | None = None,
@@ -105,7 +105,7 @@ class CoreDevice:
 
     @property
     def counters(self) -> Counters:
-        """Of what has arrived since the reset."""
+        """Counters of what has arrived since the reset."""
         return self._decoder.counters
 
     @property
@@ -209,5 +209,5 @@ class CoreDevice:
 
 
 def _duty(stage: StageInputs) -> float:
-    """Of an L298N; the core drives one where no board is named."""
+    """Duty at an L298N's inputs; the core drives one where no board is named."""
     return ((stage.in1_q15 > 0) - (stage.in2_q15 > 0)) * stage.enable_q15 / 32767

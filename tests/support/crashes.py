@@ -280,7 +280,7 @@ def day(folder: Path, seconds: float = 4.0) -> tuple[Path, list[tuple[int, int]]
 def power_cuts(
     count: int, seed: int, path: Path, moments: Sequence[tuple[int, int]]
 ) -> Iterator[Cut]:
-    """Of the pages that were not synced at a moment, some are on the disk; so many times.
+    """`count` power cuts, each with some of the pages on the disk that were not synced.
 
     First every subset of the pages that the file's end is on.
     """

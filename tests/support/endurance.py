@@ -36,7 +36,7 @@ class Unseen(NamedTuple):
 
     milliseconds: float
     distance_m: float
-    """Of the middle between the wheels; negative backwards."""
+    """Travel of the middle between the wheels; negative backwards."""
 
 
 @dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from wheelwire_protocol.codes import Board, ResetReason
+from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.native import Core, Identity, Outputs
 
 from .host_samples import received
@@ -21,7 +21,7 @@ class LibraryRobot(VirtualHost):
         self,
         stored: bytes = b"",
         save: Callable[[bytes], bool] = lambda _block: True,
-        board: Board = Board.LINUX,
+        board: Chip = Chip.LINUX,
         core: Core | None = None,
     ) -> None:
         super().__init__(1)

@@ -39,7 +39,7 @@ def read_for(seconds: float, driver: BaseDriver, reads_hz: int) -> None:
 
 
 def frames_lost(before: LinkStatistics, after: LinkStatistics) -> int:
-    """Of those that were sent to the host between two snapshots."""
+    """Frames lost of those that were sent to the host between two snapshots."""
     return after.frames_lost + after.bad - before.frames_lost - before.bad
 
 

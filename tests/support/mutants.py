@@ -143,7 +143,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Of one run of a group's tests."""
+    """Outcome of one run of a group's tests."""
 
     outcome: Outcome
     detail: str

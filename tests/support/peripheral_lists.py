@@ -19,7 +19,7 @@ from wheelwire_protocol.types import (
 )
 
 _HEAD_FIELDS = 3
-"""Of a PeripheralSet before the entry: session, request, channel."""
+"""Fields of a PeripheralSet before the entry: session, request, channel."""
 _ENTRY = "<" + next(
     layout[_HEAD_FIELDS:] for _, message, layout in LAYOUTS if message is PeripheralSet
 )

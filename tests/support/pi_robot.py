@@ -10,7 +10,7 @@ from wheelwire.board import BoardDescription
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.bus_reader import BusReader
 from wheelwire.peripherals import BatteryLevels, ImuSensor, Peripheral, PowerSensor, packed_list
-from wheelwire_protocol.codes import Board, ResetReason
+from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.native import Core, Identity, Outputs, Sensors, TransferResult
 from wheelwire_protocol.sensors import Axis, PeripheralFault, SensorChip, SensorState
@@ -49,7 +49,7 @@ class PiRobot(LibraryRobot):
     """
 
     def __init__(self, *peripherals: Peripheral) -> None:
-        core = Core(Identity(0x1234, Board.LINUX, 7, ResetReason.POWER_ON))
+        core = Core(Identity(0x1234, Chip.LINUX, 7, ResetReason.POWER_ON))
         board = board_with(*(peripherals or (IMU, POWER)))
         core.take_board(board.packed())
         self.sensors = Sensors(packed_list(board.peripherals, board.fingerprint()))

@@ -30,7 +30,7 @@ class RandomStop(NamedTuple):
     seconds: float
     """Driven before."""
     value: float
-    """Of the simulator's variable."""
+    """Value of the simulator's variable."""
 
     @property
     def cause(self) -> str:

@@ -35,7 +35,7 @@ PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
 COMMANDS_HZ = 100.0
 FIRST_MPS, STEP_MPS = 0.2, 0.0001
-"""Of commands that can be told apart."""
+"""Velocities of commands that differ by a step each."""
 DRIVEN_S = 0.4
 """A command that has not driven a motor by then was not obeyed: it is valid for half a second."""
 WATCH_S = 3.0
@@ -216,7 +216,7 @@ class MotorLatencies(NamedTuple):
 def latencies_to_the_motors(
     graph: Graph, simulator: Simulator, count: int, file: Path, *, flooded: bool
 ) -> MotorLatencies:
-    """Of commands and of e-stops, on the simulated robot's own account; and of a bare service.
+    """Latencies of commands and e-stops, by the simulated robot's report; and of a bare service.
 
     Args:
         graph: Of the client.
@@ -264,7 +264,7 @@ def latencies_to_the_motors(
 
 
 class AttachedEstops(NamedTuple):
-    """Of e-stops beside a node, in seconds."""
+    """Latencies of e-stops beside a node, in seconds."""
 
     written_s: list[float]
     """From the write to the socket of the node's tap until it is on the wire."""
@@ -275,7 +275,7 @@ class AttachedEstops(NamedTuple):
 def attached_estops(
     graph: Graph, simulator: Simulator, tap: StandIn, counts: tuple[int, int], listeners: int
 ) -> AttachedEstops:
-    """Of e-stops by programs that are attached to a node which drives.
+    """Latencies of e-stops by programs that are attached to a node which drives.
 
     Args:
         graph: Of the client.

@@ -36,7 +36,7 @@ Quantiles: TypeAlias = tuple[float, float]
 
 
 class RoundTrips(NamedTuple):
-    """Of one kind, in microseconds, by round."""
+    """Round trips of one kind, in microseconds, by round."""
 
     p50s_us: list[float]
     p99s_us: list[float]

@@ -15,21 +15,21 @@ QEMU = "qemu-system-riscv32"
 INSTALL = "sudo apt install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc"
 
 AIM_INSTRUCTIONS = 7000
-"""Of a control step that takes a setpoint and sends a state."""
+"""Limit of a control step that takes a setpoint and sends a state."""
 
 AIM_RECORDED_INSTRUCTIONS = 8000
-"""Of the same step, recorded by the black box: another twelfth of what a core at 160 MHz has in a
-millisecond is left to it."""
+"""Limit of the same step when the black box records it, which gets another twelfth of the
+millisecond of a core at 160 MHz."""
 
 AIM_SEGMENT_INSTRUCTIONS = 16_000
-"""Of a recorded step that begins a segment of the box, about every half second. It writes the
+"""Limit of a recorded step that begins a segment, about every half second. It writes the
 state of the core, some 320 words, and takes a tenth of a millisecond of such a core."""
 
 AIM_RECORDER_BYTES = 12 * 1024
 """Code of the recorder, which the core does not need."""
 
 AIM_RECORDED_GROWTH = 0.10
-"""Of the median step, against the baseline."""
+"""Growth of the median step, against the baseline."""
 
 AIM_CODE_BYTES = 40 * 1024
 AIM_RAM_BYTES = 4 * 1024

@@ -29,7 +29,7 @@ KINDS = (
 )
 CHIPS = {0: SensorChip.MPU6050, 4: SensorChip.HC_SR04}
 VALUES = {5: (2000, 2, 0)}
-"""Of its entry: the analogue input is number 2."""
+"""Numbers of a channel's entry: the analogue input is number 2."""
 
 
 def info(

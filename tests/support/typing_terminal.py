@@ -18,7 +18,7 @@ from .command import PROGRAM, TIMEOUT_S
 from .waiting import PERIOD_S
 
 REPEAT_S = 1 / 30
-"""Of a held key."""
+"""Period of a held key."""
 
 LAST_OUTPUT_S = 5.0
 """For what a command printed before it ended to be read."""

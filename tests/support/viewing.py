@@ -56,17 +56,20 @@ class Viewing:
 
     async def sees(self, text: str) -> None:
         """Wait until the screen shows a text."""
-        await self.until(lambda: text in " ".join(self.screen.split()))
+        await self.until(lambda: self.shows(text))
+
+    def shows(self, text: str) -> bool:
+        return text in " ".join(self.screen.split())
 
     async def hears(self, text: str) -> None:
         """Wait for an event that has a text."""
         await self.until(lambda: any(text in event for event in self.events))
 
-    async def drives(self, key: str = "w") -> None:
-        """Hold a key until the robot drives."""
+    async def drives(self, key: str = "w", until: str = "DRIVING") -> None:
+        """Hold a key until the screen shows a text, by default that the robot drives."""
 
         async def hold() -> None:
-            while "DRIVING" not in self.screen:
+            while not self.shows(until):
                 await self.press(key)
                 await asyncio.sleep(HELD_S)
 

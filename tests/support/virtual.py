@@ -16,6 +16,15 @@ from .virtual_host import VirtualHost
 STEP_US = 1000
 
 
+def box_after_a_contact() -> bytes:
+    """The black box of a robot whose e-stop contact opened while it drove."""
+    robot = VirtualRobot().open()
+    robot.drive(0.2, 0.1, 1.5)
+    robot.sim.set("estop_open", 1)
+    robot.run(0.3)
+    return robot.sim.black_box()
+
+
 class VirtualRobot(VirtualHost):
     """A simulated device with a host on its line.
 

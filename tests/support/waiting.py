@@ -13,6 +13,13 @@ PERIOD_S = 0.002
 TIMEOUT_S = 30.0
 
 
+def keep_driving(robot: BaseDriver) -> None:
+    """Drive for half a second."""
+    for _ in range(50):
+        robot.set_velocity(0.1, 0.0)
+        robot.read()
+
+
 def wait_until(
     condition: Callable[[], object], timeout_s: float = TIMEOUT_S, what: str = "the condition"
 ) -> None:

@@ -16,7 +16,7 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import SupervisorState
 
 MOST_TURNS = 1.5
-"""Of a wheel before its direction is known."""
+"""Turns of a wheel, at most, before its direction is known."""
 RESOLUTIONS = (360, 1440, 2496)
 UNTUNED = {"imu": "no", "tune": "no"}
 _ASKED = {
@@ -31,7 +31,7 @@ _ASKED = {
     "tune",
     "save",
 }
-"""Of a robot without a defect whose counts are known."""
+"""Questions about a robot without a defect whose counts are known."""
 _DRIVEN_MPS = 0.2
 _DRIVEN_S = 1.0
 VARIABLES = {
@@ -42,7 +42,7 @@ VARIABLES = {
     "left.encoder_reversed": "left_encoder_reversed",
     "right.encoder_reversed": "right_encoder_reversed",
 }
-"""Of the simulator, with the field of `Wiring`."""
+"""Variables of the simulator, each with the field of `Wiring`."""
 
 
 SUPPLIES_V = (4.8, 12.0)

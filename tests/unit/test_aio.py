@@ -24,6 +24,7 @@ from support.pty_device import PtyDevice
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers import factory
+from wheelwire.drivers.loop_link import LoopCalls
 from wheelwire.drivers.transport_driver import DeviceDriver, TransportDriver, opened_later
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
@@ -301,6 +302,37 @@ async def test_one_wake_up_is_pending_at_most(
             assert called == list(range(100))
             called.clear()
         monkeypatch.undo()
+
+
+async def test_calls_leave_time_for_the_loops_other_tasks() -> None:
+    calls = LoopCalls(asyncio.get_running_loop())
+    end = time.monotonic() + 2
+    passed: list[float] = []
+
+    def call() -> None:
+        if not passed and time.monotonic() < end:
+            calls.add(call)  # it never runs out of calls
+
+    call()
+    await asyncio.sleep(0.01)
+    passed.append(time.monotonic())
+    assert passed[0] < end
+
+
+async def test_a_call_that_fails_holds_up_no_other() -> None:
+    loop = asyncio.get_running_loop()
+    told: list[object] = []
+    loop.set_exception_handler(lambda _loop, context: told.append(context["message"]))
+    calls = LoopCalls(loop)
+    called: list[str] = []
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    calls.add(fail)
+    calls.add(partial(called.append, "the next"))
+    await until(lambda: called)
+    assert len(told) == 1
 
 
 def test_a_closed_loop_raises_nothing_in_the_links_thread(
@@ -616,12 +648,24 @@ def test_a_loop_that_dies_while_the_port_is_lost_leaves_nothing_behind(place: Pl
     assert open_files() == files
 
 
-def test_a_loop_that_is_closed_without_a_word_closes_the_port(place: Place) -> None:
+@pytest.mark.parametrize("is_woken", [False, True])
+def test_a_loop_that_is_closed_without_a_word_closes_the_port(
+    place: Place, *, is_woken: bool
+) -> None:
+    """Also when it was woken for a task that refers to the robot, and has not run since."""
     files = open_files()
     loop = asyncio.new_event_loop()
     loop.set_exception_handler(lambda _loop, _context: None)  # it tells of the pending task
     robots = [loop.run_until_complete(asyncio.wait_for(place.opening(), 10))]
+    if is_woken:
+        reading = loop.create_task(_read_forever(robots[0]))
+        loop.run_until_complete(asyncio.sleep(0.1))
+        del reading
     loop.run_until_complete(loop.shutdown_default_executor())
+    if is_woken:
+        calls = LoopCalls.of(loop)
+        wait_until(lambda: calls._is_woken)
+        del calls
     loop.close()
     robots.clear()
     del loop
@@ -632,6 +676,11 @@ def test_a_loop_that_is_closed_without_a_word_closes_the_port(place: Place) -> N
 
     wait_until(is_closed)
     wait_until(lambda: open_files() == files)
+
+
+async def _read_forever(robot: aio.Driver) -> None:
+    async for _ in robot.samples():
+        pass
 
 
 async def test_a_forgotten_robot_is_stopped(place: Place) -> None:
@@ -713,6 +762,7 @@ async def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
         async with serial(device.path) as robot:
             await robot.read()
             device.unplug()
+            await until(lambda: not robot.is_open)  # a sample that came before is still read
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(robot.read(30), 0.3)
             samples = robot.samples()

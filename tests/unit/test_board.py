@@ -39,7 +39,7 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
-from wheelwire_protocol.codes import Board as Chip
+from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.messages import BOARD, BOARD_SIZE
 
 PINS = st.none() | st.integers(0, 127)

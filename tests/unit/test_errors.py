@@ -77,7 +77,7 @@ def test_a_closed_link_is_no_lost_one() -> None:
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted(
-    path for room in ("host", "ros_node", "examples") for path in (ROOT / room).rglob("*.py")
+    path for folder in ("host", "ros_node", "examples") for path in (ROOT / folder).rglob("*.py")
 )
 OS_ERRORS = {"OSError", "ConnectionError", "TimeoutError"}
 ROBOTS = {"robot", "driver", "_robot", "_driver"}
@@ -124,3 +124,25 @@ def test_why_is_a_sentence_of_its_own(hint: str) -> None:
     error = errors.DeviceRefused(RefusalCode.FAULT, "the setpoint", Fault.EXTERNAL, hint=hint)
     error.why = "cliff.front saw no floor."
     assert str(error).endswith(f"{hint or 'clear the fault.'}".rstrip(".") + f". {error.why}")
+
+
+@pytest.mark.parametrize("cause", [None, OSError("pulled")])
+def test_a_stored_error_hides_what_its_caller_was_handling_only_for_a_cause(
+    cause: OSError | None,
+) -> None:
+    stored = errors.LinkLost("the port is gone")
+    if cause is not None:
+        stored.__cause__ = cause
+    handled = ValueError("mine")
+
+    def fail() -> None:
+        try:
+            raise handled
+        except ValueError:
+            raise errors.afresh(stored)  # noqa: B904 - as a robot's call does that is in there
+
+    with pytest.raises(errors.LinkLost) as raised:
+        fail()
+    assert raised.value.__context__ is handled
+    assert raised.value.__cause__ is cause
+    assert raised.value.__suppress_context__ is (cause is not None)

@@ -18,7 +18,7 @@ from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_by
 from support.pty_device import PtyDevice
 from support.stalls import again_after_a_stall
 from wheelwire import errors, flash
-from wheelwire_protocol.codes import Board
+from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.types import Stop, WheelState
 
 TIMEOUT_S = 120.0
@@ -36,7 +36,7 @@ def image(tmp_path: Path) -> Path:
 @pytest.fixture
 def chip() -> EspChip:
     """A board that runs an earlier release of ours."""
-    chip = EspChip(device=CoreDevice(board=Board.ESP32))
+    chip = EspChip(device=CoreDevice(board=Chip.ESP32))
     put(chip, 0, merged_image(seed=2, app_bytes=12_345))
     return chip
 
@@ -136,7 +136,7 @@ def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> 
 
 
 def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
-    chip = EspChip(ESP32S3, CoreDevice(board=Board.ESP32S3))
+    chip = EspChip(ESP32S3, CoreDevice(board=Chip.ESP32S3))
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
     with PtyDevice(tmp_path / "port", before=chip) as pty:
@@ -175,7 +175,7 @@ def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -
 
 
 def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
-    chip.device.board = Board.ESP32C6
+    chip.device.board = Chip.ESP32C6
     check_refusal(run(port, "--image", str(image), "--json"), "reports the board ESP32C6")
 
 
@@ -187,4 +187,4 @@ def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_missing_build_says_which_image_to_take(tmp_path: Path) -> None:
     with pytest.raises(errors.FlashFailed, match=r"wheelwire-esp32s3\.bin"):
-        flash.built_image(Board.ESP32S3, tmp_path)
+        flash.built_image(Chip.ESP32S3, tmp_path)

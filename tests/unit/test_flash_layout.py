@@ -10,7 +10,7 @@ from support.esp_chip import ESP32, ESP32C3, ESP32C6, ESP32S3, ChipKind
 from support.esp_image import FACTORY_LAYOUT, Row, merged_image, our_layout, table_bytes
 from wheelwire.errors import FlashFailed
 from wheelwire.flash import Image, parse_table, plan_flash, read_image
-from wheelwire_protocol.codes import Board
+from wheelwire_protocol.codes import Chip
 
 
 def image_of(folder: Path, content: bytes) -> Image:
@@ -25,12 +25,12 @@ def image(tmp_path: Path) -> Image:
 
 
 @pytest.mark.parametrize(
-    ("kind", "board"),
-    [(ESP32, Board.ESP32), (ESP32S3, Board.ESP32S3), (ESP32C6, Board.ESP32C6)],
+    ("kind", "chip"),
+    [(ESP32, Chip.ESP32), (ESP32S3, Chip.ESP32S3), (ESP32C6, Chip.ESP32C6)],
 )
-def test_an_image_tells_its_chip(tmp_path: Path, kind: ChipKind, board: Board) -> None:
+def test_an_image_tells_its_chip(tmp_path: Path, kind: ChipKind, chip: Chip) -> None:
     image = image_of(tmp_path, merged_image(kind))
-    assert image.board is board
+    assert image.chip is chip
     assert image.parts[0].offset == kind.bootloader
 
 

@@ -27,7 +27,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, P
 
 
 class MemoryTrial(Trial):
-    """Of a `Robot`: values are reverted by the robot, without a request for each."""
+    """A trial on a `Robot`, which reverts the values without a request for each."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -166,8 +166,8 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
         ("parameters: {max_duty: 1, max_duty: 0.5}", "max_duty is given twice"),
         ("wheel_radius: 0.03", "did you mean parameters.wheel_radius?"),
         ("driver: serial", "give ROBOT first, then FILE"),
-        ("", "it has no parameters"),
-        ("board: ESP32", "it has no parameters"),
+        ("", "the file has no parameters"),
+        ("board: ESP32", "the file has no parameters"),
         ("parameters: [1]", "it must be names with values"),
         ("just text", "the file holds 'just text': it must be names with values"),
         ("a: [", "values.yaml"),

@@ -154,6 +154,14 @@ def test_the_example_can_be_used() -> None:
     assert board.peripherals[5].triggered_low
 
 
+def test_pins_that_a_wroom_leaves_free_are_used_once_it_is_named() -> None:
+    assert board_of(BOARD + IMU).problems() == []
+    problems = board_of(BOARD.replace("module: wroom-32\n", "") + IMU).problems()
+    assert len(problems) == 2  # of 16 and 17
+    assert all("on some modules at least" in one for one in problems)
+    assert all("name the module" in one for one in problems)
+
+
 def test_peripherals_are_no_part_of_the_packed_board() -> None:
     plain, board = board_of(BOARD), board_of(ALL)
     assert plain.peripherals == ()
@@ -519,15 +527,15 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ),
     (
         "imu: {chip: mpu6050, forward: x, up: z, address: 0}",
-        "imu.address = 0: leave it out for the chip's usual one",
+        "imu.address = 0: leave it out for the chip's usual address",
     ),
     (
         "imu: {chip: mpu6050, bus: 1, sda: 2, forward: x, up: z}",
-        "imu.bus = 1: a bus has a number, or pins: leave sda and scl out",
+        "imu.bus = 1: a bus has either a number or pins: leave sda and scl out",
     ),
     (
         "imu: {chip: mpu6050, bus: 1, interrupt: 5, forward: x, up: z}",
-        "imu.interrupt = 5: leave it out: a computer takes the time from the reading",
+        "imu.interrupt = 5: leave it out: a computer stamps samples when it reads them",
     ),
     (
         "power: {chip: ina219, bus: /dev/i2c-1, shunt_mohm: 100}",
@@ -569,7 +577,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ),
     (
         "imu: {chip: mpu6050, scl: 17, forward: x, up: z}",
-        "imu.scl = 17: name sda, too; or in place of both, on a computer, its bus's number",
+        "imu.scl = 17: name sda, too; on a computer, name the bus's number in place of both",
     ),
     ("imu: {chip: mpu6050, sda: 2, forward: y, up: z}", "imu.sda = 2: name scl, too"),
     ("power: {chip: ina219, sda: 2, shunt_mohm: 100}", "power.sda = 2: name scl, too"),

@@ -159,7 +159,7 @@ def test_links_on_a_page_lead_somewhere(page: Path) -> None:
 
 
 def anchors(page: Path) -> set[str]:
-    """Of the headings, as GitHub makes them."""
+    """Anchors of the headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.M)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -169,6 +169,11 @@ def test_the_files_that_the_architecture_names_exist() -> None:
     files = re.findall(r"`((?:[\w.]+/)+\w*\.\w+)`", text[text.index("## Where is") :])
     assert len(files) >= 80
     assert [file for file in files if not (DOCS.parent / file).exists()] == []
+
+
+def test_the_page_of_the_commands_closes_what_it_opens() -> None:
+    usages = re.findall(r"`([^`]+)`", (DOCS / "cli.md").read_text())
+    assert [usage for usage in usages if usage.count("[") != usage.count("]")] == []
 
 
 KINDS = ("Tutorial", "How to", "Reference", "Explanation")

@@ -55,7 +55,7 @@ struct wheelwire_core {
   wheelwire_core(const wheelwire_identity& given, const Store& saved) : identity{}, store(saved) {
     identity.boot_id = given.boot_id;
     identity.reset_reason = static_cast<wheelwire::ResetReason>(given.reset_reason);
-    identity.board = static_cast<wheelwire::Board>(given.board);
+    identity.board = static_cast<wheelwire::Chip>(given.board);
     identity.board_id = given.board_id;
     identity.capabilities = given.capabilities;
     identity.version_major = WHEELWIRE_VERSION_MAJOR;

@@ -22,7 +22,7 @@ class BoardKeeper {
   /// `chip`: a board for another one is refused. `built_in`: the image's own, active while none is
   /// stored; nullptr: there is none. A simulated robot has the board that it says, so that board is
   /// confirmed from the start.
-  BoardKeeper(ParameterStore& store, Board chip, const BoardDescription* built_in,
+  BoardKeeper(ParameterStore& store, Chip chip, const BoardDescription* built_in,
               BuiltIn confirmation = BuiltIn::kUnconfirmed)
       : store_(store), chip_(chip), built_in_(built_in), confirmation_(confirmation) {}
 
@@ -71,7 +71,7 @@ class BoardKeeper {
   void take_built_in();
 
   BoardStore store_;
-  Board chip_;
+  Chip chip_;
   const BoardDescription* built_in_;
   BuiltIn confirmation_;
   uint32_t fingerprint_ = 0;

@@ -28,7 +28,7 @@ constexpr BoardPin input_of(size_t wheel, size_t input) {
 }
 
 /// nullptr if it is unknown.
-constexpr const ChipTable* table_of(Board chip) {
+constexpr const ChipTable* table_of(Chip chip) {
   for (const ChipTable& table : kChipTables)
     if (table.chip == chip) return &table;
   return nullptr;

@@ -14,8 +14,8 @@ constexpr size_t kBoardPinCount = 18;
 struct BoardDescription {
   static constexpr size_t kSize = 67;
 
-  uint8_t version{};                    ///< Of this struct.
-  Board chip{};                         ///< The chip whose pins these are.
+  uint8_t version{};                    ///< Version of this struct.
+  Chip chip{};                          ///< The chip whose pins these are.
   Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
@@ -38,7 +38,7 @@ struct BoardDescription {
   int8_t estop{-1};                     ///< GPIO; -1: none.
   int8_t battery{-1};                   ///< GPIO; -1: none.
   int8_t led{-1};                       ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Of all four encoder inputs.
+  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
   ContactKind estop_contact{};          ///< What a press does.
   uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
@@ -273,7 +273,7 @@ using PinMask = uint64_t;
 
 /// What a chip and its usual modules do with their pins.
 struct ChipTable {
-  Board chip;
+  Chip chip;
   PinMask existing;
   PinMask strapping;   ///< Their level at reset selects how the chip starts.
   PinMask memory;      ///< Flash and PSRAM, on any module.
@@ -289,27 +289,27 @@ struct ChipTable {
 };
 
 constexpr ChipTable kChipTables[] = {
-    {Board::kEsp32, 0x9f0eefffff, 0x9025, 0x30fc0, 0xfc00000000, 0xff00000000, 0xa, 0x0, 0xcfe9,
-     0x2, 8, 12, true},
-    {Board::kEsp32s3, 0x1fffffc3fffff, 0x600000000009, 0x3ffc000000, 0x0, 0x7fe, 0x180000000000,
+    {Chip::kEsp32, 0x9f0eefffff, 0x9025, 0x30fc0, 0xfc00000000, 0xff00000000, 0xa, 0x0, 0xcfe9, 0x2,
+     8, 12, true},
+    {Chip::kEsp32s3, 0x1fffffc3fffff, 0x600000000009, 0x3ffc000000, 0x0, 0x7fe, 0x180000000000,
      0x180000, 0x1081fc100001, 0x80000000000, 4, 12, true},
-    {Board::kEsp32c6, 0x7fffbfff, 0x8330, 0x7f000000, 0x0, 0x7f, 0x30000, 0x3000, 0x7ffe2240,
+    {Chip::kEsp32c6, 0x7fffbfff, 0x8330, 0x7f000000, 0x0, 0x7f, 0x30000, 0x3000, 0x7ffe2240,
      0x10000, 4, 6, true},
-    {Board::kLinux, 0xfffffff, 0x0, 0x0, 0x0, 0x0, 0x0, 0x0, 0x1f0, 0x400f, 28, 28, false},
+    {Chip::kLinux, 0xfffffff, 0x0, 0x0, 0x0, 0x0, 0x0, 0x0, 0x1f0, 0x400f, 28, 28, false},
 };
 
 /// A module that is named has these pins of its chip for flash and PSRAM, and no others.
 struct ModuleTable {
   Module module;
-  Board chip;
+  Chip chip;
   PinMask memory;
 };
 
 constexpr ModuleTable kModuleTables[] = {
-    {Module::kWroom32, Board::kEsp32, 0xfc0},
-    {Module::kWrover, Board::kEsp32, 0x30fc0},
-    {Module::kS3Quad, Board::kEsp32s3, 0x1fc000000},
-    {Module::kS3Octal, Board::kEsp32s3, 0x3ffc000000},
+    {Module::kWroom32, Chip::kEsp32, 0xfc0},
+    {Module::kWrover, Chip::kEsp32, 0x30fc0},
+    {Module::kS3Quad, Chip::kEsp32s3, 0x1fc000000},
+    {Module::kS3Octal, Chip::kEsp32s3, 0x3ffc000000},
 };
 
 /// What is worth a sentence, but refuses no board.

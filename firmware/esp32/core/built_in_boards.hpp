@@ -7,7 +7,7 @@ namespace wheelwire {
 
 constexpr BoardDescription kBoardOfEsp32 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-DevKitC",
@@ -34,7 +34,7 @@ static_assert(first_issue(kBoardOfEsp32).fault == BoardFault::kNone);
 
 constexpr BoardDescription kBoardOfEsp32s3 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32s3,
+    .chip = Chip::kEsp32s3,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-S3-DevKitC",
@@ -61,7 +61,7 @@ static_assert(first_issue(kBoardOfEsp32s3).fault == BoardFault::kNone);
 
 constexpr BoardDescription kBoardOfEsp32c6 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32c6,
+    .chip = Chip::kEsp32c6,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-C6-DevKitC",

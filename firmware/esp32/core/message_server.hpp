@@ -15,7 +15,7 @@ namespace wheelwire {
 struct Identity {
   uint32_t boot_id;
   ResetReason reset_reason;
-  Board board;
+  Chip board;
   uint64_t board_id;
   uint32_t capabilities;
   uint8_t version_major;

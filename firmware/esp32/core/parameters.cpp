@@ -117,7 +117,7 @@ uint64_t Parameters::unsaved(ParameterStore& store) const {
   return differing;
 }
 
-void platform_specs(Board board, ParameterSpec* out) {
+void platform_specs(Chip board, ParameterSpec* out) {
   for (size_t i = 0; i < kParameterCount; ++i) out[i] = kParameters[i];
   for (const PlatformDefault& row : kPlatformDefaults) {
     if (row.board == board) out[static_cast<size_t>(row.id) - 1].default_value = row.value;

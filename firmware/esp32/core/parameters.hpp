@@ -55,6 +55,6 @@ class Parameters {
 };
 
 /// Copies kParameters to `out`, which holds kParameterCount rows, with the defaults of `board`.
-void platform_specs(Board board, ParameterSpec* out);
+void platform_specs(Chip board, ParameterSpec* out);
 
 }  // namespace wheelwire

@@ -120,7 +120,7 @@ bool PlausibilityMonitor::gains_speed_like_a_heavy_robot(int32_t excess_q15, int
   earlier_q4_ += (slow_q4 - earlier_q4_) >> memory_shift;
   // Ticks are overdue: perhaps an obstacle, of which the filtered speed does not know yet.
   if (speed_umps * 16 < slow_q4 / 2) return true;
-  // Of the two the filtered speed lags while it grows, and the measured one falls first.
+  // The filtered speed lags while it grows, and the measured speed falls first.
   const int32_t present_q4 = speed_umps * 16 > slow_q4 ? speed_umps * 16 : slow_q4;
   const int32_t light_q15 =
       multiply_shift(gains.acceleration_q24, (present_q4 - earlier_q4_) / 16, 24);

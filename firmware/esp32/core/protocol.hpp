@@ -113,7 +113,7 @@ enum class EventCode : uint8_t {
   kRolling = 4,  ///< The robot rolls although it is not driven: a slope, or somebody pushes it.
 };
 
-enum class Board : uint8_t {
+enum class Chip : uint8_t {
   kSimulated = 0,  ///< The firmware's core on a computer, with a simulated robot.
   kEsp32 = 1,      ///< ESP32.
   kEsp32s3 = 2,    ///< ESP32-S3.
@@ -431,7 +431,8 @@ enum class PeripheralFault : uint8_t {
   kPinMissing = 9,    ///< {entry}: a pin is missing: name each that it has
   kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
   kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
-  kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another
+  kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM, on some modules at
+                      ///< least; choose another, or name the module
   kPinOfLink = 13,  ///< {entry}: {pin}: GPIO {pin} carries the line to the computer; choose another
   kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
                        ///< starts; choose another
@@ -482,8 +483,8 @@ struct Hello {
   static constexpr size_t kSize = 10;
 
   uint32_t nonce{};             ///< Random; with boot_id it names the session.
-  uint16_t protocol_version{};  ///< Of the host.
-  uint32_t schema_hash{};       ///< Of the host's message definitions.
+  uint16_t protocol_version{};  ///< The host's protocol version.
+  uint32_t schema_hash{};       ///< Hash of the host's message definitions.
 
   bool operator==(const Hello&) const = default;
 
@@ -933,7 +934,7 @@ struct ParameterTrial {
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   TrialAction action{};   ///< What to do.
-  float timeout_s{};      ///< Of BEGIN and RENEW: 0.2 to 60. [s]
+  float timeout_s{};      ///< Life of the trial after BEGIN or RENEW: 0.2 to 60. [s]
 
   bool operator==(const ParameterTrial&) const = default;
 
@@ -1066,8 +1067,8 @@ struct BoardWrite {
 
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
-  uint8_t version{};                    ///< Of this struct.
-  Board chip{};                         ///< The chip whose pins these are.
+  uint8_t version{};                    ///< Version of this struct.
+  Chip chip{};                          ///< The chip whose pins these are.
   Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
@@ -1090,7 +1091,7 @@ struct BoardWrite {
   int8_t estop{};                       ///< GPIO; -1: none.
   int8_t battery{};                     ///< GPIO; -1: none.
   int8_t led{};                         ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Of all four encoder inputs.
+  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
   ContactKind estop_contact{};          ///< What a press does.
   uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
@@ -1240,8 +1241,8 @@ struct BoxRead {
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t number{};      ///< Of the box.
-  uint32_t offset{};      ///< In bytes, from its beginning.
+  uint32_t number{};      ///< Number of the box.
+  uint32_t offset{};      ///< Offset from its beginning, in bytes.
 
   bool operator==(const BoxRead&) const = default;
 
@@ -1321,7 +1322,8 @@ struct SensorStream {
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint16_t rate_hz{};     ///< Of the IMU at most; the others have their own. 0: no samples. [Hz]
+  uint16_t
+      rate_hz{};  ///< Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz]
 
   bool operator==(const SensorStream&) const = default;
 
@@ -1379,18 +1381,18 @@ struct PeripheralSet {
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t channel{};      ///< Index of the entry, from 0.
   PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< Of IMU, POWER and RANGE.
+  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
   Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Of its pin.
+  uint8_t flags{};        ///< Properties of its pin.
   int8_t pin_a{};         ///< GPIO; -1: none.
   int8_t pin_b{};         ///< GPIO; -1: none.
   int8_t pin_c{};         ///< GPIO; -1: none.
-  uint8_t address{};      ///< On the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< Of IMU: the axis that points forward.
-  Axis up{};              ///< Of IMU: the axis that points up.
-  uint16_t value_a{};     ///< By kind; see SPEC.md.
-  uint16_t value_b{};     ///< By kind.
-  uint16_t value_c{};     ///< By kind.
+  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
+  Axis forward{};         ///< The IMU's axis that points forward.
+  Axis up{};              ///< The IMU's axis that points up.
+  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
+  uint16_t value_b{};     ///< Depends on the kind.
+  uint16_t value_c{};     ///< Depends on the kind.
 
   bool operator==(const PeripheralSet&) const = default;
 
@@ -1446,7 +1448,7 @@ struct PeripheralsWrite {
   uint16_t request_id{};    ///< Counts up in a session; the answer returns it.
   uint8_t channel_count{};  ///< How many entries count; 0: an empty list.
   uint32_t board{};         ///< Fingerprint of the board that they are connected to.
-  uint32_t crc{};           ///< Of the list: see SPEC.md.
+  uint32_t crc{};           ///< CRC of the list: see SPEC.md.
 
   bool operator==(const PeripheralsWrite&) const = default;
 
@@ -1478,7 +1480,7 @@ struct PeripheralsConfirm {
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t crc{};         ///< Of the list that is meant.
+  uint32_t crc{};         ///< CRC of the list that is meant.
 
   bool operator==(const PeripheralsConfirm&) const = default;
 
@@ -1505,18 +1507,18 @@ struct DeviceHello {
   static constexpr size_t kSize = 44;
 
   uint32_t nonce{};             ///< The host's, repeated.
-  uint16_t protocol_version{};  ///< Of the device.
-  uint32_t schema_hash{};       ///< Of the device's message definitions.
+  uint16_t protocol_version{};  ///< The device's protocol version.
+  uint32_t schema_hash{};       ///< Hash of the device's message definitions.
   RefusalCode refusal{};        ///< NONE: the session is open.
   uint32_t boot_id{};           ///< Random at reset. A new value voids all earlier ticks.
   uint64_t device_us{};         ///< Device clock, from reset. [us]
   ResetReason reset_reason{};   ///< Why the device last started.
-  Board board{};                ///< What the firmware runs on.
+  Chip board{};                 ///< What the firmware runs on.
   uint64_t board_id{};          ///< The chip's MAC address.
   uint32_t capabilities{};      ///< What this device can do.
-  uint8_t version_major{};      ///< Of the firmware.
-  uint8_t version_minor{};      ///< Of the firmware.
-  uint8_t version_patch{};      ///< Of the firmware.
+  uint8_t version_major{};      ///< The firmware's major version.
+  uint8_t version_minor{};      ///< The firmware's minor version.
+  uint8_t version_patch{};      ///< The firmware's patch version.
   uint32_t git_hash{};          ///< First 8 hex digits of the firmware's commit; 0: unknown.
 
   bool operator==(const DeviceHello&) const = default;
@@ -1800,7 +1802,7 @@ struct Event {
   SupervisorState before{};  ///< State left.
   SupervisorState after{};   ///< State entered.
   uint16_t faults{};         ///< Latched fault flags.
-  float speed_mps{};         ///< Of ROLLING: how fast the faster wheel turns; otherwise 0. [m/s]
+  float speed_mps{};         ///< With ROLLING, the speed of the faster wheel; otherwise 0. [m/s]
 
   bool operator==(const Event&) const = default;
 
@@ -1966,8 +1968,8 @@ struct Contradictions {
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t active{};      ///< Of the active values: nothing drives.
-  uint32_t refused{};     ///< Of the values that this session was last refused for.
+  uint32_t active{};      ///< Contradictions of the active values: nothing drives.
+  uint32_t refused{};     ///< Contradictions of the values that this session was last refused.
 
   bool operator==(const Contradictions&) const = default;
 
@@ -1998,8 +2000,8 @@ struct BoardValue {
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
   BoardState state{};                   ///< Where it is from.
-  uint8_t version{};                    ///< Of this struct.
-  Board chip{};                         ///< The chip whose pins these are.
+  uint8_t version{};                    ///< Version of this struct.
+  Chip chip{};                          ///< The chip whose pins these are.
   Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
@@ -2022,7 +2024,7 @@ struct BoardValue {
   int8_t estop{};                       ///< GPIO; -1: none.
   int8_t battery{};                     ///< GPIO; -1: none.
   int8_t led{};                         ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Of all four encoder inputs.
+  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
   ContactKind estop_contact{};          ///< What a press does.
   uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
@@ -2123,13 +2125,13 @@ struct BoxValue {
   uint8_t is_current{};   ///< 1: what it ends with is how the device stands now, or the reset that
                           ///< began this boot.
   uint32_t number{};      ///< Counts up over all boxes of the device, from 1.
-  uint32_t size{};        ///< In bytes.
+  uint32_t size{};        ///< Size in bytes.
   BoxCause cause{};       ///< Why it was stored.
-  ResetReason reset_reason{};  ///< Of the boot in which it was stored.
-  uint32_t boot_id{};          ///< Of the boot in which it was recorded.
+  ResetReason reset_reason{};  ///< Reason for the reset before the boot in which it was stored.
+  uint32_t boot_id{};          ///< Number of the boot in which it was recorded.
   uint32_t core{};             ///< Hash of the core that recorded it.
-  uint32_t release{};          ///< Of the firmware: major << 16, minor << 8, patch.
-  uint32_t git_hash{};         ///< Of the firmware's commit; 0: unknown.
+  uint32_t release{};          ///< The firmware's version: major << 16, minor << 8, patch.
+  uint32_t git_hash{};         ///< First 8 hex digits of the firmware's commit; 0: unknown.
   uint32_t board{};            ///< Fingerprint of the board; 0: none.
   uint32_t faults{};           ///< Latched when it was stored.
   uint64_t stored_us{};        ///< Device clock when it was stored. [us]
@@ -2322,20 +2324,20 @@ struct SensorInfo {
   PeripheralKind kind{};        ///< What it is.
   SensorChip chip{};            ///< Which chip.
   Place place{};                ///< Where it is.
-  Axis forward{};               ///< Of an IMU: the axis that points forward.
-  Axis up{};                    ///< Of an IMU: the axis that points up.
+  Axis forward{};               ///< The IMU's axis that points forward.
+  Axis up{};                    ///< The IMU's axis that points up.
   SensorState state{};          ///< Whether its samples can be used.
   uint16_t rate_hz{};           ///< At which samples are sent; 0: on a change. [Hz]
-  float gyro_scale{};           ///< Of one count. [rad/s]
-  float accelerometer_scale{};  ///< Of one count. [m/s^2]
+  float gyro_scale{};           ///< One count. [rad/s]
+  float accelerometer_scale{};  ///< One count. [m/s^2]
   float gyro_noise{};           ///< Standard deviation. [rad/s]
   float accelerometer_noise{};  ///< Standard deviation. [m/s^2]
-  int16_t bias_x{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
-                     ///< input: its divider, its number. As its entry says. [count]
-  int16_t bias_y{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
-                     ///< input: its divider, its number. As its entry says. [count]
-  int16_t bias_z{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
-                     ///< input: its divider, its number. As its entry says. [count]
+  int16_t bias_x{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
+                     ///< an analogue input's divider and number. [count]
+  int16_t bias_y{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
+                     ///< an analogue input's divider and number. [count]
+  int16_t bias_z{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
+                     ///< an analogue input's divider and number. [count]
 
   bool operator==(const SensorInfo&) const = default;
 
@@ -2400,7 +2402,7 @@ struct Imu {
   int16_t accelerometer_x{};   ///< Times accelerometer_scale of SensorInfo. [count]
   int16_t accelerometer_y{};   ///< Times accelerometer_scale of SensorInfo. [count]
   int16_t accelerometer_z{};   ///< Times accelerometer_scale of SensorInfo. [count]
-  int16_t temperature_cdeg{};  ///< Of the chip. [0.01 degC]
+  int16_t temperature_cdeg{};  ///< Temperature of the chip. [0.01 degC]
 
   bool operator==(const Imu&) const = default;
 
@@ -2450,7 +2452,7 @@ struct Power {
   uint16_t voltage_mv{};  ///< Measured. [mV]
   int32_t current_ma{};   ///< Drawn; 0 if nothing measures it. [mA]
   float used_mah{};       ///< Drawn since the device started. [mAh]
-  BatteryLevel level{};   ///< Of the battery.
+  BatteryLevel level{};   ///< Level of the battery.
 
   bool operator==(const Power&) const = default;
 
@@ -2490,7 +2492,7 @@ struct Inputs {
   uint16_t triggered{};    ///< Bit n: channel n acts on the robot.
   uint16_t stale{};        ///< Bit n: the samples of channel n cannot be used.
   uint8_t reflexes{};      ///< What is forbidden now.
-  BatteryLevel level{};    ///< Of the battery.
+  BatteryLevel level{};    ///< Level of the battery.
   uint16_t edges_0{};      ///< Edges at channel 0 since reset. Wraps.
   uint16_t edges_1{};      ///< Edges at channel 1 since reset. Wraps.
   uint16_t edges_2{};      ///< Edges at channel 2 since reset. Wraps.
@@ -2606,20 +2608,20 @@ struct PeripheralValue {
   uint8_t channel_count{};   ///< How many entries the list has.
   PeripheralsState state{};  ///< Where the list is from.
   uint32_t board{};          ///< Fingerprint of the board that it is for.
-  uint32_t crc{};            ///< Of the list.
+  uint32_t crc{};            ///< CRC of the list.
   PeripheralKind kind{};     ///< What it is.
-  SensorChip chip{};         ///< Of IMU, POWER and RANGE.
+  SensorChip chip{};         ///< The chip of an IMU, POWER or RANGE.
   Place place{};             ///< Where it is.
-  uint8_t flags{};           ///< Of its pin.
+  uint8_t flags{};           ///< Properties of its pin.
   int8_t pin_a{};            ///< GPIO; -1: none.
   int8_t pin_b{};            ///< GPIO; -1: none.
   int8_t pin_c{};            ///< GPIO; -1: none.
-  uint8_t address{};         ///< On the I2C bus; 0: the chip's usual one.
-  Axis forward{};            ///< Of IMU: the axis that points forward.
-  Axis up{};                 ///< Of IMU: the axis that points up.
-  uint16_t value_a{};        ///< By kind; see SPEC.md.
-  uint16_t value_b{};        ///< By kind.
-  uint16_t value_c{};        ///< By kind.
+  uint8_t address{};         ///< Its address on the I2C bus; 0: the chip's usual one.
+  Axis forward{};            ///< The IMU's axis that points forward.
+  Axis up{};                 ///< The IMU's axis that points up.
+  uint16_t value_a{};        ///< Depends on the kind; see SPEC.md.
+  uint16_t value_b{};        ///< Depends on the kind.
+  uint16_t value_c{};        ///< Depends on the kind.
 
   bool operator==(const PeripheralValue&) const = default;
 
@@ -2847,8 +2849,8 @@ enum class ParameterId : uint8_t {
   kMaxAccelerationMps2 = 7,   ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
   kMaxDuty = 8,               ///< Limit of either output. [duty (-1..1)]
   kMaxDutyRatePerS = 9,       ///< Slew limit of duty setpoints. A stop bypasses it. [duty/s]
-  kProportionalGain = 10,     ///< Of the velocity loop. [duty/(m/s)]
-  kIntegralGain = 11,         ///< Of the velocity loop. [duty/m]
+  kProportionalGain = 10,     ///< Proportional gain of the velocity loop. [duty/(m/s)]
+  kIntegralGain = 11,         ///< Integral gain of the velocity loop. [duty/m]
   kVelocityFeedforward = 12,  ///< Duty per speed: (1 - static_feedforward) / no-load speed, at
                               ///< nominal_supply_v. [duty/(m/s)]
   kAccelerationFeedforward = 13,  ///< Duty per acceleration: velocity_feedforward x the drive's
@@ -3010,16 +3012,16 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
 };
 
 struct PlatformDefault {
-  Board board;
+  Chip board;
   ParameterId id;
   float value;
 };
 
 /// Where a board's defaults differ from those of kParameters.
 constexpr PlatformDefault kPlatformDefaults[] = {
-    {Board::kLinux, ParameterId::kControlRateHz, 100.0f},
-    {Board::kLinux, ParameterId::kOverrunLimitUs, 100000.0f},
-    {Board::kLinux, ParameterId::kEstopInputEnabled, 0.0f},
+    {Chip::kLinux, ParameterId::kControlRateHz, 100.0f},
+    {Chip::kLinux, ParameterId::kOverrunLimitUs, 100000.0f},
+    {Chip::kLinux, ParameterId::kEstopInputEnabled, 0.0f},
 };
 
 }  // namespace wheelwire

@@ -52,7 +52,7 @@ class BatteryWitness {
     return ended;
   }
 
-  // Of a moment between two readings, at which the chip would see this voltage.
+  // For a moment between two readings, at which the chip would see this voltage.
   /// What it forbids for certain.
   uint8_t forbids(uint16_t millivolts, uint64_t now_us) const {
     if (!is_guarded(levels_)) return 0;

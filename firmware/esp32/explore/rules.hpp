@@ -25,7 +25,7 @@ std::optional<Rule> rule_called(std::string_view code);
 
 /// What the rules remember from one look to the next.
 struct Memory {
-  // Of the last look.
+  // As of the last look.
   SupervisorState state = SupervisorState::kBoot;
   std::array<double, 2> duty{};
   bool followed_velocity = false;

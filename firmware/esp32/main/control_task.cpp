@@ -119,6 +119,8 @@ void ControlTask::step() {
     device_.report_driver_failure();
   if (device_.is_restart_due(now_us())) {
     release_motors();
+    // Or a boot that crashes before it records would be explained by the steps of this one.
+    if (recorder_ != nullptr) recorder_->black_box().clear();
     esp_restart();
   }
 }

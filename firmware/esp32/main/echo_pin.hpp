@@ -45,7 +45,7 @@ class EchoPin final : public EchoPins {
   gpio_num_t echo_{};
   uint32_t ticks_per_us_ = 0;
   portMUX_TYPE lock_ = portMUX_INITIALIZER_UNLOCKED;
-  // Of the interrupt, and under the lock.
+  // Written by the interrupt, under the lock.
   bool has_rise_ = false;
   uint32_t rise_ticks_ = 0;
   bool has_pulse_ = false;

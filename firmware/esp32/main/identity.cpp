@@ -10,11 +10,11 @@ namespace wheelwire {
 namespace {
 
 #if CONFIG_IDF_TARGET_ESP32
-constexpr Board kBoard = Board::kEsp32;
+constexpr Chip kBoard = Chip::kEsp32;
 #elif CONFIG_IDF_TARGET_ESP32S3
-constexpr Board kBoard = Board::kEsp32s3;
+constexpr Chip kBoard = Chip::kEsp32s3;
 #elif CONFIG_IDF_TARGET_ESP32C6
-constexpr Board kBoard = Board::kEsp32c6;
+constexpr Chip kBoard = Chip::kEsp32c6;
 #endif
 
 /// With the radio off the generator needs this entropy source.

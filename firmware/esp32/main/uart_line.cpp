@@ -3,6 +3,7 @@
 #include "driver/uart.h"
 #include "driver/uart_select.h"
 #include "esp_attr.h"
+#include "hal/uart_ll.h"
 #include "line.hpp"
 #include "sdkconfig.h"
 #include "soc/uart_pins.h"
@@ -32,6 +33,16 @@ IRAM_ATTR void on_bytes(uart_port_t, uart_select_notif_t event, BaseType_t* woke
   if (event == UART_SELECT_READ_NOTIF) xTaskNotifyFromISR(listener, listener_bits, eSetBits, woken);
 }
 
+/// When its buffer is full, the driver's interrupt first notes that and then switches the receive
+/// interrupts off; a read switches them on again. A read on the other core that comes between the
+/// two leaves them off, and nothing would be received until a reset. Only while the buffer is
+/// empty: then the driver has no other reason to keep them off.
+void keep_receiving() {
+  constexpr uint32_t kReceiveInterrupts = UART_INTR_RXFIFO_FULL | UART_INTR_RXFIFO_TOUT;
+  const uint32_t enabled = uart_ll_get_intr_ena_status(UART_LL_GET_HW(kPort));
+  if ((enabled & kReceiveInterrupts) != kReceiveInterrupts) uart_enable_rx_intr(kPort);
+}
+
 }  // namespace
 
 bool UartLine::start() {
@@ -58,7 +69,9 @@ void UartLine::notify(TaskHandle_t task, uint32_t bits) {
 
 size_t UartLine::read(uint8_t* out, size_t capacity) {
   const int size = uart_read_bytes(kPort, out, capacity, 0);
-  return size > 0 ? static_cast<size_t>(size) : 0;
+  if (size > 0) return static_cast<size_t>(size);
+  keep_receiving();
+  return 0;
 }
 
 bool UartLine::write(const uint8_t* data, size_t size) {

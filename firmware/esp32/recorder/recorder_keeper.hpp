@@ -75,7 +75,7 @@ class RecorderKeeper final : public BoxArchive {
   ResetReason reset_reason_;
   uint32_t board_;
   bool is_left_ = false;  // The box in memory is of the time before the reset.
-  // Of the box of the reset that began this boot, and of the one that was ended last; 0: none.
+  // Numbers of the box of the reset that began this boot, and of the box ended last; 0: none.
   uint32_t reset_number_ = 0;
   uint32_t ended_number_ = 0;
   bool stores_ = false;  // The box in memory is being stored.

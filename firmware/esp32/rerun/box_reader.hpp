@@ -13,7 +13,7 @@ struct BoxEntry {
   size_t words = 0;
   uint64_t t_us = 0;  ///< Of the step, message or end of a connection that it belongs to.
   StepNote step{};    ///< The newest one.
-  // Of a message:
+  // While a message is read:
   bool in_step = false;
   uint8_t message_id = 0;
   uint8_t body_size = 0;

@@ -40,7 +40,7 @@ void Rerun::restore() {
                 .estop = estop_,
                 .battery = battery_};
   if ((flags & box::kHasKeeper) != 0) {
-    keeper_.emplace(store_, Board::kSimulated, nullptr);
+    keeper_.emplace(store_, Chip::kSimulated, nullptr);
     device_.emplace(hal, Identity{}, kParameters, &*keeper_);
   } else {
     device_.emplace(hal, Identity{});

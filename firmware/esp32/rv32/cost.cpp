@@ -47,7 +47,7 @@ struct Bench {
       {left_motor, right_motor, encoders, line, store, latches, latch_store, estop, battery},
       {.boot_id = kBootId,
        .reset_reason = ResetReason::kPowerOn,
-       .board = Board::kEsp32c6,
+       .board = Chip::kEsp32c6,
        .board_id = 0x0123456789ab,
        .capabilities = capability::kBattery | capability::kEstopInput,
        .version_major = 0,

@@ -84,7 +84,7 @@ constexpr uint32_t range_round_us(const PeripheralList& list) {
 constexpr size_t analog_index(const Peripheral& entry) { return entry.value_b - 1u; }
 
 /// A computer's buses are its kernel's. A chip names one by its number, in place of its first pin.
-constexpr bool has_numbered_buses(Board chip) { return chip == Board::kLinux; }
+constexpr bool has_numbered_buses(Chip chip) { return chip == Chip::kLinux; }
 
 /// Where a computer has none of what reads it: neither a timer that captures edges nor an ADC.
 constexpr bool needs_microcontroller(PeripheralKind kind) {

@@ -20,18 +20,18 @@ struct Peripheral {
   static constexpr size_t kSize = 16;
 
   PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< Of IMU, POWER and RANGE.
+  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
   Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Of its pin.
+  uint8_t flags{};        ///< Properties of its pin.
   int8_t pin_a{-1};       ///< GPIO; -1: none.
   int8_t pin_b{-1};       ///< GPIO; -1: none.
   int8_t pin_c{-1};       ///< GPIO; -1: none.
-  uint8_t address{};      ///< On the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< Of IMU: the axis that points forward.
-  Axis up{};              ///< Of IMU: the axis that points up.
-  uint16_t value_a{};     ///< By kind; see SPEC.md.
-  uint16_t value_b{};     ///< By kind.
-  uint16_t value_c{};     ///< By kind.
+  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
+  Axis forward{};         ///< The IMU's axis that points forward.
+  Axis up{};              ///< The IMU's axis that points up.
+  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
+  uint16_t value_b{};     ///< Depends on the kind.
+  uint16_t value_c{};     ///< Depends on the kind.
 
   bool operator==(const Peripheral&) const = default;
 

@@ -16,7 +16,7 @@ Flash::~Flash() {
 void Flash::use_file(const std::string& path) {
   path_ = path;
   std::ifstream file(path, std::ios::binary);
-  // Of one that is too short the rest is as erased.
+  // If the file is too short, the rest is as erased.
   if (file)
     file.read(reinterpret_cast<char*>(bytes_.data()), static_cast<std::streamsize>(bytes_.size()));
 }

@@ -56,6 +56,7 @@ bool is_physical(const PlantModel& model) {
 void Plant::configure(const PlantModel& model) {
   model_ = model;
   bridge_ = model.bridge;
+  bridge_.supply_v = open_v();
   for (const Side side : kSides) {
     constants_[side] = constants_of(model, side);
     if (model.wheels[side].backlash_rad == 0.0) gears_[side].in_play = false;
@@ -65,7 +66,7 @@ void Plant::configure(const PlantModel& model) {
 
 void Plant::step(double dt, const std::array<BridgeState, 2>& bridges) {
   const double uphill = model_.slope_rad == 0.0 ? 0.0 : std::cos(pose_.heading_rad);
-  if (model_.supply_ohm != 0.0) step_supply(bridges);
+  if (model_.supply_ohm != 0.0 || model_.battery_ah != 0.0) step_supply(dt, bridges);
   step_tilt(dt);
   forward_mps_ = yaw_rate_radps_ = 0.0;
   if (is_pushed()) return step_push(dt, bridges, uphill);
@@ -121,12 +122,20 @@ double Plant::current_through(Side side, const BridgeState& bridge) const {
 
 /// The voltage moves towards what the last step's current leaves of it, by the share that is
 /// stable at any resistance: the current grows with the voltage by 1 / winding_ohm at most.
-void Plant::step_supply(const std::array<BridgeState, 2>& bridges) {
+void Plant::step_supply(double dt, const std::array<BridgeState, 2>& bridges) {
   double conductance = 0.0;
   for (const Side side : kSides) conductance += 1.0 / constants_[side].motor.winding_ohm;
-  const double sag_v = model_.supply_ohm * drawn_a(bridges);
-  const double target = std::max(0.0, model_.bridge.supply_v - sag_v);
+  const double drawn = drawn_a(bridges);
+  if (model_.battery_ah != 0.0) used_ah_ += drawn * dt / 3600.0;
+  const double target = std::max(0.0, open_v() - model_.supply_ohm * drawn);
   bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
+}
+
+double Plant::open_v() const {
+  const double full_v = model_.bridge.supply_v;
+  if (model_.battery_ah == 0.0) return full_v;
+  const double used = std::min(1.0, used_ah_ / model_.battery_ah);
+  return std::max(0.0, full_v - model_.battery_fall_v * used);
 }
 
 double Plant::drawn_a(const std::array<BridgeState, 2>& bridges) const {

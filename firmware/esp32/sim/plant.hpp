@@ -39,8 +39,10 @@ struct PlantModel {
   /// Of the travel, lost when a wheel pushes with its share of the robot's weight; in proportion to
   /// the push below that.
   double slip = 0.0;
-  double supply_ohm = 0.0;   ///< Of battery and leads: the supply sags under the motors' current.
-  bool wheels_free = false;  ///< Raised: nothing of the robot moves but the wheels.
+  double supply_ohm = 0.0;  ///< Of battery and leads: the supply sags under the motors' current.
+  double battery_ah = 0.0;  ///< Charge of the full battery; 0: it stays full.
+  double battery_fall_v = 1.6;  ///< By which its voltage falls, evenly, until it is empty.
+  bool wheels_free = false;     ///< Raised: nothing of the robot moves but the wheels.
   bool motors_swapped = false;  ///< Each bridge drives the other wheel's motor.
   MotorRating motor;
   Friction friction;
@@ -123,6 +125,9 @@ class Plant {
   double forward_mps() const { return forward_mps_; }        ///< Of the centre, in the last step.
   double yaw_rate_radps() const { return yaw_rate_radps_; }  ///< In the last step.
   double supply_v() const { return bridge_.supply_v; }       ///< As it sags.
+  /// What the motors have drawn from a battery that can be emptied; 0: it is full.
+  double& used_ah() { return used_ah_; }
+  const double& used_ah() const { return used_ah_; }
   /// From the supply, by these bridges.
   double drawn_a(const std::array<BridgeState, 2>& bridges) const;
   double sag_v() const { return model_.bridge.supply_v - bridge_.supply_v; }
@@ -157,7 +162,8 @@ class Plant {
   const BridgeState& bridge_of(Side side, const std::array<BridgeState, 2>& bridges) const {
     return bridges[model_.motors_swapped ? other(side) : side];
   }
-  void step_supply(const std::array<BridgeState, 2>& bridges);
+  void step_supply(double dt, const std::array<BridgeState, 2>& bridges);
+  double open_v() const;  ///< Of the supply, without a load.
   void step_side(Side side, double dt, const BridgeState& bridge, double uphill);
   void step_slip(Side side, double push_nm);
   void turn_by_hand_for(Side side, double dt, double current_a);
@@ -185,6 +191,7 @@ class Plant {
   double distance_m_ = 0.0;
   double forward_mps_ = 0.0;
   double yaw_rate_radps_ = 0.0;
+  double used_ah_ = 0.0;
 };
 
 }  // namespace wheelwire::sim

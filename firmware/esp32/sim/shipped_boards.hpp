@@ -7,7 +7,7 @@ namespace wheelwire::sim {
 
 constexpr BoardDescription kBoardBts7960 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kHalfBridges,
     .line = BoardLine::kUart,
     .name = "BTS7960 (IBT-2)",
@@ -33,7 +33,7 @@ constexpr BoardDescription kBoardBts7960 = {
 
 constexpr BoardDescription kBoardDrv8833 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kInIn,
     .line = BoardLine::kUart,
     .name = "DRV8833",
@@ -58,7 +58,7 @@ constexpr BoardDescription kBoardDrv8833 = {
 
 constexpr BoardDescription kBoardL298n = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-DevKitC",
@@ -84,7 +84,7 @@ constexpr BoardDescription kBoardL298n = {
 
 constexpr BoardDescription kBoardMdd10a = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kPwmDir,
     .line = BoardLine::kUart,
     .name = "Cytron MDD10A",
@@ -108,7 +108,7 @@ constexpr BoardDescription kBoardMdd10a = {
 
 constexpr BoardDescription kBoardTb6612 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32,
+    .chip = Chip::kEsp32,
     .stage = Stage::kPwmIn1In2,
     .line = BoardLine::kUart,
     .name = "TB6612FNG",
@@ -135,7 +135,7 @@ constexpr BoardDescription kBoardTb6612 = {
 
 constexpr BoardDescription kBoardEsp32s3 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32s3,
+    .chip = Chip::kEsp32s3,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-S3-DevKitC",
@@ -161,7 +161,7 @@ constexpr BoardDescription kBoardEsp32s3 = {
 
 constexpr BoardDescription kBoardEsp32c6 = {
     .version = kBoardVersion,
-    .chip = Board::kEsp32c6,
+    .chip = Chip::kEsp32c6,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, ESP32-C6-DevKitC",
@@ -187,7 +187,7 @@ constexpr BoardDescription kBoardEsp32c6 = {
 
 constexpr BoardDescription kBoardPi4b = {
     .version = kBoardVersion,
-    .chip = Board::kLinux,
+    .chip = Chip::kLinux,
     .stage = Stage::kEnableIn1In2,
     .line = BoardLine::kUart,
     .name = "L298N, Raspberry Pi 4B",

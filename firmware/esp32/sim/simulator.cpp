@@ -13,7 +13,7 @@ namespace {
 Identity power_on_identity(uint64_t board_id) {
   return {.boot_id = 0,
           .reset_reason = ResetReason::kPowerOn,
-          .board = Board::kSimulated,
+          .board = Chip::kSimulated,
           .board_id = board_id,
           .capabilities = capability::kBattery | capability::kEstopInput |
                           capability::kSimulatedPlant | capability::kRestart,

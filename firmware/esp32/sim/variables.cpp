@@ -94,6 +94,18 @@ void add_world(std::vector<Variable>& table) {
                        real("supply_ohm", "Ohm", 0, 20,
                             "Of battery and leads: the supply sags, and with it what the battery "
                             "input senses.")),
+                   with_model<[](auto& m) -> auto& { return m.battery_ah; }>(
+                       real("battery.capacity_ah", "A h", 0, 1000,
+                            "Of the battery, which the motors' current empties; 0: it stays as it "
+                            "is.")),
+                   with_model<[](auto& m) -> auto& { return m.battery_fall_v; }>(
+                       real("battery.fall_v", "V", 0, 60,
+                            "By which its voltage falls, evenly, until it is empty: the motor "
+                            "supply, and what the battery input senses.")),
+                   with_field<[](auto& s) -> auto& { return s.board.plant.used_ah(); }>(
+                       real("battery.used_ah", "A h", 0, 1000,
+                            "What the motors have drawn of its capacity; setting it to 0 charges "
+                            "the battery.")),
                    with_field<[](auto& s) -> auto& { return s.board.brownout_v; }>(
                        real("brownout_v", "V", 0, 60,
                             "A supply below this resets the chip, and holds it in reset.")),
@@ -512,7 +524,7 @@ void add_readings(std::vector<Variable>& table) {
                   [](const Simulator& s) { return s.board.plant.distance_m(); }),
           reading("true.kinetic_energy_j", "J", "Of robot and wheels.",
                   [](const Simulator& s) { return s.board.plant.kinetic_energy_j(); }),
-          reading("true.supply_v", "V", "The motor supply, as it sags.",
+          reading("true.supply_v", "V", "The motor supply, as it sags and the battery empties.",
                   [](const Simulator& s) { return s.board.plant.supply_v(); }),
           reading("t_us", "us", "Simulated time.",
                   [](const Simulator& s) { return static_cast<double>(s.board.now()) * 1e-3; }),

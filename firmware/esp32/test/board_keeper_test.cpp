@@ -42,7 +42,7 @@ class CutStore final : public ParameterStore {
 /// A device that starts with what the store holds.
 struct Start {
   explicit Start(ParameterStore& store, const BoardDescription* built_in = &kBoardOfEsp32)
-      : keeper(store, Board::kEsp32, built_in) {
+      : keeper(store, Chip::kEsp32, built_in) {
     keeper.start();
   }
   RefusalCode confirm() { return keeper.confirm(keeper.fingerprint()); }
@@ -133,7 +133,7 @@ TEST(keeper_cannot_confirm_what_it_cannot_save) {
 
 TEST(keeper_of_a_simulated_robot_has_its_board_confirmed) {
   MemoryStore store;
-  BoardKeeper keeper(store, Board::kEsp32, &kBoardOfEsp32, BoardKeeper::BuiltIn::kConfirmed);
+  BoardKeeper keeper(store, Chip::kEsp32, &kBoardOfEsp32, BoardKeeper::BuiltIn::kConfirmed);
   keeper.start();
   CHECK(keeper.state() == BoardState::kStored && keeper.is_confirmed());
 }
@@ -280,7 +280,7 @@ TEST(keeper_survives_a_power_cut_at_every_write) {
 
 TEST(keeper_makes_the_boards_numbers_the_defaults) {
   ParameterSpec specs[kParameterCount];
-  platform_specs(Board::kEsp32, specs);
+  platform_specs(Chip::kEsp32, specs);
   BoardDescription board = kBoardOfEsp32;
   board.pwm_frequency_hz = 18'000;
   board.encoder_filter_ns = 250;

@@ -12,7 +12,7 @@ namespace {
 constexpr BoardDescription good() {
   BoardDescription board;
   board.version = kBoardVersion;
-  board.chip = Board::kEsp32;
+  board.chip = Chip::kEsp32;
   board.name[0] = 'x';
   board.left_enable = 25;
   board.left_in1 = 26;
@@ -81,7 +81,7 @@ TEST(board_faults_are_found_one_by_one) {
   CHECK(only(BoardFault::kModule, [](B& b) { b.module = Module::kS3Quad; }));
   CHECK(only(BoardFault::kModule, [](B& b) { b.module = static_cast<Module>(99); }));
   CHECK(only(BoardFault::kVersion, [](B& b) { b.version = 2; }));
-  CHECK(only(BoardFault::kChip, [](B& b) { b.chip = Board::kSimulated; }));
+  CHECK(only(BoardFault::kChip, [](B& b) { b.chip = Chip::kSimulated; }));
   CHECK(only(BoardFault::kStage, [](B& b) { b.stage = static_cast<Stage>(9); }));
   CHECK(only(BoardFault::kName, [](B& b) { b.name[0] = '\0'; }));
   CHECK(only(BoardFault::kName, [](B& b) { b.name[1] = '\n'; }));
@@ -111,7 +111,7 @@ TEST(board_faults_are_found_one_by_one) {
     b.estop = 26;
   }));
   CHECK(only(BoardFault::kPinHeldHigh, [](B& b) {
-    b.chip = Board::kLinux;
+    b.chip = Chip::kLinux;
     b.left_enable = 2;
     b.right_enable = 12;
     b.right_in1 = 11;
@@ -171,7 +171,7 @@ TEST(board_external_pull_ups_allow_input_only_pins) {
 
 TEST(board_resources_are_counted) {
   // No chip of today has too few; one that had would be refused.
-  ChipTable chip = *table_of(Board::kEsp32);
+  ChipTable chip = *table_of(Chip::kEsp32);
   chip.counters = 1;
   chip.pwm_outputs = 1;
   const BoardDescription board = good();

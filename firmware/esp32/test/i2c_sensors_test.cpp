@@ -14,7 +14,7 @@ namespace {
 constexpr uint64_t kSampleUs = ImuDriver::kPeriodUs;
 
 /// A chip of registers of one byte, or of 16 bits.
-struct Chip {
+struct FakeChip {
   std::map<uint8_t, uint8_t> bytes;
   std::map<uint8_t, uint16_t> words;
   bool is_absent = false;
@@ -29,7 +29,7 @@ struct Chip {
 
 class Bus final : public I2cBus {
  public:
-  std::map<uint8_t, Chip> chips;
+  std::map<uint8_t, FakeChip> chips;
   bool is_hung = false;
   uint64_t time_us = 0;
   uint64_t byte_us = 25;
@@ -39,7 +39,7 @@ class Bus final : public I2cBus {
   I2cResult write(uint8_t address, const uint8_t* data, size_t size) override {
     const I2cResult result = transfer(address, 1 + size);
     if (result != I2cResult::kOk) return result;
-    Chip& chip = chips[address];
+    FakeChip& chip = chips[address];
     ++chip.writes;
     if (chip.words.empty()) {
       chip.bytes[data[0]] = data[1];
@@ -77,7 +77,7 @@ struct Edges final : DataReady {
   uint64_t edge_us() override { return newest_us; }
 };
 
-void put_bytes(Chip& chip, uint8_t at, const std::vector<uint8_t>& bytes) {
+void put_bytes(FakeChip& chip, uint8_t at, const std::vector<uint8_t>& bytes) {
   for (size_t i = 0; i < bytes.size(); ++i) chip.bytes[static_cast<uint8_t>(at + i)] = bytes[i];
 }
 
@@ -90,7 +90,7 @@ class Rig final : public SensorPort, public SensorObserver {
   explicit Rig(bool has_interrupt) {
     list_.count = 1;
     list_.entries[0] = {.kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050};
-    Chip& chip = bus.chips[kAddress];
+    FakeChip& chip = bus.chips[kAddress];
     chip.bytes[0x75] = 0x68;
     sensors.add(0, list_.entries[0], bus, has_interrupt ? &edges : nullptr);
     hub_.start(*this, list_);
@@ -106,7 +106,7 @@ class Rig final : public SensorPort, public SensorObserver {
   std::vector<ImuReading> readings;
   std::vector<std::pair<SensorState, uint64_t>> states;
 
-  Chip& chip() { return bus.chips[kAddress]; }
+  FakeChip& chip() { return bus.chips[kAddress]; }
   SensorState state() const { return hub_.state(0); }
   uint64_t now_us() const { return now_us_; }
 
@@ -142,7 +142,7 @@ class Rig final : public SensorPort, public SensorObserver {
 
  private:
   void sample() {
-    Chip& chip = this->chip();
+    FakeChip& chip = this->chip();
     const bool measures = chip.bytes[0x6b] == 0x01;  // It does not sleep.
     if (measures && !is_frozen) {
       ++count_;
@@ -158,7 +158,7 @@ class Rig final : public SensorPort, public SensorObserver {
   uint16_t count_ = 0;
 };
 
-void lose_settings(Chip& chip) {
+void lose_settings(FakeChip& chip) {
   put_bytes(chip, 0x19, {0, 0, 0, 0});
   chip.bytes[0x38] = 0;
   chip.bytes[0x6b] = 0x40;
@@ -183,7 +183,7 @@ namespace {
 ImuReading decoded(SensorChip kind, uint8_t address, uint8_t identity_register, uint8_t identity,
                    uint8_t data_register, const std::vector<uint8_t>& bytes) {
   Bus bus;
-  Chip& chip = bus.chips[address];
+  FakeChip& chip = bus.chips[address];
   chip.bytes[identity_register] = identity;
   put_bytes(chip, data_register, bytes);
   ImuDriver driver{*imu_table_of(kind), I2cChip{bus, address}, nullptr};
@@ -247,7 +247,7 @@ PowerReading measured(Bus& bus, PowerDriver& driver) {
 
 TEST(an_ina219_measures_by_its_shunt) {
   Bus bus;
-  Chip& chip = bus.chips[0x40];
+  FakeChip& chip = bus.chips[0x40];
   // 0x3a98 >> 3 = 1875 steps of 4 mV; 0x1388 = 5000 steps of 10 uV at 100 mOhm.
   chip.words = {{0, 0x399f}, {1, 0x1388}, {2, 0x3a98}};
   PowerDriver driver{*power_table_of(SensorChip::kIna219), I2cChip{bus, 0x40}, 1000};
@@ -513,7 +513,7 @@ TEST(a_steady_voltage_is_no_fault) {
 
 TEST(a_power_sensor_s_faults_have_names) {
   PowerRig rig;
-  Chip& chip = rig.bus.chips[0x40];
+  FakeChip& chip = rig.bus.chips[0x40];
   chip.words[0] = 0x399f;
   rig.run(101'000);
   CHECK(rig.readings.back().state == SensorState::kReset);

@@ -100,7 +100,7 @@ TEST(a_failed_save_is_reported) {
 
 TEST(a_board_has_defaults_of_its_own_within_the_bounds) {
   ParameterSpec specs[kParameterCount];
-  platform_specs(Board::kLinux, specs);
+  platform_specs(Chip::kLinux, specs);
   Parameters parameters(specs);
   for (const ParameterSpec& spec : specs)
     CHECK(parameters.set(spec.id, spec.default_value) == RefusalCode::kNone);
@@ -112,7 +112,7 @@ TEST(a_board_has_defaults_of_its_own_within_the_bounds) {
   parameters.set_defaults();
   CHECK(parameters.get(kControlRateHz) == 100.0f);
 
-  platform_specs(Board::kEsp32, specs);
+  platform_specs(Chip::kEsp32, specs);
   CHECK(Parameters(specs).get(kControlRateHz) == 1000.0f);
 }
 

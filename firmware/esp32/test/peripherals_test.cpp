@@ -221,7 +221,7 @@ TEST(two_of_a_kind_at_one_place_or_at_one_address) {
 
 TEST(a_computer_has_its_buses_by_number) {
   BoardDescription pi = wroom();
-  pi.chip = Board::kLinux;
+  pi.chip = Chip::kLinux;
   const auto on_bus = [](Peripheral entry, int8_t number) {
     return changed(entry, [number](auto& e) {
       e.pin_a = number;
@@ -241,7 +241,7 @@ TEST(a_computer_has_its_buses_by_number) {
 
 TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
   BoardDescription pi = wroom();
-  pi.chip = Board::kLinux;
+  pi.chip = Chip::kLinux;
   const auto on_bus = [](int8_t number) {
     return changed(imu(), [number](auto& e) {
       e.pin_a = number;
@@ -262,7 +262,7 @@ TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
 
 TEST(a_computer_times_no_echoes_and_measures_no_voltage) {
   BoardDescription pi = wroom();
-  pi.chip = Board::kLinux;
+  pi.chip = Chip::kLinux;
   for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
     CHECK(fault_of(pi, {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }

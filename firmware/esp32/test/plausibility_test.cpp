@@ -83,7 +83,7 @@ TEST(a_wheel_that_a_load_slows_down_needs_no_less_duty) {
 
 TEST(excess_adds_up_and_is_made_good_at_the_same_pace) {
   const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
-  // Of four steps of excess one is made good, or three.
+  // One of four steps of excess is made good, or three are.
   for (const int excessive : {3, 1}) {
     PlausibilityMonitor monitor;
     bool tripped = false;

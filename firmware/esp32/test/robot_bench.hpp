@@ -103,7 +103,7 @@ class RobotBench {
   static constexpr uint32_t kBootId = 0xab00;
   static constexpr Identity kIdentity{.boot_id = kBootId,
                                       .reset_reason = ResetReason::kPowerOn,
-                                      .board = Board::kSimulated,
+                                      .board = Chip::kSimulated,
                                       .board_id = 7,
                                       .capabilities = 0,
                                       .version_major = 0,

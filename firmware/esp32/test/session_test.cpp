@@ -63,7 +63,7 @@ TEST(a_new_session_forgets_answers_commands_and_the_clock) {
 
 TEST(a_new_host_gets_no_answer_to_a_previous_hosts_request) {
   Session session = opened();
-  // Of an id that in the new session is old.
+  // An id that is old in the new session.
   session.record(40'000);
   CHECK(classify(session, 40'000) == Session::Request::kRepeat);
   session.open(0x9999, 0xff00);

@@ -1,4 +1,12 @@
-"""The command `wheelwire`: text for people, `--json` for programs, each error on one line."""
+"""The command `wheelwire`: text for people, `--json` for programs, each error on one line.
+
+app.py          the list of commands, and the exit code of an error
+address.py      ROBOT and --baud-rate: which driver opens, also beside the program that holds it
+output.py       tables, JSON and notes; prompts.py: questions; help.py: pages of the documentation
+interruptions.py     what Ctrl-C ends
+robot.py        drive, stop, monitor and the like; the other files are named after their commands
+local.py        demo, mcu and ports; box_rerun.py and device_boxes.py: parts of `wheelwire why`
+"""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class Address:
         """Open the robot.
 
         Args:
-            baud_rate: Of a port; None: the default.
+            baud_rate: Baud rate of a port; None: the default.
             bare: See `wheelwire.config.driver_at`.
 
         Raises:

@@ -144,7 +144,7 @@ def _message(error: WheelwireError) -> str:
 
 
 def _usage(error: Exception) -> str:
-    """What is wrong, and which help explains it. `error` is a UsageError of either Click."""
+    """The message of wrong usage, and the help to read. `error` is either Click's UsageError."""
     message = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "wheelwire"
@@ -159,7 +159,7 @@ _MEANT = {
     ],
     "wheelwire flash": [("unexpected extra argument", ": an image is given by --image")],
 }
-"""By command: what people give that it does not take, and what is meant."""
+"""Options that people give to a command without such an option, and what they mean."""
 
 
 def _discard_output() -> None:

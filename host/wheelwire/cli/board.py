@@ -509,7 +509,7 @@ def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDesc
 
 
 def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], list[str]]:
-    """What is wrong with this pin, and warnings; that others are missing or unheld is for later."""
+    """Problems and warnings of this pin; later, `check` reports missing and unheld pins."""
     later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     found: tuple[list[str], list[str]] = ([], [])
     for issue in check_board(made.packed()):

@@ -20,7 +20,7 @@ SaveBoxesOption = Annotated[
     Path | None,
     typer.Option(
         metavar="FOLDER",
-        help="Of a ROBOT: write the black boxes that it has stored into this folder, "
+        help="Write the black boxes that ROBOT has stored into this folder, "
         "each a file for `wheelwire why FILE.box`.",
         show_default=False,
     ),

@@ -55,9 +55,9 @@ def flash(
     flasher.ensure_stopped(port)
     chip = flasher.identify_chip(port)
     chosen = wanted or flasher.built_image(chip)
-    if chosen.board is not chip:
+    if chosen.chip is not chip:
         raise FlashFailed(
-            f"{chosen.path} is for the {chosen.board.name}, but the chip at {port} is an "
+            f"{chosen.path} is for the {chosen.chip.name}, but the chip at {port} is an "
             f"{chip.name}: use --image with the release's wheelwire-{chip.name.lower()}.bin"
         )
     if pins is not None and pins.chip is not chip:
@@ -108,7 +108,7 @@ def _check_is_no_image(robot: str | None) -> None:
 
 
 def _describe(plan: Plan) -> list[str]:
-    """What is printed before anything is written."""
+    """The plan in sentences, for a person to read before anything is written."""
     if plan.erase_all:
         return ["erases the whole flash, saved parameters included"]
     kept = ", ".join(plan.kept) or "nothing"

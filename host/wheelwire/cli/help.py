@@ -152,7 +152,7 @@ def _title(file: Path) -> str:
 
 
 def _section(page: str, text: str, section: str) -> str:
-    """From the heading that has the words of `section` up to the next one of its level."""
+    """The section whose heading has the words of `section`, up to the next heading of its level."""
     # A comment in a block of commands is no heading.
     blanked = _FENCED.sub(lambda block: re.sub(r"#", " ", block[0]), text)
     headings = list(_HEADING.finditer(blanked))

@@ -26,7 +26,7 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 SLICE_S = 0.2
 """How long one wait for a sample lasts at most, so that its caller can end in between."""
 SILENT_S = 1.0
-"""Without a sample for so long, a robot is called silent."""
+"""A robot without a sample for this long counts as silent."""
 
 
 class Interrupted(BaseException):

@@ -38,6 +38,7 @@ from .output import (
     to_json_value,
 )
 from .parameters import RobotCommand, split
+from .sensors import ask_for_samples
 
 if TYPE_CHECKING:
     from wheelwire.recording.frames import Frame
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from wheelwire.recording.trace import Trace
 
 LOOK_S = 0.1
-"""Between two looks at the robot while it is recorded. The link reads it in any case."""
+"""Time between two looks at the robot while the link records it."""
 _F32 = struct.Struct("f")
 MESSAGES = {codec.type.__name__: codec.type for codec in BY_ID.values()}
 
@@ -96,6 +97,7 @@ def record(
 ) -> None:
     """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
 
+    Asks for the sensors' samples, so that the recording has them.
     No file is overwritten: the new one's name gets a number. Goes on when a lost link is back.
     """
     from wheelwire.recording.recorder import recording_path
@@ -137,11 +139,13 @@ def record(
 
 
 def _wait(driver: DeviceDriver, recorder: Recorder, until: float, *, as_json: bool) -> None:
+    has_asked = ask_for_samples(driver)
     for news in watch(driver, until):
         if isinstance(news, LinkNews):
             print_note(news.text, as_json=as_json)
         if recorder.error is not None:
             return
+        has_asked = has_asked or ask_for_samples(driver)
         time.sleep(max(0.0, min(LOOK_S, until - time.monotonic())))
 
 
@@ -229,7 +233,7 @@ def decode(
     said = metadata(file)
     offset = offset_us(said)
     found = _checked(file)
-    # Of a file that cannot be read, not even the heading.
+    # A file that cannot be read does not even get the heading.
     found = chain((one for one in [next(found, None)] if one is not None), found)
     if as_json:
         for frame in found:

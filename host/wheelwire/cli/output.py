@@ -108,7 +108,7 @@ def print_note(text: str, *, as_json: bool) -> None:
 
 def check_writable(file: Path | None) -> None:
     """Find out before anything moves or is asked; raises `OutputFailed`."""
-    # Of a file that does not exist yet, the folder has to be writable.
+    # If the file does not exist yet, its folder has to be writable.
     if file is not None and (
         file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
     ):
@@ -122,7 +122,7 @@ class TimeLeft:
 
     Args:
         console: What else is shown meanwhile has to go to it, too.
-        now: Of a clock [s].
+        now: Reads a clock [s].
     """
 
     def __init__(self, console: Console, now: Callable[[], float] = time.monotonic) -> None:

@@ -20,7 +20,7 @@ from wheelwire.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.files.state import state_folder
 from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
-from wheelwire_protocol.codes import Board, Fault, SupervisorState
+from wheelwire_protocol.codes import Chip, Fault, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
 from .address import (
@@ -59,7 +59,7 @@ class RobotCommand(typer.core.TyperCommand):
     """A command whose usage line shows the metavars of its arguments unchanged."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ARG002 - Click's signature
-        """Without the brackets and dots that some releases of Typer add."""
+        """The usage without the brackets and dots that some releases of Typer add."""
         arguments = (p for p in self.params if p.param_type_name == "argument")
         return [self.options_metavar or "", *(str(argument.metavar) for argument in arguments)]
 
@@ -205,7 +205,7 @@ def save_values(
 ) -> None:
     """Save the parameters named, or all, including those that were only tried.
 
-    The first argument is taken as ROBOT if it is `mock`, an existing file or contains / : or a
+    The first argument counts as ROBOT if it is `mock`, an existing file or contains / : or a
     dot; otherwise it is a parameter's name.
     """
     names = list(arguments or ())
@@ -251,8 +251,8 @@ def reset_all(
     """Reset all parameters to their defaults, the saved ones included.
 
     A copy of the present values is written first; `params import` sets them again. If the flash
-    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives
-    until `wheelwire board write`.
+    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board and its list of
+    peripherals, too: then nothing drives until `wheelwire board write`.
     """
     address = resolve(robot, as_json=as_json)
     # Before the robot is opened, which stops it.
@@ -290,8 +290,8 @@ def _reset_question(present: Sequence[ParameterInfo], faults: Fault) -> str:
     if damaged := faults & _FLASH_FAULTS:
         names = " and ".join(str(fault.name) for fault in Fault if fault in damaged)
         text += (
-            f"{names}: where the flash cannot be opened, this erases the board, too; afterwards "
-            "nothing drives until `wheelwire board write`. "
+            f"{names}: if the flash cannot be opened, this erases the board and its list of "
+            "peripherals, too; then nothing drives until `wheelwire board write`. "
         )
     return f"{text}Reset all parameters?"
 
@@ -372,7 +372,7 @@ def import_file(
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
-    If one is refused or the link fails, the previous values are set again.
+    If the robot refuses one or the link fails, it has its previous values again.
     Parameters that are not in the file stay as they are.
     The file may be from another board.
     """
@@ -510,7 +510,7 @@ def _notes(wanted: ParameterFile, device: DeviceInfo | None) -> Iterator[str]:
 
 def _defaults_of(board: str) -> dict[str, float]:
     # The file may be of a kind of board that this release does not know.
-    return PLATFORM_DEFAULTS.get(Board[board], {}) if board in Board.__members__ else {}
+    return PLATFORM_DEFAULTS.get(Chip[board], {}) if board in Chip.__members__ else {}
 
 
 def _file_duration(*, saved: bool, lasting: bool) -> str:

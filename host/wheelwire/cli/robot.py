@@ -33,6 +33,7 @@ from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, Supe
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import LinkNews, ended_by_a_loss, ended_by_signals, watch
 from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
+from .sensors import ask_for_samples
 from .view import can_show, show
 
 if TYPE_CHECKING:
@@ -66,8 +67,6 @@ def info(
         device_counters = driver.device_counters()
         ledger = driver.recorder.read(boxes=False).ledger
         warnings = _warnings(driver)
-        # After the requests above: the device is asked for its board while the session opens, and
-        # has answered before them.
         link, statistics = driver.info, driver.statistics
     if as_json:
         print_json(
@@ -175,6 +174,7 @@ def drive(
     ):
         # Needed when the driver is closed, which has no geometry any more.
         geometry = driver.geometry
+        ask_for_samples(driver)
         try:
             end, pose, late = _drive(driver, asked, seconds)
         except DeviceRefused as error:
@@ -234,7 +234,7 @@ class _Driven(NamedTuple):
     end: Pose
     """When the stop was acknowledged."""
     pose: Pose
-    """At standstill."""
+    """Pose at standstill."""
     late: int
     """Setpoints that had expired when they arrived."""
 
@@ -296,7 +296,7 @@ def monitor(
 
     On a terminal it takes the whole screen: the last 20 s as plots, and keys that stop, clear,
     tune, drive and record; ? explains them. Elsewhere it prints lines, and sends nothing.
-    A recording is shown as it was on its day.
+    It plays a recording in the recording's own time.
     """
     address = resolve(robot, as_json=as_json)
     if not (plain or as_json) and can_show():

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.device_sensors import SensorStatus
+from wheelwire.drivers.device_sensors import IN_FILE, SensorStatus, wait_until_read
+from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_iterator import SampleIterator
 from wheelwire.peripherals import INPUTS
 from wheelwire.sensors import (
@@ -27,9 +28,6 @@ from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, RangeQualit
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, console, print_json, print_note, print_table
 
-FIRST_S = 1.5
-"""Within this each channel has a sample, or the device has said why not."""
-POLL_S = 0.02
 PERIOD_S = 1.0
 
 
@@ -47,11 +45,11 @@ def sensors(
     """
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         events = driver.sensors.events()
-        begin = time.monotonic()
-        while not _is_decided(driver) and time.monotonic() < begin + FIRST_S:
-            time.sleep(POLL_S)
+        wait_until_read(driver.sensors)
         end = time.monotonic() + seconds
-        with suppress(StopIteration):  # of the events, at the end of a recording
+        with suppress(StopIteration):  # the events have ended: so has the recording
+            _print_events(events, as_json=as_json, warnings_only=True)
+        with suppress(StopIteration):
             while True:
                 _print(_channels(driver), as_json=as_json)
                 if time.monotonic() >= end:
@@ -60,29 +58,43 @@ def sensors(
                 _print_events(events, as_json=as_json)
 
 
+def ask_for_samples(driver: BaseDriver) -> bool:
+    """Ask a robot that this command holds for its sensors' samples, for others who need them.
+
+    Whoever is attached sees them, and so does a recording. A robot that cannot send any is no
+    error.
+
+    Returns:
+        False if the robot was not reached. Otherwise the link asks again in each new session.
+    """
+    try:
+        driver.sensors.start()
+    except (LinkLost, RequestTimeout):
+        return False
+    except WheelwireError:  # the driver or the firmware has no sensors
+        pass
+    return True
+
+
 def _channels(driver: BaseDriver) -> tuple[SensorStatus, ...]:
-    """All channels; of a robot that is out of reach none is known, which is an error."""
-    driver.sensors.events()  # asks anew, or raises why it cannot
+    """All channels. None is known while the robot is out of reach, so that raises an error."""
+    driver.sensors.events()  # asks again in a new session, or raises
     return driver.sensors.channels
 
 
-def _is_decided(driver: BaseDriver) -> bool:
-    return all(one.state is not SensorState.UNREAD for one in driver.sensors.channels)
-
-
-def _print_events(events: SampleIterator[SensorEvent], *, as_json: bool) -> None:
+def _print_events(
+    events: SampleIterator[SensorEvent], *, as_json: bool, warnings_only: bool = False
+) -> None:
     while (event := events.poll()) is not None:
-        print_note(event.sentence, as_json=as_json)
+        if event.is_warning or not warnings_only:
+            print_note(event.sentence, as_json=as_json)
 
 
 def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
     if as_json:
         print_json([_as_object(one) for one in channels])
     elif not channels:
-        console.print(
-            "the robot has no sensors: name them in its board's file, and write that with "
-            "`wheelwire board write`"
-        )
+        console.print(f"the robot has no sensor: name it {IN_FILE}")
     else:
         print_table(
             "Sensors",
@@ -143,7 +155,7 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
         }
     times = ("t_us", "sample", "name", "stamp", "stamp_error_s")
     value = {name: value for name, value in sample._asdict().items() if name not in times}
-    # JSON has no infinite number: the distance is null then.
+    # JSON has no infinite numbers: such a distance becomes null.
     return value | ({"quality": _quality(sample)} if isinstance(sample, RangeSample) else {})
 
 

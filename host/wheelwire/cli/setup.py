@@ -40,7 +40,7 @@ WIRING_VARIABLES = (
     "left.encoder_reversed",
     "right.encoder_reversed",
 )
-"""Of the simulated robot."""
+"""The simulated robot's variables for its wiring."""
 
 UNSAVED = "what was not saved has its previous value again; run the command again to go on"
 """How a set-up that a signal ends leaves the robot."""
@@ -89,7 +89,7 @@ def setup(
         str | None, typer.Option(help="With --simulated: a built-in plant's name or a YAML file.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="With --simulated: of the wiring, which is random.")
+        int | None, typer.Option(help="With --simulated: seed of the random wiring.")
     ] = None,
     settings: Annotated[
         list[str] | None,

@@ -132,7 +132,7 @@ def _leave_by_signals() -> None:
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    # Of several, as a service manager sends them, the next would leave the block's end, too.
+    # A service manager may send several: the next one would interrupt the block's end, too.
     for number in _ENDING:
         signal.signal(number, _stay)
     raise KeyboardInterrupt
@@ -209,7 +209,7 @@ def _obey_lines(simulator: Simulator) -> None:
 def turn(
     wheel: Annotated[str, typer.Argument(metavar="WHEEL", help="left or right.")],
     turns: Annotated[
-        float, typer.Argument(metavar="TURNS", help="Of the wheel; negative: backward.")
+        float, typer.Argument(metavar="TURNS", help="Turns of the wheel; negative: backward.")
     ],
     link: Annotated[
         Path | None,

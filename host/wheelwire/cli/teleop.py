@@ -17,6 +17,7 @@ from wheelwire_protocol.codes import SupervisorState
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .interruptions import ended_by_signals, stop
 from .output import console
+from .sensors import ask_for_samples
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
@@ -25,9 +26,7 @@ def teleop(
     robot: RobotArgument = None,
     speed: Annotated[
         int,
-        typer.Option(
-            min=1, max=SPEEDS, help="At the start, in tenths of the robot's max_velocity_mps."
-        ),
+        typer.Option(min=1, max=SPEEDS, help="Speed at the start, in tenths of max_velocity_mps."),
     ] = DEFAULT_SPEED,
     yes: YesFlag = False,
     baud_rate: BaudRateOption = None,
@@ -50,6 +49,7 @@ def teleop(
         ending.stops(driver, lambda: _what_remains(driver, address.text)),
     ):
         device = driver.info.device if isinstance(driver, DeviceDriver) else None
+        ask_for_samples(driver)
         identity = f" ({device.board.name} {device.board_id})" if device else ""
         console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
         with Terminal(sys.stdin.fileno(), sys.stdout.fileno()) as terminal:

@@ -55,7 +55,7 @@ _FIGURES = (
 )
 """Attribute of `Tracking`, title, unit and scale."""
 
-Gain = Annotated[float | None, typer.Option(help="To be tried.", show_default=False)]
+Gain = Annotated[float | None, typer.Option(help="Value to try.", show_default=False)]
 
 
 def tune(
@@ -64,16 +64,16 @@ def tune(
     wheel: Annotated[
         str, typer.Option(help="left, right or both; the other one is held.")
     ] = "both",
-    speed: Annotated[float, typer.Option(help="The greatest, m/s; negative: backward.")] = 0.2,
-    seconds: Annotated[float, typer.Option(help="A drive takes no longer.")] = 3.0,
+    speed: Annotated[float, typer.Option(help="Greatest speed in m/s; negative: backward.")] = 0.2,
+    seconds: Annotated[float, typer.Option(help="Longest time of a drive.")] = 3.0,
     distance: Annotated[
-        float, typer.Option(help="m; no wheel gets further from where a drive begins.")
+        float, typer.Option(help="Farthest way of a wheel in a drive, in m.")
     ] = 0.5,
     proportional_gain: Annotated[
-        float | None, typer.Option("--proportional-gain", "--kp", help="To be tried.")
+        float | None, typer.Option("--proportional-gain", "--kp", help="Value to try.")
     ] = None,
     integral_gain: Annotated[
-        float | None, typer.Option("--integral-gain", "--ki", help="To be tried.")
+        float | None, typer.Option("--integral-gain", "--ki", help="Value to try.")
     ] = None,
     velocity_feedforward: Gain = None,
     static_feedforward: Gain = None,
@@ -97,7 +97,7 @@ def tune(
 
     It asks before anything moves, unless you give --yes: raise the robot, or leave it room. The new
     values are on trial: the robot has its previous values again unless you keep or save the new
-    ones, also after Ctrl-C, a fault or a lost link. Without a gain there is one drive.
+    ones, also after Ctrl-C, a fault or a lost link. Without a gain it drives once.
     """
     gains = {
         "proportional_gain": proportional_gain,

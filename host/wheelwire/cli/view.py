@@ -12,6 +12,7 @@ from wheelwire.config import is_recording, is_robot_file, load_config
 from .address import Address
 from .interruptions import Interrupted
 from .output import print_note
+from .sensors import ask_for_samples
 
 
 def can_show() -> bool:
@@ -41,6 +42,7 @@ def show(address: Address, seconds: float, baud_rate: int | None) -> None:
     from wheelwire.view.app import show  # here, for Textual is slow to import
 
     with address.open_to_look(baud_rate, as_json=False) as driver:
+        ask_for_samples(driver)  # for what it records, and for others beside it
         ended_by = show(
             driver,
             address.text,

@@ -41,9 +41,7 @@ def why(
     robot: RobotArgument = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            metavar="PNG", help="Of a recording: draw the seconds around the newest stop."
-        ),
+        typer.Option(metavar="PNG", help="Draw the seconds around a recording's newest stop."),
     ] = None,
     rerun: RerunOption = None,
     export_test: ExportFlag = False,

@@ -35,15 +35,15 @@ from .driving import (
 )
 
 TOP_MPS = 0.35
-"""Of the fastest part of the drive, on a robot that can."""
+"""Speed in the fastest part of the drive, on a robot that reaches it."""
 RAMP_MPS2 = 1.0
-"""Of the steepest ramp, on a robot that may."""
+"""Acceleration on the steepest ramp, on a robot that may have it."""
 
 _LONGEST_WAY_M = 0.75
 _DUTY_AT_TOP = 0.7
-"""Of the robot's limit, at constant speed."""
+"""Fraction of the robot's duty limit at constant speed."""
 _DUTY_OF_RAMP = 0.3
-"""Of the robot's limit, for the acceleration."""
+"""Fraction of the robot's duty limit for the acceleration."""
 _MEASUREMENT_LAG = 0.65
 """Lag of the measured velocity, in `velocity_window_us`; the firmware assumes the same."""
 _SHORTEST_HOLD_S = 0.4
@@ -126,7 +126,7 @@ def there_and_back(top_mps: float, ramp_mps2: float) -> Course:
 
     Args:
         top_mps: The greatest speed.
-        ramp_mps2: Of the faster wheel, between the parts.
+        ramp_mps2: Acceleration of the faster wheel between the parts.
     """
     return Course(top_mps, parts(_there_and_back(top_mps, ramp_mps2)))
 
@@ -141,7 +141,7 @@ def _there_and_back(top_mps: float, ramp_mps2: float) -> Iterator[Piece]:
 
 
 def parts(pieces: Iterable[Piece]) -> Iterator[Part]:
-    """What is driven one after the other, from standstill."""
+    """The parts of a drive, one after the other, from standstill."""
     end_s, before = 0.0, Pair(0.0, 0.0)
     for held, ramp_s, hold_s in pieces:
         held_from_s = end_s + ramp_s
@@ -160,7 +160,7 @@ class Trace:
     commanded: tuple[Pair, ...]
     measured: tuple[Pair, ...]
     lag_s: float
-    """Of the measured velocity."""
+    """Lag of the measured velocity."""
 
     def rms_mps(self, *wheels: int) -> float:
         """The root mean square of the difference, over these wheels."""
@@ -172,7 +172,7 @@ class Trace:
         return math.sqrt(sum(error * error for error in errors) / len(errors))
 
     def noise_mps(self, *wheels: int) -> float:
-        """By how much `rms_mps` may differ from that of the same drive, done again.
+        """How far `rms_mps` may differ from that of the same drive, repeated.
 
         The standard error of a root mean square, as if the errors were independent after each lag
         of the measured velocity, which is an average over a window.
@@ -200,7 +200,7 @@ class Trace:
 
 
 def means(values: Sequence[float]) -> list[float]:
-    """Of so many samples in a row that noise is no overshoot; at least one."""
+    """Means over so many samples in a row that noise is no overshoot; at least one mean."""
     count = min(_NOISE_SAMPLES, len(values))
     return [
         sum(values[start : start + count]) / count for start in range(len(values) - count + 1)

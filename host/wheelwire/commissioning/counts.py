@@ -13,7 +13,7 @@ from .questions import HAND, SKIP, TURNED, HandTurn, Person, Question, Say
 COUNTS = "counts_per_revolution"
 TURNS = 10
 _ATTEMPTS = 3
-"""At turning a wheel: Enter may have been pressed too early, or the other wheel turned."""
+"""Attempts at turning a wheel: Enter may come too early, or the other wheel may turn."""
 
 _USUAL = (360, 1440)
 """Beside the motors that are known: an encoder of 360 lines read on one edge, or on all four."""

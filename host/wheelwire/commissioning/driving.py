@@ -18,13 +18,13 @@ from ..parameters import definition_of
 from ..samples import WheelSample
 
 TTL_S = 0.3
-"""Of each setpoint: a program that hangs or is killed drives no longer."""
+"""Time to live of each setpoint: a program that hangs or is killed drives no longer."""
 LAPSE_S = 0.25
-"""Between two samples: a setpoint that was sent at the first may have run out."""
+"""Gap between two samples in which the setpoint sent at the first one may have run out."""
 ATTEMPTS = 4
-"""At a motion during which a setpoint ran out."""
+"""Attempts at a motion during which a setpoint ran out."""
 STANDSTILL_S = 0.15
-"""Without a tick."""
+"""A wheel without a tick for this long stands."""
 LONGEST_ROLL_S = 5.0
 RESTING_TICKS = 1
 """An encoder that rests on an edge may toggle by this much."""
@@ -44,9 +44,9 @@ _HARDER_S = 0.15
 _LOWEST_DUTY = 0.1
 _RISE = 1.25
 _HIGHEST_DUTY = 0.6
-"""Of a wheel whose counter does nothing: it may turn, and nothing tells how far."""
+"""Highest duty of a wheel whose counter does nothing: nothing tells how far it turns."""
 _HARDEST_DUTY = 0.98
-"""Less than the highest `reversal_duty`, so that then no pulse trips REVERSED."""
+"""A duty below the highest `reversal_duty`, so that at that value no pulse trips REVERSED."""
 _SHOW_S = 0.25
 _REST_S = 0.1
 _OWN_FAULTS = (
@@ -115,7 +115,7 @@ class Record:
 
     @property
     def seconds(self) -> float:
-        """From the first sample to the last one."""
+        """Time from the first sample to the last one."""
         return self.samples[-1].since(self.samples[0]).dt_s
 
     @property
@@ -126,7 +126,7 @@ class Record:
 
     @property
     def toggles(self) -> tuple[int, int]:
-        """In how many samples each counter had changed."""
+        """Number of samples in which each counter had changed."""
         steps = [b.since(a) for a, b in pairwise(self.samples)]
         return sum(s.left != 0 for s in steps), sum(s.right != 0 for s in steps)
 
@@ -307,7 +307,7 @@ class Pulsed:
 
     Attributes:
         duty: At which a counter began to count; the highest one if none did.
-        ticks: Of each counter.
+        ticks: Ticks of each counter.
         toggles: In how many samples each counter had changed.
     """
 
@@ -426,8 +426,8 @@ def has_gap(samples: Sequence[WheelSample], side: int) -> bool:
     """Whether counts stop for a while, and what was missed comes at once.
 
     Args:
-        samples: Of a wheel that turns steadily, in either direction.
-        side: Of the counter.
+        samples: Samples of a wheel that turns steadily, in either direction.
+        side: Side of the counter.
     """
     travels = [later.since(earlier) for earlier, later in pairwise(samples)]
     steps = [(travel[side], travel.dt_s) for travel in travels]

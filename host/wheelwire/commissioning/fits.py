@@ -13,7 +13,7 @@ Values = npt.NDArray[np.float64]
 
 _DELAYS_S = (0.0, 0.08)
 _LOGS = (math.log(0.003), math.log(1.0))
-"""Of the time constants [s], which are searched on a logarithmic scale."""
+"""Logarithms of the shortest and longest time constant [s] that the fit tries."""
 _GRID = 13
 _ZOOMS = 5
 
@@ -97,7 +97,7 @@ def _residual(edges: Sequence[Edge], delay_s: float, time_constant_s: float) -> 
 
 
 def _ramp_response(times: Values, time_constant_s: float, ramp_s: float) -> Values:
-    """Of a lag to an input that rises from 0 to 1 within `ramp_s`."""
+    """Response of a lag to an input that rises from 0 to 1 within `ramp_s`."""
     # A step is a ramp of length 0, by which the result would be divided.
     ramp_s = max(ramp_s, 1e-4)
 

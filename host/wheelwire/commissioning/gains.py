@@ -34,7 +34,7 @@ class Pi(NamedTuple):
     """A PI controller, `gain (1 + 1 / (integral_s s))`."""
 
     gain: float
-    """In the reciprocal of the process gain's unit."""
+    """Gain in the reciprocal of the process gain's unit."""
     integral_s: float
     """The integral time."""
 

@@ -57,9 +57,9 @@ _BREAKAWAY_ROUNDS = 2
 _MOST_BREAKAWAY = 0.44
 
 _USUAL_BREAKAWAY_S = 10.0
-"""Of all rounds."""
+"""Usual time for all rounds."""
 _STEPS_S = 4.2
-"""Of the step response in both directions."""
+"""Time for the step response in both directions."""
 _EDGE_S = 0.6
 """Each duty of the step response."""
 _SETTLED = 5.5
@@ -68,7 +68,7 @@ _MEASURED_S = 0.6
 _LONGEST_TURN_S = 2.0
 """A turn that takes longer is not waited for."""
 _LONGEST_WAY_M = 0.75
-"""Of one run on the floor."""
+"""Longest way of one run on the floor."""
 _FEWEST_STAIRS = 4
 _FEWEST_TICKS = 4
 """With less than that at a duty, a wheel stands."""
@@ -76,7 +76,7 @@ _FEWEST_TICKS = 4
 _BENT = 0.05
 """A line further off than this fraction of the greatest speed does not describe the curve."""
 _HEADROOM = 0.9
-"""Of full duty: the rest is for the loop."""
+"""Fraction of full duty; the rest is for the loop."""
 _FEWEST_GAPS = 2
 """Duties at which an encoder's counts have gaps: once may be an obstacle."""
 _UNEQUAL = 0.15
@@ -95,7 +95,7 @@ class WheelIdentification:
         nonlinearity: Why no line describes the curve; empty if one does.
         delay_s: From a change of duty to the measured velocity, its own lag included. None: the
             steps could not be measured.
-        time_constant_s: Of the speed; on the floor with the robot's mass, raised without it.
+        time_constant_s: Time constant of the speed; raised, it lacks the robot's mass.
     """
 
     static_feedforward: float
@@ -127,12 +127,12 @@ class Identification:
 
     @property
     def static_feedforward(self) -> float:
-        """Of both wheels, which share the parameter."""
+        """Mean of both wheels, which share the parameter."""
         return mean((self.left.static_feedforward, self.right.static_feedforward))
 
     @property
     def velocity_feedforward(self) -> float:
-        """Of both wheels, which share the parameter, in duty per m/s."""
+        """Mean of both wheels, which share the parameter, in duty per m/s."""
         return mean((self.left.velocity_feedforward, self.right.velocity_feedforward))
 
     @property
@@ -287,8 +287,8 @@ class _Bench:
             if duty is None:
                 raise CommissioningFailed(
                     f"the {wheel} wheel does not start to turn up to duty "
-                    f"{self._most_breakaway:.2f}: a weaker motor the loop cannot hold, so the "
-                    "motors are not tuned; check that the wheel is free, its supply and its motor"
+                    f"{self._most_breakaway:.2f}: the loop cannot hold a weaker motor, so setup "
+                    "tunes none; check that the wheel is free, its supply and its motor"
                 )
             if duty < 0:
                 raise CommissioningFailed(
@@ -326,7 +326,7 @@ class _Bench:
         return None if any(record.lapsed for record in records.values()) else records
 
     def _steps(self, duties: Sequence[float]) -> Record:
-        """All of them in one record, each for the same time."""
+        """All duties in one record, each for the same time."""
 
         def duty(record: Record) -> Pair:
             index = min(int(record.seconds / _EDGE_S), len(duties) - 1)
@@ -384,7 +384,7 @@ class _Bench:
         highest = min(self._most_duty, max(highest, max(breakaway) + 0.3))
         duties = _duties(lowest, highest)
         if self._on_the_floor:
-            self._to_and_fro(duties, 1.2 * max(breakaway), stairs)
+            self._back_and_forth(duties, 1.2 * max(breakaway), stairs)
         else:
             self._up_and_down(duties, 1.05 * max(breakaway), stairs)
         # A line through two or three points would hide that the curve is bent.
@@ -414,7 +414,7 @@ class _Bench:
                 self._add(points, sign * duty, stairs)
         come_to_rest(self._robot)
 
-    def _to_and_fro(
+    def _back_and_forth(
         self, duties: Sequence[float], kick: float, stairs: tuple[_Stairs, _Stairs]
     ) -> None:
         """Each duty forward and back, so that the robot stays where it is."""
@@ -426,7 +426,7 @@ class _Bench:
         come_to_rest(self._robot)
 
     def _count(self, duties: Sequence[float]) -> int:
-        """Of the stairs at these duties."""
+        """Number of stairs at these duties."""
         return len(duties) if self._on_the_floor else 4 * len(duties) - 2
 
     def _stair_s(self) -> float:
@@ -532,7 +532,7 @@ class _Bench:
 
 
 def _duties(lowest: float, highest: float) -> list[float]:
-    """Of the staircase."""
+    """The duties of a staircase."""
     # Rounded up, the last one would be more than the robot allows, and off the curve.
     count = int((highest - lowest) / STAIR + 1e-9)
     return [lowest + STAIR * step for step in range(count + 1)]
@@ -578,7 +578,7 @@ def steady_rate(times_s: Sequence[float], ticks: Sequence[int], counts: int) -> 
     Over whole turns if there is one: what repeats each turn, such as an eccentric disc, drops out.
 
     Args:
-        times_s: Of the samples.
+        times_s: Times of the samples.
         ticks: Travelled at each sample, 0 at the first one.
         counts: Ticks per turn.
     """

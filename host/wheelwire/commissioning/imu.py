@@ -65,13 +65,14 @@ FRONT = Question(
 )
 LEFT = Question(
     "imu_left",
-    "Put it down, and press Enter; then lift its left side in the same way.",
+    "Put the robot down, and press Enter; then lift its left side in the same way.",
     (READY, SKIP),
     READY,
 )
 TURN = Question(
     "imu_turn",
-    "Put it down, and press Enter; then turn it to the left on the floor, by about a quarter.",
+    "Put the robot down, and press Enter; then turn it to the left on the floor, "
+    "by about a quarter.",
     (READY, SKIP),
     READY,
 )
@@ -80,21 +81,21 @@ SAVE = Question("save", "Save this on the robot? It restarts for that.", (YES, N
 
 _ATTEMPTS = 3
 _PATIENCE_S = 60.0
-"""For what somebody is to do by hand."""
+"""How long setup waits for what somebody does by hand."""
 _SETTLING_S = 20.0
-"""Until a robot stands still that somebody has let go of."""
+"""How long setup waits until a robot that somebody has let go of stands still."""
 _REST_S = 3.0
 _HOLD_S = 0.5
 _LEVEL_DEG = 10.0
-"""The robot stands on the floor again."""
+"""Below this tilt, the robot stands on the floor again."""
 _HELD_RADPS = 0.2
-"""In the mean of `_HOLD_S`, while somebody holds it."""
+"""Most rotation, in the mean of `_HOLD_S`, of a robot that somebody holds."""
 _LOOK_US = 50_000
 """How often a window of samples is judged."""
 _QUIET_S = 1.0
-"""Without a sample: the sensor is asked why."""
+"""After this time without a sample, setup asks the sensor's state."""
 _LEAST_READINGS = 5
-"""Of a window; after a gap it has fewer."""
+"""Readings that a window needs; after a gap it has fewer."""
 _IDLE_HZ = 1
 _UP: Vector = (0.0, 0.0, 1.0)
 _RESET = "the board was reset meanwhile: look at its supply and its cable, then begin again"
@@ -113,10 +114,10 @@ class ImuFindings:
     """What a set-up has found of the IMU.
 
     Attributes:
-        forward: The axis of its print that points forward, as in a board's file.
-        up: The one that points up.
-        bias: What its gyroscope measures at rest, about the axes of the print. [rad/s]
-        saved: The robot has it.
+        forward: The printed axis that points forward, as in a board's file.
+        up: The printed axis that points up.
+        bias: What the gyroscope measures at rest, about the printed axes. [rad/s]
+        saved: Whether the robot has these values.
     """
 
     forward: str
@@ -130,7 +131,7 @@ class _Skipped(CommissioningFailed):
 
 
 class _GivenUp(CommissioningFailed):
-    """It cannot be found; the message says why."""
+    """The mounting cannot be found; the message says why."""
 
 
 class Rest(NamedTuple):
@@ -146,14 +147,14 @@ def set_up_imu(
     """Find how the robot's IMU is mounted, and save it after a yes. The motors are off.
 
     Args:
-        robot: A robot without an IMU, or whose board is not confirmed, is left as it is.
+        robot: The robot; without an IMU, or a confirmed board, it stays as it is.
         person: Answers the questions, and lifts and turns the robot.
-        say: Called with a line on what is done and found.
-        note: Called with what is wrong; the set-up goes on.
-        keeps: Whether the robot may save it.
+        say: Called with a line on what setup does and finds.
+        note: Called with a problem; setup goes on.
+        keeps: Whether the robot may save the values.
 
     Returns:
-        None: it was not found.
+        The values; None if the mounting was not found.
 
     Raises:
         CommissioningFailed: The board was reset.
@@ -166,7 +167,7 @@ def set_up_imu(
     if board is None or imu is None:
         return None
     found = _find(robot, person, say, note, imu)
-    # What follows measures the wheels: their samples are to have the line for themselves.
+    # The next steps measure the wheels, whose samples need the whole line.
     robot.sensors.start(_IDLE_HZ)
     if found is None:
         return None
@@ -175,11 +176,11 @@ def set_up_imu(
     found = cast("ImuSensor", unpacked_entry(packed))
     findings = ImuFindings(axis_name(found.forward), axis_name(found.up), found.bias)
     if packed == packed_entry(imu):
-        say("IMU: as the robot has it already")
+        say("IMU: the robot has these values already")
         return replace(findings, saved=True)
     _show(say, imu, found)
     if not keeps:
-        say("not saved; write it into the board's file")
+        say("not saved: write these values into the board's file")
         return findings
     entries = tuple(found if entry is imu else entry for entry in board.peripherals)
     saved = _save(robot, person, say, note, replace(board, peripherals=entries))
@@ -226,23 +227,23 @@ def _find(
         is_level = lift_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
         if person.answer(_question(imu, is_known=any(imu.bias) and is_level)) != YES:
             return None
-        # Turned by hand, the robot is not to be reported as one that rolls away.
+        # Somebody turns the robot by hand: it must not report that it rolls away.
         with robot.parameters.trial(), not_watching(robot, "rolling_velocity_mps"):
             return _Search(robot, person, say, imu).run()
     except SensorMissing:
-        return None  # nothing reads a list that is not confirmed
+        return None  # the firmware reads no list that is not confirmed
     except SensorStale as error:
         look_at = _LOOK_AT.get(error.state, "its wires")
-        note(f"IMU {sentence_of_state(error.state)}. Look at {look_at}; it is left as it was")
+        note(f"IMU {sentence_of_state(error.state)}. Look at {look_at}; its values stay the same")
     except (_GivenUp, DeviceRefused) as error:
-        note(f"IMU left as it was: {error}")
+        note(f"the IMU's values stay as they were: {error}")
     except _Skipped:
-        say("IMU left as it was")
+        say("the IMU's values stay as they were")
     return None
 
 
 def _question(imu: ImuSensor, *, is_known: bool) -> Question:
-    """Whether to find it: by default not again, unless it seems to be mounted otherwise by now."""
+    """Whether to find the mounting: by default not again, unless it seems to have changed."""
     return Question(
         "imu",
         f"Find how the IMU ({imu.chip.name}) is mounted{', again' if is_known else ''}? You lift "
@@ -275,10 +276,10 @@ class _Window:
         self._look_us = 0
 
     def add(self, reading: Reading) -> Mean | None:
-        """Their mean, whenever it is to be judged."""
+        """The mean of the readings, whenever the search has to judge it."""
         readings = self._readings
         readings.append(reading)
-        # All but the last of those that are older.
+        # The window needs one reading that is older than its length.
         while len(readings) > 1 and reading.t_us - readings[1].t_us >= self._length_us:
             readings.popleft()
         is_full = reading.t_us - readings[0].t_us >= self._length_us
@@ -353,10 +354,12 @@ class _Search:
                 self._say("lifted")
                 return axis
         if not was_level:
-            raise Unclear(f"after {_PATIENCE_S:.0f} s it still was not level: put it down first")
+            raise Unclear(
+                f"after {_PATIENCE_S:.0f} s the robot still was not level: put it down first"
+            )
         raise Unclear(
-            f"nobody lifted it within {_PATIENCE_S:.0f} s by {LEAST_LIFT_DEG:.0f} degrees or more, "
-            "and held it there"
+            f"nobody lifted the robot by {LEAST_LIFT_DEG:.0f} degrees or more, and held it there, "
+            f"within {_PATIENCE_S:.0f} s"
         )
 
     def _turn(self, rest: Rest) -> None:
@@ -371,7 +374,9 @@ class _Search:
                     return
             if former is not None or self._is_level(reading, rest):
                 former = reading
-        raise Unclear(f"nobody turned it within {_PATIENCE_S:.0f} s by {TURNED_DEG:.0f} degrees")
+        raise Unclear(
+            f"nobody turned the robot by {TURNED_DEG:.0f} degrees within {_PATIENCE_S:.0f} s"
+        )
 
     @staticmethod
     def _is_level(reading: Reading, rest: Rest) -> bool:

@@ -20,19 +20,19 @@ from ..sensors import Vector
 
 GRAVITY_MPS2 = 9.80665
 MOST_ASKEW_DEG = 20.0
-"""Between gravity and the print's nearest axis, at rest."""
+"""Largest angle between gravity and the nearest printed axis, at rest."""
 LEAST_LIFT_DEG = 15.0
 MOST_LIFT_DEG = 60.0
 MOST_ASTRAY_DEG = 30.0
-"""Between the direction of a lift and the print's nearest axis; half-way between two it is 45."""
+"""Largest angle from a lift's direction to the nearest printed axis; 45 is half-way."""
 TURNED_DEG = 60.0
-"""By hand, about a quarter."""
+"""A turn by hand, of about a quarter, is at least this large."""
 MOST_BIAS_RADPS = 0.5
-"""More is a robot that turns, or a defect: the data sheets' limit is 20 degrees a second."""
+"""A larger rate is a turn or a defect: the data sheets' limit is 20 degrees a second."""
 _STEADY = 5.0
 """Times the chip's noise: at rest, with a fan or a lidar that spins."""
 _GRAVITY_ERROR = 0.15
-"""More than the data sheets allow, and less than a wrong range."""
+"""Error of gravity: above what data sheets allow, below that of a wrong range."""
 
 
 class Unclear(CommissioningFailed):
@@ -54,7 +54,7 @@ class Reading(NamedTuple):
 
 
 class Mean(NamedTuple):
-    """Of the samples of some time.
+    """Means of the samples of some time.
 
     Attributes:
         gyro: The mean. [rad/s]
@@ -108,14 +108,14 @@ def check_rest(rest: Mean) -> None:
     turning = max(map(abs, rest.gyro))
     if turning > MOST_BIAS_RADPS:
         raise Unclear(
-            f"at rest its gyroscope measures {turning:.2f} rad/s, and no more than "
-            f"{MOST_BIAS_RADPS:g} is a bias: does the robot turn? Otherwise the IMU is defective"
+            f"at rest the gyroscope measures {turning:.2f} rad/s, and a bias is at most "
+            f"{MOST_BIAS_RADPS:g}: does the robot turn? Otherwise the IMU is defective"
         )
     pushed = _length(rest.acceleration)
     if abs(pushed / GRAVITY_MPS2 - 1) > _GRAVITY_ERROR:
         raise Unclear(
-            f"at rest its accelerometer measures {pushed:.1f} m/s^2 in place of 9.8: is `chip` in "
-            "the board's file the one on the print? Otherwise the IMU is defective"
+            f"at rest the accelerometer measures {pushed:.1f} m/s^2 in place of 9.8: is `chip` in "
+            "the board's file the mounted one? Otherwise the IMU is defective"
         )
 
 
@@ -132,8 +132,8 @@ def upward_axis(rest: Vector) -> Axis:
     askew_deg = _angle_deg(rest, unit(axis))
     if askew_deg > MOST_ASKEW_DEG:
         raise Unclear(
-            f"it stands tilted by {askew_deg:.0f} degrees, as its IMU sees it: stand it on a level "
-            "floor. If it does, the IMU's print is mounted at an angle: mount it so that its axes "
+            f"by its IMU, the robot stands tilted by {askew_deg:.0f} degrees: stand it on a level "
+            "floor. If it stands on one, the IMU is mounted at an angle: mount it so that its axes "
             "point forward, left and up"
         )
     return axis
@@ -143,38 +143,38 @@ def upward_axis(rest: Vector) -> Axis:
 
 
 def lift_deg(rest: Vector, lifted: Vector) -> float:
-    """How far the robot is from where it stood, in degrees."""
+    """The angle between the robot's attitudes at rest and lifted, in degrees."""
     return _angle_deg(rest, lifted)
 
 
 def raised_axis(rest: Vector, lifted: Vector) -> Axis:
-    """The axis that points to the side which was lifted.
+    """The axis that points to the lifted side.
 
     Args:
-        rest: The acceleration of the robot that stood.
-        lifted: The same while one side of it is held up.
+        rest: The acceleration while the robot stood.
+        lifted: The acceleration while somebody holds one side up.
 
     Raises:
-        Unclear: It was lifted too little, too far, or over a corner.
+        Unclear: Somebody lifted the robot too little, too far, or over a corner.
     """
     angle_deg = lift_deg(rest, lifted)
     if not LEAST_LIFT_DEG <= angle_deg <= MOST_LIFT_DEG:
         raise Unclear(
-            f"it was lifted by {angle_deg:.0f} degrees: lift it by about 30, "
+            f"the lift was {angle_deg:.0f} degrees: lift the robot by about 30, "
             f"{LEAST_LIFT_DEG:.0f} to {MOST_LIFT_DEG:.0f} will do"
         )
     gained = _across(lifted, rest)
     up = upward_axis(rest)
     level = [axis for axis in Axis if axis % 3 != up % 3]
-    # Of the axes only what is level counts: the print may be a little askew.
+    # Only the level part of an axis counts: the module may be a little askew.
     astray_deg = {axis: _angle_deg(gained, _across(unit(axis), rest)) for axis in level}
     axis = min(level, key=lambda axis: astray_deg[axis])
     if astray_deg[axis] > MOST_ASTRAY_DEG:
         raise Unclear(
-            f"it was lifted between two axes of its IMU, {astray_deg[axis]:.0f} degrees from the "
-            "nearer one: lift one side straight, so that the opposite one stays on the floor. If "
-            "you did, the IMU's print is mounted at an angle: mount it so that its axes point "
-            "forward, left and up"
+            f"the lift was between two axes of the IMU, {astray_deg[axis]:.0f} degrees from the "
+            "nearer one: lift one side straight, so that the opposite side stays on the floor. If "
+            "you did, the IMU is mounted at an angle: mount it so that its axes point forward, "
+            "left and up"
         )
     return axis
 
@@ -238,16 +238,16 @@ def is_left_turn(up: Axis, turned: Vector) -> bool:
         return True
     if left_deg <= -TURNED_DEG:
         raise Unclear(
-            f"its gyroscope has seen a turn to the right, by {-left_deg:.0f} degrees: turn it to "
-            "the left, counter-clockwise seen from above. If you did, its accelerometer and its "
-            "gyroscope contradict each other: is `chip` in the board's file the one on the print?"
+            f"the gyroscope measured a turn to the right, by {-left_deg:.0f} degrees: turn the "
+            "robot to the left, counter-clockwise seen from above. If you did, accelerometer and "
+            "gyroscope contradict each other: is `chip` in the board's file the mounted one?"
         )
     other_deg = math.degrees(_length(_across(turned, unit(up))))
     if other_deg >= TURNED_DEG:
         raise Unclear(
-            f"its gyroscope has seen a turn by {other_deg:.0f} degrees about an axis that is "
-            "level: turn it on the floor. If you did, its accelerometer and its gyroscope "
-            "contradict each other: is `chip` in the board's file the one on the print?"
+            f"the gyroscope measured a turn by {other_deg:.0f} degrees about a level axis: turn "
+            "the robot on the floor. If you did, accelerometer and gyroscope contradict each "
+            "other: is `chip` in the board's file the mounted one?"
         )
     return False
 
@@ -262,7 +262,7 @@ def unit(axis: Axis) -> Vector:
 
 
 def in_chip(vector: Vector, forward: Axis, up: Axis) -> Vector:
-    """In the chip's axes what a sample has in the robot's."""
+    """A vector of the robot's axes in the chip's axes."""
     axes = [unit(axis) for axis in (forward, leftward_axis(forward, up), up)]
     return _vector(_dot(vector, along) for along in map(_vector, zip(*axes, strict=True)))
 

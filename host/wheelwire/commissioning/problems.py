@@ -15,7 +15,7 @@ class Defect:
     Attributes:
         name: In a few words; `{side}` is the wheel's.
         remedy: What was seen, and what to do.
-        variables: Of the simulator, which cause it; separated by commas.
+        variables: Variables of the simulator that cause it; separated by commas.
     """
 
     name: str
@@ -113,7 +113,7 @@ DEFECTS = (
     BLOCKED,
     MAGNET_MISSING,
 )
-"""Those that the simulated robot can have."""
+"""The defects that the simulated robot can have."""
 
 BOTH_TURNED = Defect(
     "one bridge turns both wheels",
@@ -151,7 +151,7 @@ WRONG_WHEEL = Defect(
     "",
 )
 VOIDING = (NOT_CONFIRMED, WRONG_WHEEL)
-"""After these, an answer may have been wrong: what was found before is void."""
+"""Problems after which an earlier answer may be wrong: earlier findings are void."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Problem:
 
     Attributes:
         defect: Its kind.
-        side: Of the wheel, 0 for left; None if it is of no wheel.
+        side: Side of the wheel, 0 for left; None if the defect is of no wheel.
         detail: What was measured.
     """
 

@@ -43,9 +43,9 @@ ANSWER_KEYS = (
 """What a file of answers may hold."""
 
 _SEEN_TURNS = 0.005
-"""Less than that a person does not see."""
+"""A person does not see a smaller turn."""
 _HAND_LIMIT_S = 1.5
-"""Of a wheel that does not give way."""
+"""How long a hand pushes a wheel that does not give way."""
 _MOVING = ("tilt.pitch_rad", "tilt.roll_rad", "push.turn_radps")
 _MOVED = ("true.pitch_rad", "true.roll_rad", "true.yaw_rate_radps")
 _LIFT_RAD = 0.5

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Board, Contradiction, Fault, ResetReason
+from wheelwire_protocol.codes import Chip, Contradiction, Fault, ResetReason
 
 from ..board import BoardDescription, chip_of_pins
 from ..drivers.base import BaseDriver
@@ -50,9 +50,9 @@ CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
 
 _CHECK_S = 3.5
-"""Of both wheels, forward."""
+"""Time for the check of both wheels, forward."""
 _DRIVES_S = 23.0
-"""Of both test drives, if nothing limits them."""
+"""Time for both test drives, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
     "Setup assumes that both wheels are equal in size: each counts its own turns, so setup cannot "
@@ -73,8 +73,8 @@ class Progress:
     The robot itself has its previous values again after an interruption.
 
     Args:
-        board_id: Of the robot.
-        folder: Of the files; by default where programs of this user keep their state.
+        board_id: The robot's board id.
+        folder: Folder of the files; by default where programs of this user store their state.
     """
 
     def __init__(self, board_id: str, folder: Path | None = None) -> None:
@@ -105,7 +105,7 @@ class Progress:
             raise OutputFailed.at(self._file, error) from error
 
     def forget(self) -> None:
-        """It is finished."""
+        """Delete the file: setup has finished."""
         self._file.unlink(missing_ok=True)
 
 
@@ -115,8 +115,8 @@ class Findings:
 
     Attributes:
         imu: How the IMU is mounted, and its gyroscope's bias.
-        wiring: Of motors and encoders.
-        counts_per_revolution: Of both wheels.
+        wiring: Wiring of motors and encoders.
+        counts_per_revolution: Counts per revolution of both wheels.
         velocity_feedforward: In duty per m/s.
         static_feedforward: In duty.
         rms_before_mps: Tracking error of a fixed test drive with the previous values. [m/s]
@@ -187,11 +187,11 @@ class _SetUp:
     options: Options
     findings: Findings = field(default_factory=Findings)
     former: dict[str, float] = field(default_factory=dict)
-    """Of the parameters that were changed."""
+    """Previous values of the parameters that were changed."""
     found: dict[str, dict[str, float]] = field(default_factory=dict)
     """Values by step."""
     resumed: Mapping[str, dict[str, float]] = field(default_factory=dict)
-    """Those of the run before."""
+    """The values of an earlier run, by step."""
     pulsed: Sequence[float] = ()
     """The duty that set each wheel in motion, of a wiring found in this run."""
 
@@ -553,7 +553,7 @@ def tell_contradictions(robot: BaseDriver, say: Say) -> None:
         )
 
 
-def _boards_for(chip: Board) -> dict[str, BoardDescription]:
+def _boards_for(chip: Chip) -> dict[str, BoardDescription]:
     """The built-in boards for a device's chip, by name."""
     boards = {name: load_board(name) for name in shipped_boards()}
     return {n: board for n, board in boards.items() if board.chip is chip_of_pins(chip)}

@@ -20,17 +20,17 @@ WHEELS = (*SIDES, BOTH)
 
 _SINE_PERIODS = 2
 _SINE_PARTS = 24
-"""Of a period: straight pieces that differ from the sine by 1 % of its height."""
+"""Straight pieces of a period: they differ from the sine by 1 % of its height."""
 _REST_S = 0.3
-"""At the end, in which the loop brings the wheels to rest."""
+"""Time at the end in which the loop brings the wheels to rest."""
 _SHORTEST_HOLD_S = 0.2
-"""Of a step: less shows nothing."""
+"""Shortest hold of a step: less shows nothing."""
 _STEEPEST = 0.95
-"""Of the robot's max_acceleration_mps2, so that the limit itself is not what is measured."""
+"""Fraction of max_acceleration_mps2, so that the drive does not measure the limit itself."""
 _FURTHER = 1.1
 """A wheel that gets further than asked by this is stopped."""
 _SETTLED = 0.05
-"""Of a step: it has settled once the speed stays that close."""
+"""Fraction of a step: the speed has settled once it stays that close."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Drive:
 
     @property
     def wheels(self) -> tuple[int, ...]:
-        """Which of `SIDES` are driven."""
+        """The indices of the `SIDES` that are driven."""
         return (0, 1) if self.wheel == BOTH else (SIDES.index(self.wheel),)
 
     @property
     def moving_s(self) -> float:
-        """Without the rest at its end, in seconds."""
+        """Time in seconds without the rest at its end."""
         return self.seconds - _REST_S
 
 
@@ -149,7 +149,7 @@ def tracking(trace: Trace, course: Course, drive: Drive, wheel: int) -> Tracking
     rms_mps = trace.rms_mps(wheel)
     if drive.shape != STEP:
         return Tracking(rms_mps)
-    # Of the moment that the measured velocity is about, and until the step ends.
+    # By the moments that the velocities are about, until the step ends.
     up = course.parts[0]
     share = [
         (time - trace.lag_s, pair[wheel] / drive.speed_mps)
@@ -199,7 +199,7 @@ class Comparison:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Of each drive."""
+        """The title of each drive."""
         return ("before", "after")[: len(self.traces)]
 
     @property
@@ -209,7 +209,7 @@ class Comparison:
 
     @property
     def gain_mps(self) -> float | None:
-        """By how much the tracking error became less; None if a fault ended a drive."""
+        """How much smaller the tracking error became; None if a fault ended a drive."""
         if len(self.traces) < 2 or not all(self.traces):
             return None
         before, after = (trace.rms_mps(*self.drive.wheels) for trace in self.traces if trace)

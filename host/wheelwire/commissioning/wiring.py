@@ -88,14 +88,14 @@ FLOOR = Question(
 
 _LOWEST_SUPPLY_V = 2.0
 _LOW_SUPPLY = 0.6
-"""Of `nominal_supply_v`: no battery that is worth measuring motors with is as empty."""
+"""Fraction of `nominal_supply_v`: no battery worth measuring motors with is as empty."""
 _STILL_S = 0.5
 _REPEATS = 3
 _CONFIRM_S = 0.3
 _CONFIRM_DUTY = (0.25, 0.6)
 _BURST_S = 0.12
 _SAG = 0.1
-"""Of the supply at rest; a battery in good order gives way by half of that."""
+"""Fraction of the supply at rest; a battery in good order gives way by half of that."""
 _STEADY_S = 2.0
 _STARTED_S = 0.4
 _STEADY_DUTY = (0.25, 0.6)
@@ -164,7 +164,7 @@ class Seen:
 
     @property
     def counters(self) -> list[int]:
-        """Those that counted."""
+        """The counters that counted."""
         return [side for side in (0, 1) if self.pulsed.counted(side)]
 
 

@@ -22,4 +22,6 @@ def __getattr__(name: str) -> Any:
     # When used: a driver that is refused imports the table of causes alone.
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(".diagnosis", __name__), name)
+    found = getattr(import_module(".diagnosis", __name__), name)
+    globals()[name] = found  # so that this is asked once
+    return found

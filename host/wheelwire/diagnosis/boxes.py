@@ -62,7 +62,7 @@ SPACING_US = 10_000
 SAME_STEP_US = 2_000
 """A message that came this shortly before a change of state is its cause."""
 COUNTER_LIMIT = 32_767
-"""At this count the counters return to 0."""
+"""The counters return to 0 at this count."""
 STILL_US = 300_000
 """A wheel that does not count has stood still for this long."""
 STILL_TICKS, TURNED_TICKS = 2, 5
@@ -83,7 +83,7 @@ def stops_of_box(box: Box, added_us: int = 0) -> list[Stop]:
     Two where a fault or an e-stop had ended it, and a reset came before it was stored.
 
     Args:
-        box: Of any device.
+        box: The box of any device.
         added_us: From the device's clock in the boot that it was recorded in to the host's, if a
             host knows it. Else the stop's time is on the device's clock.
 
@@ -112,7 +112,7 @@ def stop_of_damaged_box(head: BoxHead, error: BoxError, added_us: int = 0) -> St
     """The stop of a stored black box whose records cannot be read, as far as its head tells.
 
     Args:
-        head: Of the box.
+        head: The box's head.
         error: Why it cannot be read.
         added_us: As of `stops_of_box`. The stop came some time before what was stored.
     """
@@ -129,7 +129,7 @@ def stop_of_damaged_box(head: BoxHead, error: BoxError, added_us: int = 0) -> St
     elif head.cause is BoxCause.FAULT:
         found = list(latched_causes(head.faults))
         evidence += [f"{fault.name}: {fault.doc}" for fault, _, _ in found]
-        # Of faults that were cleared before it was stored the head says nothing.
+        # The head does not name faults that were cleared before it was stored.
         causes = tuple(dict.fromkeys(name for _, names, _ in found for name in names)) or (
             "box_damaged",
         )

@@ -270,7 +270,7 @@ REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.PROTOCOL_VERSION: "protocol_mismatch",
     RefusalCode.SCHEMA: "protocol_mismatch",
 }
-"""Of a setpoint or a hello; by any other one a setpoint is `setpoints_refused`."""
+"""Causes by the refusal of a setpoint or a hello; any other one is `setpoints_refused`."""
 REQUEST_REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.NOT_FINITE: "value_not_finite",
     RefusalCode.OUT_OF_RANGE: "value_out_of_range",
@@ -285,11 +285,11 @@ REQUEST_REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.NO_BOARD_ON_TRIAL: "no_board_on_trial",
     RefusalCode.NOT_SUPPORTED: "not_supported",
 }
-"""Of a request, beside those above."""
+"""Causes by the refusal of a request, beside those above."""
 LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
 """The robot has stopped before, by what is latched."""
 HELD = (*LATCHED, RefusalCode.CAUSE_PRESENT)
-"""What is latched is why; by the last one, it cannot be cleared yet."""
+"""Something latched refuses these; after CAUSE_PRESENT it cannot be cleared yet."""
 ESTOPPED = "contact_open", "estop_by_session", "estop_by_stranger"
 """Any of them, as far as the state alone tells."""
 _FLAG_ALONE = {"wheel_never_counted": ("encoder_dead", "wheel_blocked")}

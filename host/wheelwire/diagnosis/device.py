@@ -23,7 +23,7 @@ FAILURES = (
 )
 """Resets that are faults."""
 STORED_US = 20_000_000
-"""In a boot that is this old a latch has its box seconds later, unless many came at once."""
+"""Age of a boot from which a latch has its box within seconds, unless many came at once."""
 _LATCHES = (BoxCause.FAULT, BoxCause.ESTOP)
 _NAMES = {
     SupervisorEvent.SESSION: "ended by another session",
@@ -45,7 +45,7 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
     """The stops that a device knows of, the oldest first, and why it stands now.
 
     Args:
-        device: Of the session.
+        device: The session's device.
         sample: The newest one.
         recorded: What was read of the device before it.
 

@@ -60,6 +60,11 @@ from .history import Asked, History, battery_v, drives
 
 DECIDE_US = 60_000
 """A stop is judged this long after it, for later records may explain it."""
+INPUTS_US = 1_200_000
+"""A stop by a sensor is judged this long after it, unless the device has named the sensor sooner.
+
+The device repeats its inputs once a second, in case the line has lost them.
+"""
 ANSWER_US = 500_000
 """A message that was sent this long ago may be the cause."""
 RESTART_US = 5_000_000
@@ -121,7 +126,8 @@ class _Loss(NamedTuple):
 class Diagnosis:
     """Runs a session again, and reports its stops.
 
-    Live, a stop is reported some 60 ms after it, with the records that come then.
+    Live, a stop is reported some 60 ms after it, with the records that come then; one by a sensor
+    up to 1.2 s after it, until the device has said which one.
 
     Attributes:
         latched_before: The state and faults that were latched before the first record, by name.
@@ -136,6 +142,8 @@ class Diagnosis:
         """When to judge each stop, and how; in order."""
         self._latch: Callable[[], Stop | None] | None = None
         """Judges the stop that latches the robot now; once reported, it is that."""
+        self._by_sensor: tuple[Callable[[], Stop | None], int] | None = None
+        """Judges the newest stop by a sensor, and when that was."""
         self._state: SupervisorState | None = None
         self._state_t_us: int | None = None
         self._faults = Fault(0)
@@ -190,6 +198,7 @@ class Diagnosis:
         Args:
             complete: Whoever recorded closed the recording; else it was cut off.
         """
+        self._by_sensor = None  # nothing more will name it
         stops = self._decide(self._rerun.host_us + 2 * ANSWER_US)
         now_us = self._rerun.host_us
         if self._loss is not None:
@@ -213,13 +222,25 @@ class Diagnosis:
     def _decide(self, now_us: int) -> list[Stop]:
         stops = []
         while self._undecided and self._undecided[0][0] <= now_us:
-            judge = self._undecided.pop(0)[1]
+            due_us, judge = self._undecided.pop(0)
+            if self._waits_for_inputs(judge, now_us):
+                self._later(due_us, judge)
+                continue
             stop = judge()
             if judge is self._latch:
                 self._latch = partial(_same, stop)
             if stop is not None:
                 stops.append(stop)
         return stops
+
+    def _waits_for_inputs(self, judge: Callable[[], Stop | None], now_us: int) -> bool:
+        """Whether it judges a stop by a sensor, and the device may still say which one."""
+        session, stopped = self._rerun.session, self._by_sensor
+        if stopped is None or judge is not stopped[0] or session is None:
+            return False
+        is_asked = session.phase is Phase.OPEN and session.sensors.rate_hz > 0
+        is_known = bool(self._history.stopping_sensors(stopped[1]))
+        return is_asked and not is_known and now_us < stopped[1] + INPUTS_US
 
     def _later(
         self, host_us: int, judge: Callable[[], Stop | None], wait_us: int = DECIDE_US
@@ -340,6 +361,8 @@ class Diagnosis:
             new = faults & ~self._faults if not first else faults
             samples = tuple(self._history.samples)
             judge = self._latch = partial(self._fault, at_us, new or faults, samples, first)
+            if Fault.EXTERNAL in (new or faults) and not first:
+                self._by_sensor = judge, at_us
         elif after is SupervisorState.ESTOPPED:
             judge = self._latch = partial(self._estopped, at_us, first)
         elif before is _DRIVING and after is SupervisorState.TIMED_OUT:
@@ -486,7 +509,6 @@ class Diagnosis:
         sent = self._history.stops_by(kind, at_us, ANSWER_US)
         if not sent:
             return ()
-        self._history.note_explained(kind.__name__, at_us)
         by = self._history.who_asked(kind, sent)
         return f"the message {kind.__name__} was sent just before", by
 

@@ -22,7 +22,7 @@ SPAN_US = 5_000_000
 GAP_US = 100_000
 """A link's thread wakes up more often than this, if only for its pings."""
 COPIES_US = 30_000
-"""Within this time the copies of one stop are sent."""
+"""Time within which the link sends the copies of one stop."""
 CLOCK_US = 2_000
 """A stop's time, by the device's clock, may be this much too early."""
 NOTED_US = 200_000
@@ -47,7 +47,7 @@ class History:
         samples: Measured.
         asked: Setpoints of the application.
         sent: Messages that the port took, and when.
-        refusals: Of setpoints, and when.
+        refusals: Refusals of setpoints, and when.
         gaps: From when to when nothing at all happened in the program.
         supply: Battery voltage over the last half hour: [us], [V], and whether the wheels drove.
         stop_us: When the application last asked for a stop or an e-stop.
@@ -66,9 +66,10 @@ class History:
         self._stopping: dict[str, str] = {}
         """The sensors that stop the robot now, and the cause."""
         self._stopped: dict[str, tuple[int, str]] = {}
-        """Those that did, and until when."""
-        self._explained: dict[str | int, set[int]] = {}
-        """When stops were that were explained by the same."""
+        """The sensors that stopped the robot before, until when, and the cause."""
+        self._explained: dict[str | int, dict[int, int]] = {}
+        """The times of the stops that one kind of message explains, and until when such messages
+        were sent that explain no later stop."""
         self._newest_us: int | None = None
 
     def note(self, record: Record) -> None:
@@ -139,10 +140,10 @@ class History:
     def stops_by(self, kind: type[AnyMessage], at_us: int, span_us: int) -> list[int]:
         """When such messages were sent that may have stopped the robot then.
 
-        One that stopped it before does not count, nor its repeats.
+        One that stopped it before does not count, nor its repeats; so these explain no later stop.
 
         Args:
-            kind: Of the messages.
+            kind: Kind of the messages.
             at_us: When it stopped.
             span_us: How long before it they may have been sent.
         """
@@ -152,24 +153,43 @@ class History:
             if isinstance(message, kind)
         ]
         before_us = self.explained_us(kind.__name__, at_us)
+        until_us = self._explained.get(kind.__name__, {}).get(before_us, -SPAN_US)
         # What was not answered in time is repeated under its number; copies all have the same.
-        used = {number for at, number in sent if at <= before_us + CLOCK_US}
-        return [
-            at
+        used = {number for at, number in sent if at <= until_us}
+        found = [
+            (at, number)
             for at, number in sent
             if at >= at_us - span_us
             and (at > before_us + COPIES_US if number == COPY_ID else number not in used)
         ]
+        if found:
+            # A copy that stops the robot goes out before its number does: that may be after the
+            # stop, and another stop may follow within a millisecond.
+            nearest_us = min((at for at, _ in found), key=lambda at: abs(at - at_us))
+            numbers = (at for at, number in found if number != COPY_ID and at >= nearest_us)
+            # One that went out later than the clocks differ may be that other stop's own.
+            is_early = nearest_us <= at_us + CLOCK_US
+            until_us = next(numbers, nearest_us) if is_early else at_us
+            self.note_explained(kind.__name__, at_us, until_us)
+        return [at for at, _ in found]
 
-    def note_explained(self, by: str | int, at_us: int) -> None:
-        """What stopped the robot then, a message's name or number, explains no later stop."""
-        known = self._explained.setdefault(by, set())
-        known.add(at_us)
-        known -= {one for one in known if one < at_us - SPAN_US}
+    def note_explained(self, by: str | int, at_us: int, until_us: int = 0) -> None:
+        """What stopped the robot at `at_us` explains no later stop.
+
+        Args:
+            by: Name or number of the message.
+            at_us: When the robot stopped.
+            until_us: When the last message of this kind was sent that belongs to this stop, if
+                that was later.
+        """
+        known = self._explained.setdefault(by, {})
+        known[at_us] = max(at_us, until_us)
+        for old in [one for one in known if one < at_us - SPAN_US]:
+            del known[old]
 
     def explained_us(self, by: str | int, at_us: int) -> int:
         """When the stop before this one was that was explained by the same."""
-        known = self._explained.get(by, set())
+        known = self._explained.get(by, {})
         return max((one for one in known if one < at_us), default=-SPAN_US)
 
     def who_asked(self, kind: type[AnyMessage], sent: Sequence[int]) -> str:

@@ -48,8 +48,8 @@ def standing_stops(
     """Why a robot stands now, as far as its state, flags and last reset tell.
 
     Args:
-        device: Of the session.
-        state: Of the supervisor.
+        device: The session's device.
+        state: State of the supervisor.
         faults: Latched.
         host_us: The host's clock.
         known: What its black boxes say of that: it is left out.

@@ -7,11 +7,11 @@ import threading
 from collections.abc import Callable
 
 from ..link.tap import TapReader
-from ..recording.recorder import Tapped
+from ..recording.recorder import Tapped, wait_until_it_began
 from .diagnosis import Diagnosis, Stop
 
 PERIOD_S = 0.05
-PATIENCE_S = 0.5
+PATIENCE_S = 2.0
 _LOG = logging.getLogger("wheelwire.diagnosis")
 
 
@@ -31,9 +31,10 @@ class StopWatch:
         self._report = report
         self._closing = threading.Event()
         self._lock = threading.Lock()
-        """Of all below."""
+        """Guards all attributes below."""
         self._found: list[Stop] = []
         self._begin()
+        wait_until_it_began(link, self._reader)
         self._thread = threading.Thread(target=self._run, name="wheelwire stops", daemon=True)
         self._thread.start()
 

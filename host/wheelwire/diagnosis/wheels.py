@@ -23,11 +23,11 @@ FAST_US = 15_000
 DRIVEN_S = 0.15
 """The supply at the end is the median over so long."""
 ROLLED_OUT = 0.5
-"""Of the speed before, below which a wheel that still counted had slowed down."""
+"""Fraction of the speed before; a wheel that still counted had slowed down below it."""
 ROLLS_OUT_S = 0.6
 """A wheel without drive stands sooner."""
 SPEEDS_UP_S = 0.5
-"""From rest a wheel has its speed after this: until then it draws more."""
+"""Time that a wheel takes from rest to its speed: until then it draws more."""
 LAST_TICKS = 3
 """The speed of the last ticks is taken over so many."""
 STILL_ROLLS = 0.9
@@ -64,7 +64,7 @@ class _Point(NamedTuple):
     ticks: int
     duty: float
     other_ticks: int
-    """Of the other wheel."""
+    """Ticks of the other wheel."""
     other_duty: float
     volts: float | None
 
@@ -141,7 +141,7 @@ def _implausible(
 def _by_speed(
     points: Sequence[_Point], changes: Sequence[tuple[float, int]], evidence: list[str]
 ) -> Finding:
-    """Without a supply that says more: by how the count ended."""
+    """The finding by how the count ended, if the supply says nothing more."""
     last_s = changes[-1][0]
     period_s = median(later.t_s - earlier.t_s for earlier, later in pairwise(points))
     if period_s * 1e6 > FAST_US:

@@ -12,7 +12,7 @@ class Finding:
     """One thing that is wrong.
 
     Attributes:
-        name: Of the check; the heading of its section in `PAGE`.
+        name: Name of the check; the heading of its section in `PAGE`.
         problem: One sentence.
         cure: One line: what to run or to do.
     """
@@ -23,5 +23,5 @@ class Finding:
 
     @property
     def page(self) -> str:
-        """Where it is explained."""
+        """The section of the documentation that explains the finding."""
         return f"{PAGE}#{self.name}"

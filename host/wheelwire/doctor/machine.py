@@ -54,7 +54,7 @@ class Adapter:
 
     Attributes:
         socket: Where it is plugged in, such as `1-1.2`.
-        folder: Of /sys.
+        folder: Its folder in /sys.
         ports: Names, such as `ttyUSB0`; none while no driver has made one.
     """
 
@@ -119,10 +119,10 @@ class Machine:
 
     Args:
         root: In place of /, for tests.
-        environment: Of this process.
+        environment: Environment of this process.
         robot: The address of the robot that was named; empty: none was.
         architecture: As `uname -m`.
-        bits: Of Python's pointers: 32 on a 64-bit kernel, too.
+        bits: Size of Python's pointers: 32 on a 64-bit kernel, too.
         run: A command to what it prints, empty when it fails.
         import_error: A module's name to why it cannot be imported, empty if it can.
         node: A device file's path to what is there.

@@ -6,15 +6,22 @@ import time
 from collections.abc import Collection, Iterator
 
 from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent
-from wheelwire_protocol.sensors import PeripheralsState
+from wheelwire_protocol.sensors import (
+    BatteryLevel,
+    PeripheralsState,
+    SensorEventCode,
+    SensorState,
+)
 
 from ..diagnosis.device import FAILURES, counts_text
 from ..diagnosis.standing import standing_stops
+from ..drivers.device_sensors import wait_until_read
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand
 from ..link.clock import host_clock_us
 from ..link.info import library_version
 from ..parameters import number_text
+from ..sensors import InputsSample, PowerSample, sentence_of_event, sentence_of_state
 from .finding import Finding
 
 WATCH_S = 1.5
@@ -51,6 +58,8 @@ def examine_robot(
     yield from _unsaved(driver, address, given)
     time.sleep(WATCH_S)
     yield from _link(driver)
+    # Afterwards: their samples take their part of the line.
+    yield from _sensors(driver)
 
 
 def _firmware(driver: DeviceDriver, address: str) -> Iterator[Finding]:
@@ -184,3 +193,32 @@ def _link(driver: DeviceDriver) -> Iterator[Finding]:
             "use a shorter cable away from the motor wires, another socket, or a lower "
             "stream_rate_hz",
         )
+
+
+def _sensors(driver: DeviceDriver) -> Iterator[Finding]:
+    sensors = driver.sensors
+    try:
+        sensors.events()  # asks for samples
+    except (GroupUnavailable, InvalidCommand):
+        return  # the program that holds the port has not asked for them
+    wait_until_read(sensors)
+    for status in sensors.channels:
+        name, sample = status.info.name, status.sample
+        if status.state is not SensorState.OK:
+            yield Finding(
+                "sensor",
+                f"{name} cannot be used: {sentence_of_state(status.state)}.",
+                f"docs/sensors.md#states names where to look for {status.state.name}",
+            )
+        elif isinstance(sample, InputsSample) and name in sample.triggered:
+            yield Finding(
+                "triggered",
+                f"{name} has triggered, and the robot does not drive against that.",
+                "free it; if nothing is there, look at its wire: a broken one counts as pressed",
+            )
+        elif isinstance(sample, PowerSample) and sample.level > BatteryLevel.OK:
+            yield Finding(
+                "battery",
+                f"{sentence_of_event(name, SensorEventCode.BATTERY, sample.level)}.",
+                f"charge it; it has {sample.voltage_v:.2f} V",
+            )

@@ -34,7 +34,7 @@ class _Assignment:
 
 
 class Callbacks(ABC):
-    """At most one function for each happening; they are called one after the other, in order."""
+    """At most one function for each happening, called one after the other, in order."""
 
     def __init__(self) -> None:
         self._assigned: dict[Happening, _Assignment] = {}

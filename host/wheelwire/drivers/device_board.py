@@ -281,7 +281,7 @@ class AwaitableBoard:
         await self._await_restart(before)
 
     async def _await_restart(self, before: int) -> None:
-        """Wait until a session is open with another boot than `before`.
+        """Wait until a session is open with another boot than `before`, and knows its board.
 
         A new session alone proves no restart: a computer that stalls opens one with the same boot.
         """
@@ -292,7 +292,7 @@ class AwaitableBoard:
             await self._requests.pause(_POLL_S)
             try:
                 link.check()
-                if link.info.device.boot_id != before:
+                if link.info.device.boot_id != before and link.knows_device:
                     return
             except LinkLost as lost:
                 error = lost

@@ -1,4 +1,4 @@
-"""A robot's sensors: samples on request and one after the other, states, events.
+"""A robot's sensors: the newest samples, all samples, states and events.
 
 Each operation that waits is written once, for asyncio and for threads. The first use of a sensor
 asks the device for samples; after that the link asks for them in each session.
@@ -6,6 +6,7 @@ asks the device for samples; after that the link asks for them in each session.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
@@ -30,19 +31,22 @@ from ..sensors import (
 )
 from .requests import Requests, run
 
+READ_WITHIN_S = 1.5  # then each channel has a sample, or a reason why not
+POLL_S = 0.02
 DEFAULT_RATE_HZ = 200
 INFO_S = 3.0
-"""Within this each channel has said what it is, unless the line loses nearly everything."""
+"""Within this time each channel has sent its description, unless the line loses nearly all."""
 FRESH_S = 0.1
-"""A sample is handed out up to this age, or up to three of its periods."""
+"""`read` and `latest` return a sample up to this age, or up to three of its periods."""
 _PERIODS = 3
 _INPUTS_HZ = 1
 MAX_RATE_HZ = 1000
-_NO_ROOM = ", for the states of the wheels leave it no room on the line: lower their rate"
-_IN_FILE = (
-    "in its board's file, and write that with `wheelwire board write`; of a computer's own pins "
-    "in the robot's file"
+_NO_ROOM = ", because the states of the wheels leave it no room on the line: lower their rate"
+IN_FILE = (
+    "in the board's file, and store that with `wheelwire board write`; a robot on a computer's own "
+    "pins has it in the robot's file"
 )
+"""Where a sensor that a robot lacks is to be named."""
 
 Sample = TypeVar("Sample", ImuSample, PowerSample, InputsSample)
 AnySample: TypeAlias = ImuSample | PowerSample | RangeSample | InputsSample
@@ -56,10 +60,10 @@ class SensorStatus(NamedTuple):
     """A channel at one moment.
 
     Attributes:
-        info: What it is.
-        state: Whether its samples can be used.
-        age_s: Since its newest sample was measured; None without one that can be used. [s]
-        sample: That sample; of an input that of all inputs.
+        info: Description of the channel.
+        state: Whether the channel's samples can be used.
+        age_s: Age of the newest sample; None if there is none that can be used. [s]
+        sample: The newest sample; for an input, that of all inputs.
     """
 
     info: SensorInfo
@@ -77,22 +81,22 @@ class Streams:
 
     @property
     def infos(self) -> tuple[SensorInfo, ...]:
-        """What the channels are, by number."""
+        """The descriptions of the channels, by number."""
         return tuple(self.requests.link.sensors.infos.values())
 
     async def begin(self) -> None:
-        """Ask for samples, unless somebody did."""
+        """Ask for samples, unless somebody has asked."""
         link = self.requests.link
         if not link.knows_sensors:
             await self.start(link.sensors.rate_hz or DEFAULT_RATE_HZ)
 
     async def start(self, rate_hz: int) -> None:
-        """Ask for samples at this rate, unless somebody did."""
+        """Ask for samples at this rate, unless somebody has asked for it."""
         link = self.requests.link
         link.check()
         if link.sensors.rate_hz != rate_hz:
             await self._ask(rate_hz)
-        elif not link.knows_list:  # the firmware may be another one than when it was asked
+        elif not link.knows_list:  # since the request, another firmware may run
             await self.requests.check_group(Group.SENSOR)
         await self.requests.wait_for_sample(
             self.latest, lambda: link.has_ended or link.knows_sensors, INFO_S
@@ -108,7 +112,7 @@ class Streams:
                 await self.requests.ask(PeripheralGet(0, 0, 0))
             await self.requests.ask(SensorStream(0, 0, rate_hz))
         except InvalidCommand:
-            from ..link.attached import AttachedLink  # here, for few programs attach
+            from ..link.attached import AttachedLink  # here: few programs attach
 
             if not isinstance(link, AttachedLink):
                 raise
@@ -116,14 +120,14 @@ class Streams:
             asked = f"has asked for its sensors at {has} Hz" if has else "has not asked for them"
             raise InvalidCommand(
                 f"only the program that holds {link.name} can ask for its sensors at {rate_hz} Hz, "
-                f"and {link.holder.name}, {asked}: call `robot.sensors.start({rate_hz})` in it, "
-                "and this one sees the samples, too; or end it, and run this again"
+                f"and {link.holder.name} {asked}: call `robot.sensors.start({rate_hz})` there, "
+                "then this program gets the samples, too; or end that program and run this again"
             ) from None
 
     def known(self, info: SensorInfo | None) -> tuple[SensorState, AnySample | None]:
-        """The state of a channel at this moment, and its newest sample while that is OK.
+        """The state of a channel at this moment, and its newest sample while the state is OK.
 
-        The sample of an input is that of all.
+        For an input that is the sample of all inputs.
         """
         if info is None:
             return SensorState.UNREAD, None
@@ -136,12 +140,12 @@ class Streams:
             return self._newest(info.name, info.rate_hz)
         state, sample = self._newest(INPUTS, _INPUTS_HZ)
         if info.kind is PeripheralKind.ANALOG and info.name not in _voltages(sample):
-            # It can be used again by an event that came before the voltage.
+            # The event that it can be used again came before the voltage.
             return (SensorState.UNREAD if state is SensorState.OK else state), None
         return state, sample
 
     def known_by(self, name: str, find: Find) -> tuple[SensorState, AnySample | None]:
-        """As `known`; INPUTS are all inputs together, whatever the state of one of them is."""
+        """As `known`; INPUTS means all inputs together, whatever the state of one of them."""
         info = find(self.infos)
         return self._newest(name, _INPUTS_HZ) if info and name == INPUTS else self.known(info)
 
@@ -166,7 +170,7 @@ class Streams:
         """The newest sample of a channel; waits for the first one.
 
         Raises:
-            SensorStale: It cannot be used.
+            SensorStale: The channel cannot be used.
         """
         waits = (SensorState.UNREAD, SensorState.MISSED)
         link = self.requests.link
@@ -186,7 +190,7 @@ class Streams:
         return sample
 
     def age_s(self, sample: AnySample) -> float:
-        """How long ago it was measured, in seconds."""
+        """How long ago the device measured a sample, in seconds."""
         return max(0.0, self.latest.now_us() / 1e6 - sample.stamp)
 
 
@@ -194,9 +198,9 @@ class SensorView(Generic[Sample]):
     """What is known of one sensor without waiting, or of all inputs together.
 
     Args:
-        streams: Of the robot.
+        streams: The robot's streams.
         name: One of IMU, POWER and INPUTS.
-        find: Its channel.
+        find: Finds the sensor's channel.
     """
 
     def __init__(self, streams: Streams, name: str, find: Find) -> None:
@@ -206,20 +210,20 @@ class SensorView(Generic[Sample]):
 
     @property
     def info(self) -> SensorInfo | None:
-        """What it is; None before its first use, while out of reach, and if there is none."""
+        """Description of the sensor; None before its first use, out of reach, and without one."""
         return self._find(self._streams.infos)
 
     @property
     def state(self) -> SensorState:
-        """Whether its samples can be used; UNREAD before its first use. Never waits."""
+        """Whether the samples can be used; UNREAD before the first use. Never waits."""
         return self._known()[0]
 
     @property
     def latest(self) -> Sample | None:
         """The newest sample; None while there is none that can be used. Never waits.
 
-        A sample is handed out up to an age of 0.1 s, or of three periods, and never once its sensor
-        is STALE. Before the first use, see `read` and `Sensors.start`, there is none.
+        A sample can be used up to an age of 0.1 s or three periods, and while its sensor is not
+        STALE. There are samples only after the first use: see `read` and `Sensors.start`.
         """
         return cast("Sample | None", self._known()[1])
 
@@ -227,11 +231,11 @@ class SensorView(Generic[Sample]):
         return self._streams.known_by(self._name, self._find)
 
     async def _begin(self) -> SensorInfo:
-        """Ask for samples, unless somebody did; what the sensor is."""
+        """Ask for samples, unless somebody has asked; returns the sensor's description."""
         await self._streams.begin()
         info = self.info
         if info is None:
-            raise SensorMissing(f"the robot has no {self._name}: name it {_IN_FILE}")
+            raise SensorMissing(f"the robot has no {self._name}: name it {IN_FILE}")
         return info
 
     async def _read(self, timeout: float) -> Sample:
@@ -244,16 +248,16 @@ class Sensor(SensorView[Sample]):
     """One sensor of a robot, or all its inputs together."""
 
     def read(self, timeout: float = 1.0) -> Sample:
-        """Return the newest sample, as `latest`; waits for the first one.
+        """Return the newest sample, like `latest`; waits for the first one.
 
-        The first use of a sensor asks the robot for samples, see `Sensors.start`.
+        The first use of a sensor asks the robot for samples: see `Sensors.start`.
 
         Args:
             timeout: How long to wait for the first sample. [s]
 
         Raises:
             SensorMissing: The robot has no such sensor.
-            SensorStale: Its samples cannot be used; `state` says why.
+            SensorStale: The samples cannot be used; `state` says why.
             GroupUnavailable: The firmware has no messages about sensors, or those of another
                 release.
             InvalidCommand: The robot is attached, and the program that holds it has not asked for
@@ -264,7 +268,7 @@ class Sensor(SensorView[Sample]):
         return run(self._read, timeout)
 
     def samples(self) -> SampleIterator[Sample]:
-        """All samples from now on, as `BaseDriver.samples`; raises as `read`."""
+        """All samples from now on, like `BaseDriver.samples`; raises as `read` does."""
         run(self._begin)
         return self._streams.latest.iterate_sensor(self._name)
 
@@ -274,49 +278,49 @@ def _voltages(sample: AnySample | None) -> Mapping[str, float]:
 
 
 class RangesView:
-    """What is known of a robot's range sensors without waiting, each by its name: `front`."""
+    """What is known of a robot's range sensors without waiting. A sensor's name is its place."""
 
     def __init__(self, streams: Streams) -> None:
         self._streams = streams
 
     @property
     def infos(self) -> dict[str, SensorInfo]:
-        """What each one is; none before the first use, and while out of reach."""
+        """The descriptions by name; empty before the first use, and while out of reach."""
         return ranges_in(self._streams.infos)
 
     @property
     def latest(self) -> dict[str, RangeSample]:
-        """The newest sample of each one that can be used, as `Sensor.latest`. Never waits."""
+        """The newest sample of each sensor that can be used, like `Sensor.latest`. Never waits."""
         samples = {name: self._streams.known(info)[1] for name, info in self.infos.items()}
         return {name: one for name, one in samples.items() if isinstance(one, RangeSample)}
 
     async def _begin(self) -> None:
-        """Ask for samples, unless somebody did."""
+        """Ask for samples, unless somebody has asked."""
         await self._streams.begin()
         if not self.infos:
-            raise SensorMissing(f"the robot has no range sensors: name them {_IN_FILE}")
+            raise SensorMissing(f"the robot has no range sensor: name it {IN_FILE}")
 
     async def _read(self, name: str, timeout: float) -> RangeSample:
         limit_s = timeout_s("timeout", timeout)
         await self._begin()
         known = self.infos
-        if name not in tuple(known):  # whatever was given, and be it a list
+        if name not in tuple(known):  # a tuple, because a list has no hash
             raise SensorMissing(
                 f"the robot has no range sensor {shown(name)}: choose one of {', '.join(known)}, "
-                f"or name it {_IN_FILE}"
+                f"or name it {IN_FILE}"
             )
         read = self._streams.read(known[name].name, range_named(name), limit_s)
         return cast("RangeSample", await read)
 
 
 class Ranges(RangesView):
-    """The range sensors of a robot, each by its name: where it is, as in `front`."""
+    """The range sensors of a robot. A sensor's name is its place, such as `front`."""
 
     def read(self, name: str, timeout: float = 1.0) -> RangeSample:
-        """Return the newest sample of one, as `latest`; waits for the first one.
+        """Return the newest sample of one sensor, like `latest`; waits for the first one.
 
         Args:
-            name: Of the sensor, as in its board's file.
+            name: Name of the sensor, as in the board's file.
             timeout: How long to wait for the first sample. [s]
 
         Raises:
@@ -327,7 +331,7 @@ class Ranges(RangesView):
         return run(self._read, name, timeout)
 
     def samples(self) -> SampleIterator[RangeSample]:
-        """All samples of all of them from now on, as `Sensor.samples`."""
+        """All samples of all range sensors from now on, like `Sensor.samples`."""
         run(self._begin)
         return self._streams.latest.iterate_sensor(RANGE)
 
@@ -340,7 +344,7 @@ class SensorsView:
 
     @property
     def channels(self) -> tuple[SensorStatus, ...]:
-        """All channels as they are now, by number; none before the first use. Never waits."""
+        """All channels as they are now, by number; empty before the first use. Never waits."""
         return tuple(map(self._streams.status, self._streams.infos))
 
     async def _start(self, rate_hz: int) -> None:
@@ -352,7 +356,7 @@ class Sensors(SensorsView):
 
     Attributes:
         imu: Gyroscope and accelerometer.
-        power: The supply, by a power sensor or by the battery's divider.
+        power: The supply, by a power sensor or by the battery divider.
         inputs: All digital and analogue inputs together.
         ranges: The range sensors, by name.
     """
@@ -366,14 +370,14 @@ class Sensors(SensorsView):
         self.ranges = Ranges(streams)
 
     def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
-        """Ask for samples from now on, in this session and in all that follow.
+        """Ask for samples from now on, in this session and in all later ones.
 
-        The first use of a sensor does this by itself, at 200 Hz.
+        The first use of a sensor asks by itself, with 200 Hz.
 
         Args:
-            rate_hz: Of the IMU at most: it gets what the samples of the wheels leave of the line.
-                Each measurement of a range sensor comes, the supply twice a second, inputs on a
-                change and each second.
+            rate_hz: Highest rate of the IMU, which gets what the wheels' samples leave of the line.
+                The device sends each measurement of a range sensor, the supply twice a second, and
+                the inputs on each change and once a second.
 
         Raises:
             InvalidArgument: The rate is no whole number from 1 to 1000.
@@ -382,12 +386,23 @@ class Sensors(SensorsView):
         run(self._start, rate_hz)
 
     def events(self) -> SampleIterator[SensorEvent]:
-        """What happens to the sensors from now on; raises as `start`.
+        """All events of the sensors from now on; raises as `start` does.
 
-        The log has it, too, by the logger `wheelwire.sensors`.
+        The logger `wheelwire.sensors` logs them, too.
         """
+        # First: the device reports a line that is too slow as soon as it is asked for samples.
+        events: SampleIterator[SensorEvent] = self._streams.latest.iterate_sensor(EVENTS)
         run(self._streams.begin)
-        return self._streams.latest.iterate_sensor(EVENTS)
+        return events
+
+
+def wait_until_read(sensors: SensorsView) -> None:
+    """Wait until each channel has a sample, or the device has reported why not; at most 1.5 s."""
+    end_s = time.monotonic() + READ_WITHIN_S
+    while time.monotonic() < end_s and any(
+        status.state is SensorState.UNREAD for status in sensors.channels
+    ):
+        time.sleep(POLL_S)
 
 
 def of_kind(*kinds: PeripheralKind) -> Find:

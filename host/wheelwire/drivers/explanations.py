@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 class Explanations:
-    """Of one robot. An error that leaves a `with` block of it is explained.
+    """Explains each error of one robot that leaves a `with` block of it.
 
     Attributes:
-        watch: Of the robot's stops, if there is one.
+        watch: Watch of the robot's stops, if there is one.
         link: To the robot, whose sensors may say what stopped it.
     """
 

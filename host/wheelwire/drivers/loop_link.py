@@ -4,32 +4,38 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextvars import Context, copy_context
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+from weakref import WeakValueDictionary
 
 from wheelwire_protocol.parameters import PARAMETERS
 
-from ..errors import InvalidCommand, LinkLost, WheelwireError
+from ..errors import InvalidCommand, LinkLost, WheelwireError, afresh
 from ..link.connection import CLOSE_TIMEOUT_S, Link
 from ..link.device_link import CALL_TIMEOUT_S
 from ..link.inline_link import STEP_S, InlineLink
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, Done, RequestMessage
+from ..link.shared_thread import SharedThread
 from ..link.waiting import Notifier
 from .requests import Requests
 
 if TYPE_CHECKING:
     from .transport_driver import DeviceDriver
 
+LONGEST_RUN_S = 0.005
+"""How long calls of other threads may follow each other before the loop's other tasks run."""
+
 
 class LoopLink(Requests):
     """A link, and the loop that waits for it.
 
-    The link's thread wakes the loop, by one call for all that has happened until the loop runs it.
-    Where time is virtual there is no such thread, and waiting makes time pass.
+    One thread serves the ports of all links of a loop, and wakes it. Where time is virtual there is
+    no such thread, and waiting makes time pass.
     """
 
     def __init__(self, robot: DeviceDriver) -> None:
@@ -38,9 +44,8 @@ class LoopLink(Requests):
         self.latest_sample: LatestSample = robot._latest_sample
         self._virtual = cast("InlineLink", self.link) if self.link.in_virtual_time else None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._calls: LoopCalls | None = None
         self._thread = 0
-        self._calls: deque[Callable[[], None]] = deque()
-        self._is_woken = False
         self._guard: asyncio.Task[None] | None = None
 
     # --- opening and closing ---------------------------------------------------------------------
@@ -49,10 +54,12 @@ class LoopLink(Requests):
         """Open the link, which belongs to the running loop from now on."""
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
+        self._calls = LoopCalls.of(self._loop)
         link = self.link
         if not isinstance(link, Link):
             link.open()
             return
+        link.serve_by(self._calls.ports)
         # All are watched, so that each has a value without waiting: no subscript can be awaited.
         link.watch([definition.id for definition in PARAMETERS])
         self._guard = self._loop.create_task(
@@ -96,20 +103,9 @@ class LoopLink(Requests):
     # --- waiting ---------------------------------------------------------------------------------
 
     def call_in_loop(self, call: Callable[[], None]) -> None:
-        """Have the loop call it; from any thread."""
-        self._calls.append(call)
-        if not self._is_woken and self._loop is not None:
-            self._is_woken = True
-            try:
-                self._loop.call_soon_threadsafe(self._run_calls)
-            except RuntimeError:  # the loop is closed
-                self._is_woken = False
-                self._calls.clear()
-
-    def _run_calls(self) -> None:
-        self._is_woken = False  # first: what comes from now on wakes the loop once more
-        while self._calls:
-            self._calls.popleft()()
+        """Have the loop call it; from any thread, once the link is being opened."""
+        if self._calls is not None:
+            self._calls.add(call)
 
     async def wait_for(
         self, changed: Notifier, ready: Callable[[], bool], timeout_s: float | None = None
@@ -160,9 +156,8 @@ class LoopLink(Requests):
             self.link.withdraw(done)
             raise self.link.no_answer()
         with self.explanations:
-            # The same error may end many calls: tracebacks must not pile up in it.
-            if isinstance(results[0], WheelwireError):
-                raise results[0].with_traceback(None)
+            if isinstance(results[0], WheelwireError):  # the same may end many calls
+                raise afresh(results[0])
         return results[0]
 
     async def request(self, message: RequestMessage) -> Answer:
@@ -190,7 +185,7 @@ class LoopLink(Requests):
 
     def _own_loop(self) -> asyncio.AbstractEventLoop:
         loop = asyncio.get_running_loop()
-        # Of a link that has ended, whoever asks learns that.
+        # If the link has ended, the caller gets that error instead.
         if loop is not self._loop and not self.link.has_ended:
             raise InvalidCommand(
                 "the robot belongs to another asyncio loop: use it in the one that opened it, as "
@@ -199,11 +194,64 @@ class LoopLink(Requests):
         return loop
 
 
+class LoopCalls:
+    """What other threads have a loop call: one wake-up for all that comes until the loop runs it.
+
+    Attributes:
+        ports: The thread that serves the ports of the loop's links.
+    """
+
+    _of_loops: ClassVar[WeakValueDictionary[int, LoopCalls]] = WeakValueDictionary()
+    """By the loop's `id`, which no other object has while its `LoopCalls` refers to it."""
+
+    @classmethod
+    def of(cls, loop: asyncio.AbstractEventLoop) -> LoopCalls:
+        """The one of this loop; call it in the loop."""
+        found = cls._of_loops.get(id(loop))
+        if found is None:
+            found = cls._of_loops[id(loop)] = cls(loop)
+        return found
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.ports = SharedThread(passed=self._wake)
+        self._loop = loop
+        self._calls: deque[Callable[[], None]] = deque()
+        self._is_woken = False
+
+    def add(self, call: Callable[[], None]) -> None:
+        """Have the loop call it; from any thread."""
+        self._calls.append(call)
+        # The thread of the ports wakes the loop once it has served all that had something.
+        if not self.ports.is_current_thread():
+            self._wake()
+
+    def _wake(self) -> None:
+        # A loop that was closed does not run what it was woken for.
+        if self._calls and (not self._is_woken or self._loop.is_closed()):
+            self._is_woken = True
+            try:
+                self._loop.call_soon_threadsafe(self._run)
+            except RuntimeError:  # the loop is closed
+                self._is_woken = False
+                self._calls.clear()
+
+    def _run(self) -> None:
+        self._is_woken = False  # first: what comes from now on wakes the loop once more
+        end_s = time.monotonic() + LONGEST_RUN_S
+        try:
+            while self._calls:
+                self._calls.popleft()()
+                if time.monotonic() >= end_s:
+                    break
+        finally:
+            self._wake()  # for the rest of them, if time is up or a call has failed
+
+
 class _Waiter(asyncio.Future[None]):
     """A coroutine that waits for another thread's news.
 
     It goes on within `end`, and not in the loop's next pass as with a plain future: before that the
-    loop makes three system calls, and in each of them the threads of other ports may take the
+    loop makes three system calls, and in each of them the thread of the ports may take the
     interpreter's lock.
     """
 

@@ -85,7 +85,7 @@ class MockDriver(DeviceDriver):
         self._process.unplug()
 
     def plug(self) -> None:
-        """It is back in reach, in real time a moment later."""
+        """The robot is back in reach, in real time a moment later."""
         self._process.plug()
 
 
@@ -109,7 +109,7 @@ class VirtualMockDriver(MockDriver):
         self._link.unplug()
 
     def plug(self) -> None:
-        """It is back in reach."""
+        """The robot is back in reach."""
         self._link.plug()
 
 
@@ -149,14 +149,14 @@ class MockProcess:
         return LinkOptions("mock", watched=WATCHED, open_port=self._open_transport)
 
     def unplug(self) -> None:
-        """It is out of reach from now on."""
+        """The robot is out of reach from now on."""
         # First: the link loses its port by what follows, and must not open it again.
         self._plugged = False
         with suppress(OSError):  # it is lost already
             self._line.shutdown(socket.SHUT_RDWR)
 
     def plug(self) -> None:
-        """It may be started again."""
+        """The robot may be started again."""
         self._plugged = True
 
     def _open_transport(self, _baud_rate: int) -> Transport:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import dataclass, field
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -125,8 +125,7 @@ class TransportOptions(DeviceOptions):
 
     name: str
     open_transport: OpenPort | None = None
-    _: KW_ONLY
-    parameters: Mapping[str, float] | None = None
+    parameters: Mapping[str, float] | None = field(default=None, kw_only=True)
 
     def checked(self) -> LinkOptions:
         """The link, with these options, checked."""
@@ -146,9 +145,8 @@ class SerialDriverOptions(SerialOptions):
     """The options of `SerialDriver`, which needs a port."""
 
     port: str = field()
-    _: KW_ONLY
-    board: str | Path | BoardDescription | None = None
-    parameters: Mapping[str, float] | None = None
+    board: str | Path | BoardDescription | None = field(default=None, kw_only=True)
+    parameters: Mapping[str, float] | None = field(default=None, kw_only=True)
 
     def checked(self) -> LinkOptions:
         """The link, with these options, checked."""
@@ -174,7 +172,7 @@ class ReplayOptions:
     speed: float = 1.0
 
     def checked(self) -> tuple[Path, float]:
-        """The same, checked."""
+        """File and speed, checked."""
         if not (is_number(self.speed) and 0 <= self.speed <= MAX_REPLAY_SPEED):
             raise InvalidArgument(
                 f"speed = {shown(self.speed)}: give a number from 0 (step by step) to "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,11 +47,10 @@ class PinOptions:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GpioOptions:
     """The section `gpio` of a robot's file."""
 
-    _: KW_ONLY
     pwm_chip: int | None = None
     tap: bool = True
 
@@ -79,8 +78,7 @@ class PigpioOptions:
 
     host: str = "localhost"
     port: int = 8888
-    _: KW_ONLY
-    tap: bool = True
+    tap: bool = field(default=True, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class PigpioDriverOptions(PinOptions, PigpioOptions):
         )
         if settings.buses and settings.host not in LOCAL_HOSTS:
             raise ConfigurationError(
-                f"pigpio.host = {settings.host!r}: an I2C bus is read on this computer, and that "
-                "one has the pins: run the program there, or leave imu and power out"
+                f"pigpio.host = {settings.host!r}: the pins are there, but the I2C bus would be "
+                "this computer's: run the program there, or leave imu and power out"
             )
         return settings

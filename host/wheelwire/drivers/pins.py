@@ -20,7 +20,7 @@ class PinProcess:
     """The process that moves this computer's pins, started again whenever it has ended.
 
     Args:
-        settings: Of that process.
+        settings: Settings of that process.
         tap: See `SerialDriver`.
 
     Attributes:
@@ -52,7 +52,7 @@ class PinDriver(DeviceDriver):
     """A robot whose core runs in a process of this computer.
 
     Args:
-        settings: Of that process.
+        settings: Settings of that process.
         tap: See `SerialDriver`.
 
     Raises:

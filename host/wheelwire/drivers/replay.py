@@ -60,5 +60,5 @@ class ReplayDriver(DeviceDriver):
         return self._link.noted(name)
 
     def _now_us(self) -> int:
-        # Of setpoints: their stamps are today's, whenever the samples were measured.
+        # For setpoints: their stamps are today's, whenever the samples were measured.
         return self._link.now_us if self._link.in_virtual_time else host_clock_us()

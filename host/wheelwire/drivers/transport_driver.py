@@ -113,7 +113,8 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         Errors that the robot raises meanwhile have the same sentence in `why`.
 
         Args:
-            report: Called some 60 ms after a stop, in a thread of its own.
+            report: Called some 60 ms after a stop, up to 1.2 s after one by a sensor, in a thread
+                of its own.
 
         Raises:
             InvalidCommand: The robot is in virtual time, or is a recording.

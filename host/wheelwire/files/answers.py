@@ -13,10 +13,10 @@ def load_answers(file: Path, forms: Mapping[str, Callable[[object], object]]) ->
 
     Args:
         file: A YAML file; it need not have all answers.
-        forms: By key: raises InvalidArgument if an answer is none.
+        forms: By key, a function that raises InvalidArgument for an invalid answer.
 
     Raises:
-        ConfigurationError: The file is invalid, or an answer in it is none.
+        ConfigurationError: The file or an answer in it is invalid.
     """
     with reading(file, "answers") as content:
         answers = Section({} if content is None else content, forms).values

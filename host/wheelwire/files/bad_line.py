@@ -39,7 +39,7 @@ def load_profile(name: str | Path) -> LineProfile:
         file = Section(content, [field.name for field in fields(LineProfile)])
         incidents = file.get("incidents", [])
         if not isinstance(incidents, list):
-            raise file.refusal("incidents", "give a list, one per line, each after a dash")
+            raise file.refusal("incidents", "list one incident per line, each after a dash")
         return LineProfile(
             to_device=_filled(Impairment, file.get("to_device", {}), "to_device"),
             to_host=_filled(Impairment, file.get("to_host", {}), "to_host"),

@@ -47,19 +47,19 @@ _TOP = [
 ]
 _WHEEL = [field.name for field in fields(WheelPins)]
 _LAST_PULLED_DOWN = 63
-"""They travel as the bits of one 64-bit number."""
+"""The pulled-down pins travel as the bits of one 64-bit number."""
 _CHECKOUT = Path(__file__).parents[3]
 
 _Code = TypeVar("_Code")
 
 
 def shipped_directory() -> Path:
-    """Where the built-in boards are."""
+    """The folder of the built-in boards."""
     return _CHECKOUT / "boards" if native.is_checkout() else Path(__file__).parents[1] / "boards"
 
 
 def pictures_directory() -> Path:
-    """Where the built-in boards' pictures are, NAME.svg each; relative in a checkout."""
+    """The folder of the built-in boards' pictures, NAME.svg; a relative path in a checkout."""
     return Path("docs/boards") if native.is_checkout() else shipped_directory()
 
 
@@ -69,10 +69,10 @@ def shipped_boards() -> list[str]:
 
 
 def load_board(name: str | Path) -> BoardDescription:
-    """Read a board from a file, or a built-in one by its name. What it says is not yet checked.
+    """Read a board from a file, or a built-in one by its name, without checking its rules.
 
     Raises:
-        ConfigurationError: There is no such board, or the file is not one. The message has the
+        ConfigurationError: There is no such board, or the file is no board. The message has the
             file, the key, the value and what is allowed.
     """
     with reading(file_named(name, shipped_directory(), "board"), "board") as content:
@@ -80,10 +80,10 @@ def load_board(name: str | Path) -> BoardDescription:
 
 
 def checked_board(name: str | Path) -> BoardDescription:
-    """As `load_board`, of a board that can be used.
+    """Load a board as `load_board` does, and check its rules.
 
     Raises:
-        ConfigurationError: Also if the board breaks a rule; each one has a line of its own.
+        ConfigurationError: Also if the board breaks a rule; each rule has a line of its own.
     """
     board = load_board(name)
     if problems := board.problems():
@@ -93,13 +93,13 @@ def checked_board(name: str | Path) -> BoardDescription:
 
 
 def parse_board(content: object) -> BoardDescription:
-    """Build a board from the content of a file: names and types only, for the rest see `problems`.
+    """Build a board from the content of a file. Checks names and types; `problems` checks the rest.
 
     Raises:
         ConfigurationError: A key is unknown or missing, or a value is not of its kind.
     """
     board = Section(content, _TOP)
-    # Left out, a section counts as an empty one: none of its keys is required.
+    # A missing section counts as an empty one: none of its keys is required.
     estop = Section(board.get("estop", {}), ["pin", "contact"], "estop")
     battery = Section(board.get("battery", {}), ["pin", "divider"], "battery")
     name = board.get("name")
@@ -133,7 +133,7 @@ def parse_board(content: object) -> BoardDescription:
 
 
 def board_mapping(board: BoardDescription) -> dict[str, Any]:
-    """The content of a file with this board; `parse_board` makes the same board of it."""
+    """The content of a file with this board; `parse_board` makes the same board from it."""
     stage = STAGES[board.stage]
     content: dict[str, Any] = {
         "name": board.name,
@@ -144,7 +144,7 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
         content["module"] = MODULES[board.module].name
     for side in ("left", "right"):
         wheel: WheelPins = getattr(board, side)
-        # Also pins that the stage has no input for: a board that breaks a rule is shown as it is.
+        # Also pins for which the stage has no input: a board that breaks a rule is shown as it is.
         names = [*(n for n in OUTPUTS if n in stage.inputs or getattr(wheel, n) is not None)]
         content[side] = {
             name: pin

@@ -19,13 +19,13 @@ _IDENTITY = ("board", "board_id", "firmware")
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """What a file holds: values by name, in their parameters' units, and whose they were.
+    """The content of a file: values by name, in their parameters' units, and their robot.
 
     Attributes:
-        values: In the file's order; not necessarily of all parameters.
-        board: Kind of the board they were read from, such as `ESP32`; empty if unknown.
-        board_id: Its id; empty if unknown.
-        firmware: Its release; empty if unknown.
+        values: Values in the file's order; not necessarily of all parameters.
+        board: Kind of the board that the values are from, such as `ESP32`; empty if unknown.
+        board_id: Id of that board; empty if unknown.
+        firmware: Release of its firmware; empty if unknown.
     """
 
     values: dict[str, float]
@@ -42,7 +42,7 @@ class ParameterFile:
     def of_robot(
         cls, parameters: Iterable[ParameterInfo], device: DeviceInfo | None
     ) -> ParameterFile:
-        """What a robot has now. `device` is None if its driver does not know it."""
+        """The parameters that a robot has now. `device` is None if its driver does not know it."""
         values = {p.name: p.value for p in parameters}
         if device is None:
             return cls(values)
@@ -58,7 +58,7 @@ class ParameterFile:
         """The file: one line for each value."""
         content = self.as_mapping()
         lines = ["# Parameters of a robot, for `wheelwire params import` and `params diff`."]
-        # The id is quoted: many a one would be a number to YAML.
+        # The id is in quotes: without them, YAML reads many ids as numbers.
         lines += [f'{key}: "{content[key]}"' for key in _IDENTITY if key in content]
         lines += ["parameters:"]
         lines += [f"  {name}: {value}" for name, value in content["parameters"].items()]
@@ -69,7 +69,7 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
     """Read and check a file.
 
     Raises:
-        InvalidArgument: It is a device.
+        InvalidArgument: The file is a device.
         ConfigurationError: The message has the file, the key, the value and what is allowed.
     """
     with reading(Path(file), "parameters") as content:
@@ -77,7 +77,7 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
         values = parameter_values(given.get("parameters", None))
         if not values:
             raise ConfigurationError(
-                "it has no parameters: give them below `parameters:`; "
+                "the file has no parameters: give them below `parameters:`; "
                 "`wheelwire params export` writes such a file"
             )
         # YAML reads an unquoted id of digits alone as a number.
@@ -88,14 +88,14 @@ def parameter_values(content: object) -> dict[str, float]:
     """The values of a section `parameters`; each is a number, or a number and its unit: `0.033 m`.
 
     Raises:
-        ConfigurationError: A name is unknown, or a value is none or out of range.
+        ConfigurationError: A name is unknown, or a value is no number or out of range.
     """
     section = Section({} if content is None else content, PARAMETER_BY_NAME, "parameters")
     return {name: parameter_value(section, name) for name in section.values}
 
 
 def parameter_value(section: Section, name: str) -> float:
-    """One of them."""
+    """The value of one parameter, checked."""
     value = _without_unit(section, PARAMETER_BY_NAME[name])
     # A bool is an int, too: `true` and `false` are how people write a switch.
     if not isinstance(value, (int, float)):
@@ -110,7 +110,7 @@ _PLACES = {"parameters": PARAMETER_BY_NAME}
 
 
 def _without_unit(section: Section, definition: Parameter) -> object:
-    """The number of `0.033 m`; anything that is not of this form is left to be refused."""
+    """The number of `0.033 m`; returns any other text as it is, for the caller to refuse."""
     value = section.get(definition.name)
     if not isinstance(value, str):
         return value

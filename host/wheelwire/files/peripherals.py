@@ -44,7 +44,7 @@ _RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in RANGES}
 _AXES = {axis_name(axis): axis for axis in Axis}
 _PULLS = {pull.value: pull for pull in Pull}
 _LEVELS = {"low": True, "high": False}
-# Unless the file says otherwise. A bumper is a normally closed switch to ground.
+# The defaults. A bumper is a normally closed switch to ground.
 _TRIGGERED = {
     PeripheralKind.BUMPER: "high",
     PeripheralKind.CLIFF: "high",
@@ -69,9 +69,9 @@ _DIVIDERS = 1.0, 20.0
 _MAX_ADDRESS = 0x77
 _MAX_CELLS = 15
 _LAST_BUS = 127
-"""It travels as a signed byte."""
+"""A bus's number travels as a signed byte."""
 _CELL_V = {"warn_v": 3.5, "limit_v": 3.4, "stop_v": 3.3}
-"""Of one cell of lithium ions, for a file that gives only their number."""
+"""Levels of one lithium-ion cell, for a file that gives only the number of cells."""
 
 
 def parse_peripherals(board: Section) -> tuple[Peripheral, ...]:
@@ -86,7 +86,7 @@ def parse_peripherals(board: Section) -> tuple[Peripheral, ...]:
 def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
     """The sections of a board's file; `parse_peripherals` makes the same peripherals of them."""
     sections: dict[str, dict[str, Any]] = {}
-    # The chip of a section first, whatever the channels; inputs stay in their order.
+    # A section begins with its chip, whatever the channels are; inputs stay in their order.
     for entry in sorted(peripherals, key=lambda entry: min(entry.kind, PeripheralKind.BUMPER)):
         if isinstance(entry, DigitalInput):
             name = channel_name(entry.kind, entry.place).replace(".", "_")
@@ -122,7 +122,7 @@ def _imu(board: Section) -> Iterator[ImuSensor]:
     keys = ("chip", "sda", "scl", "bus", "interrupt", "forward", "up", "address", "bias")
     imu = Section(board.get("imu"), keys, "imu")
     if imu.pin("interrupt") is not None and _bus(imu) is not None:
-        raise imu.refusal("interrupt", "leave it out: a computer takes the time from the reading")
+        raise imu.refusal("interrupt", "leave it out: a computer stamps samples when it reads them")
     chip = imu.code("chip", _IMU_CHIPS)
     yield ImuSensor(
         chip=chip,
@@ -233,7 +233,7 @@ def _address(section: Section) -> int | None:
         return None
     address = section.whole("address", _MAX_ADDRESS)
     if address == 0:
-        raise section.refusal("address", "leave it out for the chip's usual one")
+        raise section.refusal("address", "leave it out for the chip's usual address")
     return address
 
 
@@ -243,12 +243,12 @@ def _bus(section: Section) -> int | None:
         for pin, other in (("sda", "scl"), ("scl", "sda")):
             if section.pin(pin) is not None and section.pin(other) is None:
                 raise section.refusal(
-                    pin, f"name {other}, too; or in place of both, on a computer, its bus's number"
+                    pin, f"name {other}, too; on a computer, name the bus's number in place of both"
                 )
         return None
     for pin in ("sda", "scl"):
         if section.get(pin, None) is not None:
-            raise section.refusal("bus", "a bus has a number, or pins: leave sda and scl out")
+            raise section.refusal("bus", "a bus has either a number or pins: leave sda and scl out")
     return section.whole("bus", _LAST_BUS)
 
 

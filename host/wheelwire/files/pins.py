@@ -5,17 +5,17 @@ from __future__ import annotations
 from inspect import signature
 
 from wheelwire_protocol.board import Stage
-from wheelwire_protocol.codes import Board as Chip
+from wheelwire_protocol.codes import Chip
 
 from ..board import BoardDescription, WheelPins
 from ..errors import ConfigurationError, shown
 from ..linux_mcu.gpio.base import PWM_CHANNEL
 
 LAST_GPIO = 27
-"""Of the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not pin positions."""
+"""The last GPIO on the header of every Raspberry Pi since the B+; BCM numbers, not positions."""
 
 
-def Pins(  # noqa: N802 - it was a class, and makes an object as a class does
+def Pins(  # noqa: N802 - it makes an object, as a class does
     left_pwm: int = 18,
     left_dir1: int = 23,
     left_dir2: int = 24,
@@ -28,7 +28,7 @@ def Pins(  # noqa: N802 - it was a class, and makes an object as a class does
     right_enc_b: int = 10,
     estop: int | None = None,
 ) -> BoardDescription:
-    """The board of an L298N on a Raspberry Pi's header. Its bridge is assumed to have pull-downs.
+    """The board of an L298N, assumed to have pull-downs, on a Raspberry Pi's header.
 
     The defaults are those of the wiring guide for a Raspberry Pi 4B.
 

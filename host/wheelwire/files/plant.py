@@ -26,8 +26,8 @@ class PlantValue:
 
     Attributes:
         value: In the variable's unit.
-        source: Where it is from, or why it is assumed; empty in a file that does not say.
-        assumed: No source says so.
+        source: Where the value is from, or why it is assumed; empty if the file does not say.
+        assumed: Whether the value is assumed, without a source.
     """
 
     value: float
@@ -40,8 +40,8 @@ class Plant:
     """A robot to simulate.
 
     Attributes:
-        title: What it is, in a line.
-        values: By the variable's name, in the order in which they are set.
+        title: The robot in a line.
+        values: Values by the variable's name, in the order in which they are set.
     """
 
     title: str

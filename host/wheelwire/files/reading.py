@@ -14,16 +14,17 @@ from ..arguments import is_number
 from ..errors import ConfigurationError, InvalidArgument, shown
 
 LARGEST_BYTES = 1_000_000
-"""No file of ours comes near it: a log or a recording that was given by mistake does."""
+"""All files of Wheelwire are far smaller; a log or a recording, given by mistake, is larger."""
 
-# A GPIO travels as a signed byte. Whether the chip has it is for the core's rules to say.
+# A GPIO travels as a signed byte. The core's rules decide whether the chip has it.
 _LAST_PIN = 127
 
 _KINDS: tuple[tuple[str, set[str], str], ...] = (
     (
         "robot",
         {"driver", "driver_type"},
-        "a robot's file, which is a ROBOT: where a command takes both, give ROBOT first, then FILE",
+        "a robot's file, to be given as ROBOT: where a command takes both, give ROBOT first, then "
+        "FILE",
     ),
     (
         "board",
@@ -44,13 +45,13 @@ _KINDS: tuple[tuple[str, set[str], str], ...] = (
     ("plant", {"variables"}, "a plant, for `wheelwire sim --plant FILE`"),
     ("answers", {"raised", "first", "second"}, "answers, for `wheelwire setup --answers FILE`"),
 )
-"""Kinds of files, keys that only one of them has, and what to do with it."""
+"""Kinds of files, the keys that only one kind has, and what the file is for."""
 
 _TYPES = {
     int: "a whole number",
     float: "a number",
     bool: "true or false",
-    str: "a text; put one that looks like a number in quotes",
+    str: "a text; put a text that looks like a number in quotes",
 }
 """The types that a dataclass of `Section.fill` may have, and what a person writes for them."""
 
@@ -64,15 +65,15 @@ def reading(source: Path, kind: str) -> Iterator[object]:
 
     Args:
         source: The file.
-        kind: One of robot, board, parameters, profile, plant, answers: a file that clearly is of
-            another kind is refused, and the error says where it belongs.
+        kind: One of robot, board, parameters, profile, plant, answers. A file that is clearly of
+            another kind raises an error, which says what that file is for.
 
     Raises:
-        InvalidArgument: It is a device.
-        ConfigurationError: It cannot be read, is not YAML, is of another kind, or the block says
-            what is wrong, beginning with the key: `section.name = value: what to do`.
+        InvalidArgument: The file is a device.
+        ConfigurationError: The file cannot be read, is not YAML or of another kind, or the block
+            raised an error that begins with the key: `section.name = value: what to do`.
     """
-    from . import yaml_text  # here: drivers import this package, and few of them read a file
+    from . import yaml_text  # here: drivers import this package, and few of them read files
 
     text = _text_of(source)
     try:
@@ -90,7 +91,7 @@ def reading(source: Path, kind: str) -> Iterator[object]:
 
 
 def file_named(name: str | Path, folder: Path, kind: str) -> Path:
-    """The built-in file of a name, else the file of this path; `kind` is for the message."""
+    """The built-in file of this name, else the file at this path; `kind` is for the message."""
     # The built-in ones first: their names mean the same in every folder.
     known = names_in(folder)
     if str(name) in known:
@@ -111,10 +112,10 @@ class Section:
     """A mapping of a file: names are checked at once, each value when it is asked for.
 
     Args:
-        content: As YAML has it.
-        known: The names that it may have.
-        name: Of the section; empty for the file itself, which must not be empty.
-        elsewhere: Other sections of the file and their names, one of which may have been meant.
+        content: The section as YAML gives it.
+        known: The names that the section may have.
+        name: Name of the section; empty for the file itself, which must not be empty.
+        elsewhere: Other sections of the file and their names, one of which may be meant.
     """
 
     def __init__(
@@ -137,13 +138,13 @@ class Section:
                 raise self.refusal(key, f"unknown key; {self._suggestion(key, known, elsewhere)}")
 
     def get(self, name: str, default: object = MISSING) -> Any:
-        """The value, of any type; without a default it has to be there."""
+        """The value, of any type; without a default the file has to have one."""
         if name not in self.values and default is MISSING:
             raise ConfigurationError(f"{self._prefix}{name} is missing: add it")
         return self.values.get(name, default)
 
     def code(self, name: str, codes: Mapping[str, _Code], default: object = MISSING) -> _Code:
-        """What one of the words in `codes` stands for."""
+        """The code whose name in `codes` is the value."""
         value = self.get(name, default)
         # The type first: a list or a mapping cannot be looked up.
         if not isinstance(value, str) or value not in codes:
@@ -166,7 +167,7 @@ class Section:
         return float(value)
 
     def pin(self, name: str) -> int | None:
-        """A GPIO. Any may be left out: the core's rules say which ones are needed."""
+        """A GPIO; None without one: the core's rules decide which ones a board needs."""
         value = self.get(name, None)
         if value is None:
             return None
@@ -175,13 +176,13 @@ class Section:
         return value
 
     def text(self, name: str) -> str | None:
-        """A text, if there is one."""
+        """A text; None without one."""
         if self.values.get(name) is not None:
             self._check_type(name, str)
         return self.values.get(name)
 
     def fill(self, shape: type[_Shape]) -> _Shape:
-        """A dataclass, whose fields are the names; one that checks its own values says more."""
+        """A dataclass whose fields are the names; a `__post_init__` checks the types itself."""
         hints = {} if hasattr(shape, "__post_init__") else get_type_hints(shape)
         for each in fields(shape):  # type: ignore[arg-type]
             if each.name in self.values:
@@ -194,7 +195,7 @@ class Section:
             raise ConfigurationError(f"{self._prefix}{error}") from error
 
     def refusal(self, name: str, rule: str) -> ConfigurationError:
-        """The error about a value, or about the section's lack of it."""
+        """The error about a value, which may be missing."""
         return ConfigurationError(f"{self._prefix}{name} = {shown(self.values.get(name))}: {rule}")
 
     def _check_type(self, name: str, hint: Any) -> None:
@@ -210,7 +211,7 @@ class Section:
         known: Collection[str],
         elsewhere: Mapping[str, Collection[str]] | None,
     ) -> str:
-        """A key that may be meant: one of the same name in a section, else a similar one here."""
+        """The key that may be meant: the same name in another section, else a similar one here."""
         # Often the key is right and only its section is missing.
         places = [f"{each}.{name}" for each, names in (elsewhere or {}).items() if name in names]
         near = [self._prefix + one for one in get_close_matches(name, known, n=1, cutoff=0.5)]
@@ -244,7 +245,7 @@ def _text_of(source: Path) -> str:
         raise ConfigurationError(f"{shown(str(source))}: no file can have this name") from error
     if len(data) > LARGEST_BYTES:
         raise ConfigurationError(
-            f"{source}: it is larger than {LARGEST_BYTES // 1000} kB: give a YAML file"
+            f"{source}: the file is larger than {LARGEST_BYTES // 1000} kB: give a YAML file"
         )
     try:
         return data.decode("utf-8-sig")
@@ -257,7 +258,7 @@ def _text_of(source: Path) -> str:
 
 
 def _line_of(key: str, lines: Mapping[str, int]) -> int:
-    """The line of a key, else of the section around it; 0 if neither is in the file."""
+    """The line of a key, else of the section around it; 0 if the file has neither."""
     while key:
         if key in lines:
             return lines[key]

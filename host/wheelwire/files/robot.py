@@ -34,27 +34,27 @@ ALIASES = {
 }
 """Top-level names from other packages' files, and the names used here."""
 MAX_RPM = "max_rpm"
-"""The motor's no-load speed; with the wheel's radius it is the velocity feed-forward."""
+"""The motor's no-load speed: the wheel's radius makes the velocity feed-forward of it."""
 BUILT_IN = ("mock", "l298n", "pigpio", "serial")
 OWN_PINS = ("l298n", "pigpio")
 """The drivers that move this computer's pins."""
 TOP = ("driver", "store", "board")
 _STATIC = "static_feedforward"
-_CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
+_CHOOSE_A_DRIVER = "choose one of mock, l298n, pigpio and serial, as in `driver: serial`"
 
 
 def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
-    """The values of a file by name; each section of `shapes` as the dataclass that is its shape.
+    """The values of a file by name; each section in `shapes` becomes the dataclass given there.
 
-    `options` is the section of a driver that is in none of `shapes`, `aliases` the names of other
-    packages that were found, with the names that they stand for.
+    `options` is the section of a driver that is not in `shapes`. `aliases` maps the names of other
+    packages in the file to the names that they stand for.
 
     Raises:
         ConfigurationError: The message begins with the key, and has its value and what is allowed.
     """
     if content is None:
         raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
-    # Before the keys: there its top level, a node's name, would only be an unknown one.
+    # Before the check of keys, which would call the node's name at the top an unknown key.
     if isinstance(content, Mapping) and any(
         isinstance(node, Mapping) and "ros__parameters" in node for node in content.values()
     ):
@@ -88,8 +88,8 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     for name in SECTIONS:
         if name in file.values and (found["board"] is not None or found["driver"] not in OWN_PINS):
             raise ConfigurationError(
-                f"{name}: this robot's is in its board's file; here it stands beside the pins of "
-                "l298n and pigpio"
+                f"{name}: name it in the board's file; a robot's file has it only beside the pins "
+                "of l298n and pigpio"
             )
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
@@ -98,10 +98,10 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
 
 def _check_pins(driver: str | None, pins: BoardDescription) -> None:
     if driver == "pigpio":
-        check_hardware_pwm(pins)  # a board may also have its PWM timed by the daemon
+        check_hardware_pwm(pins)  # as a board, it may use the daemon's own timing
     if driver not in OWN_PINS:
         return
-    # The driver checks these rules, too, but knows no line to look at.
+    # The driver checks these rules, too, but cannot name a line of the file.
     try:
         problems = pins.problems()
     except NativeMissingError:
@@ -111,13 +111,13 @@ def _check_pins(driver: str | None, pins: BoardDescription) -> None:
 
 
 def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """A copy of a section; one with nothing below it is empty."""
+    """A copy of a section; a name with nothing below it is an empty section."""
     content = values.get(name) or {}
     return Section(content, content, name).values
 
 
 def _replace_aliases(values: dict[str, Any]) -> dict[str, str]:
-    """Replace aliases by the names that they stand for; returns those that were found."""
+    """Replace aliases by the names that they stand for; returns the aliases found, with names."""
     given = {name: values.pop(name) for name in (*ALIASES, MAX_RPM) if name in values}
     found = {name: ALIASES.get(name, "parameters.velocity_feedforward") for name in given}
     for foreign, name in found.items():
@@ -129,13 +129,13 @@ def _replace_aliases(values: dict[str, Any]) -> dict[str, str]:
             raise ConfigurationError(
                 f"{foreign} = {shown(given[foreign])}: {name} is given too; remove one of them"
             )
-        # The last one, after the alias of the wheel's radius that it needs.
+        # MAX_RPM is the last alias: it needs the wheel's radius, which may be an alias, too.
         target[key] = _feedforward(given[foreign], target) if foreign == MAX_RPM else given[foreign]
     return found
 
 
 def _feedforward(rpm: Any, parameters: Mapping[str, Any]) -> float:
-    """Duty per m/s: full duty less what static friction takes, divided by the no-load speed."""
+    """Duty per m/s: full duty less the static friction's, divided by the no-load speed."""
     if not is_number(rpm) or rpm <= 0:
         raise ConfigurationError(f"{MAX_RPM} = {shown(rpm)}: it must be a number above 0")
     defaults = {name: PARAMETER_BY_NAME[name].default for name in ("wheel_radius", _STATIC)}

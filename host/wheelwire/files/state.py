@@ -1,4 +1,4 @@
-"""Where commands of this user put what they need later."""
+"""The folder for files that one command writes and a later one reads."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..errors import OutputFailed
 
 
 def state_folder() -> Path:
-    """`$XDG_STATE_HOME/wheelwire`, by default below the home folder; it may not exist yet.
+    """`$XDG_STATE_HOME/wheelwire`, by default in the home folder; it may not exist yet.
 
     Raises:
         OutputFailed: This user has no home folder.
@@ -18,7 +18,7 @@ def state_folder() -> Path:
         return Path(named) / "wheelwire"
     try:
         return Path.home() / ".local" / "state" / "wheelwire"
-    except RuntimeError as error:  # a container's user, for one
+    except RuntimeError as error:  # for example, a container's user
         raise OutputFailed(
             "this user has no home folder to put files in: name a folder in XDG_STATE_HOME"
         ) from error

@@ -31,14 +31,14 @@ _CURES = (
     (r"unhashable|mapping node", "a key has to be a word"),
     (r"expected <block end>", "the lines of one section need the same indentation"),
 )
-"""What PyYAML's parser says, as a pattern, and what to do about it."""
+"""Patterns of the messages of PyYAML's parser, and what to do about each."""
 
 
 def parse(text: str) -> tuple[object, dict[str, int]]:
     """The content, and the line of each key by its dotted name.
 
     Raises:
-        ConfigurationError: This is not YAML. The message begins with the line, if it is known.
+        ConfigurationError: The text is not YAML. The message begins with the line, if known.
     """
     try:
         loader = _Loader(text)
@@ -50,27 +50,27 @@ def parse(text: str) -> tuple[object, dict[str, int]]:
         return loader.construct_document(node), lines
     except yaml.YAMLError as error:
         raise ConfigurationError(_syntax(error, text)) from error
-    except (ValueError, TypeError) as error:  # such as a number that is none after all
+    except (ValueError, TypeError) as error:  # for example, an invalid number
         raise ConfigurationError(f": {' '.join(str(error).split())}") from error
     except RecursionError:
         raise ConfigurationError(": the lines are nested too deeply") from None
 
 
 def dump(content: object) -> str:
-    """The text of a file with this content: the innermost mappings in a line, as people write."""
+    """The text of a file with this content; the innermost mappings stand in one line."""
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
 def _syntax(error: yaml.YAMLError, text: str) -> str:
-    """The line, what it holds, and the cure; not the parser's words."""
+    """The line, its text and the cure, in place of the parser's words."""
     if isinstance(error, _Duplicate):
         return f", line {error.line}: {error}"
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:  # a reader's error has a position in place of a mark
         position = getattr(error, "position", 0)
         line = text.count("\n", 0, position) + 1
-        return f", line {line}: remove the character that is no text, or give another file"
-    # The parser notices what is missing at the end of the file only there.
+        return f", line {line}: remove the invalid character, or give another file"
+    # The parser notices a missing quote or bracket only at the end of the file.
     rows = text.splitlines()
     row = min(mark.line, len(rows) - 1)
     while row > 0 and not rows[row].strip():
@@ -108,7 +108,7 @@ class _Duplicate(yaml.YAMLError):
 class _Loader(yaml.SafeLoader):
     """YAML requires unique keys, but PyYAML silently takes the last of several."""
 
-    # Dates are texts: none of our files has one, and a wrong one has no line.
+    # Dates stay texts: no file of Wheelwire has one, and the error about a wrong date has no line.
     yaml_implicit_resolvers: dict[str, list[tuple[str, Any]]] = {  # noqa: RUF012 - PyYAML's own
         first: [(tag, pattern) for tag, pattern in resolvers if tag != _TIMESTAMP]
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
@@ -120,7 +120,7 @@ class _Loader(yaml.SafeLoader):
         seen: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                continue  # no key of any of our files: the base class or the reader refuses it
+                continue  # the base class or the reader refuses such a key
             line = key.start_mark.line + 1
             if key.value in seen:
                 raise _Duplicate(key.value, seen[key.value], line)

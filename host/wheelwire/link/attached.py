@@ -10,7 +10,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
@@ -22,7 +22,14 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import Estop, Stop
 
-from ..errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, WheelwireError
+from ..errors import (
+    InvalidCommand,
+    LinkClosed,
+    LinkLost,
+    RequestTimeout,
+    WheelwireError,
+    afresh,
+)
 from .connection import CONNECT_TIMEOUT_S
 from .device_link import CALL_TIMEOUT_S
 from .info import LinkInfo, LinkStatistics
@@ -30,7 +37,7 @@ from .latest_sample import LatestSample
 from .port_list import absolute_port
 from .requests import Answer, Done, RequestMessage
 from .rerun_link import RerunLink
-from .tap import Kind, Record, TapReader
+from .tap import Kind, Record, Tap, TapReader
 from .tap_directory import SUFFIX, tap_directory
 from .tap_wire import (
     VERSION,
@@ -169,7 +176,7 @@ class AttachedLink(RerunLink):
         self._status: dict[str, Any] | None = None
         self._tags = count(1)
         self._asked: dict[int, Done] = {}
-        self._readers: list[TapReader] = []
+        self._tap = Tap()
         self._joining: list[TapReader] = []
         """The readers that get all records from the next START on."""
         self._thread = threading.Thread(
@@ -275,10 +282,11 @@ class AttachedLink(RerunLink):
             self.lost += take_tag(data)[0]
 
     def _do_again(self, record: Record) -> None:
+        tap = self._tap
         if record.kind is Kind.START:
             while self._joining:
-                self._readers.append(self._joining.pop())
-        for reader in tuple(self._readers):
+                tap.readers = (*tap.readers, self._joining.pop())
+        for reader in tap.readers:
             reader.append(record)
         super()._do_again(record)
         if record.kind is Kind.START:  # with another device, perhaps
@@ -301,7 +309,7 @@ class AttachedLink(RerunLink):
         """Port, baud rate and device."""
         session, status = self._session, self._status or {}
         if session.device is None:
-            raise session.error
+            raise afresh(session.error)
         return LinkInfo(
             status.get("port", self.name),
             status.get("baud_rate"),
@@ -316,6 +324,14 @@ class AttachedLink(RerunLink):
         """What the other program has counted since it opened the link; a second old at most."""
         return LinkStatistics(**(self._status or {}).get("statistics", {}))
 
+    @property
+    def tap(self) -> Tap:
+        """Passes on what the other program says of its own tap, under the same numbers."""
+        return self._tap
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """Nothing: the notes, and the recording, are the other program's."""
+
     def listen_to_tap(self, reader: TapReader) -> None:
         """As `Link.listen_to_tap`; records that this program takes too late are missing."""
         self._joining.append(reader)
@@ -323,9 +339,9 @@ class AttachedLink(RerunLink):
 
     def leave_tap(self, reader: TapReader) -> None:
         """`reader` gets nothing more."""
-        for readers in (self._joining, self._readers):
-            with suppress(ValueError):
-                readers.remove(reader)
+        with suppress(ValueError):
+            self._joining.remove(reader)
+        self._tap.remove(reader)
 
     # --- what is asked for -----------------------------------------------------------------------
 

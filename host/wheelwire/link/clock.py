@@ -301,7 +301,7 @@ def _fit(readings: Sequence[_Reading]) -> _Line:
     spread = sum((t - mean_time) ** 2 for t in times) or 1.0  # all at once: the slope is then 0
     products = zip(times, offsets, strict=True)
     b = sum((t - mean_time) * (o - mean_offset) for t, o in products) / spread
-    # Of the bound in the module's docstring: sum w_i^2 is 1/n at the mean time, and grows with
+    # In the bound of the module's docstring, sum w_i^2 is 1/n at the mean time and grows with
     # (h - mean)^2 / spread.
     length = math.sqrt(sum(r.round_trip_us**2 for r in chosen))
     return _Line(

@@ -39,10 +39,12 @@ from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .session import Phase, Session
+from .shared_thread import holds_ports_up
 from .tap import TapReader
 from .waiting import Notifier
 
 if TYPE_CHECKING:
+    from .shared_thread import SharedThread
     from .tap_server import TapServer
     from .transports import Transport
 
@@ -185,6 +187,13 @@ class Link(DeviceLink):
             raise self._why_not_open()
         # Decided does not mean open: a device may have refused for good.
         self.check()
+        # A caller looks at the board and its warnings at once. What is lost from here on comes
+        # back by itself, as at any later time.
+        session = self._session
+        yield (
+            lambda: session.knows_device or session.phase is not Phase.OPEN or loop.end is not None,
+            self._options.connect_timeout_s,
+        )
         if self._options.tap:
             from .tap_server import offer  # here, for what it imports opens ports
 
@@ -193,6 +202,10 @@ class Link(DeviceLink):
     def watch(self, parameters: Sequence[int]) -> None:
         """Read the values of these parameters in each session. Call it before `open`."""
         self._session.watch(parameters)
+
+    def serve_by(self, thread: SharedThread) -> None:
+        """Have `thread` serve the port, along with others. Call it before `open`."""
+        self._loop.served_by = thread
 
     def finish(self) -> None:
         """Begin to stop the robot and close the port, without waiting."""
@@ -207,7 +220,7 @@ class Link(DeviceLink):
     def close(self) -> None:
         """Stop the robot, close the port and end the thread. Safe to call more than once."""
         self.finish()
-        if threading.current_thread() is self._thread:
+        if threading.current_thread() is self._thread or holds_ports_up():
             return  # called by the garbage collector; the thread ends when it returns to its loop
         # Not join() alone: when a signal handler's exception interrupts it, it may consider the
         # thread ended, so that a second close() would not wait.

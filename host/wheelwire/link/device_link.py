@@ -11,7 +11,7 @@ from typing import Any, cast
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.types import SetDuty
 
-from ..errors import InvalidCommand, RequestTimeout, WheelwireError
+from ..errors import InvalidCommand, RequestTimeout, WheelwireError, afresh
 from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
@@ -60,9 +60,8 @@ class DeviceLink(ABC):
         self._session.check_open()
 
     def _check_alive(self) -> None:
-        # Every call from here on raises the same error: tracebacks must not pile up in it.
         if self._end is not None:
-            raise self._end.with_traceback(None)
+            raise afresh(self._end)
 
     # --- what is known ---------------------------------------------------------------------------
 
@@ -84,7 +83,7 @@ class DeviceLink(ABC):
     @property
     def _device(self) -> DeviceInfo:
         if self._session.device is None:
-            raise self._session.error
+            raise afresh(self._session.error)
         return self._session.device
 
     @property
@@ -101,6 +100,11 @@ class DeviceLink(ABC):
     def sensors(self) -> SensorStream:
         """What the sensors measure; another object after an attached link took the session over."""
         return self._session.sensors
+
+    @property
+    def knows_device(self) -> bool:
+        """As `Session.knows_device`."""
+        return self._session.knows_device
 
     @property
     def knows_list(self) -> bool:
@@ -139,7 +143,7 @@ class DeviceLink(ABC):
         # The end of a link ends the session as well, so there is nothing else to look at.
         if values is None:
             self._check_alive()
-            raise self._session.error.with_traceback(None)
+            raise afresh(self._session.error)
         return values
 
     @property
@@ -221,9 +225,8 @@ class DeviceLink(ABC):
             if not is_stop:
                 self.withdraw(done)
             raise
-        # The same error may end many calls: tracebacks must not pile up in it.
-        if isinstance(result, WheelwireError):
-            raise result.with_traceback(None)
+        if isinstance(result, WheelwireError):  # the same may end many calls
+            raise afresh(result)
         return result
 
     def no_answer(self) -> RequestTimeout:

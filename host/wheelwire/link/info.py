@@ -11,8 +11,8 @@ from typing import NamedTuple
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import (
-    Board,
     Capability,
+    Chip,
     Fault,
     RefusalCode,
     ResetReason,
@@ -40,7 +40,7 @@ class DeviceInfo:
 
     release: Release
     git_hash: str
-    board: Board
+    board: Chip
     board_id: str
     boot_id: int
     reset_reason: ResetReason
@@ -61,7 +61,7 @@ class DeviceInfo:
         return cls(
             release=device_release(hello),
             git_hash=f"{hello.git_hash:08x}" if hello.git_hash else "",
-            board=Board(hello.board),
+            board=Chip(hello.board),
             board_id=f"{hello.board_id:012x}",
             boot_id=hello.boot_id,
             reset_reason=ResetReason(hello.reset_reason),

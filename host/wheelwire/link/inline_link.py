@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 
-from ..errors import RequestTimeout, WheelwireError
+from ..errors import RequestTimeout, WheelwireError, afresh
 from .device_link import DeviceLink
 from .info import LinkInfo
 from .requests import Answer, Done
@@ -54,5 +54,5 @@ class InlineLink(DeviceLink):
             self.withdraw(done)
             raise RequestTimeout(f"{self.name} does not answer; is it unplugged?")
         if isinstance(results[0], WheelwireError):
-            raise results[0].with_traceback(None)
+            raise afresh(results[0])
         return results[0]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from wheelwire_protocol.types import WheelState
 
-from ..errors import RequestTimeout, WheelwireError
+from ..errors import RequestTimeout, WheelwireError, afresh
 from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
 from .latest_sensors import SensorQueues
@@ -152,7 +152,7 @@ class LatestSample:
         for measurement in self._take_fresh():
             return measurement.sample()
         if self._failure is not None:
-            raise self._failure.with_traceback(None)
+            raise afresh(self._failure)
         return None
 
     @property
@@ -224,7 +224,7 @@ class LatestSample:
     def why_none(self, timeout_s: float) -> WheelwireError:
         """Why no sample came within `timeout_s`."""
         if self._failure is not None:
-            return self._failure.with_traceback(None)
+            return afresh(self._failure)
         return RequestTimeout(
             f"no sample came within {timeout_s:g} s: set a stream rate above zero, or allow more "
             "time"

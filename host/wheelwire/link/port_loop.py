@@ -1,6 +1,7 @@
 """The thread that serves a port, and the session on it.
 
 It waits for the port, reads, does what is due, writes, and opens the port again when it is lost.
+For several links of an asyncio loop one thread does all but the opening: see `shared_thread`.
 Requests are handed to it as calls, which it carries out between two reads. So no lock is needed, a
 signal handler may make a request whatever it interrupted, and an exception raised by a handler
 leaves nothing half done. Only setpoints are written by the calling thread, one frame in one system
@@ -11,7 +12,6 @@ from __future__ import annotations
 
 import logging
 import select
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -30,9 +30,10 @@ from .requests import Answer
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
 from .tap import Kind
-from .waiting import Notifier
+from .waiting import Notifier, WakeUp
 
 if TYPE_CHECKING:
+    from .shared_thread import SharedThread
     from .transports import Transport
 
 IDLE_US = 1_000_000
@@ -89,6 +90,8 @@ class PortLoop:
         self.low_latency: bool | None = None
         self.baud_rate: int | None = None
         self.port = ""
+        self.served_by: SharedThread | None = None
+        """Serves the port while it is open; None: the link's own thread does. Set before `run`."""
         self._first_baud_rate = baud_rate
         self._suspend = SuspendWatch()
         self._open_port = open_port
@@ -122,25 +125,18 @@ class PortLoop:
         self._listener: Listener | None = None
         self._begun = threading.Lock()
         """Acquired once and never released, by `run` or by a `finish` that came before it."""
-        # A socket can be polled along with the port, and a signal handler may write to it.
-        self._wake_read, self._wake_write = socket.socketpair()
-        # A full buffer must not block whoever wakes the loop, nor an empty one the loop.
-        self._wake_read.setblocking(False)
-        self._wake_write.setblocking(False)
+        self.wake_up = WakeUp()
+        """Readable once `wake` was called: to be polled along with the port."""
         self._poller = select.poll()
-        self._poller.register(self._wake_read, select.POLLIN)
-        self._descriptor = -1
-        self._wanted = 0
-        """The port's descriptor, and the events that are polled for."""
+        self._poller.register(self.wake_up, select.POLLIN)
+        self.wanted = select.POLLIN
+        """The port's events to poll for, by the newest `next_wait`; without POLLIN it rests."""
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
     def wake(self) -> None:
         """Make the loop check the session; from any thread."""
-        try:
-            self._wake_write.send(b"\0")
-        except OSError:  # full: it is awake already; closed: the loop has ended
-            return
+        self.wake_up.wake()
 
     def call(self, task: Task, done: Done) -> None:
         """Have the loop do `task`; from any thread. Never waits.
@@ -220,9 +216,15 @@ class PortLoop:
         if self._output or self._frames or self._put(transport, frame) < len(frame):
             self._frames.append(frame)
             self.wake()
-        elif now_us > self._turned_us + REPEAT_AFTER_US:
-            # No state frames cause a turn, and this setpoint may have to be repeated in time.
-            self.wake()
+        else:
+            # This setpoint may have to be repeated, for which no state may cause a turn in time:
+            # the next one is expected later, or the stream has ended.
+            next_us, turned_us = self._coalescing.next_us, self._turned_us
+            if (
+                next_us > now_us + REPEAT_AFTER_US
+                or now_us > min(next_us, turned_us) + REPEAT_AFTER_US
+            ):
+                self.wake()
         # The port may have been closed before the write; then the descriptor led nowhere.
         if self._transport is not transport:
             raise LinkLost(
@@ -287,59 +289,62 @@ class PortLoop:
                 return
             # Only for wake-ups: the lost port is not registered any more.
             self._poller.poll((end_us - now_us) / 1000)
-            self._drain_wake_ups()
+            self.wake_up.drain()
 
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost (True) or the loop ends (False). Closes the port."""
-        self._descriptor, self._wanted = transport.fileno(), select.POLLIN
-        self._poller.register(self._descriptor, self._wanted)
         self._transport = transport
         try:
-            while not (self._finishing and self._last_stop_over()):
-                self._turn(transport, self._wait_for_port())
+            if self.served_by is not None:
+                self.served_by.serve(self, transport)
+            else:
+                self._serve_here(transport)
         except LinkLost as error:
             self._lose(error)
             return True
         finally:
             # First, so that no other thread begins a write to a port that is being closed.
             self._transport = None
-            self._poller.unregister(self._descriptor)
             transport.close()
             # A sample may have come in the turn that ended the serving.
-            self._tell_news()
+            self.tell_news()
         return False
 
-    def _wait_for_port(self) -> int:
-        """Wait for a deadline, a wake-up or the port; return the port's poll events."""
-        now_us = host_clock_us()
-        until_us, rests = self._next_wait(now_us)
-        wanted = 0 if rests else select.POLLIN
-        if self._output:
-            wanted |= select.POLLOUT
-        if wanted != self._wanted:
-            self._wanted = wanted
-            self._poller.modify(self._descriptor, wanted)
-        self._tell_news()
-        found = 0
-        for descriptor, events in self._poller.poll(max(0.0, (until_us - now_us) / 1000)):
-            if descriptor == self._descriptor:
-                found = events
-            else:
-                self._drain_wake_ups()
-                self._work_pending = True
-        # During the rest `poll` was not asked about data: read at its end without being asked to.
-        rested = rests and host_clock_us() >= self._coalescing.rest_until_us
-        return found | select.POLLIN if rested else found
+    def _serve_here(self, transport: Transport) -> None:
+        descriptor, poller = transport.fileno(), self._poller
+        polled = select.POLLIN
+        poller.register(descriptor, polled)
+        try:
+            while not self.is_over():
+                now_us = host_clock_us()
+                until_us = self.next_wait(now_us)
+                if self.wanted != polled:
+                    polled = self.wanted
+                    poller.modify(descriptor, polled)
+                self.tell_news()
+                events = 0
+                for ready, found in poller.poll(max(0.0, (until_us - now_us) / 1000)):
+                    if ready == descriptor:
+                        events = found
+                    else:
+                        self.take_wake_up()
+                self.turn(transport, events)
+        finally:
+            poller.unregister(descriptor)
 
-    def _drain_wake_ups(self) -> None:
-        # However many came, one pass does for all of them.
-        with suppress(BlockingIOError):
-            self._wake_read.recv(4096)
+    # --- one turn, in whichever thread serves the port -------------------------------------------
 
-    # --- one turn ------------------------------------------------------------------------------
+    def take_wake_up(self) -> None:
+        """`wake_up` is readable: the next turn checks the session."""
+        self.wake_up.drain()
+        self._work_pending = True
 
-    def _next_wait(self, now_us: int) -> tuple[int, bool]:
-        """Until when to wait for the port or a wake-up, and whether to leave the port's data."""
+    def is_over(self) -> bool:
+        """Whether the link was finished and its last stop is over: the port is to be closed."""
+        return self._finishing and self._last_stop_over()
+
+    def next_wait(self, now_us: int) -> int:
+        """Until when to wait [us] for the port's events, which are `wanted`, or a wake-up."""
         until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
         # Asked for at each turn: another thread may have sent a setpoint.
         repeat_due_us = self._session.setpoints.repeat_due_us
@@ -347,11 +352,11 @@ class PortLoop:
             until_us = repeat_due_us
         # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
-        if now_us < rest_until_us and self._may_rest(now_us):
-            return min(until_us, rest_until_us), True
-        return until_us, False
+        rests = now_us < rest_until_us and self._may_rest(now_us)
+        self.wanted = (0 if rests else select.POLLIN) | (select.POLLOUT if self._output else 0)
+        return min(until_us, rest_until_us) if rests else until_us
 
-    def _turn(self, transport: Transport, events: int) -> None:
+    def turn(self, transport: Transport, events: int) -> None:
         """Read, do what is due, write.
 
         At 100 frames a second each pass finds cold caches, and calling a function costs more than
@@ -364,7 +369,7 @@ class PortLoop:
         Raises:
             LinkLost: The port is to be closed, and opened again.
         """
-        data = transport.read() if events & select.POLLIN else b""
+        data = transport.read() if events & select.POLLIN or self._rest_is_over() else b""
         # An unplugged port polls as readable for ever, but gives no data.
         if events & BROKEN and not data:
             raise transport.lost()
@@ -375,13 +380,14 @@ class PortLoop:
         if data:
             session, latest = self._session, self._latest_sample
             # Asked at each read: iterators come and go.
-            for measurement in session.receive(data, now_us, every_state=latest.is_iterated):
+            measured = session.receive(data, now_us, every_state=latest.is_iterated)
+            for measurement in measured:
                 latest.put(measurement)
                 self._has_news = True
             if session.sensors.sensed:
                 latest.sensors.take(self.port, session.sensors.sensed)
                 self._has_news = True
-            self._coalescing.note_read(session.frames_received, now_us)
+            self._coalescing.note_read(session.frames_received, now_us, has_state=bool(measured))
         if self._calls:
             self._do_calls(now_us)
         # A setpoint sent since the wait began is to be repeated later than now, or has called
@@ -396,6 +402,10 @@ class PortLoop:
             self._tell_listener()
         if self._frames or self._output:
             self._write(transport)
+
+    def _rest_is_over(self) -> bool:
+        """Whether data has to be read without being asked for: the rest did not poll for it."""
+        return not self.wanted & select.POLLIN and host_clock_us() >= self._coalescing.rest_until_us
 
     def _may_rest(self, now_us: int) -> bool:
         """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
@@ -424,7 +434,7 @@ class PortLoop:
             while True:
                 self._calls.popleft()[1](error)
 
-    def _tell_news(self) -> None:
+    def tell_news(self) -> None:
         """Wake all that wait for a sample. Called right before the loop waits.
 
         Earlier, the thread that is woken would compete with this one for the interpreter.
@@ -601,7 +611,6 @@ class PortLoop:
         self._refuse_calls(end)
         self._latest_sample.fail(end)
         self._tell_listener()
-        self._wake_read.close()
-        self._wake_write.close()
+        self.wake_up.close()
         # Last: whoever waits for the end finds everything released.
         self._changed.notify_all()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from wheelwire_protocol.codes import StopMode
 
-from ..errors import LinkLost, PortUnavailable, WheelwireError, WrongBoard
+from ..errors import LinkLost, PortUnavailable, WheelwireError, WrongBoard, afresh
 from .requests import Answer
 from .session import Phase, Session
 
@@ -102,7 +102,7 @@ class PortPolicy:
     """
 
     def __init__(self, now_us: int) -> None:
-        # Of no port: what was tried may be asked for before one is open.
+        # It searches no port yet: what was tried may be asked for before one is open.
         self.search = BaudSearch(None, now_us)
         self.reconnects = 0
         self.lost: LinkLost | None = None
@@ -186,7 +186,7 @@ class PortPolicy:
         # In HELLO alone: during a session `error` is a previous one's.
         if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
             self._pause_s = WRONG_BOARD_PAUSE_S
-            raise session.error.with_traceback(None)
+            raise afresh(session.error)
 
     def next_rate(self, now_us: int) -> int | None:
         """The baud rate to change to now, if any; raises `Unanswered` after the last one."""
@@ -240,17 +240,36 @@ class LastStop:
 
 
 class Coalescing:
-    """Distinguishes a fast stream, which fills several frames into a rest, from a slow one."""
+    """Distinguishes a fast stream, which fills several frames into a rest, from a slow one.
+
+    Also expects the stream's next state.
+    """
 
     def __init__(self) -> None:
         self.rest_until_us = 0
         """When to read again; in the past for a slow stream: each frame is read when it comes."""
+        self.next_us = 0
+        """When the next state is expected at the latest, by the longer of the two newest gaps."""
+        self._gap_us = 0
         self._frames = 0
         self._read_us = 0
+        self._state_us = 0
 
-    def note_read(self, frames: int, now_us: int) -> None:
-        """Something was read; `frames` counts all since the start."""
+    def note_read(self, frames: int, now_us: int, *, has_state: bool = True) -> None:
+        """Something was read.
+
+        Args:
+            frames: How many since the start.
+            now_us: The host's clock.
+            has_state: A state was in it. Answers, of which many may come in a row, say nothing of
+                when the next one comes.
+        """
         # Several frames in a read, or reads in quick succession: a rest would gather several.
         fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
         self._frames, self._read_us = frames, now_us
         self.rest_until_us = now_us + REST_US if fast else 0
+        if has_state:
+            gap_us = now_us - self._state_us
+            # Of two, for one that was held up on its way comes together with the next.
+            self.next_us = now_us + max(gap_us, self._gap_us)
+            self._state_us, self._gap_us = now_us, gap_us

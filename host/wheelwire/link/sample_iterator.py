@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Generic, TypeVar
 from weakref import ref
 
-from ..errors import WheelwireError
+from ..errors import WheelwireError, afresh
 
 Sample = TypeVar("Sample")
 
@@ -84,7 +84,7 @@ class SampleIterator(Generic[Sample]):
         if not over:
             return None
         if self._failure is not None:
-            raise self._failure.with_traceback(None)
+            raise afresh(self._failure)
         raise StopIteration
 
     def is_ready(self) -> bool:

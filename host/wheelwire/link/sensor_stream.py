@@ -44,6 +44,10 @@ WAITING = 4096
 INFO_US = 300_000
 """Within this after the request each channel says what it is; otherwise it is asked for again."""
 INFO_ATTEMPTS = 10
+EARLY_EVENTS = 32
+"""So many wait for their channel to say what it is; that of a line that is too slow does."""
+IMU_PERIOD_US = 5_000
+"""Period at which the firmware sets up each chip."""
 IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
 """What a robot's sensors pass on; INPUTS: all of them together."""
 
@@ -57,9 +61,9 @@ class _Channel(NamedTuple):
     gyro_scale: float
     acceleration_scale: float
     bias: tuple[int, int, int]
-    """Of an IMU: the gyroscope's counts at rest. Of another one: the numbers of its entry."""
+    """For an IMU, the gyroscope's counts at rest; for another kind, the numbers of its entry."""
     turn: Callable[[Vector], Vector]
-    """From the chip's axes to the robot's, of an IMU."""
+    """Turns a vector from an IMU's axes to the robot's."""
 
 
 class ImuMeasurement(NamedTuple):
@@ -237,6 +241,8 @@ class SensorStream:
         """The channels that have not said what they are since another rate was asked for."""
         self._early: tuple[wire.Inputs, ClockEstimator, int] | None = None
         """The newest inputs, while not all channels have said what they are."""
+        self._early_events: list[tuple[wire.SensorEvent, int, Conversion, int]] = []
+        """Those of channels that have not said what they are, with the device's time."""
         self._t_us: int | None = None
         self._arrived_us = 0
 
@@ -247,6 +253,7 @@ class SensorStream:
         self._channels.clear()
         self._messages.clear()
         self._early = self.stopped = None
+        self._early_events.clear()
         self.due_us = None
         self._attempts = 0
         self._outdated = frozenset()
@@ -286,7 +293,7 @@ class SensorStream:
             kind=kind,
             chip=chip,
             place=place,
-            rate_hz=message.rate_hz,
+            rate_hz=_rate_hz(kind, message.rate_hz),
             gyro_noise=message.gyro_noise,
             acceleration_noise=message.accelerometer_noise,
         )
@@ -301,6 +308,10 @@ class SensorStream:
         # In the order of the channels, in which they do not come.
         self.infos = dict(sorted({**self.infos, number: info}.items()))
         self._set_state(number, state)
+        # What they changed the message has already.
+        events, self._early_events = self._early_events, []
+        for event in events:
+            self._sense_event(*event)
         if self._knows_all():
             if not self._outdated:
                 self.due_us = None
@@ -374,19 +385,30 @@ class SensorStream:
             ValueError: A code means nothing.
         """
         code, number = SensorEventCode(message.code), message.channel
-        channel = self._channels.get(number)
-        if channel is None:
+        sentence_of_event("", code, message.value)  # raises before anything changes
+        t_us = self._unwrapped(message.t_us, clock, now_us)
+        self._sense_event(message, t_us, clock.conversion, now_us)
+        if number not in self._channels:
             return
-        name = channel.info.name
-        sentence = sentence_of_event(name, code, message.value)
         if code is SensorEventCode.STATE:
             self._set_state(number, SensorState(message.value))
         elif code is SensorEventCode.REDUCED:
             self._set_rate(number, message.value)
-        t_us = self._unwrapped(message.t_us, clock, now_us)
-        host_us, error_us = clock.conversion.device_to_host(t_us)
+
+    def _sense_event(
+        self, message: wire.SensorEvent, t_us: int, conversion: Conversion, now_us: int
+    ) -> None:
+        """Pass an event on, once its channel has said what it is."""
+        channel = self._channels.get(message.channel)
+        if channel is None:
+            if len(self._early_events) < EARLY_EVENTS:
+                self._early_events.append((message, t_us, conversion, now_us))
+            return
+        name, code = channel.info.name, SensorEventCode(message.code)
+        host_us, error_us = conversion.device_to_host(t_us)
         event = SensorEvent(
-            name, code, message.value, sentence, t_us, host_us / 1e6, error_us / 1e6
+            *(name, code, message.value, sentence_of_event(name, code, message.value)),
+            *(t_us, host_us / 1e6, error_us / 1e6),
         )
         self.sensed.append(Sensed(EVENTS, event, now_us))
 
@@ -442,7 +464,7 @@ class SensorStream:
 
     def _set_rate(self, number: int, rate_hz: int) -> None:
         channel = self._channels[number]
-        info = channel.info._replace(rate_hz=rate_hz)
+        info = channel.info._replace(rate_hz=_rate_hz(channel.info.kind, rate_hz))
         self._channels[number] = channel._replace(info=info)
         self._messages[number] = self._messages[number]._replace(rate_hz=rate_hz)
         self.infos = {**self.infos, number: info}
@@ -471,6 +493,16 @@ def _codes_of(message: wire.SensorInfo) -> tuple[PeripheralKind, Place, SensorCh
     if kind is PeripheralKind.ANALOG and not 1 <= message.bias_y <= MOST_ANALOG:
         raise ValueError(f"there is no analogue input {message.bias_y}")
     return kind, place, chip
+
+
+def _rate_hz(kind: PeripheralKind, most_hz: int) -> int:
+    """At which samples come; the device sends every one of an IMU's, every second, every third."""
+    if kind is not PeripheralKind.IMU or not most_hz:
+        return most_hz
+    interval_us = 1_000_000 // most_hz
+    interval_us -= interval_us // 16  # which the device leaves to the chips' clocks
+    every = max(1, math.ceil(interval_us / IMU_PERIOD_US))
+    return round(1_000_000 / (every * IMU_PERIOD_US))
 
 
 def _distance_m(message: wire.Range) -> float:

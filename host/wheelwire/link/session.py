@@ -97,6 +97,7 @@ from ..errors import (
     LinkLost,
     WheelwireError,
     WrongBoard,
+    afresh,
 )
 from .clock import ClockEstimator, Synchroniser
 from .info import (
@@ -251,7 +252,7 @@ class Session:
         self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error, self.tap)
         self._state_stream = StateStream()
         self.sensors = Sensors()
-        # Of no session: `statistics` may be asked for before the first one.
+        # It belongs to no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
         # Without WheelState, which `receive` collects itself.
         self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
@@ -448,13 +449,20 @@ class Session:
     def check_connected(self) -> None:
         """Raise the reason if there is no port."""
         if self.phase is Phase.CLOSED:
-            raise self.error.with_traceback(None)
+            raise afresh(self.error)
 
     def check_open(self) -> None:
         """Raise the reason if the session is not open."""
         if self.phase is not Phase.OPEN:
-            # It is raised again and again for hours: tracebacks must not pile up.
-            raise self.error.with_traceback(None)
+            raise afresh(self.error)
+
+    @property
+    def knows_device(self) -> bool:
+        """Whether it is open, and the device has said which board and peripherals it has.
+
+        What the device cannot tell, or whose answer was lost, is not waited for any longer.
+        """
+        return self.phase is Phase.OPEN and not self._own_questions
 
     def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
         """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
@@ -495,7 +503,7 @@ class Session:
     def standing_news(self, happening: Happening) -> News | None:
         """The news that the robot is out of reach, or that a fault is latched, if so; else None."""
         if happening is Happening.LOST and self.phase is not Phase.OPEN:
-            return happening, self.error
+            return happening, afresh(self.error)
         if happening is Happening.FAULT and self._latched:
             return happening, self._latched
         return None
@@ -558,11 +566,9 @@ class Session:
             self._send(Hello(self._nonce, PROTOCOL_VERSION, schema_hash()))
 
     def _end(self, error: WheelwireError) -> None:
-        # The traceback refers to whoever it was raised to, and would keep a driver alive.
-        self.error.with_traceback(None)
         self.error = error  # first: other threads read it as soon as they see the phase
         if self.phase is Phase.OPEN:
-            self.news.append((Happening.LOST, error))
+            self.news.append((Happening.LOST, afresh(error)))
         self.phase = Phase.CLOSED
         self.watched_values = None
         self.rolling_mps = None
@@ -667,7 +673,7 @@ class Session:
 
         if not self._board_is_known:
             self._ask(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
-        # Of a board that stays the same they are of interest to who uses them.
+        # If the board stays the same, only a program that uses the sensors needs them.
         if not self._peripherals_are_known or self.sensors.rate_hz:
             self._ask(GroupGet(self._id, 0, Group.SENSOR), take_sensors, now_us)
 
@@ -676,8 +682,9 @@ class Session:
         self._own_questions += 1
 
         def take(answer: Answer | WheelwireError) -> None:
-            self._own_questions -= 1
             done(answer)
+            # After it: what it asks for next is counted before another thread finds zero.
+            self._own_questions -= 1
 
         self._requests.submit(message, take, now_us)
 
@@ -733,7 +740,6 @@ class Session:
                 self._id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
             self.phase = Phase.OPEN
-            self.error = self.error.with_traceback(None)  # as in `_end`
             self.news.append((Happening.OPENED, self.device))
             self._join()
 

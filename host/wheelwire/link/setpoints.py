@@ -18,7 +18,7 @@ from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
-from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError
+from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError, afresh
 from .clock import ClockEstimator
 from .requests import COPY_ID
 from .state_stream import DUTY_SCALE
@@ -100,7 +100,7 @@ class SetpointSender:
         self._tap = tap
         self._refusal: int | None = None
         self._zero_seq = 0
-        """Of the newest setpoint of this session that asked for standstill."""
+        """Number of the newest setpoint of this session that asked for standstill."""
         self._unseen: _Unseen | None = None
 
     @property
@@ -237,7 +237,7 @@ class SetpointSender:
     ) -> bytes:
         opened = self.opened
         if opened is None:  # asked once: the port's thread may end the session meanwhile
-            raise self._why_closed().with_traceback(None)
+            raise afresh(self._why_closed())
         self._trial.check("the setpoint")
         # By identity: a look into a dictionary would hash the state, which Python code does.
         state = self.supervisor

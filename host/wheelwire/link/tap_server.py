@@ -63,7 +63,7 @@ from .tap_wire import (
     tagged,
     take_tag,
 )
-from .waiting import Notifier
+from .waiting import Notifier, WakeUp
 
 if TYPE_CHECKING:
     from .connection import Link
@@ -92,7 +92,7 @@ QUEUE = 5000
 """Records that wait for one attached program: more than a second of a link at 1 kHz."""
 MAX_PROGRAMS = 16
 MAX_REQUESTS = 4
-"""Of one program, unanswered: the owner's requests wait behind them."""
+"""Unanswered requests of one program at most: the owner's requests wait behind them."""
 LONGEST_REQUEST = 1024
 BACKLOG = 1 << 20
 """Bytes that wait for a program that does not read them; with more it is cut off."""
@@ -113,17 +113,15 @@ class TapServer:
 
     def __init__(self, link: Link) -> None:
         self._link = weakref.ref(link)
-        self._wake_read, self._wake_write = socket.socketpair()
+        self._wake_up = WakeUp()
         self._changed = Notifier()
         self._finishing = self._has_ended = False
         self._place = _Place()
         self._programs: dict[int, _Program] = {}
         """By the descriptor of its connection."""
         self._look_s = 0.0
-        self._wake_read.setblocking(False)
-        self._wake_write.setblocking(False)
         self._poller = select.poll()
-        self._poller.register(self._wake_read, select.POLLIN)
+        self._poller.register(self._wake_up, select.POLLIN)
         self._thread = threading.Thread(target=self._run, name="wheelwire tap", daemon=True)
         abandon_in_child(self)
 
@@ -137,8 +135,7 @@ class TapServer:
 
     def wake(self) -> None:
         """Have the thread look at what there is; from any thread."""
-        with suppress(OSError):  # full: it is awake already; closed: it has ended
-            self._wake_write.send(b"\0")
+        self._wake_up.wake()
 
     def finish(self) -> None:
         """Pass on what is left until the link has ended, and end; without waiting."""
@@ -187,8 +184,7 @@ class TapServer:
         for program in self._programs.values():
             program.connection.close()
         self._programs.clear()
-        self._wake_read.close()
-        self._wake_write.close()
+        self._wake_up.close()
         self._has_ended = True
         self._changed.notify_all()
 
@@ -199,9 +195,8 @@ class TapServer:
         is_copying = self._finishing or any(one.is_busy for one in self._programs.values())
         wait_s = COPY_S if is_copying else max(0.0, self._look_s - now_s)
         ready = [descriptor for descriptor, _ in self._poller.poll(wait_s * 1000)]
-        if self._wake_read.fileno() in ready:
-            with suppress(BlockingIOError):
-                self._wake_read.recv(4096)
+        if self._wake_up.fileno() in ready:
+            self._wake_up.drain()
         return ready
 
     def _work(self, ready: list[int]) -> bool:

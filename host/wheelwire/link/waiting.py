@@ -8,6 +8,7 @@ lock of its own, which no other call ever needs, and every step is one call into
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -66,3 +67,37 @@ class Notifier:
                 woken.acquire(timeout=timeout_s)
         finally:
             self.discard(woken)
+
+
+class WakeUp:
+    """Ends the wait of a thread that polls, which polls this along with its ports.
+
+    A socket and not a pipe: systems on which only sockets can be polled have it, too.
+    """
+
+    def __init__(self) -> None:
+        self._reader, self._writer = socket.socketpair()
+        # A full buffer must not block whoever wakes the thread, nor an empty one the thread.
+        self._reader.setblocking(False)
+        self._writer.setblocking(False)
+
+    def fileno(self) -> int:
+        """The descriptor that is readable once `wake` was called."""
+        return self._reader.fileno()
+
+    def wake(self) -> None:
+        """Wake the thread; from any thread, and from a signal handler. Never waits."""
+        try:
+            self._writer.send(b"\0")
+        except OSError:  # full: it is awake already; closed: it has ended
+            return
+
+    def drain(self) -> None:
+        """Have it no longer readable: one pass of the thread does for all calls of `wake`."""
+        with suppress(BlockingIOError):
+            self._reader.recv(4096)
+
+    def close(self) -> None:
+        """Free the descriptors. Safe to call more than once, and beside `wake`."""
+        self._reader.close()
+        self._writer.close()

@@ -1,8 +1,8 @@
 """The processes that read this computer's I2C buses, one for each, with the firmware's drivers.
 
-A transfer on a bus that hangs waits in the kernel, where nothing can end it: neither the core nor
-the guard may wait for a process that is in one. So the reader is a child of the core's process,
-made before that has any pins, and shares nothing with it but the memory of `Sensors`.
+A transfer on a bus that hangs waits in the kernel, and nothing can end it there: neither the core
+nor the guard may wait for a process that makes one. So the reader is a child of the core's process,
+which starts it before it claims any pin, and shares only the memory of `Sensors` with it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from . import guard
 from .i2c_bus import I2cBus
 
 LONGEST_PAUSE_US = 100_000
-"""Between two looks at the bus."""
+"""The longest pause between two polls of the bus."""
 END_S = 0.1
-"""A reader that is killed is waited for: but not for long, for it may be in a transfer."""
+"""How long `close` waits for killed readers, which may be in a transfer."""
 
 Transfer = Callable[[int, bytes, int], tuple[TransferResult, bytes]]
 
@@ -32,12 +32,12 @@ class BusReaders:
     """Runs until it is closed, or this process ends.
 
     Args:
-        sensors: What is read.
-        numbers: Of the buses.
-        start_ns: Of the device's clock, by `time.monotonic_ns`.
+        sensors: The drivers, and what they read.
+        numbers: Numbers of the buses.
+        start_ns: Start of the device's clock, by `time.monotonic_ns`.
 
     Raises:
-        DriverUnavailable: A bus cannot be had.
+        DriverUnavailable: A bus cannot be opened.
     """
 
     def __init__(self, sensors: Sensors, numbers: Iterable[int], start_ns: int) -> None:
@@ -47,7 +47,7 @@ class BusReaders:
         self._pids: list[int] = []
         buses: dict[int, I2cBus] = {}
         try:
-            # All of them first: what is wrong with one is this process's to report.
+            # All buses first: this process reports what is wrong with one.
             for number in numbers:
                 buses[number] = I2cBus(number)
             for number, bus in buses.items():
@@ -60,7 +60,7 @@ class BusReaders:
                 bus.close()
 
     def close(self) -> None:
-        """End them. One that is in a transfer ends when the kernel lets it."""
+        """Kill the readers. One that makes a transfer ends when the kernel ends that."""
         for pid in self._pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -76,8 +76,8 @@ class BusReader:
 
     Args:
         sensors: What is read.
-        number: Of the bus.
-        transfer: Of the bus.
+        number: Number of the bus.
+        transfer: Makes a transfer on the bus.
         now_us: The device's clock.
     """
 

@@ -10,7 +10,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from wheelwire_protocol.codes import Board, ResetReason, SupervisorState
+from wheelwire_protocol.codes import Chip, ResetReason, SupervisorState
 from wheelwire_protocol.native import Core, Identity, Outputs, Sensors
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -45,7 +45,7 @@ def make_core(
     """Create the core with its saved parameters, not started; `heartbeat` beats while it saves.
 
     Args:
-        settings: Of the robot.
+        settings: Settings of the robot.
         heartbeat: See above.
         sensors: Its board's peripherals; None: it does without.
 
@@ -55,7 +55,7 @@ def make_core(
     store = _Store(settings.store, heartbeat or Heartbeat())
     identity = Identity(
         boot_id=int.from_bytes(os.urandom(4), "little"),
-        board=Board.LINUX,
+        board=Chip.LINUX,
         board_id=_board_id(),
         reset_reason=ResetReason.POWER_ON,
     )

@@ -22,7 +22,7 @@ from ..errors import WheelwireError
 CHECK_S = 0.01
 CORE_PRIORITY = 40
 READER_PRIORITY = 39
-"""Of those that read I2C buses: below the core's."""
+"""Priority of the readers of I2C buses: below the core's."""
 GUARD_PRIORITY = 41
 """Above the core's: the guard must run even if the core hogs the processor."""
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -32,13 +32,13 @@ class Phase(enum.IntEnum):
     """What the core is doing."""
 
     OPENING = 0
-    """It is opening its pins."""
+    """The core opens its pins."""
     RUNNING = 1
-    """It may drive."""
+    """The core may drive."""
     CLOSED = 2
-    """It has pulled EN low and released its pins."""
+    """The core has pulled EN low and released its pins."""
     SAVING = 3
-    """It writes a file, which takes seconds on a slow card. Never while driving."""
+    """The core writes a file, which takes seconds on a slow card. Never while driving."""
 
 
 class Heartbeat:

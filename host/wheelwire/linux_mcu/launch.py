@@ -20,7 +20,7 @@ from .settings import McuSettings
 START_TIMEOUT_S = 20.0
 """A Raspberry Pi needs a second or two, and a previous process up to 6 s to release its pins."""
 EXIT_TIMEOUT_S = 7.0
-"""It brakes for at most 5 s before it ends."""
+"""A process that ends brakes for at most 5 s before."""
 TERMINATE_TIMEOUT_S = 1.0
 
 

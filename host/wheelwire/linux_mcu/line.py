@@ -99,7 +99,7 @@ class ListeningLine(Line):
     """One application at a time; others are disconnected at once.
 
     Args:
-        path: Of the socket. A stale one, on which nobody listens, is replaced.
+        path: Path of the socket. A stale one, on which nobody listens, is replaced.
 
     Raises:
         OSError: It cannot be created, or another process listens there.

@@ -9,7 +9,7 @@ import json
 import os
 from pathlib import Path
 
-from wheelwire_protocol.codes import Board
+from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.native import Core, Identity, NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterSave, ParameterSet
@@ -85,7 +85,7 @@ def _block(values: dict[str, float]) -> bytes:
 
     try:
         # All parameters are saved: those that are not named get a Linux computer's defaults.
-        core = Core(Identity(boot_id=1, board=Board.LINUX), b"", save)
+        core = Core(Identity(boot_id=1, board=Chip.LINUX), b"", save)
     except NativeMissingError as error:
         raise DriverUnavailable(str(error)) from error
     host = CoreHost(core)

@@ -57,7 +57,7 @@ class OdometryUpdate(NamedTuple):
     """How far the wheel may have travelled before the reset was over, uncounted: its last known
     speed times the time since. 0 without a reset."""
     unseen_right_m: float = 0.0
-    """The same of the other wheel."""
+    """As `unseen_left_m`, for the other wheel."""
 
 
 class Odometry:

@@ -42,7 +42,7 @@ def rerun_box(path: Path) -> Rerun:
     if head.core != core_hash():
         raise RecordingError(
             f"{path} is of the core {head.core:08x} (firmware {head.release}, commit "
-            f"{head.git_hash:08x}), and here is {core_hash():08x}: re-run it with the library of "
+            f"{head.git_hash:08x}), and this is {core_hash():08x}: re-run it with the library of "
             "that release or commit"
         )
     rerun = box.rerun()

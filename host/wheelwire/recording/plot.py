@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS = 4000
-"""More than the picture has columns. Of more samples, each column shows least and most."""
+"""A picture has fewer columns; of more samples, each column shows least and most."""
 GAP_S = 0.5
 """Samples further apart are not joined by a line."""
 LABELS = 12
@@ -130,7 +130,7 @@ def steps(asked: Asked, values: Sequence[float]) -> Line:
     begins, ends, heights = (np.asarray(one) for one in (asked.begins_s, asked.ends_s, values))
     if not len(begins):
         return begins, heights
-    # Of equal ones that follow each other without a break, one remains.
+    # Equal spans that follow each other without a break become one.
     is_new = np.ones(len(begins), dtype=bool)
     is_new[1:] = (begins[1:] > ends[:-1]) | (heights[1:] != heights[:-1])
     firsts = np.flatnonzero(is_new)

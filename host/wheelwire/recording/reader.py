@@ -214,7 +214,7 @@ def metadata(path: str | Path) -> dict[str, str]:
 def offset_us(said: Mapping[str, str]) -> int:
     """What `metadata` says is to be added to the host's clock for the time of day."""
     text = said.get("unix_minus_monotonic_ns", "0")
-    # Of a damaged one only the date is lost.
+    # If it is damaged, only the date is lost.
     return int(text) // 1000 if text.lstrip("-").isdecimal() else 0
 
 
@@ -231,7 +231,7 @@ def _check_release(said: Mapping[str, str], path: str | Path) -> None:
     if said.get("schema", ours) != ours:
         version = said.get("version", "another release")
         raise RecordingError(
-            f"{path} was recorded by Wheelwire {version}, whose messages are others: "
+            f"{path} was recorded by Wheelwire {version}, whose messages differ: "
             f"read it with that release"
         )
 
@@ -239,13 +239,17 @@ def _check_release(said: Mapping[str, str], path: str | Path) -> None:
 def has_end(file: BinaryIO) -> bool:
     """Whether a file ends as a complete one does, the index by its checksum.
 
-    The end is written once all before it is on the disk.
+    The end is written once all before it is on the disk. A file that grows or shrinks meanwhile
+    has no end yet.
     """
     size = file.seek(0, os.SEEK_END)
     if size < len(MAGIC) + len(_DATA_END) + _FOOTER.size:
         return False
     file.seek(size - _FOOTER.size)
-    opcode, length, index, _, crc, magic = _FOOTER.unpack(file.read())
+    footer = file.read()
+    if len(footer) != _FOOTER.size:
+        return False
+    opcode, length, index, _, crc, magic = _FOOTER.unpack(footer)
     begin = index - _HEAD.size - 4
     if (opcode, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= begin < size:
         return False

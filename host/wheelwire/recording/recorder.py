@@ -40,8 +40,8 @@ QUEUE = 100_000
 MAX_BYTES = 1 << 30
 MAX_S = 3600.0
 CLOSE_S = 10.0
-BEGIN_S = 1.0
-"""A tap begins once the session knows its board: a moment after it has opened."""
+BEGIN_S = 5.0
+"""A tap begins once the session knows its board, for which it asks up to four times 1 s."""
 BEGIN_STEP_S = 0.001
 _LOG = logging.getLogger("wheelwire.recording")
 
@@ -59,6 +59,13 @@ class Tapped(Protocol):
 
     def listen_to_tap(self, reader: TapReader) -> None:
         """Give `reader` all records from now on, beginning with the state of the session."""
+
+
+def wait_until_it_began(link: Tapped, reader: TapReader) -> None:
+    """Wait for the first record: what is asked for next then gets to `reader`, with its answer."""
+    end_s = time.monotonic() + BEGIN_S
+    while reader not in link.tap.readers and not link.has_ended and time.monotonic() < end_s:
+        time.sleep(BEGIN_STEP_S)
 
 
 class Attachment(NamedTuple):
@@ -158,7 +165,7 @@ class Recorder:
         self._pid = os.getpid()
         self._synced_s = self._chunk_s = time.monotonic()
         self._inlet = self._listen()
-        self._wait_until_it_began()
+        wait_until_it_began(link, self._inlet.reader)
         self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
         self._thread.start()
         folder = self._path.parent
@@ -254,12 +261,6 @@ class Recorder:
         inlet = _Inlet()
         self._link.listen_to_tap(inlet.reader)
         return inlet
-
-    def _wait_until_it_began(self) -> None:
-        """What the program asks for next is then in the recording, with its answer."""
-        end_s = time.monotonic() + BEGIN_S
-        while self._inlet.reader not in self._link.tap.readers and time.monotonic() < end_s:
-            time.sleep(BEGIN_STEP_S)
 
     def _write(self, records: list[Record]) -> None:
         file, views = self._file, self._views

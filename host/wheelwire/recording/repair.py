@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
 PAUSE_S = 0.01
-"""After each chunk, where a robot is being driven meanwhile."""
+"""Pause after each chunk, for a robot that somebody drives meanwhile."""
 LARGEST_REST = 4 << 20
-"""More than a crash can damage: the last second."""
+"""A crash can damage less than this: the last second."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQ")
 """How a message begins: channel, sequence, time."""
@@ -106,7 +106,10 @@ def repair_folder(folder: Path) -> None:
                 if has_end(file) or not _is_ours(next(parts(file), None)):
                     continue
                 _lock(file, path)
-                _finish(file, _found(file, PAUSE_S), path)
+                found = _found(file, PAUSE_S)
+                if found.is_complete:  # whoever wrote it has closed it since
+                    continue
+                _finish(file, found, path)
             _LOG.info("repaired %s, which had no end", path)
         except RecordingError as error:
             if not isinstance(error, _BeingWritten):
@@ -242,7 +245,7 @@ def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
     if len(rest) > LARGEST_REST:
         raise RecordingError(
             f"{path} is damaged {found.end} bytes from its beginning, not at its end as by a "
-            f"crash: {len(rest)} bytes behind that would be lost, so nothing was changed"
+            f"crash: a repair would lose the {len(rest)} bytes behind that, so nothing was changed"
         )
     file.seek(found.end)
     file.truncate()

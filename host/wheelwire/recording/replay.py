@@ -58,7 +58,7 @@ from ..link.tap import Kind, Record, TapReader
 from ..samples import Setpoint
 
 LOOK_S = 0.002
-"""Between two looks whether the program reads samples by now."""
+"""Time between two checks whether the program reads samples by now."""
 RECEIVED = (Kind.RECEIVED, Kind.RECEIVED_EACH)
 AHEAD_US = 60_000_000
 NOTES_AHEAD_US = 500_000
@@ -198,7 +198,7 @@ class ReplayLink(RerunLink, InlineLink):
 
     Args:
         latest_sample: Takes the samples.
-        name: Of the recording, for messages.
+        name: Name of the recording, for messages.
         records: Gives all of it, in order, from the beginning whenever it is called.
         speed: How much faster than on the day time passes; 0: only in `advance`.
     """
@@ -479,9 +479,9 @@ class ReplayLink(RerunLink, InlineLink):
 
 
 def _notes_first(records: Iterable[Record]) -> Iterator[Record]:
-    """The same, but notes a while before their time: a program may say something of a sample late.
+    """The records, with notes a while before their time: a program may note a sample late.
 
-    The session is given none of them, so their order among its inputs is nobody's concern.
+    The session gets no notes, so their order among its inputs does not matter.
     """
     rest = iter(records)
     yield from islice(rest, 1)  # the START

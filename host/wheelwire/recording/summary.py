@@ -23,12 +23,12 @@ class Summary:
         frames_received: Good frames from the robot.
         frames_sent: Frames that the port took.
         frames_lost: On the way from the robot, by their sequence numbers.
-        board_id: Of the robot, as 12 hex digits.
+        board_id: The robot's board id, as 12 hex digits.
         complete: Whether it has its end; a crash leaves a file without one.
         began: The time of day, in UTC.
         driver: The name of the program's driver.
-        version: Of the Wheelwire that recorded it.
-        size_bytes: Of the file.
+        version: Version of the Wheelwire that recorded it.
+        size_bytes: Size of the file.
     """
 
     duration_s: float

@@ -31,7 +31,7 @@ class Asked:
 
 
 class Band(NamedTuple):
-    """From `begin_s` to `end_s` the robot was in a state; None: out of reach."""
+    """The robot's state from `begin_s` to `end_s`; None: out of reach."""
 
     begin_s: float
     end_s: float
@@ -50,7 +50,7 @@ class Trace:
     """Times are in seconds since the recording's beginning, at the arrival of each frame.
 
     Attributes:
-        times_s: Of the samples.
+        times_s: Times of the samples.
         left_mps: Measured.
         right_mps: Measured.
         left_duty: On the output, -1..1.

@@ -67,7 +67,7 @@ class Views:
         self._imu_layout = messages.imu(BASE_FRAME)
 
     def feed(self, record: Record) -> Iterator[View]:
-        """What is to be shown of one record, in order."""
+        """The messages for viewers that one record makes, in order."""
         measured = self._rerun.feed(record)
         session = self._rerun.session
         if session is None:

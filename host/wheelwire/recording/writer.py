@@ -86,7 +86,7 @@ class RecordingFile:
         path: Must not exist.
         unix_minus_monotonic_ns: What to add to the host's clock for the time of day.
         metadata: What else to write at its beginning.
-        channels: Of the messages for viewers.
+        channels: Channels of the messages for viewers.
 
     Attributes:
         path: Where it is.

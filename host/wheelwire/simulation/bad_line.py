@@ -121,7 +121,7 @@ class GroundTruth:
     frames: int = 0
     """Good frames given to the line."""
     hit: int = 0
-    """Of these, lost or changed in at least one byte."""
+    """Good frames that the line lost or changed in at least one byte."""
     missing: int = 0
     """Already missing when given to the line, by their sequence numbers."""
     repeated: int = 0
@@ -289,7 +289,7 @@ class ImpairedLine:
 
     Args:
         profile: Its impairment and incidents.
-        now_us: Of any monotonic clock; `at_s` counts from here.
+        now_us: The time by any monotonic clock; `at_s` counts from here.
     """
 
     def __init__(self, profile: LineProfile, now_us: int = 0) -> None:

@@ -24,12 +24,12 @@ READ_SIZE = 1 << 16
 MAX_WAIT_S = 0.05
 """Longest wait, after which `close` is noticed."""
 REOPEN_S = 0.005
-"""Between checks whether the device's port is back."""
+"""Time between two checks whether the device's port is back."""
 DRAIN_S = 0.1
 """How long an unplugging waits until the host has read what was delivered, so that the ground truth
 can be compared with the host's counters."""
 RETRY_S = 0.001
-"""Between attempts to write to an end whose buffer is full."""
+"""Time between two attempts to write to an end whose buffer is full."""
 OUTPUT_LIMIT = 1 << 16
 """Most bytes queued for an end that does not read; more are lost."""
 _SPEEDS = slice(4, 6)  # ispeed and ospeed in the list of termios.tcgetattr

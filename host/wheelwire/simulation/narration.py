@@ -9,7 +9,7 @@ from .simulator import TrueState
 
 SIDES = ("left", "right")
 SEEN_TURNS = 0.005
-"""Less than that a person does not see."""
+"""A person does not see a smaller turn."""
 REST_S = 0.4
 """Wheels that stand for less go on with the same motion: setup pulses a motor several times."""
 
@@ -24,7 +24,7 @@ class _Wheel:
         self.backward += max(-turns, 0.0)
 
     def said(self) -> str:
-        """Which way it turned, and how far; empty if nobody saw it."""
+        """Which way the wheel turned, and how far; empty if nobody saw it."""
         ways = [
             f"{way} {turns:.2f} turns"
             for way, turns in (("forward", self.forward), ("backward", self.backward))
@@ -38,7 +38,7 @@ class Narrator:
     """Says after each motion which wheel turned which way.
 
     Args:
-        counts: Of an ideal encoder, in a turn of a wheel.
+        counts: Counts of an ideal encoder in a turn of a wheel.
         say: Called with a sentence, once the wheels stand.
     """
 

@@ -125,7 +125,7 @@ class Simulator:
         link: Path of a symbolic link to the port, so that the port has a known name; by default a
             new one among the temporary files.
         seed: Seed of boot ids and encoder errors; random by default.
-        baud_rate: Of the device's UART; 0 accepts any rate, like USB.
+        baud_rate: Baud rate of the device's UART; 0 accepts any rate, like USB.
         store: File for saved parameters; by default they stay in memory.
         settings: Variables of the simulation, with their values at power-on.
         truth_hz: Rate of the true states. [Hz]

@@ -52,7 +52,7 @@ class VirtualLink(InlineLink):
     def open(self) -> None:
         """Plug the cable in for the first time, and open a session."""
         self.plug()
-        if not self.wait_for(lambda: self._session.phase is Phase.OPEN, OPEN_S):
+        if not self.wait_for(lambda: self._session.knows_device, OPEN_S):
             raise RequestTimeout(
                 "the simulated robot does not answer: install one release of all parts"
             )

@@ -29,7 +29,7 @@ SPEEDS = 10
 DEFAULT_SPEED = 4
 PERIOD_S = 0.05
 TTL_S = 0.3
-"""Of a setpoint, if the press lives as long: a program that hangs or is killed drives no longer."""
+"""Longest time to live of a setpoint: a program that hangs or is killed drives no longer."""
 STALE_S = 0.25
 """Keys that waited about this long, because the program did not run, drive no more."""
 SHOW_PERIOD_S = 0.1
@@ -69,7 +69,7 @@ class Teleop:
         self._presses = Presses()
         self._complaint = ""
         self._waits_for_release = False
-        """After a clear the robot does not drive before it was asked to stand."""
+        """Whether all keys have to be released first, as after a clear."""
         self._sent: _Sent | None = None
         """The newest setpoint that the robot may still obey."""
         self.speed = speed
@@ -78,7 +78,7 @@ class Teleop:
 
     @property
     def velocity(self) -> Twist:
-        """Of the speed that is set: straight ahead, and turning on the spot.
+        """Velocities at the speed that is set: straight ahead, and turning on the spot.
 
         Turning, each wheel has half the speed that it has straight ahead: a whole one is hard to
         steer.

@@ -25,9 +25,9 @@ MAX_SEQUENCE = 32
 """Longer ones are dropped: no key has one."""
 
 FIRST_LIFE_S = 0.7
-"""Of a press: longer than the keyboard's delay before it repeats a held key."""
+"""Life of a press: longer than the keyboard's delay before it repeats a held key."""
 REPEAT_LIFE_S = 0.2
-"""After a repeat."""
+"""Life of a press after a repeat."""
 
 _FORWARD, _BACKWARD, _TO_LEFT, _TO_RIGHT = (1, 0), (-1, 0), (0, 1), (0, -1)
 DIRECTIONS = {
@@ -40,7 +40,7 @@ DIRECTIONS = {
     RIGHT: _TO_RIGHT,
     "d": _TO_RIGHT,
 }
-"""Of each key: forward and to the left, each 1 or -1."""
+"""Direction of each key: forward and to the left, each 1 or -1."""
 
 _ESC = 0x1B
 _SPACE = 0x20
@@ -84,7 +84,7 @@ class KeyDecoder:
 
     def __init__(self) -> None:
         self._sequence = bytearray()
-        """From ESC on, as far as it has come."""
+        """A sequence that began with ESC, as far as it has come."""
 
     def feed(self, data: bytes) -> list[Event]:
         """Take bytes; returns the keys that they complete."""
@@ -221,7 +221,7 @@ class Presses:
             self._drop_opposite(key)
             self._ends[key] = now + FIRST_LIFE_S
             if action is Action.PRESSED:
-                # Of several held keys only the newest is repeated: it speaks for all of them.
+                # Only the newest of several held keys is repeated: it speaks for all of them.
                 self._renew_all(now + FIRST_LIFE_S)
 
     def clear(self) -> None:

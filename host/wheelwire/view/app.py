@@ -238,6 +238,8 @@ class ViewApp(App[None]):
 
     def _restore_terminal(self) -> None:
         """The process goes on: take the terminal again, without the keys that waited."""
+        if self._ending:
+            return  # a thread at the keyboard that begins now would never end
         self._fresh_from_s = math.inf  # some may have been read already: they are old
         with self.suspend():
             pass

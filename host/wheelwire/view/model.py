@@ -54,7 +54,7 @@ class Status:
     """What is known of the robot besides its samples. `Source` replaces it as a whole.
 
     Attributes:
-        statistics: Of the link; None where there is none.
+        statistics: Statistics of the link; None where there is none.
         standing: Why it stands, as far as its state alone tells.
         warnings: What keeps it from driving, or makes it less safe.
     """
@@ -68,11 +68,11 @@ class Model:
     """What a view shows of one robot.
 
     Args:
-        name: Of the robot.
+        name: Name of the robot.
         unix_minus_stamp_s: What to add to the samples' clock for the time of day.
 
     Attributes:
-        looks: Of the last `WINDOW_S`, in order; without a sample where the robot was out of reach.
+        looks: Looks of the last `WINDOW_S`, in order; without a sample while out of reach.
         events: The newest last.
         sample: The newest; None before the first.
         asked: What the wheels are asked for now.

@@ -125,7 +125,7 @@ def link(model: Model, width: int) -> Text:
     counted, sample = model.status.statistics, model.sample
     if counted is not None:
         parts += [
-            # Of one width each, so that a line is not broken elsewhere at each look.
+            # Each has a fixed width, so that a line does not break elsewhere at each look.
             f"link {counted.state_rate_hz:4.0f} Hz",
             f"loss {counted.recent_loss:5.1%}, {counted.frames_lost} frames",
             f"clock ±{_ms(counted.clock_error_us)}",

@@ -20,7 +20,7 @@ from .model import Look, Model, Status
 LOOKS_PER_STATUS = 10
 """Looks for each status, which costs more: quantiles of the link are of 1024 round trips."""
 SILENT_S = 2.0
-"""Without a sample for so long, a robot is called silent; the slowest stream has one a second."""
+"""A robot without a sample for this long counts as silent; the slowest stream has one a second."""
 
 
 class Source:
@@ -121,7 +121,7 @@ class _RecordedStops:
         self._next = next(self._records, None)
 
     def until(self, now_us: int) -> list[Stop]:
-        """Those that were not given yet.
+        """The stops until then that earlier calls did not return.
 
         Raises:
             RecordingError: The file is damaged.
@@ -136,6 +136,6 @@ class _RecordedStops:
         return stops
 
     def rest(self) -> list[Stop]:
-        """Those up to the end; raises as `until`."""
+        """The remaining stops up to the end; raises as `until` does."""
         stops = self.until(sys.maxsize)
         return stops + self._diagnosis.end(complete=was_closed(self._file))

@@ -28,7 +28,7 @@ class Tuning:
     """The values of one robot, and those on trial.
 
     Args:
-        parameters: Of the robot.
+        parameters: Parameters of the robot.
         check_save: Raises an InvalidArgument for a parameter that would not stay saved.
 
     Attributes:

@@ -20,7 +20,7 @@ from ..board import (
     Stage,
     StageTable,
 )
-from ..codes import Board
+from ..codes import Chip
 from ..messages import BOARD_SIZE, board_fields
 from .cpp import cpp_codec, cpp_member
 from .text import banner, constant_name
@@ -77,7 +77,7 @@ def _stage_row(stage: Stage, table: StageTable) -> str:
     )
 
 
-def _chip_row(chip: Board, table: ChipTable) -> str:
+def _chip_row(chip: Chip, table: ChipTable) -> str:
     sets = (
         table.existing,
         table.strapping,
@@ -91,7 +91,7 @@ def _chip_row(chip: Board, table: ChipTable) -> str:
     )
     numbers = ", ".join(map(_mask, sets))
     return (
-        f"    {{Board::{constant_name(chip.name)}, {numbers}, {table.counters}, "
+        f"    {{Chip::{constant_name(chip.name)}, {numbers}, {table.counters}, "
         f"{table.pwm_outputs}, {str(table.has_led).lower()}}},"
     )
 
@@ -151,7 +151,7 @@ def generate() -> str:
         "",
         "/// What a chip and its usual modules do with their pins.",
         "struct ChipTable {",
-        "  Board chip;",
+        "  Chip chip;",
         "  PinMask existing;",
         "  PinMask strapping;   ///< Their level at reset selects how the chip starts.",
         "  PinMask memory;      ///< Flash and PSRAM, on any module.",
@@ -173,14 +173,14 @@ def generate() -> str:
         "/// A module that is named has these pins of its chip for flash and PSRAM, and no others.",
         "struct ModuleTable {",
         "  Module module;",
-        "  Board chip;",
+        "  Chip chip;",
         "  PinMask memory;",
         "};",
         "",
         "constexpr ModuleTable kModuleTables[] = {",
         *[
             f"    {{Module::{constant_name(module.name)}, "
-            f"Board::{constant_name(table.chip.name)}, {_mask(table.memory)}}},"
+            f"Chip::{constant_name(table.chip.name)}, {_mask(table.memory)}}},"
             for module, table in MODULES.items()
         ],
         "};",

@@ -148,14 +148,14 @@ def _parameters() -> list[str]:
 
 def _platform_defaults() -> list[str]:
     rows = [
-        f"    {{Board::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
+        f"    {{Chip::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
         f"{cpp_number(value)}}},"
         for board, defaults in PLATFORM_DEFAULTS.items()
         for name, value in defaults.items()
     ]
     return [
         "struct PlatformDefault {",
-        "  Board board;",
+        "  Chip board;",
         "  ParameterId id;",
         "  float value;",
         "};",

@@ -77,7 +77,7 @@ def _layouts() -> list[str]:
         "GROUPS: dict[type[AnyMessage], Group] = {",
         *(f"    {m.name}: Group.{m.group.name}," for m in MESSAGES if m.group is not Group.BASE),
         "}",
-        '"""Of the messages that not every device has."""',
+        '"""The groups of the messages that not every device has."""',
         "",
     ]
 
@@ -87,7 +87,7 @@ def _board_layout() -> list[str]:
         "BOARD_LAYOUT: tuple[tuple[str, str], ...] = (",
         *(f'    ("{f.name}", "{f.format}"),' for f in board_fields()),
         ")",
-        '"""Of the packed board: each field and its format characters."""',
+        '"""The fields of the packed board, and their format characters."""',
     ]
 
 
@@ -96,5 +96,5 @@ def _peripheral_layout() -> list[str]:
         "PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (",
         *(f'    ("{f.name}", "{f.format}"),' for f in peripheral_fields()),
         ")",
-        '"""Of the packed peripheral: each field and its format characters."""',
+        '"""The fields of the packed peripheral, and their format characters."""',
     ]

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Iterable
 
 from .. import board, sensors
-from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Group
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Chip, Group
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS
 
@@ -20,6 +20,8 @@ CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
 }
 # A new group is no change of BASE, or each would part all hosts from all devices before it.
 _GROUPS_OF_BASE = (Group.BASE, Group.BOARD)
+# The hash covers these names: devices in the field have it with this one.
+_LAYOUT_NAMES: dict[type[enum.Enum], str] = {Chip: "Board"}
 
 
 def wire_layout(group: Group = Group.BASE) -> str:
@@ -32,7 +34,8 @@ def wire_layout(group: Group = Group.BASE) -> str:
     if group is Group.BASE:
         lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
     lines += [
-        f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in _members(e))
+        f"{_LAYOUT_NAMES.get(e, e.__name__)} "
+        + " ".join(f"{m.name}={m.value}" for m in _members(e))
         for e in CODES[group]
     ]
     return "\n".join(lines)

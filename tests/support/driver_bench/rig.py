@@ -35,7 +35,7 @@ class Counting:
     """Illegal transitions that the driver counted meanwhile."""
     seconds: float
     cpu: float
-    """Of the processes that move the pins, as a fraction of one core."""
+    """CPU of the processes that move the pins, as a fraction of one core."""
 
     @property
     def lost(self) -> float:
@@ -50,7 +50,7 @@ class Counting:
 
 @dataclass(frozen=True)
 class Timing:
-    """Of the control loop."""
+    """Timing of the control loop."""
 
     stop_late_us: list[int]
     """Time from the setpoint's deadline to EN low, for each stop."""

@@ -20,10 +20,10 @@ class Line:
     """One GPIO."""
 
     level: float = 0.0
-    """Of an output; between 0 and 1 it is software PWM."""
+    """An output's level; between 0 and 1 it is software PWM."""
     output: bool = False
     pull: str = ""
-    """Of an input, as it was last asked for."""
+    """An input's pull, as it was last asked for."""
     owner: socket.socket | None = None
 
 

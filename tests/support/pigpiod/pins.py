@@ -7,7 +7,7 @@ PULLS = ("floating", "down", "up")
 LAST_USER_GPIO = 31
 HARDWARE_PWM = {12: 0, 18: 0, 13: 1, 19: 1}
 PLLD_HZ = 750_000_000
-"""Of a Pi 4. Hardware PWM has PLLD / 2 / frequency steps."""
+"""Clock of a Pi 4. Hardware PWM has PLLD / 2 / frequency steps."""
 
 BAD_GPIO = -3
 BAD_PUD = -6

@@ -13,7 +13,7 @@ SAMPLE_US = 5
 BUFFER_US = 120_000
 REPORT = np.dtype([("seq", "<u2"), ("flags", "<u2"), ("t_us", "<u4"), ("levels", "<u4")])
 Samples = npt.NDArray[np.void]
-"""Of REPORT, without their numbers."""
+"""Records of REPORT, without their numbers."""
 
 
 def make_samples(t_us: npt.ArrayLike, levels: npt.ArrayLike) -> Samples:

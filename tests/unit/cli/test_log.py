@@ -8,13 +8,17 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from mcap.writer import CompressionType, Writer
 
 from support.command import PROGRAM, check_error, output, run, run_json
 from wheelwire import errors, open_driver
+from wheelwire.cli import log
 from wheelwire.cli.app import app
 from wheelwire.link.tap import Kind, Record, TapReader
 from wheelwire.recording.reader import records
@@ -294,3 +298,33 @@ def test_what_cannot_be_recorded(
     )
     assert text in check_error(result, error)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("results", "asked"),
+    [
+        ([None], 1),
+        ([errors.LinkLost("gone"), errors.RequestTimeout("silent"), None], 3),
+        ([errors.GroupUnavailable("sensor", 1, 2)], 1),
+    ],
+)
+def test_a_robot_that_was_not_reached_is_asked_again_for_its_sensors(
+    results: list[errors.WheelwireError | None], asked: int
+) -> None:
+    calls = 0
+
+    def start() -> None:
+        nonlocal calls
+        calls += 1
+        error = results[calls - 1]
+        if error is not None:
+            raise error
+
+    robot = SimpleNamespace(read=lambda _timeout: None, sensors=SimpleNamespace(start=start))
+    log._wait(
+        cast("Any", robot),
+        cast("Any", SimpleNamespace(error=None)),
+        time.monotonic() + 0.5,
+        as_json=False,
+    )
+    assert calls == asked

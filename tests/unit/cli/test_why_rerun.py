@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, output, run, run_json
-from support.virtual import VirtualRobot
+from support.virtual import box_after_a_contact
 from wheelwire import errors
 from wheelwire.cli.box_rerun import BOXES, DIFFERENT, TEST
 from wheelwire_protocol.black_box import BOX_SIZE, core_hash
@@ -26,17 +26,13 @@ HEAD_WORDS = 64
 SEGMENT_WORDS, SEGMENT_HEAD_WORDS = 2032, 8
 MAGIC = 0x31425757
 SHORT_WORDS = {1: 2, 2: 0, 3: 1, 4: 1, 5: 1, 6: 2, 7: 1}
-"""Of a record's payload, by kind; a longer one says how many it has."""
+"""Words of a record's payload, by kind; a longer one says how many it has."""
 END = 12
 
 
 @pytest.fixture(scope="module")
 def image() -> bytes:
-    robot = VirtualRobot().open()
-    robot.drive(0.2, 0.1, 1.5)
-    robot.sim.set("estop_open", 1)
-    robot.run(0.3)
-    return robot.sim.black_box()
+    return box_after_a_contact()
 
 
 @pytest.fixture
@@ -219,7 +215,7 @@ def test_an_empty_box_is_refused(image: bytes, box: Path) -> None:
 def test_a_box_of_another_core_is_refused_by_name(image: bytes, box: Path) -> None:
     box.write_bytes(of_core(image, 0xC0FFEE))
     result = run("why", "--rerun", str(box))
-    refused(result, errors.RecordingError, f"core 00c0ffee .*here is {core_hash():08x}")
+    refused(result, errors.RecordingError, f"core 00c0ffee .*this is {core_hash():08x}")
 
 
 def test_wrong_usage_is_named(box: Path, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_robot_that_stands_tilted_is_refused() -> None:
 
 @pytest.mark.parametrize("degrees", [14, 61])
 def test_too_little_and_too_far_are_refused(degrees: float) -> None:
-    sentence = f"lifted by {degrees} degrees: lift it by about 30, 15 to 60"
+    sentence = f"the lift was {degrees} degrees: lift the robot by about 30, 15 to 60"
     with pytest.raises(Unclear, match=sentence):
         raised_axis(push(), push(degrees))
 
@@ -161,7 +161,7 @@ def test_what_is_measured_at_rest_is_the_bias() -> None:
 @pytest.mark.parametrize(
     ("gyro", "acceleration", "sentence"),
     [
-        ((0.0, 0.0, -0.6), push(), "measures 0.60 rad/s, and no more than 0.5 is a bias"),
+        ((0.0, 0.0, -0.6), push(), "measures 0.60 rad/s, and a bias is at most 0.5"),
         (STILL, (0.0, 0.0, 4.9), "measures 4.9 m/s.2 in place of 9.8"),
         (STILL, (0.0, 0.0, 19.6), "measures 19.6 m/s.2 in place of 9.8"),
     ],
@@ -203,5 +203,5 @@ def test_a_turn_to_the_left_is_positive_about_the_axis_that_points_up() -> None:
 def test_a_turn_to_the_right_or_about_another_axis_contradicts() -> None:
     with pytest.raises(Unclear, match=r"turn to the right, by 63 degrees.*contradict each other"):
         is_left_turn(Axis.Z, turned((0, 0, -1.0), 1.1))
-    with pytest.raises(Unclear, match=r"by 63 degrees about an axis that is level"):
+    with pytest.raises(Unclear, match=r"by 63 degrees about a level axis"):
         is_left_turn(Axis.Z, turned((-1.0, 0, 0), 1.1))

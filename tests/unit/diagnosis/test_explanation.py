@@ -122,7 +122,6 @@ def test_a_watched_stop_is_said_alike_by_report_and_error() -> None:
 def test_a_cleared_stop_is_no_longer_said() -> None:
     with mock(realtime=True) as robot:
         watch = robot.watch_stops(lambda _: None)
-        robot.device_counters()  # the watch has begun: it sees the next stop
         robot.estop()
         with pytest.raises(DeviceRefused) as raised:
             robot.set_velocity(0.1, 0.0)
@@ -273,3 +272,9 @@ def test_an_error_imports_the_table_alone() -> None:
         "sys.exit(any(f'wheelwire.{name}' in sys.modules for name in ('recording', 'link')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_name_of_the_package_is_asked_for_once() -> None:
+    import wheelwire.diagnosis as package
+
+    assert package.Stop is vars(package)["Stop"]

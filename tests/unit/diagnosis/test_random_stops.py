@@ -11,7 +11,7 @@ from support.random_stops import causes_found, random_stop
 
 SEEDS = 50
 SURE = 0.8
-"""Of the failures on a supply that sags, the part that has one name."""
+"""The part of the failures on a sagging supply that gets one cause."""
 
 
 @pytest.mark.parametrize("first", range(0, 200, SEEDS))

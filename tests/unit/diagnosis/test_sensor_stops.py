@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import replace
+
 import pytest
 
+import wheelwire
 from support.sensor_messages import AHEAD_US, Stream, info, inputs
+from wheelwire.diagnosis import Diagnosis
 from wheelwire.diagnosis.causes import CAUSES, latched_causes, sensor_causes, sentence_of
 from wheelwire.diagnosis.explanation import explain
 from wheelwire.diagnosis.history import History
+from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused
+from wheelwire.files.board import load_board
+from wheelwire.link.session import Session
+from wheelwire.link.state_stream import Measurement
+from wheelwire.link.tap import Record, TapReader
+from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire_protocol.codes import Fault, RefusalCode
-from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Reflex
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Place, Reflex
 from wheelwire_protocol.types import Inputs
 
 BATTERY, BUMPER, CLIFF = 0b0010, 0b0100, 0b1000
@@ -89,3 +101,69 @@ def test_a_stop_has_the_sensors_that_acted_at_that_time() -> None:
     # Free again 1 s later: it explains a stop before that, and none after it.
     assert history.stopping_sensors(2_500_000) == {"cliff.front": "cliff_seen"}
     assert history.stopping_sensors(3_500_000) == {}
+
+
+class LateInputs:
+    """Holds the inputs back on their way to the host, by `delay_us` once it is not 0."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.delay_us = 0
+        self._held: deque[tuple[int, bytes]] = deque()
+        receive = Session.receive
+
+        def receive_late(
+            session: Session, data: bytes, now_us: int, *, every_state: bool = False
+        ) -> list[Measurement]:
+            return receive(session, self._passed(data, now_us), now_us, every_state=every_state)
+
+        patch.setattr(Session, "receive", receive_late)
+
+    def _passed(self, data: bytes, now_us: int) -> bytes:
+        passed = b""
+        for frame in data.split(b"\0"):
+            whole = b"\0" + frame + b"\0"
+            if any(isinstance(message, Inputs) for message in Decoder().feed(whole)):
+                self._held.append((now_us + self.delay_us, whole))
+            elif frame:
+                passed += whole
+        while self._held and self._held[0][0] <= now_us:
+            passed += self._held.popleft()[1]
+        return passed
+
+
+def stopped_by_a_cliff(delay_ms: int) -> list[Record]:
+    """What crosses a link while a cliff stops the robot, whose inputs come so much later."""
+    cliff = DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL)
+    reader = TapReader()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        wheelwire.open_driver("mock", realtime=False) as robot,
+    ):
+        late = LateInputs(patch)
+        assert isinstance(robot, MockDriver)
+        robot.board.take_up(replace(load_board("l298n"), peripherals=(cliff,)))
+        robot.sensors.start()
+        robot._link.listen_to_tap(reader)
+        for _ in range(100):
+            robot.set_velocity(0.1, 0.0, ttl=0.5)
+            robot.advance(0.01)
+        late.delay_us = 1000 * delay_ms
+        robot.simulator.set("cliff.front", 1)
+        robot.advance(1.5)
+        return reader.take()
+
+
+@pytest.mark.parametrize("delay_ms", [0, 200, 900])
+def test_inputs_that_come_late_name_the_sensor(delay_ms: int) -> None:
+    (stop,) = Diagnosis().feed_all(stopped_by_a_cliff(delay_ms))
+    assert (stop.cause, stop.sentence) == ("cliff_seen", "cliff.front saw no floor.")
+
+
+def test_a_sensor_that_is_never_named_is_reported_all_the_same() -> None:
+    records = stopped_by_a_cliff(10_000)
+    (live,) = Diagnosis().feed_all(records)
+    diagnosis = Diagnosis()
+    half = [record for record in records if record.host_us < live.host_us + 500_000]
+    assert diagnosis.feed_all(half) == []
+    (cut,) = diagnosis.end(complete=True)
+    assert live.cause == cut.cause == "external_fault"

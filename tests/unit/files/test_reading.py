@@ -69,7 +69,7 @@ def test_what_is_no_file_of_ours_is_refused(kind: str, tmp_path: Path) -> None:
     latin.write_bytes(b"title: M\xfcll\n")
     with pytest.raises(InvalidArgument, match=r"pipe\.yaml is a device, not a file"):
         LOADERS[kind](pipe)
-    assert "large.yaml: it is larger than 1000 kB" in refusal(kind, large)
+    assert "large.yaml: the file is larger than 1000 kB" in refusal(kind, large)
     assert "latin.yaml, line 1: this is not UTF-8 text" in refusal(kind, latin)
 
 
@@ -85,7 +85,7 @@ def test_options_of_a_wrong_type_say_what_to_write(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     for text, said in (
         ("serial: {any_board: 1}", "line 2: serial.any_board = 1: it must be true or false"),
-        ("serial: {board_id: 1234}", "serial.board_id = 1234: it must be a text; put one that"),
+        ("serial: {board_id: 1234}", "serial.board_id = 1234: it must be a text; put a text that"),
         ("serial: {connect_timeout: soon}", "serial.connect_timeout = 'soon': it must be a number"),
         ("gpio: {pwm_chip: 1.5}", "gpio.pwm_chip = 1.5: it must be a whole number"),
         ("store: 5", "line 2: store = 5: it must be a text"),

@@ -12,17 +12,26 @@ from pathlib import Path
 
 import pytest
 
+import wheelwire
 from support.core_device import CoreDevice, Edits
+from support.lost_answers import LostAnswers
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
-from wheelwire import errors
+from wheelwire import aio, errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import TransportDriver
 from wheelwire.link import connection as link
 from wheelwire.link.transports import SerialTransport, SocketTransport, Transport
-from wheelwire_protocol.codes import RefusalCode
-from wheelwire_protocol.types import DeviceHello, SetWheelVelocity
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.types import (
+    AnyMessage,
+    BoardValue,
+    DeviceHello,
+    GroupInfo,
+    PeripheralValue,
+    SetWheelVelocity,
+)
 
 
 @contextmanager
@@ -238,6 +247,44 @@ def test_every_refusal_says_what_to_do_in_one_line() -> None:
         text = str(errors.DeviceRefused(code, "the setpoint"))
         assert "\n" not in text
         assert len(text) > 40
+
+
+@pytest.mark.parametrize("kind", [GroupInfo, BoardValue, PeripheralValue])
+def test_a_robot_knows_its_board_once_it_is_open_or_restarted(
+    monkeypatch: pytest.MonkeyPatch, kind: type[AnyMessage]
+) -> None:
+    lost = LostAnswers(monkeypatch, kind, 4)
+    with wheelwire.open_driver("mock") as robot:
+        opened = robot.info
+        assert lost.left == 0
+        lost.left = 4
+        robot.board.restart()
+        restarted = robot.info
+        assert lost.left == 0
+    assert opened.board is not None
+    assert opened.peripherals is not None
+    assert (restarted.board, restarted.peripherals) == (opened.board, opened.peripherals)
+
+
+async def test_in_a_loop_a_robot_knows_its_board_once_it_is_open_or_restarted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lost = LostAnswers(monkeypatch, GroupInfo, 4)
+    async with aio.open_driver("mock") as robot:
+        assert robot.info.board is not None
+        lost.left = 4
+        await robot.board.restart()
+        assert robot.info.board is not None
+        assert lost.left == 0
+
+
+def test_a_robot_that_never_names_its_board_opens_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    LostAnswers(monkeypatch, GroupInfo, 1_000_000)
+    with wheelwire.open_driver("mock") as robot:
+        assert robot.info.board is None
+        assert robot.read().state is SupervisorState.IDLE
 
 
 def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_the_child_holds_no_file_of_the_link(robot: PtyDevice) -> None:
         def child() -> None:
             left = {name.split(" ", 1)[1] for name in open_files() - before}
             assert not {name for name in left if "pts" in name or "socket" in name}, left
-            # Of the pipes, the two that report this.
+            # Only the two pipes that report this.
             assert len([name for name in left if "pipe" in name]) <= 2, left
 
         end(forked(child))

@@ -1,4 +1,7 @@
-"""The loop that owns a port, run in the test's own thread on a port that the test has in hand."""
+"""The loop that owns a port, on a port that the test has in hand.
+
+It runs in the test's own thread, which serves the port or has a shared thread serve it.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import MAX_FRAME, OUTPUT_LIMIT, PortLoop
 from wheelwire.link.port_policy import FIRST_PAUSE_S
 from wheelwire.link.session import Phase, Session
+from wheelwire.link.shared_thread import SharedThread
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier
 from wheelwire_protocol.codes import RefusalCode
@@ -32,6 +36,8 @@ STATE_PERIOD_US = 20_000
 class Rig:
     """A loop on a port; `lost` is called whenever the port is to be opened again."""
 
+    served_by: SharedThread | None = None
+
     def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
         self.session = Session(lambda: 7)
         self.latest_sample = LatestSample()
@@ -40,6 +46,7 @@ class Rig:
         self.loop = PortLoop(
             self._open, 0, self.session, Notifier(), self.latest_sample, lambda: True
         )
+        self.loop.served_by = self.served_by
 
     def has_a_current_sample(self) -> bool:
         try:
@@ -54,6 +61,12 @@ class Rig:
             self.loop.finish()
             raise PortUnavailable("port", "gone")
         return port
+
+
+@pytest.fixture(autouse=True, params=["alone", "shared"])
+def _serving(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == "shared":
+        monkeypatch.setattr(Rig, "served_by", SharedThread(passed=lambda: None))
 
 
 def ignore(_result: object) -> None:
@@ -319,11 +332,11 @@ class Blocked(Rig):
         self.narrow = Narrow(self.device)
         super().__init__(self.narrow)
         self.size = 0
-        """Of a setpoint's frame."""
+        """Bytes of a setpoint's frame."""
         self._left = [*calls, finish]
         self._mark = 0
         self._now_us = 0
-        """Of the turn."""
+        """When the turn began."""
 
     def run(self) -> list[AnyMessage]:
         """Until the calls are made; returns what the port took since it was blocked."""
@@ -436,13 +449,54 @@ def test_a_setpoint_that_has_to_wait_wakes_the_loop() -> None:
     woken: list[bool] = []
 
     def look(rig: Blocked) -> None:
-        wake_ups = rig.loop._wake_read
-        rig.loop._drain_wake_ups()
+        rig.loop.wake_up.drain()
         rig.send(0.1)
-        woken.append(bool(select.select([wake_ups], [], [], 0)[0]))
+        woken.append(bool(select.select([rig.loop.wake_up], [], [], 0)[0]))
 
     Blocked(look).run()
     assert woken == [True]
+
+
+@pytest.mark.parametrize(
+    ("states_ms", "answers_ms", "wakes"),
+    [
+        ((21, 11, 1), (), False),
+        ((201, 101, 1), (), True),
+        ((206, 106, 6), (1,), True),
+        ((206, 106, 6), (4, 3, 2, 1), True),
+        ((230, 130, 30), (4, 3, 2, 1), True),
+        ((26, 16, 6), (4, 3, 2, 1), False),
+        ((45, 35, 25), (4, 3, 2, 1), False),
+        ((245, 235, 225), (4, 3, 2, 1), True),
+        ((), (4, 3, 2, 1), True),
+    ],
+    ids=[
+        "100 Hz",
+        "10 Hz",
+        "10 Hz and an answer",
+        "10 Hz and answers",
+        "10 Hz, before the next",
+        "100 Hz and answers",
+        "100 Hz, one lost",
+        "ended",
+        "none",
+    ],
+)
+def test_a_setpoint_wakes_the_loop_if_no_state_will_before_its_repeat(
+    states_ms: tuple[int, ...], answers_ms: tuple[int, ...], wakes: bool
+) -> None:
+    """`states_ms`, `answers_ms`: how long before it they came."""
+    port = Port()
+    loop = Rig(port).loop
+    now_us = host_clock_us()
+    loop._transport, loop._turned_us = port, now_us - 1000
+    for frames, read_ms in enumerate(states_ms + answers_ms):
+        has_state = frames < len(states_ms)
+        loop._coalescing.note_read(frames, now_us - 1000 * read_ms, has_state=has_state)
+    loop.send(b"\0", now_us)
+    assert bool(select.select([loop.wake_up], [], [], 0)[0]) is wakes
+    loop.finish()
+    port.close()
 
 
 def test_a_setpoint_waits_behind_the_stop_that_came_before_it() -> None:
@@ -512,7 +566,7 @@ def test_while_a_stop_waits_the_loop_waits_for_room_and_not_longer() -> None:
 
     def look(name: str) -> Callable[[Blocked], None]:
         def note(rig: Blocked) -> None:
-            found[name] = bool(rig.loop._wanted & select.POLLOUT)
+            found[name] = bool(rig.loop.wanted & select.POLLOUT)
 
         return note
 

@@ -29,7 +29,7 @@ def session() -> Session:
 
 @pytest.fixture
 def policy(session: Session) -> PortPolicy:
-    """Of a port that was opened at time 0."""
+    """The policy of a port that was opened at time 0."""
     policy = PortPolicy(0)
     policy.begin(RATE, LONGEST_PAUSE_S, session, 0)
     session.connect(0)

@@ -21,7 +21,7 @@ from wheelwire.simulation.simulator import Simulator
 
 TIMEOUT_S = 30.0
 TIOCGEXCL = 0x80045440
-"""Of Linux; the module `termios` does not have it."""
+"""Linux's number; the module `termios` does not have it."""
 
 
 @pytest.fixture

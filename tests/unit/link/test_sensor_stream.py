@@ -9,6 +9,7 @@ import pytest
 
 from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, distance, imu, info, inputs
 from wheelwire.link.sensor_stream import (
+    EARLY_EVENTS,
     EVENTS,
     IMU,
     INFO_ATTEMPTS,
@@ -268,19 +269,19 @@ def test_a_lost_event_is_made_good_by_the_inputs(known: Stream) -> None:
         ),
         (3, SensorEventCode.TRIGGERED, Reflex.STOP, "cliff.front triggered: the robot stops", True),
         (3, SensorEventCode.RELEASED, Reflex.STOP, "cliff.front is free again", False),
-        (1, SensorEventCode.BATTERY, BatteryLevel.OK, "battery: it is charged", False),
+        (1, SensorEventCode.BATTERY, BatteryLevel.OK, "battery: charged", False),
         (
             1,
             SensorEventCode.BATTERY,
             BatteryLevel.STOP,
-            "battery: it is empty: the robot stops until it is charged",
+            "battery: empty; the robot stops until the battery is charged",
             True,
         ),
         (
             0,
             SensorEventCode.REDUCED,
             100,
-            "imu: the line carries 100 samples a second, no more",
+            "imu: the line carries only 100 samples a second",
             True,
         ),
     ],
@@ -300,6 +301,36 @@ def test_a_reduced_rate_is_the_channels_from_then_on(known: Stream) -> None:
     known.event(0, SensorEventCode.REDUCED, 100)
     assert known.stream.infos[0].rate_hz == 100
     assert resumed(known.stream).infos[0].rate_hz == 100
+
+
+def test_an_event_waits_until_its_channel_says_what_it_is(known: Stream) -> None:
+    stream = known.stream
+    stream.forget()
+    reduced = EventMessage(BOOT, 2_000_000, 0, SensorEventCode.REDUCED, 116)
+    stale = EventMessage(BOOT, 2_000_000, 0, SensorEventCode.STATE, SensorState.ABSENT)
+    for message in (stale, reduced):
+        stream.take_event(message, known.clock, 1_000_000)
+    stream.take_info(info(1))
+    assert known.sensed == []
+    stream.take_info(info(0))
+    assert [what.sentence for _, what in known.sensed] == [  # type: ignore[attr-defined]
+        "imu: STALE, ABSENT: it does not answer, or another chip does",
+        "imu: the line carries only 116 samples a second",
+    ]
+    # What the channel says is newer.
+    assert stream.states[0] is SensorState.OK
+    assert stream.infos[0].rate_hz == 200
+
+
+def test_events_of_channels_that_there_are_not_fill_no_memory(known: Stream) -> None:
+    for _ in range(1000):
+        known.stream.take_event(
+            EventMessage(BOOT, 2_000_000, 200, SensorEventCode.REDUCED, 1), known.clock, 1_000_000
+        )
+    assert known.sensed == []
+    assert len(known.stream._early_events) == EARLY_EVENTS
+    known.stream.forget()
+    assert known.stream._early_events == []
 
 
 def test_codes_that_mean_nothing_are_invalid(known: Stream) -> None:

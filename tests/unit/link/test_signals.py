@@ -60,7 +60,7 @@ def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) 
     assert step > 20
 
 
-# Of one that was just made: no handler runs there, but this test interrupts every instruction.
+# A coroutine that was just made: no handler runs there, but this test interrupts anywhere.
 @pytest.mark.filterwarnings("ignore:coroutine .* was never awaited:RuntimeWarning")
 @pytest.mark.parametrize("name", CALLS)
 def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
@@ -123,7 +123,7 @@ def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
         step += 1
 
 
-# Of an exception in a finaliser, and of an interrupted constructor's sockets when they are freed.
+# An exception in a finaliser, and sockets of an interrupted constructor that are freed, warn.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
     def interrupt() -> None:

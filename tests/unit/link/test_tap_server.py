@@ -264,7 +264,7 @@ class TestFile:
     def test_a_forked_child_has_nothing_of_it(self, device: PtyDevice, robot: SerialDriver) -> None:
         path = offered()
         server = server_of(robot)
-        ours = descriptors(server._wake_read, server._wake_write, server._place.listener)
+        ours = descriptors(server._wake_up._reader, server._wake_up._writer, server._place.listener)
         assert ours <= open_files()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # there are threads
@@ -318,7 +318,7 @@ def is_full(program: _Program) -> bool:
 
 
 def void(_: object) -> None:
-    """Of a callback that returns nothing."""
+    """A callback that returns nothing."""
 
 
 class TestReading:
@@ -439,6 +439,12 @@ class TestReading:
         wait_until(has_come)
         assert seen[0] is Kind.START
         link_of(attached).leave_tap(reader)
+
+    def test_a_watch_of_stops_knows_that_it_has_begun(self, attached: AttachedDriver) -> None:
+        watch = attached.watch_stops(print)
+        assert link_of(attached).tap.readers  # or it had waited in vain, for seconds
+        watch.close()
+        assert not link_of(attached).tap.readers
 
 
 def holder_of_board() -> Holder:

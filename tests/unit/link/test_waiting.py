@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import select
 from typing import Any, cast
 
-from wheelwire.link.waiting import Notifier
+from wheelwire.link.waiting import Notifier, WakeUp
 
 WAITERS = 50
 
@@ -30,3 +31,22 @@ def test_whoever_waits_again_is_not_woken_in_place_of_another() -> None:
     waiting.update(waiters)
     notifier.notify_all()
     assert [waiter.woken for waiter in waiters] == [1] * WAITERS
+
+
+def test_a_wake_up_never_waits_and_lasts_until_it_is_drained() -> None:
+    wake_up = WakeUp()
+    assert not is_readable(wake_up)
+    wake_up.drain()
+    for _ in range(100_000):  # far more than a socket's buffer holds
+        wake_up.wake()
+    while is_readable(wake_up):
+        wake_up.drain()
+    wake_up.wake()
+    assert is_readable(wake_up)
+    wake_up.close()
+    wake_up.close()
+    wake_up.wake()
+
+
+def is_readable(wake_up: WakeUp) -> bool:
+    return bool(select.select([wake_up], [], [], 0)[0])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from wheelwire.linux_mcu.encoder import ILLEGAL, STEPS, A, B, QuadratureDecoder
 
 LEVELS = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Of A and B, a tick apart: forward, A leads B."""
+"""Levels of A and B, a tick apart: forward, A leads B."""
 Edge = tuple[int, int]
 """Channel and its new level."""
 

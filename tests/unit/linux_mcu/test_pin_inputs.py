@@ -112,7 +112,9 @@ def test_each_bus_is_named_once_in_order() -> None:
 
 
 def test_a_bus_of_this_computer_is_none_of_another_one_s() -> None:
-    with pytest.raises(ConfigurationError, match=r"pigpio.host = 'robot.local': an I2C bus is"):
+    with pytest.raises(
+        ConfigurationError, match=r"pigpio.host = 'robot.local': the pins are there"
+    ):
         PigpioDriverOptions("robot.local", pins=board_with(IMU)).checked()
     assert PigpioDriverOptions("robot.local", pins=BOARD).checked().host == "robot.local"
     assert PigpioDriverOptions("127.0.0.1", pins=board_with(IMU)).checked().buses == [1]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from random import Random
+from typing import BinaryIO
 
 import pytest
 
 from wheelwire.errors import RecordingError
 from wheelwire.link.tap import Kind, Record
-from wheelwire.recording.reader import METADATA, metadata, records
-from wheelwire.recording.repair import repair
+from wheelwire.recording import repair as repair_module
+from wheelwire.recording.reader import METADATA, has_end, metadata, records, was_closed
+from wheelwire.recording.repair import repair, repair_folder
 from wheelwire.recording.summary import summary
 from wheelwire.recording.writer import RecordingFile, free_path
 
@@ -66,6 +69,37 @@ def test_without_an_end_it_reads_up_to_the_last_sync(tmp_path: Path) -> None:
     add(file, RECORDS[50:])
     assert list(records(file.path)) == RECORDS[:50]
     file.abandon()
+
+
+@pytest.mark.parametrize("change", [b"a record more", b""], ids=["grows", "shrinks"])
+def test_a_file_that_another_program_changes_meanwhile_has_no_end(change: bytes) -> None:
+    class Changed(io.BytesIO):
+        def seek(self, offset: int, whence: int = 0) -> int:
+            at = super().seek(offset, whence)
+            if whence == io.SEEK_END:
+                self.truncate(at - 1)
+                self.write(change)
+            return at
+
+    assert not has_end(Changed(bytes(1000)))
+
+
+def test_a_recording_that_ends_as_the_folder_is_repaired_stays_as_it_was_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = begin(tmp_path / "day.mcap")
+    add(file, RECORDS)
+    file.sync()
+    lock = repair_module._lock
+
+    def close_and_lock(opened: BinaryIO, path: str | Path) -> None:
+        file.close()
+        lock(opened, path)
+
+    monkeypatch.setattr(repair_module, "_lock", close_and_lock)
+    repair_folder(tmp_path)
+    assert was_closed(file.path)
+    assert list(records(file.path)) == RECORDS
 
 
 def test_once_closed_it_closes_no_other_file(tmp_path: Path) -> None:

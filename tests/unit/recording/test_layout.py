@@ -22,7 +22,7 @@ CHANNEL_BY_TOPIC = {channel.topic: channel for channel in CHANNELS}
 
 
 def paths() -> list[str]:
-    """Of all plots: a topic and a field of its messages."""
+    """The paths of all plots: a topic and a field of its messages."""
     return [path["value"] for panel in PANELS.values() for path in panel.get("paths", ())]
 
 

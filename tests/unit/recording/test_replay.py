@@ -106,7 +106,7 @@ def test_the_counters_at_the_end_are_those_of_the_day(day: Day) -> None:
 
 
 def test_a_day_on_which_nobody_asked_for_the_sensors_says_so(day: Day) -> None:
-    """Of a robot whose session does not ask by itself whether its firmware has any."""
+    """Its session does not ask by itself whether its firmware has any."""
     link, _ = replay(day)
     with pytest.raises(InvalidCommand, match="no program had asked for the sensors"):
         link.request(GroupGet(0, 0, Group.SENSOR))

@@ -98,7 +98,7 @@ def test_a_stale_sensor_is_told_unless_it_may_pass(state: SensorState, is_told: 
         (BatteryLevel.UNKNOWN, ""),
         (BatteryLevel.OK, ""),
         (BatteryLevel.LIMIT, "at half its speed"),
-        (BatteryLevel.STOP, "stops until it is charged"),
+        (BatteryLevel.STOP, "stops until the battery is charged"),
     ],
 )
 def test_an_empty_battery_is_told(level: BatteryLevel, words: str) -> None:

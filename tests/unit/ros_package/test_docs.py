@@ -50,7 +50,7 @@ def test_every_parameter_and_other_name() -> None:
 
 
 def test_every_parameter_of_diff_drive_controller() -> None:
-    """Of Jazzy, by its diff_drive_controller_parameter.yaml; and Humble's wheels_per_side."""
+    """Those of Jazzy, by diff_drive_controller_parameter.yaml, and Humble's wheels_per_side."""
     limits = {
         f"{bound}_{quantity}"
         for quantity in ("velocity", "acceleration", "jerk")

@@ -131,7 +131,7 @@ def test_inertias_are_those_of_the_bodies(robot: ET.Element) -> None:
 
 
 def _moments(link: ET.Element, mass: float) -> list[float]:
-    """Of a solid box, cylinder about z, or sphere."""
+    """Moments of inertia of a solid box, cylinder about z, or sphere."""
     geometry = link.find("collision/geometry")
     assert geometry is not None
     (shape,) = geometry

@@ -25,7 +25,7 @@ SENDERS = {
     "collision_monitor",
     "docking_server",
 }
-"""Of cmd_vel, or of a topic on the way to it."""
+"""Nodes that publish cmd_vel or a topic on the way to it."""
 X, YAW = 0, 2
 
 Parameters = dict[str, Any]

@@ -28,7 +28,7 @@ NAME = "wheelwire_ros"
 OURS = {"wheelwire", "wheelwire_protocol", NAME}
 FROM_PIP = {"setuptools"}
 ROSDEP_KEYS = {"numpy": "python3-numpy", "pytest": "python3-pytest", "yaml": "python3-yaml"}
-OF_THE_TESTS = {"support", "tomli"}
+OF_THE_TESTS = {"support", "tomli", "tomllib"}
 TESTS = ("tests/ros", "tests/unit/ros_package")
 
 

@@ -104,7 +104,7 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
             "incidents: [{what: stall, at_s: 1, for_s: 2, every_s: 1}]",
             "incidents[0].every_s = 1: it must be greater than for_s = 2",
         ),
-        ("incidents: {what: reset, at_s: 1.0}", "one per line, each after a dash"),
+        ("incidents: {what: reset, at_s: 1.0}", "list one incident per line, each after a dash"),
         ("to_host: {", ", line 1: 'to_host: {': a comma or a closing bracket is missing"),
         ("seeds: 1", ", line 1: seeds = 1: unknown key; did you mean seed?"),
         ("seed: much", "seed = 'much': it must be a whole number"),

@@ -20,7 +20,7 @@ def state(number: int, left: int, right: int) -> TrueState:
 
 
 def said(steps: Iterable[tuple[int, int]]) -> list[str]:
-    """Of wheels that make these steps, one in each period, and then rest."""
+    """What the narrator reports when wheels make these steps, one a period, and then rest."""
     told: list[str] = []
     narrator = Narrator(COUNTS, told.append)
     left = right = 0

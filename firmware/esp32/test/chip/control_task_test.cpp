@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "check.hpp"
+#include "esp_system.h"
 #include "esp_task_wdt.h"
 #include "framing.hpp"
 #include "memory_store.hpp"
@@ -53,17 +54,20 @@ struct Rig {
   MemoryLatches latches;
   MemoryStore latch_store;
   NoBattery battery;
-  Device device{{.left_motor = robot.left_motor,
-                 .right_motor = robot.right_motor,
-                 .encoders = robot.encoders,
-                 .line = line,
-                 .store = store,
-                 .latches = latches,
-                 .latch_store = latch_store,
-                 .estop = robot.estop,
-                 .battery = battery},
-                Identity{}};
+  Device device = device_on(line, Identity{});
 
+  Device device_on(Line& any, const Identity& identity) {
+    return Device{{.left_motor = robot.left_motor,
+                   .right_motor = robot.right_motor,
+                   .encoders = robot.encoders,
+                   .line = any,
+                   .store = store,
+                   .latches = latches,
+                   .latch_store = latch_store,
+                   .estop = robot.estop,
+                   .battery = battery},
+                  identity};
+  }
   bool start() {
     fake_matrix = {};
     return take_pins(BoardState::kStored, board) && robot.start(Parameters{});
@@ -178,6 +182,7 @@ namespace {
 class AskingLine final : public Line {
  public:
   std::vector<int64_t> waits_us;
+  int64_t restarts_us = INT64_MAX;  ///< When it asks for a restart.
 
   bool start() override { return true; }
   void notify(TaskHandle_t, uint32_t) override {}
@@ -196,6 +201,7 @@ class AskingLine final : public Line {
     }
     for (; next_us_ <= fake_time_us; next_us_ += kIntervalUs) {
       send(GroupGet{kNonce, ++request_id_, Group::kRecorder}, next_us_);
+      if (next_us_ >= restarts_us) send(Restart{kNonce, ++request_id_}, next_us_);
     }
   }
   size_t read(uint8_t* out, size_t capacity) override {
@@ -245,16 +251,7 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   AskingLine line;
   Rig rig;
   CHECK(rig.start() && start_task_watchdog());
-  Device device{{.left_motor = rig.robot.left_motor,
-                 .right_motor = rig.robot.right_motor,
-                 .encoders = rig.robot.encoders,
-                 .line = line,
-                 .store = rig.store,
-                 .latches = rig.latches,
-                 .latch_store = rig.latch_store,
-                 .estop = rig.robot.estop,
-                 .battery = rig.battery},
-                Identity{}};
+  Device device = rig.device_on(line, Identity{});
   PartitionFlash flash;
   CHECK(flash.start(RecorderKeeper::kFlashSize));
   RecorderKeeper recorder{recorder_memory, flash, {}, ResetReason::kPowerOn, 0};
@@ -293,6 +290,45 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   CHECK(shortest_rest_us >= kEraseUs);
   CHECK(line.waits_us.size() >= 398);
   CHECK(*std::max_element(line.waits_us.begin(), line.waits_us.end()) <= kEraseUs + 2'000);
+  fake_partition = {};
+}
+
+TEST(a_restart_that_is_asked_for_leaves_no_box_to_a_boot_that_crashes_at_once) {
+  blank_flash();
+  AskingLine line;
+  line.restarts_us = 2'000'000;
+  Rig rig;
+  CHECK(rig.start() && start_task_watchdog());
+  Identity identity{};
+  identity.capabilities = capability::kRestart;
+  Device device = rig.device_on(line, identity);
+  PartitionFlash flash;
+  CHECK(flash.start(RecorderKeeper::kFlashSize));
+  RecorderKeeper recorder{recorder_memory, flash, {}, ResetReason::kPowerOn, 0};
+  static DeadMan dead_man;
+  static SharedState state;
+  ControlTask task{device, line, dead_man, state, &recorder};
+  fake_time_us = 500'000;
+  bool restarted = false;
+  fake_restart = [&] {
+    restarted = true;
+    throw End{};
+  };
+  fake_wait = [&](TickType_t) -> uint32_t {
+    fake_time_us += 1'000;
+    if (fake_time_us > 20'000'000) throw End{};
+    line.advance();
+    return 1;
+  };
+  try {
+    task.start();
+  } catch (const End&) {
+  }
+  fake_restart = [] {};
+  CHECK(restarted);
+  RecorderKeeper next{recorder_memory, flash, {}, ResetReason::kPanic, 0};
+  next.start();
+  CHECK(!next.black_box().is_closed());  // It records, and holds nothing back.
   fake_partition = {};
 }
 

@@ -167,7 +167,7 @@ TEST(matrix_has_every_pair_of_shipped_boards) {
     for (size_t wired = 0; wired < kShippedBoardsOfEsp32; ++wired, ++row) {
       CHECK(std::string(kShippedBoards[active].name) == kPairs[row].active);
       CHECK(std::string(kShippedBoards[wired].name) == kPairs[row].wired);
-      CHECK(kShippedBoards[active].board.chip == Board::kEsp32);
+      CHECK(kShippedBoards[active].board.chip == Chip::kEsp32);
     }
   }
 }

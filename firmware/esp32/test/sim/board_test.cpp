@@ -151,7 +151,7 @@ TEST(board_counts_pins_that_both_sides_drive) {
   bench.board.take_up(kBoardL298n, false);
   CHECK(bench.board.pin_conflicts() == 0);
   for (const ShippedBoard& shipped : kShippedBoards) {
-    if (shipped.board.chip != Board::kEsp32) continue;
+    if (shipped.board.chip != Chip::kEsp32) continue;
     bench.board.reset();
     bench.board.wire(shipped.board);
     bench.board.take_up(kBoardL298n);

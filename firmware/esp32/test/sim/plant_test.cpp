@@ -143,3 +143,32 @@ TEST(a_tilt_takes_its_time_and_stays) {
   run(plant, 1.0, {});
   CHECK(plant.tilt().roll_rad == 0.5 && plant.tilt().pitch_rad == -0.2);
 }
+
+TEST(the_motors_current_empties_a_battery) {
+  PlantModel model;
+  model.battery_ah = 1e-3;
+  model.battery_fall_v = 2.0;
+  Plant plant(model);
+  run(plant, 1.0, {});
+  CHECK(plant.used_ah() == 0.0 && plant.supply_v() == 7.4);
+  double drawn_as = 0.0;
+  for (int i = 0; i < 10000; ++i) {
+    drawn_as += plant.drawn_a({kForward, kBackward}) * kMaxPhysicsStep;
+    plant.step(kMaxPhysicsStep, {kForward, kBackward});
+  }
+  CHECK(std::abs(plant.used_ah() - drawn_as / 3600.0) < 1e-12);
+  CHECK(plant.used_ah() > 0.0 && plant.used_ah() < model.battery_ah);
+  const double share = plant.used_ah() / model.battery_ah;
+  CHECK(std::abs(plant.supply_v() - (7.4 - 2.0 * share)) < 1e-9);
+  CHECK(std::abs(plant.sag_v() - 2.0 * share) < 1e-9);
+  // Another variable is set: it is as empty as before.
+  const double before = plant.supply_v();
+  model.mass_kg = 1.0;
+  plant.configure(model);
+  CHECK(plant.supply_v() == before);
+  run(plant, 60.0, {kForward, kForward});
+  CHECK(std::abs(plant.supply_v() - 5.4) < 1e-9);
+  plant.used_ah() = 0.0;
+  run(plant, kMaxPhysicsStep, {});
+  CHECK(plant.supply_v() == 7.4);
+}

@@ -19,7 +19,7 @@ CHECKS = 11
 last refresh."""
 REFRESH_US = 20_000
 SCRIPT_MARK = 0x57574C01
-"""In the script's last parameter, to recognise our scripts by."""
+"""Mark in the last parameter of a script, by which Wheelwire recognises its scripts."""
 MAX_SCRIPTS = 32
 FIRST_START_S = 1.0
 

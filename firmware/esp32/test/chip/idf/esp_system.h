@@ -1,4 +1,7 @@
 // Stand-in for ESP-IDF's header of this name.
 #pragma once
 
-inline void esp_restart() {}
+#include <functional>
+
+inline std::function<void()> fake_restart = [] {};
+inline void esp_restart() { fake_restart(); }

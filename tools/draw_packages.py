@@ -1,7 +1,7 @@
 """Draw the packages of the host library and their imports: docs/architecture.svg.
 
-tools/draw_rooms.py            writes the picture
-tools/draw_rooms.py --check    fails when it is not what the code says
+tools/draw_packages.py            writes the picture
+tools/draw_packages.py --check    fails when it is not what the code says
 
 The rows are the layers that import-linter holds (pyproject.toml), so an arrow that pointed upwards
 would fail `make lint`.
@@ -30,10 +30,10 @@ def layers() -> list[list[str]]:
     settings = tomllib.loads((generated.ROOT / "pyproject.toml").read_text("utf-8"))
     contracts = settings["tool"]["importlinter"]["contracts"]
     (rows,) = [c["layers"] for c in contracts if c.get("containers") == [PACKAGE]]
-    return [[room.strip() for room in row.split("|")] for row in rows]
+    return [[package.strip() for package in row.split("|")] for row in rows]
 
 
-def arrows(rooms: list[str]) -> list[tuple[str, str]]:
+def arrows(packages: list[str]) -> list[tuple[str, str]]:
     """Pairs of packages of which the first imports the second.
 
     Left out where the second is reached through a third as well: most packages import the lowest.
@@ -43,18 +43,19 @@ def arrows(rooms: list[str]) -> list[tuple[str, str]]:
     for importer in graph.modules:
         for imported in graph.find_modules_directly_imported_by(importer):
             pair = importer.split(".")[1:2] + imported.split(".")[1:2]
-            if len(pair) == 2 and pair[0] != pair[1] and set(pair) <= set(rooms):
+            if len(pair) == 2 and pair[0] != pair[1] and set(pair) <= set(packages):
                 found.add((pair[0], pair[1]))
     return sorted((a, b) for a, b in found if not _is_reached(b, _imported(a, found) - {b}, found))
 
 
-def _imported(room: str, pairs: set[tuple[str, str]]) -> set[str]:
-    return {imported for importer, imported in pairs if importer == room}
+def _imported(package: str, pairs: set[tuple[str, str]]) -> set[str]:
+    return {imported for importer, imported in pairs if importer == package}
 
 
-def _is_reached(room: str, rooms: set[str], pairs: set[tuple[str, str]]) -> bool:
+def _is_reached(package: str, packages: set[str], pairs: set[tuple[str, str]]) -> bool:
     return any(
-        room in (further := _imported(r, pairs)) or _is_reached(room, further, pairs) for r in rooms
+        package in (further := _imported(other, pairs)) or _is_reached(package, further, pairs)
+        for other in packages
     )
 
 
@@ -63,8 +64,8 @@ def picture() -> str:
     rows = layers()
     place: dict[str, tuple[float, float]] = {}
     for number, row in enumerate(rows):
-        for column, room in enumerate(row):
-            place[room] = WIDTH * (column + 1) / (len(row) + 1), 40 + ROW * number
+        for column, package in enumerate(row):
+            place[package] = WIDTH * (column + 1) / (len(row) + 1), 40 + ROW * number
     height = 40 + ROW * len(rows)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
@@ -82,12 +83,12 @@ def picture() -> str:
             f'{(y1 + y2) / 2:.0f} {x2:.0f} {y2 - BOX_HEIGHT / 2:.0f}" fill="none" '
             'stroke="#7a8794" stroke-width="1.2" marker-end="url(#tip)" opacity="0.75"/>'
         )
-    for room, (x, y) in place.items():
+    for package, (x, y) in place.items():
         left, top = x - BOX_WIDTH / 2, y - BOX_HEIGHT / 2
         parts += [
             f'<rect x="{left:.0f}" y="{top:.0f}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="6" '
             'fill="#eef4fa" stroke="#2b5f8f" stroke-width="1.5"/>',
-            f'<text x="{x:.0f}" y="{y + 5:.0f}" text-anchor="middle">{room}</text>',
+            f'<text x="{x:.0f}" y="{y + 5:.0f}" text-anchor="middle">{package}</text>',
         ]
     return "\n".join([*parts, "</svg>"]) + "\n"
 
