@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from support.commissioning import plant_robot
-from wheelwire.commissioning.before_after import Course, Trace
+from wheelwire.commissioning.before_after import Course, Trace, drive_twice, parts
 from wheelwire.commissioning.driving import Pair
 from wheelwire.commissioning.tuning import (
     BOTH,
@@ -24,7 +24,8 @@ from wheelwire.commissioning.tuning import (
 )
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, InvalidArgument
-from wheelwire_protocol.codes import Fault
+from wheelwire.samples import WheelSample
+from wheelwire_protocol.codes import Fault, SupervisorState
 
 SLUGGISH = {"velocity_feedforward": 0.9, "integral_gain": 4.0}
 
@@ -33,6 +34,31 @@ SLUGGISH = {"velocity_feedforward": 0.9, "integral_gain": 4.0}
 def robot() -> Iterator[MockDriver]:
     with plant_robot("25ga-1440", raised=False) as robot:
         yield robot
+
+
+def hold_up(monkeypatch: pytest.MonkeyPatch, robot: MockDriver, *drives: int) -> list[int]:
+    """In these drives, counted from 1, the first sample of a moving wheel is read 60 ms late.
+
+    The list is filled with each drive's number.
+    """
+    read = robot.read
+    begun: list[int] = []
+    stands = True
+
+    def late(timeout: float = 1.0) -> WheelSample:
+        nonlocal stands
+        sample = read(timeout)
+        moves = abs(sample.left_mps) > 0.03
+        if moves and stands:
+            begun.append(len(begun) + 1)
+            if begun[-1] in drives:
+                robot.advance(0.06)
+                sample = read(timeout)
+        stands = not moves and (stands or sample.state is not SupervisorState.DRIVING)
+        return sample
+
+    monkeypatch.setattr(robot, "read", late)
+    return begun
 
 
 def turns(robot: MockDriver) -> tuple[float, float]:
@@ -142,6 +168,50 @@ def test_a_wheel_that_gets_too_far_is_stopped(robot: MockDriver) -> None:
         compare(robot, Drive(seconds=6.0, distance_m=0.3), {"velocity_feedforward": 20.0})
     assert robot.parameters["velocity_feedforward"] == pytest.approx(1.365)
     assert robot.read().state.name in ("IDLE", "TIMED_OUT")
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_a_computer_that_is_held_up_compares_nothing(
+    monkeypatch: pytest.MonkeyPatch, robot: MockDriver, late: int
+) -> None:
+    assert not compare(robot, Drive(), SLUGGISH).held_up
+    assert hold_up(monkeypatch, robot, late) == []
+    assert compare(robot, Drive(), SLUGGISH).held_up
+    # A third drive would take more of the floor than the person was asked for.
+    assert not compare(robot, Drive(), {}).held_up
+
+
+def test_a_delay_at_constant_speed_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, robot: MockDriver
+) -> None:
+    read = robot.read
+    begin_us = None
+
+    def late(timeout: float = 1.0) -> WheelSample:
+        nonlocal begin_us
+        sample = read(timeout)
+        if begin_us is None and sample.left_mps > 0.15:
+            begin_us = sample.t_us
+        if begin_us is not None and sample.t_us - begin_us in range(500_000, 600_000):
+            robot.advance(0.1)
+            return read(timeout)
+        return sample
+
+    monkeypatch.setattr(robot, "read", late)
+    found = compare(robot, Drive(), {})
+    assert not found.held_up
+    assert found.traces[0]
+    assert max(b - a for a, b in pairwise(found.traces[0].times_s)) >= 0.1
+
+
+@pytest.mark.parametrize(("late", "drives"), [((), 2), ((1,), 3), ((2, 3), 4), ((1, 2, 3, 4), 5)])
+def test_setup_repeats_a_drive_in_which_the_computer_was_held_up(
+    monkeypatch: pytest.MonkeyPatch, robot: MockDriver, late: tuple[int, ...], drives: int
+) -> None:
+    course = Course(0.2, parts([(Pair(0.2, 0.2), 0.1, 0.5), (Pair(0.0, 0.0), 0.1, 0.5)]))
+    begun = hold_up(monkeypatch, robot, *late)
+    drive_twice(robot, {"integral_gain": 16.0}, {"integral_gain": 12.0}, course, attempts=3)
+    assert len(begun) == drives
 
 
 def test_an_estop_moves_nothing(robot: MockDriver) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
 from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
@@ -34,6 +35,36 @@ def simulator() -> Iterator[Simulator]:
         yield simulator
 
 
+HELD_UP = "setpoints came late in a drive, as this computer or the line is busy"
+HELD_UP_IN_RAMPS = """
+import runpy, time
+from wheelwire.commissioning.driving import Record
+
+add = Record.add
+
+def add_late(record, sample):
+    add(record, sample)
+    if sample.left_mps > 0.03 and not hasattr(record, "late"):
+        record.late = True
+        time.sleep(0.1)
+
+Record.add = add_late
+runpy.run_module("wheelwire", run_name="__main__")
+"""
+
+
+def not_held_up(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command's result, as soon as this machine left it the time for its drives."""
+    results = []
+
+    def is_comparable() -> bool:
+        results.append(run(*arguments))
+        return HELD_UP not in results[-1].stdout + results[-1].stderr
+
+    wait_until(is_comparable)
+    return results[-1]
+
+
 def gains(simulator: Simulator, *, after_reset: bool = False) -> dict[str, float]:
     if after_reset:
         simulator.reset()
@@ -43,7 +74,10 @@ def gains(simulator: Simulator, *, after_reset: bool = False) -> dict[str, float
 
 def test_both_drives_are_side_by_side_and_drawn(simulator: Simulator, tmp_path: Path) -> None:
     picture = tmp_path / "drives.png"
-    text = output("tune", simulator.port, "--yes", *SHORT, *BETTER, "--plot", str(picture))
+    words = ("tune", simulator.port, "--yes", *SHORT, *BETTER, "--plot", str(picture))
+    result = not_held_up(*words)
+    assert result.returncode == 0, result.stderr
+    text = result.stdout
     for word in ("before", "after", "left rms error", "right rise time", "overshoot", "settling"):
         assert word in text
     assert "the new values track better by" in text
@@ -55,19 +89,40 @@ def test_both_drives_are_side_by_side_and_drawn(simulator: Simulator, tmp_path: 
 
 
 def test_a_script_saves_what_is_better_and_not_what_is_worse(simulator: Simulator) -> None:
-    said = run_json("tune", simulator.port, "--yes", *SHORT, *BETTER, "--save")
+    words = ("tune", simulator.port, "--yes", *SHORT, "--save", "--json")
+    result = not_held_up(*words, *BETTER)
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
     assert said["outcome"] == "save"
+    assert said["held_up"] is False
     assert said["after"]["left"]["rms_mps"] < said["before"]["left"]["rms_mps"]
     assert said["gain_mps"] > said["noise_mps"]
     assert said["values"]["integral_gain"] == {"before": 4.0, "after": 16.0}
     good = gains(simulator, after_reset=True)
     assert good == pytest.approx({"velocity_feedforward": 1.365, "integral_gain": 16.0})
     back = [f"--{name.replace('_', '-')}={value}" for name, value in WORSE.items()]
-    result = run("tune", simulator.port, "--yes", *SHORT, *back, "--save", "--json")
+    result = not_held_up(*words, *back)
     assert result.returncode == errors.CommissioningFailed.exit_code
     assert json.loads(result.stdout)["outcome"] == "undo"
     assert "track worse and were not saved" in json.loads(result.stderr)["message"]
     assert gains(simulator) == good
+
+
+def test_drives_of_a_computer_that_was_held_up_are_not_compared(simulator: Simulator) -> None:
+    words = ("tune", simulator.port, "--yes", *SHORT, *BETTER)
+    said = []
+    for more in ((), ("--save",), ("--save", "--json")):
+        program = [sys.executable, "-c", HELD_UP_IN_RAMPS, *words, *more]
+        said.append(subprocess.run(program, capture_output=True, text=True, check=False))
+    shown, saving, script = said
+    assert shown.returncode == 0, shown.stderr
+    assert f"{HELD_UP}, so both cannot be compared: end other programs" in shown.stdout
+    for result in (saving, script):
+        assert result.returncode == errors.CommissioningFailed.exit_code
+        assert "the new values were not saved, the previous values" in result.stderr
+    found = json.loads(script.stdout)
+    assert (found["outcome"], found["held_up"]) == ("undo", True)
+    assert gains(simulator, after_reset=True) == pytest.approx(WORSE)
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,8 @@ KEEP: Literal["keep"] = "keep"
 UNDO: Literal["undo"] = "undo"
 SAVE: Literal["save"] = "save"
 _REVERTED = "the previous values are active again"
+_HELD_UP = "setpoints came late in a drive, as this computer or the line is busy"
+_LESS_BUSY = "end other programs, then try again"
 _SHORTEST_S, _LONGEST_S = 0.2, 60.0
 _NEAREST_M, _FURTHEST_M = 0.01, 20.0
 
@@ -84,7 +86,9 @@ def tune(
     save: Annotated[
         bool,
         typer.Option(
-            "--save", help="Save the values without asking, unless the robot tracks worse by them."
+            "--save",
+            help="Save the values without asking, unless the robot tracks worse by them or "
+            "setpoints came late.",
         ),
     ] = False,
     yes: Annotated[
@@ -136,6 +140,10 @@ def tune(
     if found.faults[-1]:
         raise CommissioningFailed(f"a fault ended the drive: {meaning_of(found.faults[-1])}")
     if save and outcome != SAVE:
+        if found.held_up:
+            raise CommissioningFailed(
+                f"{_HELD_UP}: {_LESS_BUSY}; the new values were not saved, {_REVERTED}"
+            )
         raise CommissioningFailed(f"the new values track worse and were not saved; {_REVERTED}")
 
 
@@ -230,7 +238,7 @@ def _question(wish: _Wish, course: Course) -> str:
 def _outcome(found: Comparison, wish: _Wish) -> Outcome:
     """What to do with the values that were tried."""
     if wish.save:
-        return UNDO if found.is_worse else SAVE
+        return UNDO if found.is_worse or found.held_up else SAVE
     if found.faults[-1] or not _can_ask():
         return UNDO
     choices: tuple[Outcome, ...] = (KEEP, UNDO, SAVE) if wish.can_save else (KEEP, UNDO)
@@ -269,7 +277,9 @@ def _print(found: Comparison) -> None:
         if fault:
             console.print(f"{title}: a fault ended the drive: {meaning_of(fault)}", soft_wrap=True)
     if found.gain_mps is not None:
-        console.print(_verdict(found.gain_mps, found.noise_mps), soft_wrap=True)
+        console.print(_verdict(found, found.gain_mps), soft_wrap=True)
+    elif found.held_up:
+        console.print(f"{_HELD_UP}: {_LESS_BUSY}", soft_wrap=True)
 
 
 def _shown(
@@ -281,9 +291,11 @@ def _shown(
     return "-" if value is None else f"{value * scale:.{1 if unit == 'mm/s' else 0}f} {unit}"
 
 
-def _verdict(gain_mps: float, noise_mps: float) -> str:
-    noise = f"the noise of such drives, {noise_mps * 1e3:.1f} mm/s"
-    if abs(gain_mps) <= noise_mps:
+def _verdict(found: Comparison, gain_mps: float) -> str:
+    if found.held_up:
+        return f"{_HELD_UP}, so both cannot be compared: {_LESS_BUSY}"
+    noise = f"the noise of such drives, {found.noise_mps * 1e3:.1f} mm/s"
+    if abs(gain_mps) <= found.noise_mps:
         return f"both track as well, within {noise}"
     which = "better" if gain_mps > 0 else "worse"
     return f"the new values track {which} by {abs(gain_mps) * 1e3:.1f} mm/s, beyond {noise}"
@@ -326,6 +338,7 @@ def _as_json(
         "faults": dict(zip(found.titles, found.faults, strict=True)),
         "gain_mps": found.gain_mps,
         "noise_mps": found.noise_mps,
+        "held_up": found.held_up,
         "outcome": outcome,
         "plot": None if wish.plot is None else str(wish.plot),
     }

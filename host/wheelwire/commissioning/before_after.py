@@ -13,7 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple, TypeAlias
 
 from wheelwire_protocol.codes import Fault
@@ -50,6 +52,13 @@ _SHORTEST_HOLD_S = 0.4
 """A part of the drive that is held for less shows no overshoot."""
 _SMALLEST_STEP = 0.3
 """Nor does a step below this part of the top speed."""
+_JUMP = 0.25
+"""Change of the commanded velocity between two setpoints, as a fraction of the top speed, that
+makes the drive another one: a step's tracking error grows by a tenth to a half."""
+_ATTEMPTS = 3
+"""Drives of a course that ends where it began, until this computer is not held up in one."""
+_LATE = 3.0
+"""So many times as long as usual between two samples: this computer was held up."""
 _NOISE_SAMPLES = 3
 """Overshoot is that of the mean of so many samples."""
 
@@ -180,6 +189,22 @@ class Trace:
         seconds = self.times_s[-1] - self.times_s[0]
         independent = max(2.0, seconds / self.lag_s * len(wheels))
         return self.rms_mps(*wheels) / math.sqrt(2 * independent)
+
+    def is_held_up(self, course: Course) -> bool:
+        """Whether this computer fell so far behind the course that it drove another one.
+
+        A setpoint answers a sample. If the next sample is read late, the velocity that was
+        commanded meanwhile lags behind the course.
+        """
+        usual_s = median(b - a for a, b in pairwise(self.times_s))
+        return any(
+            b - a > _LATE * usual_s
+            and any(
+                abs(now - then) > _JUMP * course.top_mps
+                for now, then in zip(course.at(b), course.at(a), strict=True)
+            )
+            for a, b in pairwise(self.times_s)
+        )
 
     def overshoot(self, course: Course, wheel: int) -> float:
         """The greatest overshoot after a ramp, as a fraction of its step."""
@@ -387,7 +412,7 @@ def prove(
     require_ready(robot)
     # One course for both drives: its speed follows from the new feed-forward.
     course = _course(robot, {**before, **after})
-    traces, faults = drive_twice(robot, before, after, course, left)
+    traces, faults = drive_twice(robot, before, after, course, left, _ATTEMPTS)
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
     return Proof(
         left=_wheel_proof(traces, course, 0),
@@ -405,17 +430,18 @@ def drive_twice(
     after: Mapping[str, float],
     course: Course,
     left: Left = untold,
+    attempts: int = 1,
 ) -> tuple[tuple[Trace | None, Trace | None], tuple[Fault, Fault]]:
     """Drive a course with both sets of parameters; the traces, and the faults that ended a drive.
 
-    Otherwise as `prove`.
+    `attempts` as `drive_with`, otherwise as `prove`.
     """
     with one_session(robot):
         try:
             left(2 * course.seconds)
-            first, fault_before = drive_with(robot, before, course)
+            first, fault_before = drive_with(robot, before, course, attempts)
             left(course.seconds)
-            second, fault_after = drive_with(robot, after, course)
+            second, fault_after = drive_with(robot, after, course, attempts)
         finally:
             # The stop first: while the robot drives, some of the previous values would be refused.
             robot.stop()
@@ -446,11 +472,18 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
 
 
 def drive_with(
-    robot: BaseDriver, values: Mapping[str, float], course: Course
+    robot: BaseDriver, values: Mapping[str, float], course: Course, attempts: int = 1
 ) -> tuple[Trace | None, Fault]:
     """Drive a course with these parameters.
 
     A fault that ends the drive is cleared; there is no trace then.
+
+    Args:
+        robot: Ready to drive.
+        values: The parameters, by name.
+        course: What to drive.
+        attempts: At most so many drives, until this computer is not held up in one. More than one
+            only for a course that ends where it began.
 
     Raises:
         CommissioningFailed: A wheel got too far, or setpoints come too late.
@@ -460,7 +493,10 @@ def drive_with(
     # the robot stands.
     robot.stop()
     _set(robot, values)
-    trace, faults = uninterrupted(partial(_drive, robot, course))
+    for _ in range(attempts):
+        trace, faults = uninterrupted(partial(_drive, robot, course))
+        if trace is None or not trace.is_held_up(course):
+            break
     if faults:
         come_to_rest(robot)
         robot.clear_fault()

@@ -189,6 +189,8 @@ class Comparison:
         traces: One of each drive; None where a fault ended it.
         figures: By drive and wheel; None where a fault ended it.
         faults: That ended each drive.
+        held_up: This computer was held up in a drive, which therefore says little about the
+            values: see `Trace.is_held_up`.
     """
 
     drive: Drive
@@ -196,6 +198,7 @@ class Comparison:
     traces: tuple[Trace | None, ...]
     figures: tuple[Mapping[str, Tracking] | None, ...]
     faults: tuple[Fault, ...]
+    held_up: bool
 
     @property
     def titles(self) -> tuple[str, ...]:
@@ -276,4 +279,5 @@ def compare(
         else None
         for trace in traces
     )
-    return Comparison(drive, course.seconds, traces, figures, faults)
+    held_up = any(trace.is_held_up(course) for trace in traces if trace)
+    return Comparison(drive, course.seconds, traces, figures, faults, held_up)
