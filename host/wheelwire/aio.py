@@ -13,6 +13,7 @@ only that loop, and its thread, may use it.
 from __future__ import annotations
 
 import asyncio
+import threading
 import weakref
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from contextlib import AbstractAsyncContextManager
@@ -285,9 +286,25 @@ class Driver(AwaitableDevice, LinkedRobot):
         callbacks = LoopCallbacks(self._on_loop.call_in_loop)
         callbacks.set(Happening.STOPPED, report)
         listener = callbacks.listener
-        # In a thread, because what it needs is slow to import.
-        begin = partial(self._robot.watch_stops, lambda stop: listener((Happening.STOPPED, stop)))
-        watch = StopWatch(await asyncio.to_thread(begin), callbacks)
+        begun: list[_SyncStopWatch] = []
+        withdrawn = threading.Event()
+
+        def begin() -> None:
+            begun.append(self._robot.watch_stops(lambda stop: listener((Happening.STOPPED, stop))))
+            if withdrawn.is_set():
+                begun[0].close()
+
+        try:
+            # In a thread: what it needs is slow to import, and it waits for the board's name.
+            await asyncio.to_thread(begin)
+        except asyncio.CancelledError:
+            # The thread goes on. Whoever comes second, it or this, closes what it began.
+            withdrawn.set()
+            callbacks.close()
+            for late in begun:
+                await asyncio.to_thread(late.close)
+            raise
+        watch = StopWatch(begun[0], callbacks)
         self._watches.append(watch)
         return watch
 

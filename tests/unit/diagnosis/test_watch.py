@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from support.lost_answers import LostAnswers
 from support.waiting import until
 from wheelwire import aio
 from wheelwire.diagnosis import Stop
+from wheelwire.diagnosis.watch import StopWatch
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, InvalidCommand, LinkLost
@@ -234,6 +236,37 @@ async def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() 
         await asyncio.sleep(0.2)
     assert found == []
     assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
+
+
+@pytest.mark.parametrize("begun", [False, True], ids=["before", "after"])
+async def test_a_loop_s_watch_that_is_cancelled_while_it_begins_is_closed(
+    monkeypatch: pytest.MonkeyPatch, *, begun: bool
+) -> None:
+    begins, goes_on, has_begun = threading.Event(), threading.Event(), threading.Event()
+    watch_stops = DeviceDriver.watch_stops
+
+    def slow(robot: DeviceDriver, report: Callable[[Stop], object]) -> StopWatch:
+        begins.set()
+        assert goes_on.wait(PATIENCE_S)
+        watch = watch_stops(robot, report)
+        has_begun.set()
+        return watch
+
+    monkeypatch.setattr(DeviceDriver, "watch_stops", slow)
+    async with aio.open_driver("mock") as robot:
+        task = asyncio.create_task(robot.watch_stops(print))
+        await until(begins.is_set)
+        if begun:
+            # Before the loop runs again: the task is cancelled although it is done.
+            goes_on.set()
+            assert has_begun.wait(PATIENCE_S)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        goes_on.set()
+        assert await asyncio.to_thread(has_begun.wait, PATIENCE_S)
+        await until(lambda: "wheelwire stops" not in [one.name for one in threading.enumerate()])
+        await robot.read()
 
 
 async def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -> None:
