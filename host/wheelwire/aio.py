@@ -131,7 +131,7 @@ class Driver(AwaitableDevice, LinkedRobot):
 
     async def estop(self) -> None:
         """Stop both wheels and latch; otherwise as `stop`."""
-        await self._on_loop.call(self._link.post_estop)
+        await self._on_loop.call(partial(self._link.post_stop, mode=None))
 
     async def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.

@@ -104,7 +104,7 @@ class HostAndFirmware(RuleBasedStateMachine):
     def estop(self, ms: int) -> None:
         boots = self.model.boots
         done = self.once(lambda _: self.model.estopped(boots))
-        self.robot.session.estop(done, self.robot.now_us)
+        self.robot.session.stop(None, done, self.robot.now_us)
         self.wait(ms)
 
     @precondition(lambda self: self.can_ask)

@@ -89,7 +89,7 @@ class VirtualHost(ABC):
 
     def estop(self) -> None:
         """Stop and latch, and wait for the acknowledgement."""
-        self._result(self.session.estop)
+        self._result(partial(self.session.stop, None))
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer. Raises what the device refuses."""

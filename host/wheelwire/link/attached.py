@@ -28,7 +28,6 @@ from ..errors import (
     LinkLost,
     RequestTimeout,
     WheelwireError,
-    afresh,
 )
 from .connection import CONNECT_TIMEOUT_S
 from .device_link import CALL_TIMEOUT_S
@@ -307,14 +306,12 @@ class AttachedLink(RerunLink):
     @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        session, status = self._session, self._status or {}
-        if session.device is None:
-            raise afresh(session.error)
+        device, session, status = self._device, self._session, self._status or {}
         return LinkInfo(
             status.get("port", self.name),
             status.get("baud_rate"),
             status.get("low_latency"),
-            session.device,
+            device,
             session.board,
             session.peripherals,
         )
@@ -349,13 +346,9 @@ class AttachedLink(RerunLink):
         """As `Link.post`; an `InvalidCommand` for what changes something."""
         self._ask(message, done)
 
-    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """As `Link.post_stop`. The other program's next setpoint drives again."""
-        self._ask(Stop(0, 0, 0, mode), done)
-
-    def post_estop(self, done: Done) -> None:
-        """As `Link.post_estop`: nothing drives until a clear."""
-        self._ask(Estop(0, 0), done)
+    def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
+        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched."""
+        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, mode), done)
 
     def withdraw(self, done: Done) -> None:
         """The caller no longer waits for `done`."""

@@ -7,14 +7,13 @@ which calls back with its result; who waits for it has a queue of its own, and w
 
 from __future__ import annotations
 
-import _thread
-import os
 import threading
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from secrets import randbits
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
@@ -39,12 +38,11 @@ from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .session import Phase, Session
-from .shared_thread import holds_ports_up
+from .shared_thread import SharedThread, holds_ports_up
 from .tap import TapReader
-from .waiting import Notifier
+from .waiting import Notifier, start_without_waiting
 
 if TYPE_CHECKING:
-    from .shared_thread import SharedThread
     from .tap_server import TapServer
     from .transports import Transport
 
@@ -97,22 +95,6 @@ class LinkOptions:
     tap: bool = False
     identity: str = ""
 
-    def session(self) -> Session:
-        """A session with these options."""
-        return Session(
-            _random_nonce,
-            self.stream_rate_hz,
-            self.watched,
-            any_board=self.any_board or self.open_port is not None,
-            settings=self.settings,
-            expected_board=self.expected_board,
-        )
-
-    @property
-    def opener(self) -> OpenPort:
-        """What opens the port."""
-        return self.open_port or partial(_open_port, self.port, self.board_id)
-
 
 class Link(DeviceLink):
     """A link to one device over a port.
@@ -128,14 +110,23 @@ class Link(DeviceLink):
     def __init__(self, options: LinkOptions, latest_sample: LatestSample) -> None:
         self.changed = Notifier()
         self._options = options
-        self._session = options.session()
+        self._session = Session(
+            # Not from `random`: a program that seeds it would draw the nonces of its last run
+            # again, and the device would take its session for the one that is open.
+            partial(randbits, 32),
+            options.stream_rate_hz,
+            options.watched,
+            any_board=options.any_board or options.open_port is not None,
+            settings=options.settings,
+            expected_board=options.expected_board,
+        )
         self._tap_server: TapServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Requests whose callers have given up. Each change is one call into C, without a lock."""
         # Weakly: the port's thread must not keep alive what nobody else refers to any more.
         this = weakref.ref(self)
         self._loop = PortLoop(
-            options.opener,
+            options.open_port or partial(_open_port, options.port, options.board_id),
             options.baud_rate,
             self._session,
             self.changed,
@@ -169,19 +160,18 @@ class Link(DeviceLink):
 
     def opening(self) -> Opening:
         """As `open`: the caller waits for what this yields, and closes the link on errors."""
-        # Thread.start() waits for an Event: an exception out of a signal handler in there can
-        # leave the new thread waiting for ever. No handler interrupts a thread but the main.
-        try:
-            _thread.start_new_thread(_start, (self._thread, self._loop))
-        except RuntimeError as error:
-            self._loop.fail(error)
         loop = self._loop
+        start_without_waiting(self._thread, loop.fail)
         yield lambda: loop.is_opened or loop.end is not None, PORT_TIMEOUT_S
         if loop.failure is not None:
             raise loop.failure.with_traceback(None)
         if not loop.is_opened:
             self._check_alive()
-            raise self._port_takes_too_long()
+            raise PortUnavailable(
+                self._options.port,
+                f"opening it takes longer than {PORT_TIMEOUT_S:g} s: plug it in again, or restart "
+                "the peer",
+            )
         yield self._opening_is_decided, self._options.connect_timeout_s
         if not self._opening_is_decided():
             raise self._why_not_open()
@@ -245,11 +235,16 @@ class Link(DeviceLink):
     @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        device, loop = self._device, self._loop
-        # Not the port's own rate: during a search that is one of those that are tried.
-        rate, session = loop.policy.search.rate, self._session
-        found = session.board, session.peripherals
-        return LinkInfo(loop.port, rate, loop.low_latency, device, *found)
+        loop, session = self._loop, self._session
+        return LinkInfo(
+            loop.port,
+            # Not the port's own rate: during a search that is one of those that are tried.
+            loop.policy.search.rate,
+            loop.low_latency,
+            self._device,
+            session.board,
+            session.peripherals,
+        )
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -259,20 +254,23 @@ class Link(DeviceLink):
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
-        now_us = host_clock_us()
-        # Before a frame is made, which would be recorded for a repeat and so be sent after all.
-        self._loop.check_room()
-        setpoints = self._session.setpoints
-        self._write(setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)
+        self._drive(self._session.setpoints.velocity_frame, left_mps, right_mps, expiry_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Write one duty setpoint; otherwise as `drive_velocity`."""
-        now_us = host_clock_us()
-        self._loop.check_room()
-        setpoints = self._session.setpoints
-        self._write(setpoints.duty_frame(left, right, expiry_us, now_us), now_us)
+        self._drive(self._session.setpoints.duty_frame, left, right, expiry_us)
 
-    def _write(self, frame: bytes, now_us: int) -> None:
+    def _drive(
+        self,
+        make_frame: Callable[[float, float, int, int], bytes],
+        left: float,
+        right: float,
+        expiry_us: int,
+    ) -> None:
+        now_us = host_clock_us()
+        # Before a frame is made, which would be recorded for a repeat and so be sent after all.
+        self._loop.check_room()
+        frame = make_frame(left, right, expiry_us, now_us)
         try:
             self._loop.send(frame, now_us)
         except LinkLost:
@@ -287,15 +285,15 @@ class Link(DeviceLink):
         """As `request`, without waiting: the link's thread calls `done` with the result."""
         self._begin(lambda done, now_us: self._session.request(message, done, now_us), done)
 
-    def post_stop(self, done: RequestDone, mode: StopMode = StopMode.CONFIGURED) -> None:
+    def post_stop(self, done: RequestDone, mode: StopMode | None = StopMode.CONFIGURED) -> None:
         """As `stop`, without waiting: the link's thread calls `done` with the result."""
-        self._write_at_once(self._session.setpoints.stop_copy(mode))
-        self._begin(lambda done, now_us: self._session.stop(mode, done, now_us), done)
-
-    def post_estop(self, done: RequestDone) -> None:
-        """As `estop`, without waiting: the link's thread calls `done` with the result."""
-        self._write_at_once(self._session.setpoints.stop_copy(None))
-        self._begin(self._session.estop, done)
+        copy = self._session.setpoints.stop_copy(mode)
+        # The port's thread sends the stop that is acknowledged. It has to wake up, and gets the
+        # interpreter only when this one releases it: the wheels would turn for milliseconds more.
+        if copy is not None:
+            with suppress(LinkLost):  # what follows the copy tells
+                self._loop.send(copy, host_clock_us())
+        self._begin(partial(self._session.stop, mode), done)
 
     def withdraw(self, done: RequestDone) -> None:
         """The caller of a request has given up: the link sends no copy of it from now on."""
@@ -345,16 +343,6 @@ class Link(DeviceLink):
 
         self._loop.call(leave, lambda _: None)
 
-    def _write_at_once(self, copy: bytes | None) -> None:
-        """Write a stop's copy: the port's thread sends the one that is acknowledged.
-
-        That thread has to wake up, and gets the interpreter only when this one releases it: the
-        wheels would turn for milliseconds more.
-        """
-        if copy is not None:
-            with suppress(LinkLost):  # what follows the copy tells
-                self._loop.send(copy, host_clock_us())
-
     def _begin(self, task: Task, done: RequestDone) -> None:
         """Have the port's thread do `task`, which has `done` called with its result."""
         self._check_alive()
@@ -376,13 +364,6 @@ class Link(DeviceLink):
         final = isinstance(session.error, (ProtocolMismatch, DeviceRefused, BoardMismatch))
         return session.phase is Phase.OPEN or final or self._loop.end is not None
 
-    def _port_takes_too_long(self) -> PortUnavailable:
-        return PortUnavailable(
-            self._options.port,
-            f"opening it takes longer than {PORT_TIMEOUT_S:g} s: plug it in again, or restart "
-            "the peer",
-        )
-
     def _why_not_open(self) -> WheelwireError:
         """Why no session was opened within the connect timeout."""
         session, policy = self._session, self._loop.policy
@@ -403,13 +384,6 @@ class Link(DeviceLink):
         return DeviceSilent(port, tried)
 
 
-def _start(thread: threading.Thread, loop: PortLoop) -> None:
-    try:
-        thread.start()
-    except RuntimeError as error:
-        loop.fail(error)
-
-
 def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
     # Here, for not every link needs what they import.
     from .discovery import open_board
@@ -418,9 +392,3 @@ def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
     if board_id is None:
         return open_transport(port, baud_rate)
     return open_board(port, board_id, baud_rate)
-
-
-def _random_nonce() -> int:
-    # Not from `random`: a program that seeds it would draw the nonces of its last run again, and
-    # the device would take its session for the one that is open.
-    return int.from_bytes(os.urandom(4), "little")

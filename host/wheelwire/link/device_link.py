@@ -15,10 +15,9 @@ from ..errors import InvalidCommand, RequestTimeout, WheelwireError, afresh
 from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
-from .news import Happening, Listener, StandingNews
+from .news import Reporter
 from .requests import Answer, Done, RequestMessage
 from .sensor_stream import SensorStream
-from .session import Session
 from .state_stream import DUTY_SCALE
 from .tap import Tap, TapReader
 
@@ -26,11 +25,12 @@ CALL_TIMEOUT_S = 5.0
 """A request times out after about one second, and others may be queued before it."""
 
 
-class DeviceLink(ABC):
-    """A link to one device. Its user opens it first, and closes it."""
+class DeviceLink(Reporter, ABC):
+    """A link to one device. Its user opens it first, and closes it.
 
-    _session: Session
-    _listener: Listener | None = None
+    The caller that lets time pass calls a listener.
+    """
+
     in_virtual_time: bool = False
     """Whether time passes only in its `advance`."""
 
@@ -187,19 +187,15 @@ class DeviceLink(ABC):
 
     def estop(self) -> None:
         """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
-        self._result(self.post_estop)
+        self._result(partial(self.post_stop, mode=None))
 
     @abstractmethod
     def post(self, message: RequestMessage, done: Done) -> None:
         """As `request`, without waiting: `done` is called with the result."""
 
     @abstractmethod
-    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """As `stop`, without waiting: `done` is called with the result."""
-
-    @abstractmethod
-    def post_estop(self, done: Done) -> None:
-        """As `estop`, without waiting: `done` is called with the result."""
+    def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
+        """As `stop`, or with None `estop`, without waiting: `done` is called with the result."""
 
     @abstractmethod
     def withdraw(self, done: Done) -> None:
@@ -241,23 +237,6 @@ class DeviceLink(ABC):
         self._session.release_trial()
 
     # --- what is passed on -----------------------------------------------------------------------
-
-    def listen(self, listener: Listener, happening: Happening) -> None:
-        """Report to `listener` what happens from now on; of `happening` also what is so already.
-
-        The caller that lets time pass calls it.
-        """
-        self._listener = listener
-        standing = self._session.standing_news(happening)
-        if standing is not None:
-            listener(StandingNews(*standing))
-
-    def _tell_listener(self) -> None:
-        news = self._session.news
-        while news:
-            happened = news.popleft()
-            if self._listener is not None:
-                self._listener(happened)
 
     @property
     def tap(self) -> Tap:

@@ -42,7 +42,9 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
     Raises:
         PortUnavailable: It answers at none of the ports that are free.
     """
-    names = _names(ports)
+    # Path.glob takes no absolute pattern.
+    # A set, because a port that several patterns match can be opened only once.
+    names = sorted({name for pattern in ports.split(",") for name in glob(pattern.strip())})  # noqa: PTH207
     asked = [_Asked(transport) for transport in _open_free(names, baud_rate)]
     found = None
     try:
@@ -106,12 +108,6 @@ def _why_not(board_id: str, names: list[str], asked: list[_Asked]) -> str:
             f"{', '.join(held)} cannot be opened or is in use: end the program that uses it"
         )
     return f"board {board_id} was not found: {'; '.join(found)}"
-
-
-def _names(ports: str) -> list[str]:
-    # Path.glob takes no absolute pattern.
-    # A set, because a port that several patterns match can be opened only once.
-    return sorted({name for pattern in ports.split(",") for name in glob(pattern.strip())})  # noqa: PTH207
 
 
 def _open_free(names: list[str], baud_rate: int) -> Iterable[Transport]:

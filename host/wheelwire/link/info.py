@@ -337,24 +337,23 @@ ROUND_TRIPS = 1024
 
 
 class RoundTrips:
-    """The last `ROUND_TRIPS` round trips. One thread adds; any may look."""
+    """The last `ROUND_TRIPS` round trips. One thread adds; any may look.
+
+    Attributes:
+        newest_us: Unordered: a list, which other threads can copy atomically.
+    """
 
     def __init__(self) -> None:
-        self._newest_us: list[int] = []
-        """Unordered: a list, which other threads can copy atomically."""
+        self.newest_us: list[int] = []
         self._oldest = 0
 
     def add(self, round_trip_us: int) -> None:
         """Add one, in place of the oldest once there are `ROUND_TRIPS`."""
-        if len(self._newest_us) < ROUND_TRIPS:
-            self._newest_us.append(round_trip_us)
+        if len(self.newest_us) < ROUND_TRIPS:
+            self.newest_us.append(round_trip_us)
         else:
-            self._newest_us[self._oldest] = round_trip_us
+            self.newest_us[self._oldest] = round_trip_us
             self._oldest = (self._oldest + 1) % ROUND_TRIPS
-
-    def quantile_us(self, fraction: float) -> float:
-        """The nearest-rank quantile; NaN of nothing."""
-        return quantile(self._newest_us, fraction)
 
 
 def quantile(values: Collection[float], fraction: float) -> float:

@@ -9,8 +9,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from wheelwire_protocol.types import WheelState
-
 from ..errors import RequestTimeout, WheelwireError, afresh
 from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
@@ -60,7 +58,6 @@ class LatestSample:
         self.wait_for = self.changed.wait_for
         self.notify_all = self.changed.notify_all
         """Wakes all that wait for a sample."""
-        self._last: WheelState | None = None
         # Filled and emptied by one call into C each, so that no lock is needed.
         self._unread: deque[Measurement] = deque(maxlen=1)
         self._current = False
@@ -76,20 +73,18 @@ class LatestSample:
 
     def put(self, measurement: Measurement) -> None:
         """Store a measurement; `notify_all` wakes those who wait for it."""
-        state, last = measurement.state, self._last
+        state, newest = measurement.state, self._newest
         # A reset sets the counters back: the difference across it is unknown, and counts as none.
-        if last is None:
+        if newest is None:
             self._ticks = state.left_ticks, state.right_ticks
-        elif state.boot_id == last.boot_id:
+        elif state.boot_id == newest.state.boot_id:
             left, right = self._ticks
             self._ticks = (
-                left + tick_difference(state.left_ticks, last.left_ticks),
-                right + tick_difference(state.right_ticks, last.right_ticks),
+                left + tick_difference(state.left_ticks, newest.state.left_ticks),
+                right + tick_difference(state.right_ticks, newest.state.right_ticks),
             )
-        newest = self._newest
         if newest is not None and newest.t_us < measurement.t_us:  # not across a reset
             self._periods_us = (*self._periods_us[-_PERIODS:], measurement.t_us - newest.t_us)
-        self._last = state
         self._newest = measurement
         self._unread.append(measurement)
         # After the ticks, which another thread reads as soon as it sees this.

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+if TYPE_CHECKING:
+    from .session import Session
 
 
 class Happening(enum.Enum):
@@ -30,3 +33,24 @@ class StandingNews(NamedTuple):
 News: TypeAlias = "tuple[Happening, object]"
 Listener: TypeAlias = Callable[[News], object]
 """Takes what has happened, in order. Never waits."""
+
+
+class Reporter:
+    """Passes on what a session reports, to one listener. One thread at a time may use it."""
+
+    _session: Session
+    _listener: Listener | None = None
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Report to `listener` what happens from now on; of `happening` also what is so already."""
+        self._listener = listener
+        standing = self._session.standing_news(happening)
+        if standing is not None:
+            listener(standing)
+
+    def _tell_listener(self) -> None:
+        news = self._session.news
+        while news:
+            happened = news.popleft()
+            if self._listener is not None:
+                self._listener(happened)

@@ -24,7 +24,7 @@ from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import SuspendWatch, host_clock_us
 from .forking import abandon_in_child
 from .latest_sample import LatestSample
-from .news import Happening, Listener, StandingNews
+from .news import Happening, Listener, Reporter
 from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
@@ -57,7 +57,7 @@ _link_log = logging.getLogger("wheelwire.link")
 """Logs the loss and the return of a link alone: a program that reports them itself can filter."""
 
 
-class PortLoop:
+class PortLoop(Reporter):
     """Serves a session on a port, through every loss of the port, until `finish`.
 
     `call`, `send` and `finish` may be called by any thread, and by a signal handler.
@@ -122,7 +122,6 @@ class PortLoop:
         self._last_stop = LastStop()
         self._closing_us: int | None = None
         """When the closing began."""
-        self._listener: Listener | None = None
         self._begun = threading.Lock()
         """Acquired once and never released, by `run` or by a `finish` that came before it."""
         self.wake_up = WakeUp()
@@ -269,7 +268,9 @@ class PortLoop:
             try:
                 transport = self._open_port(self.policy.rate)
             except WheelwireError as error:
-                self._note_failure(error)
+                news = self.policy.news_of_failure(error)
+                if news is not None:
+                    self._session.disconnect(news)
             else:
                 self._connect(transport)
                 return transport
@@ -533,12 +534,6 @@ class PortLoop:
         self._output = b""
         self._frames.clear()
 
-    def _note_failure(self, error: WheelwireError) -> None:
-        """Report that the lost port could not be opened again."""
-        news = self.policy.news_of_failure(error)
-        if news is not None:
-            self._session.disconnect(news)
-
     # --- changes and the end -------------------------------------------------------------------
 
     def _tell_changes(self) -> None:
@@ -552,7 +547,7 @@ class PortLoop:
             else:
                 self._latest_sample.interrupt()
                 _link_log.warning("%s: %s", self.port, self._session.error)
-        self._tell_listener()
+        self._tell_listener()  # samples of a lost link are gone by now
         # Even if it did not change: who opens a link also waits for an error that is final.
         self._changed.notify_all()
 
@@ -562,18 +557,7 @@ class PortLoop:
         The loop calls it as a task.
         """
         self._tell_listener()  # of what was before
-        self._listener = listener
-        standing = self._session.standing_news(happening)
-        if standing is not None:
-            listener(StandingNews(*standing))
-
-    def _tell_listener(self) -> None:
-        """Pass on what has happened; samples of a lost link are gone by then."""
-        news, listener = self._session.news, self._listener
-        while news:
-            happened = news.popleft()
-            if listener is not None:
-                listener(happened)
+        super().listen(listener, happening)
 
     def _is_ending(self) -> bool:
         return self._finishing or not self._is_wanted()

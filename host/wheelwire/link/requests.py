@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -181,11 +181,6 @@ class RequestQueue:
     _last_ids: dict[bool, int] = field(default_factory=dict)
 
     @property
-    def waits_in_order(self) -> bool:
-        """Whether a request is open whose order among the others matters to the device."""
-        return not all(request.urgent for request in self._open.values())
-
-    @property
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
         # Those that wait behind another have no deadline: the end of the one before sends them.
@@ -221,31 +216,6 @@ class RequestQueue:
         else:
             self._waiting.append(request)
             self._begin_next(now_us)
-
-    def submit_all(
-        self,
-        messages: Sequence[RequestMessage],
-        done: Callable[[WheelwireError | None], None],
-        now_us: int,
-    ) -> None:
-        """Submit several; `done` is called once, with the first error or when all are answered."""
-        remaining = len(messages)
-
-        def count(result: Answer | WheelwireError) -> None:
-            nonlocal remaining
-            if remaining == 0:
-                return  # an error was reported already
-            # An error ends the counting, whatever the other answers are.
-            failed = isinstance(result, WheelwireError)
-            remaining = 0 if failed else remaining - 1
-            if remaining == 0:
-                done(result if isinstance(result, WheelwireError) else None)
-
-        for message in messages:
-            self.submit(message, count, now_us)
-        # Without an answer to come, nobody else would call it.
-        if not messages:
-            done(None)
 
     def advance(self, now_us: int) -> None:
         """Repeat what has waited long enough; give up what was repeated often enough."""
@@ -340,7 +310,8 @@ class RequestQueue:
         return [*self._open.values(), *self._waiting]
 
     def _begin_next(self, now_us: int) -> None:
-        if self._waiting and not self.waits_in_order:
+        # Only stops may be open beside it: the order of all others matters to the device.
+        if self._waiting and all(request.urgent for request in self._open.values()):
             self._begin(self._waiting.popleft(), now_us)
 
     def _begin(self, request: _Request, now_us: int) -> None:

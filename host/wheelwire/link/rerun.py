@@ -14,9 +14,7 @@ from .requests import Answer
 from .session import Session
 from .setpoints import ASKED
 from .state_stream import Measurement
-from .tap import Kind, Record
-
-_ESTOP = 255
+from .tap import ESTOP, Kind, Record
 
 
 class Rerun:
@@ -38,7 +36,7 @@ class Rerun:
             Kind.NONCE: lambda session, record: session.use_nonce(_u32s(record)[0]),
             Kind.ADVANCED: lambda session, record: session.advance(record.host_us),
             Kind.REQUEST: _request,
-            Kind.STOP: _stop,
+            Kind.STOP: lambda session, record: session.stop(_mode(record), _nobody, record.host_us),
             Kind.STOP_COPY: lambda session, record: session.setpoints.stop_copy(_mode(record)),
             Kind.VELOCITY: lambda session, record: session.setpoints.velocity_frame(
                 *_asked(record)
@@ -89,14 +87,6 @@ def _request(session: Session, record: Record) -> None:
         session.request(message, done, record.host_us)  # type: ignore[arg-type]
 
 
-def _stop(session: Session, record: Record) -> None:
-    mode = _mode(record)
-    if mode is None:
-        session.estop(_nobody, record.host_us)
-    else:
-        session.stop(mode, _nobody, record.host_us)
-
-
 def _nobody(_: Answer | WheelwireError) -> None:
     """Takes the answer to a recorded stop, for which nobody waits."""
 
@@ -107,7 +97,7 @@ def _asked(record: Record) -> tuple[float, float, int, int]:
 
 
 def _mode(record: Record) -> StopMode | None:
-    return None if record.data[0] == _ESTOP else StopMode(record.data[0])
+    return None if record.data[0] == ESTOP else StopMode(record.data[0])
 
 
 def _lost(record: Record) -> LinkLost:

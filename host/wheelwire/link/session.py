@@ -110,14 +110,15 @@ from .info import (
     RecentCounts,
     RoundTrips,
     device_of_session,
+    quantile,
 )
 from .liveness import Liveness
-from .news import Happening, News
+from .news import Happening, News, StandingNews
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .sensor_stream import SensorStream as Sensors
 from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
-from .tap import Kind, Tap, TapReader
+from .tap import ESTOP, Kind, Tap, TapReader
 from .trial import HeldTrial
 
 HELLO_PERIOD_US = 30_000
@@ -160,6 +161,7 @@ class Session:
         rolling_mps: How fast the robot rolled, by the device's report, although nothing drives it;
             None before there is one, and once it slowed down or drives.
         phase: Phase of the session.
+        id: Its id on the wire; 0 outside one.
         error: Why the session is not open; meaningless while it is.
         device: The device of the newest session.
         count: Number of sessions so far.
@@ -189,6 +191,7 @@ class Session:
         expected_board: ExpectedBoard | None = None,
     ) -> None:
         self.phase = Phase.CLOSED
+        self.id = 0
         self.board: ActiveBoard | None = None
         self.peripherals: ActivePeripherals | None = None
         self.rolling_mps: float | None = None
@@ -213,9 +216,8 @@ class Session:
         self._settings = dict(settings or {})
         self._any_board = any_board
         self._expected_board = expected_board
-        self._board_is_known = False
-        self._peripherals_are_known = False
-        """Whether the device said which board it is on, or that it cannot tell."""
+        self._unknown: set[Group] = set()
+        """BOARD and SENSOR until the device has said what it has, or that it cannot tell."""
         self._own_questions = 0
         """Beside those that prepare the session; what follows from an answer is another one."""
 
@@ -234,8 +236,6 @@ class Session:
 
         self._nonce = 0
         self._hello_due_us = 0
-        self._id = 0
-        """The session's nonce; 0 outside a session."""
         self._boot_id: int | None = None
         """The device's boot id; None outside a session."""
         self._hello: DeviceHello | None = None
@@ -243,8 +243,10 @@ class Session:
         self._command_seqs = count(1)
         self._boots = BootHistory()
         self._liveness = Liveness(0)
-        self._prepared = False
+        self._unprepared = 0
+        """Requests that prepare the session and are not answered yet."""
         self._preparation_failure: WheelwireError | None = None
+        """Of the first of them that failed."""
 
         self._requests = RequestQueue(self._send)
         self._trial = HeldTrial()
@@ -281,11 +283,6 @@ class Session:
             SensorEvent: partial(self._on_sensed, self.sensors.take_event),
         }
 
-    @property
-    def id(self) -> int:
-        """The session's id on the wire; 0 outside one."""
-        return self._id
-
     def statistics(self, now_us: int) -> LinkStatistics:
         """A snapshot of all counters."""
         counters, clock = self._decoder.counters, self._synchroniser.clock
@@ -310,9 +307,11 @@ class Session:
             setpoints_expired=self.setpoints.expired,
             sessions=self.count,
             device_resets=self._boots.resets,
-            round_trip_p50_us=self._round_trips.quantile_us(0.50),
-            round_trip_p99_us=self._round_trips.quantile_us(0.99),
-            clock_error_us=clock.error_us(now_us) if clock.synchronised else float("nan"),
+            round_trip_p50_us=quantile(self._round_trips.newest_us, 0.50),
+            round_trip_p99_us=quantile(self._round_trips.newest_us, 0.99),
+            clock_error_us=(
+                clock.conversion.host_to_device(now_us)[1] if clock.synchronised else float("nan")
+            ),
             state_rate_hz=rate_hz,
             recent_loss=loss,
         )
@@ -321,7 +320,7 @@ class Session:
 
     def connect(self, now_us: int) -> None:
         """The port is open: say hello. Sequence numbers restart, and queued output is dropped."""
-        self._report(Kind.CONNECTED, now_us)
+        self.tap.put(Kind.CONNECTED, now_us)
         self._frames_sent_before += self._encoder.encoded
         # A new encoder, not the old one restarted: another thread may be encoding a setpoint.
         self._encoder = Encoder()
@@ -333,13 +332,13 @@ class Session:
 
     def renew(self, error: WheelwireError, now_us: int) -> None:
         """Begin a new session if one was begun: its state is no longer valid."""
-        self._report(Kind.RENEWED, now_us, str(error).encode())
+        self.tap.put(Kind.RENEWED, now_us, str(error).encode())
         if self._in_session:
             self._begin_hello(error, now_us)
 
     def disconnect(self, error: WheelwireError) -> None:
         """The port is gone: every open request fails with `error`."""
-        self._report(Kind.DISCONNECTED, self.tap.host_us, str(error).encode())
+        self.tap.put(Kind.DISCONNECTED, self.tap.host_us, str(error).encode())
         self._end(error)
         # The rest was meant for this device; another may be behind the next port.
         self._output.clear()
@@ -350,7 +349,7 @@ class Session:
 
         That is the newest of the state frames that arrive together, or with `every_state` each.
         """
-        self._report(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
+        self.tap.put(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         if now_us >= self._recent.due_us:
@@ -388,7 +387,7 @@ class Session:
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
-        self._report(Kind.ADVANCED, now_us)
+        self.tap.put(Kind.ADVANCED, now_us)
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
         elif self._in_session and now_us >= self._liveness.silent_us:
@@ -407,7 +406,7 @@ class Session:
                 self._ask_for_sensors(now_us)
             renewal = self._trial.renewal(now_us)
             if renewal is not None:
-                renewal = renewal._replace(session_id=self._id)
+                renewal = renewal._replace(session_id=self.id)
                 # Whatever comes of it: a refusal for want of a trial ends the session.
                 self._requests.submit(renewal, lambda _: self._trial.renewed(), now_us)
             # The last ping of the burst may have been all that was missing.
@@ -464,16 +463,25 @@ class Session:
         """
         return self.phase is Phase.OPEN and not self._own_questions
 
-    def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
-        """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
-        self._report(Kind.STOP, now_us, bytes([mode]))
-        # Numbered from the setpoints' counter, so that those still on their way are void.
-        self._stop(Stop(self._id, 0, next(self._command_seqs), mode), done, now_us)
-
-    def estop(self, done: Done, now_us: int) -> None:
-        """Stop and latch. Without a session it is sent unacknowledged."""
-        self._report(Kind.STOP, now_us, b"\xff")
-        self._stop(Estop(self._id, 0), done, now_us)
+    def stop(self, mode: StopMode | None, done: Done, now_us: int) -> None:
+        """Void the setpoint and stop, with None latch. Without a session it is not acknowledged."""
+        self.tap.put(Kind.STOP, now_us, bytes([ESTOP if mode is None else mode]))
+        message: Stop | Estop
+        if mode is None:
+            message = Estop(self.id, 0)
+        else:
+            # Numbered from the setpoints' counter, so that those still on their way are void.
+            message = Stop(self.id, 0, next(self._command_seqs), mode)
+        # First, so that no repeat of an earlier setpoint goes out behind the stop.
+        self.setpoints.on_stop()
+        if self.phase is Phase.OPEN:
+            self._requests.submit(message, done, now_us)
+            return
+        # The device obeys a stop of anybody, so it is sent even while there is no session to
+        # acknowledge it in; whether it arrived is then not known.
+        if self.phase is not Phase.CLOSED:
+            self._send(message)
+        done(self.error)
 
     def request(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send a request; its session_id and request_id are filled in.
@@ -493,19 +501,19 @@ class Session:
             self._trial.on_request(message)
         if reverts or isinstance(message, (ClearEstop, ClearFault)):
             self.setpoints.void()  # only what is commanded from now on may move the wheels
-        self._requests.submit(message._replace(session_id=self._id), done, now_us)
+        self._requests.submit(message._replace(session_id=self.id), done, now_us)
 
     def release_trial(self) -> None:
         """The application has left its trial of parameters; from any thread."""
-        self._report(Kind.RELEASED, self.tap.host_us)
+        self.tap.put(Kind.RELEASED, self.tap.host_us)
         self._trial.release()
 
-    def standing_news(self, happening: Happening) -> News | None:
+    def standing_news(self, happening: Happening) -> StandingNews | None:
         """The news that the robot is out of reach, or that a fault is latched, if so; else None."""
         if happening is Happening.LOST and self.phase is not Phase.OPEN:
-            return happening, afresh(self.error)
+            return StandingNews(happening, afresh(self.error))
         if happening is Happening.FAULT and self._latched:
-            return happening, self._latched
+            return StandingNews(happening, self._latched)
         return None
 
     def watch(self, parameters: Sequence[int]) -> None:
@@ -528,18 +536,6 @@ class Session:
         """Continue with the nonce that another session like this has drawn."""
         self._nonce = nonce
 
-    def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
-        # First, so that no repeat of an earlier setpoint goes out behind the stop.
-        self.setpoints.on_stop()
-        if self.phase is Phase.OPEN:
-            self._requests.submit(message, done, now_us)
-            return
-        # The device obeys a stop of anybody, so it is sent even while there is no session to
-        # acknowledge it in; whether it arrived is then not known.
-        if self.phase is not Phase.CLOSED:
-            self._send(message)
-        done(self.error)
-
     # --- hello, and the end of a session -------------------------------------------------------
 
     @property
@@ -555,7 +551,7 @@ class Session:
         self.unanswered_since_us = now_us + pause_us
         # A new one, so that a late answer to a previous hello cannot begin this session.
         self._nonce = self._draw_nonce()
-        self._report(Kind.NONCE, now_us, struct.pack("<I", self._nonce))
+        self.tap.put(Kind.NONCE, now_us, struct.pack("<I", self._nonce))
         self._hello_due_us = now_us + pause_us
         self._say_hello(now_us)
         self._join()
@@ -574,7 +570,7 @@ class Session:
         self.rolling_mps = None
         self.setpoints.end_session()
         self.sensors.forget()
-        self._id, self._boot_id = 0, None
+        self.id, self._boot_id = 0, None
         self.unanswered_since_us = None
         self._trial.lose()  # first: whoever hears of the end may drive again at once
         self._requests.abort(error)
@@ -590,9 +586,11 @@ class Session:
             return
         # Even a refusal is an answer: the port need not be opened again.
         self.unanswered_since_us = now_us
+        first = self.device
         try:
             device = device_of_session(hello)
-            self._check_board(device)
+            if first and device.board_id != first.board_id and not self._any_board:
+                raise WrongBoard(first.board_id, device.board_id)
         except WheelwireError as error:
             # Hellos go on: the device may be flashed, or exchanged, while the program waits.
             self.error = error
@@ -601,11 +599,6 @@ class Session:
         else:
             self._hello = hello
             self._begin(device, now_us)
-
-    def _check_board(self, found: DeviceInfo) -> None:
-        first = self.device
-        if first is not None and found.board_id != first.board_id and not self._any_board:
-            raise WrongBoard(first.board_id, found.board_id)
 
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
         """The device has opened a session: synchronise the clock, send preparing requests."""
@@ -616,7 +609,7 @@ class Session:
         self.phase = Phase.PREPARING
         self.unanswered_since_us = None
         self.count += 1
-        self._id, self._boot_id = self._nonce ^ device.boot_id, device.boot_id
+        self.id, self._boot_id = self._nonce ^ device.boot_id, device.boot_id
         self._liveness = Liveness(now_us)
         # The device may have been reset, which sets its frame numbers back: nothing was lost.
         self._decoder.restart_sequence()
@@ -629,53 +622,47 @@ class Session:
         self.setpoints.moves_until_us = 0  # a new session voids the setpoint of the one before
         self._command_seqs = count(1)
         # Requests and pings go out together: whichever takes longer decides when it is open.
-        self._synchroniser = Synchroniser(self._id, self._send, now_us)
+        self._synchroniser = Synchroniser(self.id, self._send, now_us)
         self._synchroniser.ping(now_us)
-        self._prepared = False
-        self._preparation_failure = None
         # Settings before watched values: what is read then is what is active.
         needed: list[RequestMessage] = [
-            ParameterSet(self._id, 0, id_, value) for id_, value in self._settings.items()
+            ParameterSet(self.id, 0, id_, value) for id_, value in self._settings.items()
         ]
-        needed += [ParameterGet(self._id, 0, id_) for id_ in self._watched]
+        needed += [ParameterGet(self.id, 0, id_) for id_ in self._watched]
         if self._stream_rate_hz is not None:
-            needed.append(SetStreamRate(self._id, 0, self._stream_rate_hz))
-        self._requests.submit_all(needed, self._on_prepared, now_us)
+            needed.append(SetStreamRate(self.id, 0, self._stream_rate_hz))
+        self._unprepared = len(needed)
+        self._preparation_failure = None
+        for message in needed:
+            self._requests.submit(message, self._on_prepared, now_us)
         self._ask_for_board(device, now_us)
 
     def _ask_for_board(self, device: DeviceInfo, now_us: int) -> None:
         """Ask for the device's board; the session needs the answer only if it expects one."""
         self.board = self.peripherals = None
+        self._unknown.clear()
         # Only a device that restarts when asked can have another board.
-        self._board_is_known = Capability.RESTART not in device.capabilities
-        self._peripherals_are_known = self._board_is_known
+        if Capability.RESTART in device.capabilities:
+            self._unknown |= {Group.BOARD, Group.SENSOR}
+            self._ask_for_group(Group.BOARD, BoardGet(self.id, 0), now_us)
+        # If the board stays the same, only a program that uses the sensors needs them.
+        if self._unknown or self.sensors.rate_hz:
+            self._ask_for_group(Group.SENSOR, PeripheralGet(self.id, 0, 0), now_us)
+
+    def _ask_for_group(self, group: Group, question: RequestMessage, now_us: int) -> None:
+        """Ask `question`, if the device means the same by the messages of that group."""
 
         def take_group(answer: Answer | WheelwireError) -> None:
-            # A device of another release may mean something else by the messages about boards.
-            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.BOARD):
-                self._ask(BoardGet(self._id, 0), take_board, now_us)
-            else:
-                self._board_is_known = True
-
-        def take_board(_: Answer | WheelwireError) -> None:
-            self._board_is_known = True  # the answer is recorded like every other one
-
-        def take_sensors(answer: Answer | WheelwireError) -> None:
-            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.SENSOR):
-                self._ask(PeripheralGet(self._id, 0, 0), take_peripherals, now_us)
-                if self.sensors.rate_hz:
+            # A device of another release may mean something else by them.
+            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(group):
+                # The answer is recorded like every other one.
+                self._ask(question, lambda _: self._unknown.discard(group), now_us)
+                if group is Group.SENSOR and self.sensors.rate_hz:
                     self._ask_for_sensors(now_us)
             else:
-                self._peripherals_are_known = True
+                self._unknown.discard(group)
 
-        def take_peripherals(_: Answer | WheelwireError) -> None:
-            self._peripherals_are_known = True
-
-        if not self._board_is_known:
-            self._ask(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
-        # If the board stays the same, only a program that uses the sensors needs them.
-        if not self._peripherals_are_known or self.sensors.rate_hz:
-            self._ask(GroupGet(self._id, 0, Group.SENSOR), take_sensors, now_us)
+        self._ask(GroupGet(self.id, 0, group), take_group, now_us)
 
     def _ask(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send a request of the session's own, beside those that prepare it."""
@@ -691,7 +678,7 @@ class Session:
     def _ask_for_sensors(self, now_us: int) -> None:
         """As the application did before, in this session or in an earlier one."""
         self.sensors.due_us = None
-        asked = SensorStream(self._id, 0, self.sensors.rate_hz)
+        asked = SensorStream(self.id, 0, self.sensors.rate_hz)
         self._ask(asked, lambda _: None, now_us)
 
     def _board_mismatch(self) -> BoardMismatch | None:
@@ -711,23 +698,22 @@ class Session:
             )
         return None
 
-    def _on_prepared(self, failure: WheelwireError | None) -> None:
-        self._prepared = True
-        self._preparation_failure = failure
+    def _on_prepared(self, answer: Answer | WheelwireError) -> None:
+        self._unprepared -= 1
+        if isinstance(answer, WheelwireError) and self._preparation_failure is None:
+            self._preparation_failure = answer
 
     def _open_when_prepared(self, now_us: int) -> None:
         """Open the session once it is prepared; start over if preparing it failed."""
-        if self.phase is not Phase.PREPARING or not self._prepared:
+        if self.phase is not Phase.PREPARING:
             return
         failure = self._preparation_failure
         if failure is not None:
             # A refusal would be repeated at once, and for ever; a lost answer may come next time.
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
-        elif self._synchroniser.ready:
-            if self._expected_board is not None and not (
-                self._board_is_known and self._peripherals_are_known
-            ):
+        elif not self._unprepared and self._synchroniser.ready:
+            if self._expected_board is not None and self._unknown:
                 return
             mismatch = self._board_mismatch()
             if mismatch is not None:
@@ -737,7 +723,7 @@ class Session:
             # The phase last: whoever sees it may send a setpoint at once.
             self._collect_watched()
             self.setpoints.opened = OpenSession(
-                self._id, self._synchroniser.clock, self._command_seqs, self._encoder
+                self.id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
             self.phase = Phase.OPEN
             self.news.append((Happening.OPENED, self.device))
@@ -753,7 +739,7 @@ class Session:
 
     def _is_ours(self, session_id: int, now_us: int) -> bool:
         """Whether a message belongs to this session. If so, the device counts as heard."""
-        ours = self._in_session and session_id == self._id
+        ours = self._in_session and session_id == self.id
         # What belongs to a previous session is no sign of life of this one.
         if ours:
             self._liveness.heard_us = now_us
@@ -953,10 +939,6 @@ class Session:
         while self._joining and self.phase is not Phase.PREPARING and not self._own_questions:
             self.tap.add(self._joining.pop(), json.dumps(self._snapshot()).encode())
 
-    def _report(self, kind: Kind, now_us: int, data: bytes = b"") -> None:
-        if self.tap.readers:
-            self.tap.put(kind, now_us, data)
-
     def _snapshot(self) -> dict[str, Any]:
         """What `resume` needs. Counters start anew there, and open requests are left out."""
         board, expected = self.board, self._expected_board
@@ -1026,7 +1008,7 @@ class Session:
         self.device, self.count = DeviceInfo.from_hello(hello), known["count"]
         if self.phase is not Phase.OPEN:
             return
-        self._id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
+        self.id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
         self.values = dict(known["values"])
         if known["board"] is not None:
             name, state, fingerprint, has_contact = known["board"]
@@ -1036,8 +1018,7 @@ class Session:
             self.peripherals = ActivePeripherals(PeripheralsState(state), *others)
         if "sensors" in known:  # not of earlier releases
             self.sensors.resume(known["sensors"])
-        self._board_is_known = self._peripherals_are_known = True
-        self._synchroniser = Synchroniser.resumed(self._id, self._send, known["clock"])
+        self._synchroniser = Synchroniser.resumed(self.id, self._send, known["clock"])
         self._liveness.heard_us, self._liveness.state_us = known["liveness"]
         self._state_stream.resume(*known["stream"])
         self._requests.resume(known["requests"])
@@ -1045,9 +1026,8 @@ class Session:
             self.setpoints.supervisor = SupervisorState(known["supervisor"])
         self.setpoints.faults = Fault(known["faults"])
         self._command_seqs = count(known["command_seq"])
-        self._prepared = True
         self.setpoints.opened = OpenSession(
-            self._id, self._synchroniser.clock, self._command_seqs, self._encoder
+            self.id, self._synchroniser.clock, self._command_seqs, self._encoder
         )
         if REARM_GAP.id in self.values:
             self.setpoints.take_rearm_gap(self.values[REARM_GAP.id])

@@ -22,7 +22,7 @@ from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError, afresh
 from .clock import ClockEstimator
 from .requests import COPY_ID
 from .state_stream import DUTY_SCALE
-from .tap import Kind, Tap
+from .tap import ESTOP, Kind, Tap
 from .trial import HeldTrial
 
 REPEAT_AFTER_US = 20_000
@@ -91,7 +91,7 @@ class SetpointSender:
         self.supervisor: SupervisorState | None = None
         self.faults = NO_FAULT
         self.refused_us = 0
-        self.rearm_gap_us = _microseconds(REARM_GAP.default)
+        self.rearm_gap_us = round(REARM_GAP.default * 1e6)
         self.moves_until_us = 0
         self.newest: tuple[Setpoint, int] | None = None
         self._send = send
@@ -119,13 +119,11 @@ class SetpointSender:
 
     def take_rearm_gap(self, gap_s: float) -> None:
         """What the device says of its parameter `rearm_gap_s`."""
-        self.rearm_gap_us = _microseconds(gap_s)
+        self.rearm_gap_us = round(gap_s * 1e6)
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
-        self.newest = None
-        self._unseen = None
-        self._refusal = None
+        self.on_stop()
         self.supervisor = None
         self.faults = NO_FAULT
 
@@ -140,8 +138,7 @@ class SetpointSender:
         What is latched stays known: the copy of an e-stop that its caller wrote may have latched
         the device already.
         """
-        self._unseen = None
-        self.newest = None
+        self.void()
         self._refusal = None
 
     def velocity_frame(
@@ -179,8 +176,7 @@ class SetpointSender:
         opened = self.opened
         if opened is None:
             return None
-        if self._tap.readers:
-            self._tap.put(Kind.STOP_COPY, self._tap.host_us, bytes([255 if mode is None else mode]))
+        self._tap.put(Kind.STOP_COPY, self._tap.host_us, bytes([ESTOP if mode is None else mode]))
         if mode is None:
             return opened.encoder.encode(Estop(opened.id, COPY_ID))
         command_seq = next(opened.command_seqs)
@@ -284,7 +280,3 @@ class SetpointSender:
         # lines that one's repeat can still be lost: it is not needed on a good line.
         if self._unseen is unseen:
             self._unseen = None
-
-
-def _microseconds(seconds: float) -> int:
-    return round(seconds * 1e6)

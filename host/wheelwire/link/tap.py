@@ -24,6 +24,10 @@ STOP_ASKED = "stop_asked"
 """The note of who asked the link for a stop, beside the program that holds it: `by`, `host_us`."""
 
 
+ESTOP = 255
+"""The mode of an e-stop."""
+
+
 class Kind(enum.IntEnum):
     """What a record says, and what its `data` is."""
 
@@ -48,7 +52,7 @@ class Kind(enum.IntEnum):
     REQUEST = 9
     """The application's request: an encoded frame, its ids not filled in."""
     STOP = 10
-    """The application stops: mode, u8; 255 for an e-stop."""
+    """The application stops: mode, u8; `ESTOP` for an e-stop."""
     STOP_COPY = 11
     """As STOP: its copy, which the calling thread writes at once."""
     VELOCITY = 12
@@ -115,8 +119,8 @@ class Tap:
     """Passes on what happens on one link.
 
     Attributes:
-        readers: Who listens. Replaced as a whole; empty in most programs, so whoever calls `put`
-            asks first.
+        readers: Who listens. Replaced as a whole; empty in most programs, so whoever has to encode
+            a record asks first.
         host_us: When the newest record was put.
     """
 
@@ -127,7 +131,9 @@ class Tap:
         self._said: dict[str, Any] = {}
 
     def put(self, kind: Kind, host_us: int, data: bytes = b"") -> None:
-        """Pass one record on; from any thread."""
+        """Pass one record on, if anybody listens; from any thread."""
+        if not self.readers:
+            return
         self.host_us = host_us
         record = Record(next(self._numbers), kind, host_us, data)
         for reader in self.readers:
@@ -147,8 +153,7 @@ class Tap:
     def note(self, what: Mapping[str, Any], host_us: int) -> None:
         """Pass on what the application says; whoever comes later gets the newest of each name."""
         self._said = {**self._said, **what}
-        if self.readers:
-            self.put(Kind.NOTE, host_us, json.dumps(what).encode())
+        self.put(Kind.NOTE, host_us, json.dumps(what).encode())
 
     def remove(self, reader: TapReader) -> None:
         """`reader` gets nothing more. Harmless when repeated."""

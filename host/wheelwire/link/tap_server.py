@@ -6,7 +6,6 @@ program by a thread of its own; the link's thread only appends to a queue, whoev
 
 from __future__ import annotations
 
-import _thread
 import dataclasses
 import errno
 import json
@@ -63,7 +62,7 @@ from .tap_wire import (
     tagged,
     take_tag,
 )
-from .waiting import Notifier, WakeUp
+from .waiting import Notifier, WakeUp, start_without_waiting
 
 if TYPE_CHECKING:
     from .connection import Link
@@ -127,20 +126,12 @@ class TapServer:
 
     def start(self) -> None:
         """Begin to offer the link. Never waits, and a failure is only logged."""
-        # As the link starts its own: Thread.start() waits, and a signal handler may end the wait.
-        try:
-            _thread.start_new_thread(self._start, ())
-        except RuntimeError as error:
-            self._give_up(error)
-
-    def wake(self) -> None:
-        """Have the thread look at what there is; from any thread."""
-        self._wake_up.wake()
+        start_without_waiting(self._thread, self._give_up)
 
     def finish(self) -> None:
         """Pass on what is left until the link has ended, and end; without waiting."""
         self._finishing = True
-        self.wake()
+        self._wake_up.wake()
 
     def close(self) -> None:
         """As `finish`, and wait for it: the link has ended."""
@@ -158,12 +149,6 @@ class TapServer:
         self._release()
 
     # --- the thread ----------------------------------------------------------------------------
-
-    def _start(self) -> None:
-        try:
-            self._thread.start()
-        except RuntimeError as error:
-            self._give_up(error)
 
     def _give_up(self, error: RuntimeError) -> None:
         _log.warning("other programs cannot look at this robot: %s", error)
@@ -244,9 +229,7 @@ class TapServer:
             connection.close()
             return
         connection.setblocking(False)
-        program = _Program(connection, self.wake)
-        program.greet(link)
-        self._programs[connection.fileno()] = program
+        self._programs[connection.fileno()] = _Program(connection, link, self._wake_up.wake)
         self._poller.register(connection, select.POLLIN)
 
     def _drop(self, program: _Program, link: Link) -> None:
@@ -378,20 +361,29 @@ def _is_taken(path: Path) -> bool:
 
 
 class _Program:
-    """One attached program.
+    """One attached program, which first hears who holds the port.
 
     Args:
         connection: To it; `leave` closes it.
+        link: That is offered.
         wake: Has the server write what there is to say.
     """
 
-    def __init__(self, connection: socket.socket, wake: Callable[[], None]) -> None:
+    def __init__(self, connection: socket.socket, link: Link, wake: Callable[[], None]) -> None:
         self.connection = connection
         pid = _credentials(connection)[0]
         self._name = f"{_name_of(pid)}, process {pid}"
         self._wake = wake
         self._reader = MessageReader(LONGEST_REQUEST)
+        greeting = {
+            "board_id": link.info.device.board_id,
+            "identity": absolute_port(link.identity),
+            "port": absolute_port(link.name),
+            "pid": os.getpid(),
+            "program": _name_of(os.getpid()),
+        }
         self._output = bytearray(VERSION)
+        self._output += message(Say.GREETING, json.dumps(greeting).encode())
         self._records: TapReader | None = None
         """Those that it has not been given yet; None if it does not listen."""
         self._waiting: dict[int, Done] = {}
@@ -403,17 +395,6 @@ class _Program:
     def is_busy(self) -> bool:
         """Whether there will soon be something to write though nothing comes."""
         return self._records is not None or bool(self._output)
-
-    def greet(self, link: Link) -> None:
-        """Say who holds the port."""
-        greeting = {
-            "board_id": link.info.device.board_id,
-            "identity": absolute_port(link.identity),
-            "port": absolute_port(link.name),
-            "pid": os.getpid(),
-            "program": _own_name(),
-        }
-        self._output += message(Say.GREETING, json.dumps(greeting).encode())
 
     def read(self, link: Link) -> bool:
         """Read and do what it asks for; False once it is gone, or talks nonsense."""
@@ -442,16 +423,14 @@ class _Program:
             raise ValueError("a tag that is under way")
         asked = messages[0]
         try:
-            if isinstance(asked, Estop):
-                link.post_estop(done)
-                self._note_stop(link)
-            elif isinstance(asked, Stop):
-                link.post_stop(done, StopMode(asked.mode))
-                self._note_stop(link)
+            if isinstance(asked, (Stop, Estop)):
+                link.post_stop(done, None if isinstance(asked, Estop) else StopMode(asked.mode))
+                # After the stop, which is not to wait: `wheelwire why` names who asked.
+                link.note({STOP_ASKED: {"by": self._name, "host_us": host_clock_us()}})
             elif not isinstance(asked, READ_ONLY):
                 raise InvalidCommand(
                     f"{type(asked).__name__}: a program that is attached reads, stops and "
-                    f"e-stops; only {_own_name()}, process {os.getpid()}, which holds "
+                    f"e-stops; only {_name_of(os.getpid())}, process {os.getpid()}, which holds "
                     f"{link.name}, drives, sets and clears"
                 )
             elif len(self._waiting) >= MAX_REQUESTS:
@@ -461,10 +440,6 @@ class _Program:
                 link.post(cast("RequestMessage", asked), done)
         except WheelwireError as error:
             done(error)
-
-    def _note_stop(self, link: Link) -> None:
-        """After the stop, which is not to wait: `wheelwire why` names who asked."""
-        link.note({STOP_ASKED: {"by": self._name, "host_us": host_clock_us()}})
 
     def _take_result(self, tag: int, result: Answer | WheelwireError) -> None:
         """Called by the link's thread."""
@@ -538,10 +513,6 @@ def _credentials(connection: socket.socket) -> tuple[int, int]:
     data = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     pid, user, _ = _CREDENTIALS.unpack(data)
     return pid, user
-
-
-def _own_name() -> str:
-    return _name_of(os.getpid())
 
 
 def _name_of(pid: int) -> str:

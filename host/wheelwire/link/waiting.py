@@ -8,6 +8,7 @@ lock of its own, which no other call ever needs, and every step is one call into
 
 from __future__ import annotations
 
+import _thread
 import socket
 import threading
 import time
@@ -53,20 +54,37 @@ class Notifier:
             left_s = end_s - time.monotonic()
             if left_s <= 0:
                 return False
-            self._wait(ready, left_s)
+            woken = threading.Lock()
+            # Held from the start: to acquire it once more is to wait until `notify_all` releases
+            # it.
+            woken.acquire(blocking=False)
+            self.add(woken)
+            try:
+                # What changed before we were listed here woke nobody.
+                if not ready():
+                    woken.acquire(timeout=left_s)
+            finally:
+                self.discard(woken)
         return True
 
-    def _wait(self, ready: Callable[[], bool], timeout_s: float) -> None:
-        woken = threading.Lock()
-        # Held from the start: to acquire it once more is to wait until `notify_all` releases it.
-        woken.acquire(blocking=False)
-        self.add(woken)
+
+def start_without_waiting(thread: threading.Thread, fail: Callable[[RuntimeError], None]) -> None:
+    """Start a thread; `fail` is called, by any thread, if none can be started.
+
+    Thread.start() waits for an Event: an exception out of a signal handler in there can leave the
+    new thread waiting for ever. No handler interrupts a thread but the main.
+    """
+
+    def start() -> None:
         try:
-            # What changed before we were listed here woke nobody.
-            if not ready():
-                woken.acquire(timeout=timeout_s)
-        finally:
-            self.discard(woken)
+            thread.start()
+        except RuntimeError as error:
+            fail(error)
+
+    try:
+        _thread.start_new_thread(start, ())
+    except RuntimeError as error:
+        fail(error)
 
 
 class WakeUp:

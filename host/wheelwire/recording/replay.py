@@ -465,14 +465,14 @@ class ReplayLink(RerunLink, InlineLink):
         else:
             done(answer)
 
-    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:  # noqa: ARG002
+    def post_stop(
+        self,
+        done: Done,
+        mode: StopMode | None = StopMode.CONFIGURED,  # noqa: ARG002
+    ) -> None:
         """Nothing moves."""
         self._check_alive()
         done(Ack(0, 0, message_id(Stop)))
-
-    def post_estop(self, done: Done) -> None:
-        """Nothing moves."""
-        self.post_stop(done)
 
     def withdraw(self, done: Done) -> None:
         """Everything is answered at once."""

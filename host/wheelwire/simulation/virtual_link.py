@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from secrets import randbits
 
 from wheelwire_protocol.codes import StopMode
 
@@ -34,17 +35,18 @@ class VirtualLink(InlineLink):
     """
 
     in_virtual_time = True
+    now_us = 0
+    """The host's time, starting at 0."""
     _end: LinkClosed | None = None
 
     def __init__(
         self, latest_sample: LatestSample, sim: FwSim, watched: Sequence[int] = ()
     ) -> None:
-        self._now_us = 0
         self._latest_sample = latest_sample
         latest_sample.now_us = lambda: self.now_us
         latest_sample.wait_for = self.wait_for
         self._sim = sim
-        self._session = Session(lambda: int.from_bytes(os.urandom(4), "little"), None, watched)
+        self._session = Session(partial(randbits, 32), None, watched)
         self._plugged = False
         # The first connection, in `plug` below, is no reconnection.
         self._reconnects = -1
@@ -59,11 +61,6 @@ class VirtualLink(InlineLink):
         self._check_alive()
 
     # --- time and the cable --------------------------------------------------------------------
-
-    @property
-    def now_us(self) -> int:
-        """The host's time, starting at 0."""
-        return self._now_us
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
@@ -107,8 +104,9 @@ class VirtualLink(InlineLink):
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
         self.check()
-        make = self._session.setpoints.velocity_frame
-        self._flush(make(left_mps, right_mps, expiry_us, self.now_us))
+        self._flush(
+            self._session.setpoints.velocity_frame(left_mps, right_mps, expiry_us, self.now_us)
+        )
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Send one duty setpoint that expires at `expiry_us`."""
@@ -120,15 +118,10 @@ class VirtualLink(InlineLink):
         self._check_alive()
         self._session.request(message, done, self.now_us)
 
-    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
+    def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
         """As `stop`, without waiting."""
         self._check_alive()
         self._session.stop(mode, done, self.now_us)
-
-    def post_estop(self, done: Done) -> None:
-        """As `estop`, without waiting."""
-        self._check_alive()
-        self._session.estop(done, self.now_us)
 
     def withdraw(self, done: Done) -> None:
         """As `Link.withdraw`."""
@@ -157,7 +150,7 @@ class VirtualLink(InlineLink):
         self._session.advance(self.now_us)
         self._flush()
         self._sim.advance_us(STEP_US)
-        self._now_us += STEP_US
+        self.now_us += STEP_US
         # Taken while the cable is unplugged, too: what the device sends then is lost.
         arrived = self._sim.read()
         if self._plugged:
@@ -175,5 +168,4 @@ class VirtualLink(InlineLink):
         output = self._session.take_output()
         if self._plugged and (output or setpoint):
             self._sim.write(output + setpoint)
-            if self.tap.readers:
-                self.tap.put(Kind.SENT, self.now_us, output + setpoint)
+            self.tap.put(Kind.SENT, self.now_us, output + setpoint)

@@ -121,7 +121,7 @@ def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
         nonlocal refused
         refused += 1
         if refused <= 1000:
-            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
         else:
             rig.loop.finish()
         return refused > 1000
@@ -155,7 +155,7 @@ def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> No
             frame = rig.session.setpoints.duty_frame(0.1, 0.1, expiry_us, now_us)
             rig.loop.send(frame, now_us)
         elif refused <= 1000:
-            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
         else:
             rig.loop.finish()
         return refused > 1000
@@ -189,7 +189,7 @@ def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
             first.theirs.close()
         else:
             asked = True
-            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
         return False
 
     def end() -> bool:
@@ -292,7 +292,7 @@ def test_calls_learn_at_once_that_there_is_no_session() -> None:
             before_the_next_attempt.extend(outcomes)
             return
         asked = True
-        rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), outcomes.append)
+        rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), outcomes.append)
         raise PortUnavailable("port", "gone")
 
     rig = Rig(port, call_once)
@@ -376,7 +376,7 @@ class Blocked(Rig):
         self.loop.send(frame, host_clock_us())
 
     def estop(self) -> None:
-        self.session.estop(ignore, self._now_us)  # as calls do: it is sent in this turn
+        self.session.stop(None, ignore, self._now_us)  # as calls do: it is sent in this turn
 
 
 def opened(room: int) -> Callable[[Blocked], None]:

@@ -27,7 +27,7 @@ def begin(line: VirtualLine, stop: type[Stop | Estop], outcomes: list[object]) -
     if stop is Stop:
         line.session.stop(StopMode.BRAKE, outcomes.append, line.now_us)
     else:
-        line.session.estop(outcomes.append, line.now_us)
+        line.session.stop(None, outcomes.append, line.now_us)
 
 
 def test_an_answer_to_a_request_that_was_given_up_is_no_value(
@@ -160,7 +160,7 @@ def test_neither_stops_nor_pings_make_the_next_request_an_old_one(line: VirtualL
         assert isinstance(line.request(ParameterGet(0, 0, 1)), ParameterValue)
         for _ in range(3):
             line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
-            line.session.estop(lambda _: None, line.now_us)
+            line.session.stop(None, lambda _: None, line.now_us)
         line.run(1.0)
     assert [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)] == [
         1,

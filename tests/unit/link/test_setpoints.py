@@ -44,7 +44,7 @@ def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry(line: Virtua
 
 
 def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once(line: VirtualLine) -> None:
-    line.session.estop(lambda _: None, line.now_us)
+    line.session.stop(None, lambda _: None, line.now_us)
     line.run_until(lambda: line.session.setpoints.supervisor is SupervisorState.ESTOPPED)
     line.device.lost |= {Event, WheelState}  # the answer alone says so
     told: list[object] = []
@@ -93,7 +93,7 @@ def test_a_stop_voids_the_repeat_of_a_setpoint(line: VirtualLine, stop: type[Sto
     if stop is Stop:
         line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
     else:
-        line.session.estop(lambda _: None, line.now_us)
+        line.session.stop(None, lambda _: None, line.now_us)
     line.run(0.3)
     assert len(line.sent_of(SetWheelVelocity)) == 1
     assert line.sent_of(stop)
@@ -240,7 +240,7 @@ def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(
     line.device.estop(line.now_us)
     line.run(0.002)
     if kind is Estop:
-        line.session.estop(lambda _: None, line.now_us)
+        line.session.stop(None, lambda _: None, line.now_us)
     else:
         line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
     with pytest.raises(DeviceRefused) as told:
@@ -268,7 +268,7 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(
 
 
 def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: VirtualLine) -> None:
-    line.session.estop(lambda _: None, line.now_us)
+    line.session.stop(None, lambda _: None, line.now_us)
     line.run(0.05)
     with pytest.raises(DeviceRefused):
         line.drive()
@@ -288,7 +288,7 @@ def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: Vi
 def unarmed_line() -> VirtualLine:
     """An e-stop was cleared on it."""
     line = VirtualLine().open()
-    line.session.estop(lambda _: None, line.now_us)
+    line.session.stop(None, lambda _: None, line.now_us)
     line.run(0.05)
     assert isinstance(line.request(ClearEstop(0, 0)), Ack)
     return line
