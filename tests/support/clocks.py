@@ -121,6 +121,6 @@ def session(
         gap = BURST_GAP_US if number < BURST else GAP_US
         for _ in range(PROBES):
             moment = now + 25_000 + clocks.random.randrange(gap)
-            host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+            host_us, bound_us = estimator.conversion.device_to_host(clocks.device_us(moment))
             coverage.take(abs(host_us - moment), bound_us)
         now += gap

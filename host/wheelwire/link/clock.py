@@ -150,17 +150,15 @@ class _Line(NamedTuple):
         return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
 
 
+@dataclass(slots=True, eq=False)
 class Conversion:
     """An estimate that no longer changes. Of its lines, at each time the surest one counts."""
 
-    __slots__ = ("lines",)
-
-    def __init__(self, lines: Sequence[_Line]) -> None:
-        self.lines = lines
+    lines: Sequence[_Line]
 
     def host_to_device(self, host_us: int) -> tuple[int, float]:
         """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
-        self._check()
+        self.check()
         best, best_error_us = self.lines[0], math.inf
         for line in self.lines:  # a plain loop takes half as long, and every setpoint needs this
             error_us = line.bound_us(host_us)
@@ -170,7 +168,7 @@ class Conversion:
 
     def device_to_host(self, device_us: int) -> tuple[int, float]:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
-        self._check()
+        self.check()
         best_us, best_error_us = 0, math.inf
         for line in self.lines:  # a plain loop takes half as long, and every sample needs this
             host_us = line.host_us(device_us)
@@ -179,7 +177,8 @@ class Conversion:
                 best_us, best_error_us = host_us, error_us
         return best_us, best_error_us
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Raise `RuntimeError` if there is no estimate yet."""
         if not self.lines:
             raise RuntimeError("the clock is not synchronised")
 
@@ -189,13 +188,18 @@ class ClockEstimator:
 
     One thread adds; any may convert.
 
+    Args:
+        readings: Those of another estimator, to go on from.
+
     Attributes:
         conversion: The estimate at this moment; replaced as a whole.
     """
 
-    def __init__(self) -> None:
-        self._readings: deque[_Reading] = deque(maxlen=WINDOW)
+    def __init__(self, readings: Iterable[Sequence[int]] = ()) -> None:
+        self._readings = deque((_Reading(*reading) for reading in readings), maxlen=WINDOW)
         self.conversion = Conversion(())
+        if self._readings:
+            self._estimate()
 
     @property
     def synchronised(self) -> bool:
@@ -204,18 +208,8 @@ class ClockEstimator:
 
     @property
     def readings(self) -> Sequence[tuple[int, int, int]]:
-        """What remains of the exchanges, for `resumed`."""
+        """What remains of the exchanges, for another estimator."""
         return list(self._readings)
-
-    @classmethod
-    def resumed(cls, readings: Iterable[Sequence[int]]) -> ClockEstimator:
-        """An estimator that goes on from the readings of another."""
-        estimator = cls()
-        for reading in readings:
-            estimator._readings.append(_Reading(*reading))
-        if estimator._readings:
-            estimator._estimate()
-        return estimator
 
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
@@ -223,7 +217,11 @@ class ClockEstimator:
         # Looked for in every exchange, even in one that is too soon to be stored.
         if any(line.contradicts(reading) for line in self.conversion.lines):
             self._readings.clear()  # a clock was stepped: earlier readings are void
-        elif self._has_enough(reading.host_us):
+        # Before there is a line every exchange counts, however soon after the last one.
+        elif (
+            len(self._readings) >= FIT_FROM
+            and reading.host_us < self._readings[-1].host_us + SPACING_US
+        ):
             return
         self._readings.append(reading)
         self._estimate()
@@ -237,29 +235,13 @@ class ClockEstimator:
                 lines.append(fit)
         self.conversion = Conversion(lines)  # other threads convert meanwhile
 
-    def _has_enough(self, host_us: int) -> bool:
-        # Before there is a line every exchange counts, however soon after the last one.
-        fitted = len(self._readings) >= FIT_FROM
-        return fitted and host_us < self._readings[-1].host_us + SPACING_US
-
-    def host_to_device(self, host_us: int) -> tuple[int, float]:
-        """See `Conversion`."""
-        return self.conversion.host_to_device(host_us)
-
-    def device_to_host(self, device_us: int) -> tuple[int, float]:
-        """See `Conversion`."""
-        return self.conversion.device_to_host(device_us)
-
-    def error_us(self, host_us: int) -> float:
-        """Bound of the conversions' error, in us, at the host's `host_us`."""
-        return self.host_to_device(host_us)[1]
-
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
-        lines = self.conversion.lines
-        if not lines:
-            raise RuntimeError("the clock is not synchronised")
-        line = lines[0]  # any line is close enough to choose between multiples of 71.6 min
+        conversion = self.conversion
+        conversion.check()
+        line = conversion.lines[
+            0
+        ]  # any line is close enough to choose between multiples of 71.6 min
         near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
 
@@ -366,7 +348,7 @@ class Synchroniser:
         cls, session_id: int, send: Callable[[Ping], None], known: dict[str, Any]
     ) -> Synchroniser:
         """A synchroniser that goes on where another one was, behind its first burst."""
-        clock = ClockEstimator.resumed(known["readings"])
+        clock = ClockEstimator(known["readings"])
         times = known["due_us"], known["sent_us"]
         return cls(session_id, send, *times, clock, 0, known["last_id"], dict(known["open"]))
 
