@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from wheelwire_protocol import types as wire
 from wheelwire_protocol.sensors import (
@@ -51,6 +52,8 @@ IMU_PERIOD_US = 5_000
 IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
 """What a robot's sensors pass on; INPUTS: all of them together."""
 
+Message = TypeVar("Message", wire.Imu, wire.Power, wire.Range)
+
 _battery_level = cache(BatteryLevel)
 _range_quality = cache(RangeQuality)
 _reflex = cache(Reflex)
@@ -58,37 +61,39 @@ _reflex = cache(Reflex)
 
 class _Channel(NamedTuple):
     info: SensorInfo
-    gyro_scale: float
-    acceleration_scale: float
-    bias: tuple[int, int, int]
-    """For an IMU, the gyroscope's counts at rest; for another kind, the numbers of its entry."""
+    message: wire.SensorInfo
+    """What the device said of it, with the rate that it reported since."""
     turn: Callable[[Vector], Vector]
     """Turns a vector from an IMU's axes to the robot's."""
 
 
-class ImuMeasurement(NamedTuple):
-    """An IMU's message, which becomes a sample when somebody asks for it."""
+@dataclass(slots=True)
+class _Measurement(Generic[Message]):
+    """A channel's message, which becomes a sample when somebody asks for it."""
 
-    message: wire.Imu
+    message: Message
     t_us: int
     arrived_us: int
     channel: _Channel
     clock: Conversion
 
+
+class ImuMeasurement(_Measurement[wire.Imu]):
+    """An IMU's message."""
+
     def sample(self) -> ImuSample:
         """The sample, with the stamp by the estimate at the arrival."""
-        message, channel = self.message, self.channel
-        turn, of_gyro, of_other = channel.turn, channel.gyro_scale, channel.acceleration_scale
-        bias_x, bias_y, bias_z = channel.bias
+        message, chip, turn = self.message, self.channel.message, self.channel.turn
+        of_gyro, of_other = chip.gyro_scale, chip.accelerometer_scale
         host_us, error_us = self.clock.device_to_host(self.t_us)
         return ImuSample(
             t_us=self.t_us,
             sample=message.sample,
             gyro=turn(
                 (
-                    (message.gyro_x - bias_x) * of_gyro,
-                    (message.gyro_y - bias_y) * of_gyro,
-                    (message.gyro_z - bias_z) * of_gyro,
+                    (message.gyro_x - chip.bias_x) * of_gyro,
+                    (message.gyro_y - chip.bias_y) * of_gyro,
+                    (message.gyro_z - chip.bias_z) * of_gyro,
                 )
             ),
             acceleration=turn(
@@ -104,14 +109,8 @@ class ImuMeasurement(NamedTuple):
         )
 
 
-class PowerMeasurement(NamedTuple):
-    """A message about the supply; otherwise as `ImuMeasurement`."""
-
-    message: wire.Power
-    t_us: int
-    arrived_us: int
-    channel: _Channel
-    clock: Conversion
+class PowerMeasurement(_Measurement[wire.Power]):
+    """A message about the supply."""
 
     def sample(self) -> PowerSample:
         """As `ImuMeasurement.sample`."""
@@ -129,14 +128,8 @@ class PowerMeasurement(NamedTuple):
         )
 
 
-class RangeMeasurement(NamedTuple):
-    """A message of a range sensor; otherwise as `ImuMeasurement`."""
-
-    message: wire.Range
-    t_us: int
-    arrived_us: int
-    channel: _Channel
-    clock: Conversion
+class RangeMeasurement(_Measurement[wire.Range]):
+    """A message of a range sensor."""
 
     def sample(self) -> RangeSample:
         """As `ImuMeasurement.sample`."""
@@ -157,7 +150,7 @@ class RangeMeasurement(NamedTuple):
 
 
 class InputsMeasurement(NamedTuple):
-    """A message about all inputs; otherwise as `ImuMeasurement`."""
+    """A message about all inputs; otherwise as that of a channel."""
 
     message: wire.Inputs
     t_us: int
@@ -236,7 +229,6 @@ class SensorStream:
         self.due_us: int | None = None
         self._attempts = 0
         self._channels: dict[int, _Channel] = {}
-        self._messages: dict[int, wire.SensorInfo] = {}
         self._outdated: frozenset[int] = frozenset()
         """The channels that have not said what they are since another rate was asked for."""
         self._early: tuple[wire.Inputs, ClockEstimator, int] | None = None
@@ -251,7 +243,6 @@ class SensorStream:
         self.infos, self.states = {}, {}
         self.newest.clear()
         self._channels.clear()
-        self._messages.clear()
         self._early = self.stopped = None
         self._early_events.clear()
         self.due_us = None
@@ -299,11 +290,7 @@ class SensorStream:
         )
         state = SensorState(message.state)
         turn = _turn(Axis(message.forward), Axis(message.up))
-        bias = message.bias_x, message.bias_y, message.bias_z
-        self._channels[number] = _Channel(
-            info, message.gyro_scale, message.accelerometer_scale, bias, turn
-        )
-        self._messages[number] = message
+        self._channels[number] = _Channel(info, message, turn)
         self._outdated -= {number}
         # In the order of the channels, in which they do not come.
         self.infos = dict(sorted({**self.infos, number: info}.items()))
@@ -418,7 +405,7 @@ class SensorStream:
         """What `resume` takes."""
         return {
             "rate_hz": self.rate_hz,
-            "infos": list(self._messages.values()),
+            "infos": [channel.message for channel in self._channels.values()],
             "states": list(self.states.items()),
             "clock": [self._t_us, self._arrived_us],
             "asking": [self._attempts, self.due_us],
@@ -451,7 +438,7 @@ class SensorStream:
         self.sensed.append(Sensed(group, measured, measured.arrived_us))
 
     def _knows_all(self) -> bool:
-        counts = [message.channel_count for message in self._messages.values()]
+        counts = [channel.message.channel_count for channel in self._channels.values()]
         return bool(counts) and len(counts) >= counts[0]
 
     def _set_state(self, number: int, state: SensorState) -> None:
@@ -465,8 +452,8 @@ class SensorStream:
     def _set_rate(self, number: int, rate_hz: int) -> None:
         channel = self._channels[number]
         info = channel.info._replace(rate_hz=_rate_hz(channel.info.kind, rate_hz))
-        self._channels[number] = channel._replace(info=info)
-        self._messages[number] = self._messages[number]._replace(rate_hz=rate_hz)
+        message = channel.message._replace(rate_hz=rate_hz)
+        self._channels[number] = channel._replace(info=info, message=message)
         self.infos = {**self.infos, number: info}
 
     def _unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
