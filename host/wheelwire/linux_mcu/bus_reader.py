@@ -118,7 +118,8 @@ def _fork(reader: BusReader, bus: I2cBus) -> int:
 def _run(reader: BusReader, bus: I2cBus, core: int) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     # The application has to see its socket close when the core ends, and so has the guard.
-    _close_all_but(bus.fd)
+    os.closerange(3, bus.fd)
+    os.closerange(bus.fd + 1, os.sysconf("SC_OPEN_MAX"))
     ending = os.pidfd_open(core)
     if os.getppid() != core:
         return
@@ -126,11 +127,6 @@ def _run(reader: BusReader, bus: I2cBus, core: int) -> None:
     wait_s = 0.0
     while not select.select([ending], [], [], wait_s)[0]:
         wait_s = reader.poll()
-
-
-def _close_all_but(fd: int) -> None:
-    os.closerange(3, fd)
-    os.closerange(fd + 1, os.sysconf("SC_OPEN_MAX"))
 
 
 def _reaped(pid: int) -> bool:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import select
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from secrets import randbits
 
 from wheelwire_protocol.codes import Chip, ResetReason, SupervisorState
 from wheelwire_protocol.native import Core, Identity, Outputs, Sensors
@@ -54,7 +54,7 @@ def make_core(
     """
     store = _Store(settings.store, heartbeat or Heartbeat())
     identity = Identity(
-        boot_id=int.from_bytes(os.urandom(4), "little"),
+        boot_id=randbits(32),
         board=Chip.LINUX,
         board_id=_board_id(),
         reset_reason=ResetReason.POWER_ON,
@@ -118,12 +118,16 @@ class McuLoop:
 
     def run(self) -> None:
         """Run until the end. Raises `LinkLost` if the pins can no longer be reached."""
-        while not self._is_finished():
+        # Until the process is to end and the core has finished its stop.
+        while not (self._ending and self._low_steps >= STOPPED_STEPS):
             ready = self._wait()
             if any(ending in ready for ending in self._endings):
                 self._end()
             if data := self._line.receive(ready):
-                self._service(data)
+                # Nothing is cut off: its queue holds a whole read, which the calls below take out.
+                self._core.feed(data)
+                for _ in range(0, len(data), SERVICE_SIZE):  # at least once for any data
+                    self._apply(self._core.service(self._now_us()))
             # After what the host sent last, which may be a stop. Its setpoint ends here, not at its
             # deadline: that it is gone is known.
             if self._line.hung_up:
@@ -138,10 +142,6 @@ class McuLoop:
 
     def _now_us(self) -> int:
         return (time.monotonic_ns() - self._start_ns) // 1000
-
-    def _is_finished(self) -> bool:
-        """Whether the process is to end and the core has finished its stop."""
-        return self._ending and self._low_steps >= STOPPED_STEPS
 
     def _end(self) -> None:
         self._ending = True
@@ -163,12 +163,6 @@ class McuLoop:
         if self._outputs.state is SupervisorState.DRIVING:
             return min(self._due_us, self._outputs.deadline_us)
         return self._due_us
-
-    def _service(self, data: bytes) -> None:
-        # Nothing is cut off: its queue holds a whole read, which the calls below take out.
-        self._core.feed(data)
-        for _ in range(0, len(data), SERVICE_SIZE):  # at least once for any data
-            self._apply(self._core.service(self._now_us()))
 
     def _step_if_due(self) -> None:
         now_us = self._now_us()

@@ -123,7 +123,13 @@ class ListeningLine(Line):
     def receive(self, ready: list[int]) -> bytes:
         """Also accepts a new application."""
         if self._server is not None and self._server.fileno() in ready:
-            self._accept(self._server)
+            with suppress(BlockingIOError):
+                # Whoever connected may have gone again: then there is nobody to accept.
+                host, _ = self._server.accept()
+                if self._host is None:
+                    self._adopt_host(host)
+                else:
+                    host.close()
         return super().receive(ready)
 
     def next_host(self) -> bool:
@@ -144,15 +150,6 @@ class ListeningLine(Line):
     @property
     def _listening(self) -> list[int]:
         return [] if self._server is None else [self._server.fileno()]
-
-    def _accept(self, server: socket.socket) -> None:
-        with suppress(BlockingIOError):
-            # Whoever connected may have gone again: then there is nobody to accept.
-            host, _ = server.accept()
-            if self._host is None:
-                self._adopt_host(host)
-            else:
-                host.close()
 
 
 def _is_abandoned(path: Path) -> bool:

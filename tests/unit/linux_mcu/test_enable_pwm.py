@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wheelwire.linux_mcu.gpio import enable_pwm
-from wheelwire.linux_mcu.gpio.enable_pwm import KernelChannel, find_channels
+from wheelwire.linux_mcu.gpio.enable_pwm import KernelPwm, find_channels
 
 PERIOD_NS = 50_000
 
@@ -41,15 +41,15 @@ def state(chip: Path) -> dict[str, int]:
 
 
 def test_a_channel_that_was_never_used_is_opened(chip: Path) -> None:
-    KernelChannel(chip, 0).open(PERIOD_NS)
+    KernelPwm(chip, 0).open(1e9 / PERIOD_NS)
     assert state(chip) == {"duty_cycle": 0, "period": PERIOD_NS, "enable": 1}
 
 
 def test_a_channel_that_another_program_left_on_is_opened_low(chip: Path) -> None:
-    channel = KernelChannel(chip, 0)
-    channel.open(2 * PERIOD_NS)
-    channel.set_duty_ns(2 * PERIOD_NS)
-    channel.open(PERIOD_NS)
+    channel = KernelPwm(chip, 0)
+    channel.open(0.5e9 / PERIOD_NS)
+    channel.set(1.0)
+    channel.open(1e9 / PERIOD_NS)
     assert state(chip) == {"duty_cycle": 0, "period": PERIOD_NS, "enable": 1}
 
 

@@ -256,7 +256,7 @@ def test_the_guard_releases_both_wheels_with_and_without_the_kernels_pwm(
         factory, off = HeldPins({}), list[int]()
         monkeypatch.setattr(library, "pin_factory", lambda: factory)  # noqa: B023
         channels = [
-            SimpleNamespace(switch_off=lambda gpio=gpio: off.append(gpio))  # noqa: B023
+            SimpleNamespace(close=lambda gpio=gpio: off.append(gpio))  # noqa: B023
             for gpio in pwm_pins(board)
         ]
         monkeypatch.setattr(library, "kernel_channels", lambda _: channels if by_kernel else None)  # noqa: B023

@@ -20,54 +20,6 @@ SOFTWARE_PWM_HZ = 1000
 """For PWM timed by a thread: a late edge changes the duty, the less so the longer the period."""
 
 
-class KernelChannel:
-    """A PWM channel under /sys/class/pwm.
-
-    Args:
-        chip: Directory of its chip.
-        number: Its number on the chip.
-    """
-
-    def __init__(self, chip: Path, number: int) -> None:
-        self._chip = chip
-        self._number = number
-        self._directory = chip / f"pwm{number}"
-
-    def open(self, period_ns: int) -> None:
-        """Export the channel, low. Raises OSError."""
-        # A channel stays exported, so an earlier run may have left this one.
-        if not self._directory.exists():
-            _write(self._chip / "export", self._number)
-            self._wait_until_writable()
-        # The kernel refuses a period below the duty, and a channel that was exported before still
-        # has its last duty: so the duty goes first. But it refuses any duty of a channel without
-        # a period, as a newly exported one is.
-        if int((self._directory / "period").read_text("utf-8")):
-            self.set_duty_ns(0)
-        _write(self._directory / "period", period_ns)
-        # Last: from here on the channel puts out its duty, which is 0.
-        _write(self._directory / "enable", 1)
-
-    def set_duty_ns(self, duty_ns: int) -> None:
-        """Set the high time of each period. Raises OSError."""
-        _write(self._directory / "duty_cycle", duty_ns)
-
-    def switch_off(self) -> None:
-        """Set the channel low; it stays exported. Raises nothing."""
-        # The duty first: which level a disabled channel has depends on the kernel's driver.
-        for name in ("duty_cycle", "enable"):
-            with suppress(OSError):
-                _write(self._directory / name, 0)
-
-    def _wait_until_writable(self) -> None:
-        end = time.monotonic() + EXPORT_TIMEOUT_S
-        while not os.access(self._directory / "enable", os.W_OK) and time.monotonic() < end:
-            time.sleep(0.01)
-
-    def __str__(self) -> str:
-        return str(self._directory)
-
-
 class EnablePwm(ABC):
     """The PWM of one EN input."""
 
@@ -81,33 +33,63 @@ class EnablePwm(ABC):
 
 
 class KernelPwm(EnablePwm):
-    """PWM by a channel of the kernel.
+    """PWM by a channel of the kernel, under /sys/class/pwm.
 
-    Raises:
-        DriverUnavailable: The channel cannot be opened.
+    Args:
+        chip: Directory of its chip.
+        number: Its number on the chip.
     """
 
-    def __init__(self, channel: KernelChannel, frequency_hz: float) -> None:
-        self._channel = channel
+    def __init__(self, chip: Path, number: int) -> None:
+        self._chip = chip
+        self._number = number
+        self._directory = chip / f"pwm{number}"
+        self._period_ns = 0
+
+    def open(self, frequency_hz: float) -> None:
+        """Export the channel, low.
+
+        Raises:
+            DriverUnavailable: It cannot be opened.
+        """
         self._period_ns = round(1e9 / frequency_hz)
         try:
-            channel.open(self._period_ns)
+            # A channel stays exported, so an earlier run may have left this one.
+            if not self._directory.exists():
+                _write(self._chip / "export", self._number)
+                self._wait_until_writable()
+            # The kernel refuses a period below the duty, and a channel that was exported before
+            # still has its last duty: so the duty goes first. But it refuses any duty of a channel
+            # without a period, as a newly exported one is.
+            if int((self._directory / "period").read_text("utf-8")):
+                _write(self._directory / "duty_cycle", 0)
+            _write(self._directory / "period", self._period_ns)
+            # Last: from here on the channel puts out its duty, which is 0.
+            _write(self._directory / "enable", 1)
         except OSError as error:
             raise DriverUnavailable(
-                f"{channel}: {error.strerror}: add the user to the group gpio, and end any other "
-                "program that uses this PWM channel"
+                f"{self._directory}: {error.strerror}: add the user to the group gpio, and end any "
+                "other program that uses this PWM channel"
             ) from error
 
     def set(self, duty: float) -> None:
         """Set the duty. Written even if unchanged: a channel that is lost must be noticed."""
         try:
-            self._channel.set_duty_ns(round(duty * self._period_ns))
+            _write(self._directory / "duty_cycle", round(duty * self._period_ns))
         except OSError as error:
-            raise LinkLost(f"{self._channel}: {error.strerror}") from error
+            raise LinkLost(f"{self._directory}: {error.strerror}") from error
 
     def close(self) -> None:
-        """Set the channel low; it stays exported."""
-        self._channel.switch_off()
+        """Set the channel low; it stays exported. Whether it was opened does not matter."""
+        # The duty first: which level a disabled channel has depends on the kernel's driver.
+        for name in ("duty_cycle", "enable"):
+            with suppress(OSError):
+                _write(self._directory / name, 0)
+
+    def _wait_until_writable(self) -> None:
+        end = time.monotonic() + EXPORT_TIMEOUT_S
+        while not os.access(self._directory / "enable", os.W_OK) and time.monotonic() < end:
+            time.sleep(0.01)
 
 
 class LibraryPwm(EnablePwm):
@@ -143,7 +125,7 @@ class LibraryPwm(EnablePwm):
 
 def find_channels(
     directory: Path, number: int | None, gpios: tuple[int, ...]
-) -> list[KernelChannel] | None:
+) -> list[KernelPwm] | None:
     """The kernel's PWM channels of `gpios`; None unless each of them has one of its own.
 
     Args:
@@ -173,7 +155,7 @@ def find_channels(
     numbers = [channels[gpio] for gpio in gpios if gpio in channels]
     if len(set(numbers)) < len(gpios):  # two GPIOs of one channel carry the same signal
         return None
-    return [KernelChannel(chip, number) for number in numbers]
+    return [KernelPwm(chip, number) for number in numbers]
 
 
 def _names(chips: dict[str, Any]) -> str:

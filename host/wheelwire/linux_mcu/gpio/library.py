@@ -152,7 +152,9 @@ class LibraryGpio(Gpio):
         channels = kernel_channels(settings)
         if channels is not None:
             self.limits = LIMITS
-            return [KernelPwm(channel, frequency_hz) for channel in channels]
+            for channel in channels:
+                channel.open(frequency_hz)
+            return [*channels]
         gpios = pwm_pins(settings.board)
         enables = [LibraryPwm(self._factory.pin(gpio), frequency_hz) for gpio in gpios]
         self.limits = (
@@ -217,7 +219,7 @@ class EnableLow:
         """Pull all low, even if one fails. Raises nothing."""
         # The kernel's PWM goes on by itself after the process that had set it.
         for channel in self._channels:
-            channel.switch_off()
+            channel.close()
         for gpio in self._gpios:
             self._pull_low(gpio)
 
@@ -230,7 +232,7 @@ class EnableLow:
             time.sleep(0.001)
 
 
-def kernel_channels(settings: McuSettings) -> Any:
+def kernel_channels(settings: McuSettings) -> list[KernelPwm] | None:
     """The kernel's PWM channels of `pwm_pins`; None if not all of them have one of their own.
 
     Raises:
