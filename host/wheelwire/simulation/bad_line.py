@@ -141,6 +141,8 @@ class Direction:
     def __init__(self, impairment: Impairment, random: Random) -> None:
         self.impairment = replace(impairment)
         self.truth = GroundTruth()
+        self.cut_pending = False
+        """Whether the next piece is truncated in the middle; then False again."""
         self._random = random
         # A piece may be a part of a frame: only a decoder knows where good frames end.
         self._sent = Decoder()
@@ -152,7 +154,6 @@ class Direction:
         self._waiting = 0
         self._last_us = 0
         self._noise_us: int | None = None
-        self._cut_next = False
 
     def send(self, data: bytes, now_us: int) -> None:
         """Give bytes to the line."""
@@ -194,15 +195,6 @@ class Direction:
         self._waiting = 0
         self._held = b""
 
-    def cut_next(self) -> None:
-        """Truncate the next piece in the middle."""
-        self._cut_next = True
-
-    @property
-    def cut_pending(self) -> bool:
-        """`cut_next` was called, and no piece has been sent since."""
-        return self._cut_next
-
     def _impair(self, piece: bytes, now_us: int) -> None:
         out = self._damaged(piece)
         overrun = self.impairment.baud_rate > 0 and self._waiting + len(out) > BUFFER
@@ -223,8 +215,8 @@ class Direction:
 
     def _damaged(self, piece: bytes) -> bytes:
         impairment, random = self.impairment, self._random
-        if self._cut_next:
-            self._cut_next = False
+        if self.cut_pending:
+            self.cut_pending = False
             return piece[: len(piece) // 2]
         if random.random() < impairment.loss:
             return b""
@@ -317,7 +309,8 @@ class ImpairedLine:
         if _is_due(self._unplugged_until_us, now_us):
             self._unplugged_until_us = None
             events.append(LineEvent.PLUG)
-        if _is_due(self._reset_by_us, now_us) or self._was_cut:
+        was_cut = self._reset_by_us is not None and not self.to_host.cut_pending
+        if was_cut or _is_due(self._reset_by_us, now_us):
             self._reset_by_us = None
             events.append(LineEvent.RESET)
         return events
@@ -340,10 +333,6 @@ class ImpairedLine:
         self.to_device.clear()
         self.to_host.clear()
 
-    @property
-    def _was_cut(self) -> bool:
-        return self._reset_by_us is not None and not self.to_host.cut_pending
-
     def _begin_due(self, now_us: int) -> Iterator[LineEvent]:
         while self._script and self._script[0][0] <= now_us:
             due_us, number, incident = heappop(self._script)
@@ -364,7 +353,7 @@ class ImpairedLine:
                 # A real reset hits the UART in the middle of a byte stream: cut the next frame
                 # first, then reset.
                 self._reset_by_us = now_us + CUT_TIMEOUT_US
-                self.to_host.cut_next()
+                self.to_host.cut_pending = True
 
 
 def _is_due(moment_us: int | None, now_us: int) -> bool:

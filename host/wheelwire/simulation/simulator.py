@@ -362,14 +362,14 @@ class Simulator:
                 ) from None
             if answer is None:
                 self._answers.put(None)  # for the next command, too
-                raise WheelwireError(self._why_ended())
+                if self._unreadable is not None:
+                    raise WheelwireError(
+                        f"the simulator's output cannot be read ({self._unreadable!r}): start it "
+                        "again"
+                    )
+                raise WheelwireError(f"the simulator has ended: {self._error_output()}")
             if answer.get("number") == number:
                 return answer
-
-    def _why_ended(self) -> str:
-        if self._unreadable is not None:
-            return f"the simulator's output cannot be read ({self._unreadable!r}): start it again"
-        return f"the simulator has ended: {self._error_output()}"
 
     def _error_output(self) -> str:
         # Read to its end, which comes: the process has ended.

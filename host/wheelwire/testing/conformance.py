@@ -225,7 +225,11 @@ class StoppingTests:
     ) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
         bench.block_left_encoder()
-        sample = self._drive_into_fault(harness)
+        try:
+            sample = harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.FAULT)
+        except errors.DeviceRefused:
+            # The fault was known before a sample showed it.
+            sample = harness.wait(lambda s: s.state is SupervisorState.FAULT)
         assert sample.faults & Fault.LEFT_NOT_COUNTING
         assert sample.left_duty == sample.right_duty == 0
         with pytest.raises(errors.DeviceRefused, match="fault"):
@@ -233,14 +237,6 @@ class StoppingTests:
         harness.driver.clear_fault()
         # Zero, because the encoder is still blocked.
         harness.driver.set_velocity(0.0, 0.0)
-
-    @staticmethod
-    def _drive_into_fault(harness: DriveHarness) -> WheelSample:
-        try:
-            return harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.FAULT)
-        except errors.DeviceRefused:
-            # The fault was known before a sample showed it.
-            return harness.wait(lambda s: s.state is SupervisorState.FAULT)
 
 
 def commands_with(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
@@ -403,13 +399,13 @@ class LifecycleTests:
         bench.restore_link()
 
     def test_shutdown_stops_and_releases_everything_and_may_be_repeated(self, bench: Bench) -> None:
-        threads, files = _threads(), _open_files()
+        threads, files = set(threading.enumerate()), _open_files()
         driver = bench.open()
         harness = DriveHarness(driver)
         harness.drive_until(SPEED_MPS, 0.0, turning)
         driver.shutdown()
         driver.shutdown()
-        assert not _threads() - threads
+        assert not set(threading.enumerate()) - threads
         assert _open_files() <= files
         calls: list[Callable[[], object]] = [
             lambda: driver.set_velocity(0.1, 0.0),
@@ -428,13 +424,13 @@ class LifecycleTests:
                 DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
 
     def test_a_garbage_collected_driver_stops_the_robot(self, bench: Bench) -> None:
-        threads = _threads()
+        threads = set(threading.enumerate())
         driver = bench.open()
         DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
         # A thread of the driver that refers to it would keep it alive, and the robot driving.
         del driver
         gc.collect()
-        assert not _threads() - threads
+        assert not set(threading.enumerate()) - threads
         assert not bench.is_driven()
 
 
@@ -455,10 +451,6 @@ def _is_lost(driver: BaseDriver) -> bool:
     except errors.RequestTimeout:
         return False
     return False
-
-
-def _threads() -> set[threading.Thread]:
-    return set(threading.enumerate())
 
 
 def _open_files() -> int:

@@ -114,7 +114,7 @@ def test_a_line_babbles_at_its_rate() -> None:
 
 def test_a_cut_frame_ends_in_its_middle() -> None:
     direction = Direction(Impairment(), Random(1))
-    direction.cut_next()
+    direction.cut_pending = True
     whole = frames(2)
     direction.send(whole[0] + whole[1], 0)
     assert direction.take(0) == [whole[0][: len(whole[0]) // 2], whole[1]]
