@@ -120,7 +120,7 @@ class LatestSample:
 
     def iterate_sensor(self, group: str) -> SampleIterator[Any]:
         """All samples of a sensor, or all events, from now on."""
-        return self.sensors.iterate(group, self._wait_for, self.queue_us)
+        return self.sensors.iterators[group].iterate(self._wait_for, self.queue_us)
 
     def take(self, timeout_s: float) -> WheelSample:
         """Return the newest sample not returned yet, waiting for one if necessary.

@@ -117,7 +117,7 @@ class PortLoop(Reporter):
         self._wait_due_us = 0
         """When the loop has work although nothing comes, by the newest `_next_wait`."""
         self._work_pending = True
-        """The session may have work: somebody called `wake`, or an answer is pending."""
+        """The session may have work: somebody woke the loop, or an answer is pending."""
         self._finishing = False
         self._last_stop = LastStop()
         self._closing_us: int | None = None
@@ -125,17 +125,13 @@ class PortLoop(Reporter):
         self._begun = threading.Lock()
         """Acquired once and never released, by `run` or by a `finish` that came before it."""
         self.wake_up = WakeUp()
-        """Readable once `wake` was called: to be polled along with the port."""
+        """Makes the loop check the session; to be polled along with the port."""
         self._poller = select.poll()
         self._poller.register(self.wake_up, select.POLLIN)
         self.wanted = select.POLLIN
         """The port's events to poll for, by the newest `next_wait`; without POLLIN it rests."""
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
-
-    def wake(self) -> None:
-        """Make the loop check the session; from any thread."""
-        self.wake_up.wake()
 
     def call(self, task: Task, done: Done) -> None:
         """Have the loop do `task`; from any thread. Never waits.
@@ -144,7 +140,7 @@ class PortLoop(Reporter):
         reason why the loop ended.
         """
         self._calls.append((task, done))
-        self.wake()
+        self.wake_up.wake()
         if self.end is not None:  # the loop may have ended before it saw the call
             self._refuse_calls(self.end)
 
@@ -156,7 +152,7 @@ class PortLoop(Reporter):
         self._note_closing()
         # First: the loop looks at it as soon as it is woken.
         self._finishing = True
-        self.wake()
+        self.wake_up.wake()
         if self._begun.acquire(blocking=False):
             self._terminate(LinkClosed(CLOSED))
 
@@ -214,7 +210,7 @@ class PortLoop(Reporter):
         # Behind what waits, or a newer setpoint would overtake an older one.
         if self._output or self._frames or self._put(transport, frame) < len(frame):
             self._frames.append(frame)
-            self.wake()
+            self.wake_up.wake()
         else:
             # This setpoint may have to be repeated, for which no state may cause a turn in time:
             # the next one is expected later, or the stream has ended.
@@ -223,7 +219,7 @@ class PortLoop(Reporter):
                 next_us > now_us + REPEAT_AFTER_US
                 or now_us > min(next_us, turned_us) + REPEAT_AFTER_US
             ):
-                self.wake()
+                self.wake_up.wake()
         # The port may have been closed before the write; then the descriptor led nowhere.
         if self._transport is not transport:
             raise LinkLost(
@@ -391,8 +387,7 @@ class PortLoop(Reporter):
             self._coalescing.note_read(session.frames_received, now_us, has_state=bool(measured))
         if self._calls:
             self._do_calls(now_us)
-        # A setpoint sent since the wait began is to be repeated later than now, or has called
-        # `wake`.
+        # A setpoint sent since the wait began is to be repeated later than now, or has woken this.
         if (
             self._work_pending
             or now_us >= self._wait_due_us
@@ -568,7 +563,7 @@ class PortLoop(Reporter):
         self._note_closing()
         if not self._last_stop.begun:
             self._last_stop.begin(self._session, now_us)
-            self.wake()  # one more turn, to write it
+            self.wake_up.wake()  # one more turn, to write it
             return False
         return self._last_stop.is_over(now_us, all_written=not self._output)
 
