@@ -239,9 +239,8 @@ class ClockEstimator:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
         conversion = self.conversion
         conversion.check()
-        line = conversion.lines[
-            0
-        ]  # any line is close enough to choose between multiples of 71.6 min
+        # Any line is close enough to choose between multiples of 71.6 min.
+        line = conversion.lines[0]
         near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
 
