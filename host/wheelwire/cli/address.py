@@ -83,11 +83,9 @@ class Address:
 
     Attributes:
         text: As the user wrote it.
-        candidate: The port that was chosen because no robot was named; else None.
     """
 
     text: str
-    candidate: SerialPort | None = None
 
     def open(self, baud_rate: int | None = None, *, bare: bool = False) -> BaseDriver:
         """Open the robot.
@@ -226,7 +224,7 @@ def resolve(
         _confirm(port.device, chosen)
     elif not as_json:
         print_note(chosen, as_json=False)
-    return Address(port.device, port)
+    return Address(port.device)
 
 
 def _only_candidate() -> SerialPort:

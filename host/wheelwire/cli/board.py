@@ -61,6 +61,8 @@ from .output import (
     check_writable,
     console,
     print_json,
+    print_lines,
+    print_result,
     print_table,
     show_help_alone,
 )
@@ -200,8 +202,8 @@ def check(file: FileArgument, as_json: JsonFlag = False) -> None:
         print_json({"board": found.name, "problems": problems, "warnings": warnings})
     else:
         verdict = [] if problems else ["nothing is wrong with this board"]
-        for line in (*problems, *(f"warning: {warning}" for warning in warnings), *verdict):
-            console.print(f"{file}: {line}", soft_wrap=True)
+        lines = (*problems, *(f"warning: {warning}" for warning in warnings), *verdict)
+        print_lines(*(f"{file}: {line}" for line in lines))
     if problems:
         raise typer.Exit(ConfigurationError.exit_code)
 
@@ -254,10 +256,8 @@ def write(
             _device_board(driver).take_up(wanted)
         except DeviceRefused as error:
             raise _explained(error, wanted, driver) from error
-    if as_json:
-        print_json({"board": wanted.name, "written": True})
-    else:
-        console.print(f"{wanted.name}: written, tried and confirmed", soft_wrap=True)
+    text = f"{wanted.name}: written, tried and confirmed"
+    print_result({"board": wanted.name, "written": True}, text, as_json=as_json)
 
 
 def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDriver) -> DeviceRefused:
@@ -298,11 +298,11 @@ def confirm(
             _ask_to_confirm(found, yes=yes, as_json=as_json)
         if is_new or of_list is PeripheralsState.UNUSABLE:  # which it refuses
             board.accept(found)
-    if as_json:
-        print_json({"board": found.name, "confirmed": True, "was_confirmed": not is_new})
-    else:
-        done = "confirmed; the robot drives" if is_new else "confirmed already"
-        console.print(f"{found.name}: {done}", soft_wrap=True)
+    print_result(
+        {"board": found.name, "confirmed": True, "was_confirmed": not is_new},
+        f"{found.name}: confirmed{'; the robot drives' if is_new else ' already'}",
+        as_json=as_json,
+    )
 
 
 def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> None:
@@ -388,12 +388,11 @@ def init(
     if as_json:
         print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
     else:
-        for problem in problems:
-            console.print(f"{file}: {problem}", soft_wrap=True)
+        print_lines(*(f"{file}: {problem}" for problem in problems))
         look = "`wheelwire board show"
         if problems:
             look = "correct it, then run `wheelwire board check"
-        console.print(f"written: {file}; {look} {file}`", soft_wrap=True)
+        print_lines(f"written: {file}; {look} {file}`")
     if problems:
         raise typer.Exit(ConfigurationError.exit_code)
 
@@ -421,15 +420,15 @@ def _ask_for_board(like: str | None) -> BoardDescription:
             estop_contact=base.estop_contact,
             peripherals=base.peripherals,
         )
-    # The stage that was chosen may be slower than the one that the frequency was meant for.
-    made = replace(
-        made, pwm_frequency_hz=min(made.pwm_frequency_hz, STAGES[stage].max_frequency_hz)
-    )
+    question = "Do the chip's own pull-ups hold the encoders' outputs?"
     internal = made.encoder_pulls is EncoderPulls.INTERNAL
-    if ask_yes_or_no("Do the chip's own pull-ups hold the encoders' outputs?", default=internal):
-        made = replace(made, encoder_pulls=EncoderPulls.INTERNAL)
-    else:
-        made = replace(made, encoder_pulls=EncoderPulls.EXTERNAL)
+    internal = ask_yes_or_no(question, default=internal)
+    made = replace(
+        made,
+        # The stage that was chosen may be slower than the one that the frequency was meant for.
+        pwm_frequency_hz=min(made.pwm_frequency_hz, STAGES[stage].max_frequency_hz),
+        encoder_pulls=EncoderPulls.INTERNAL if internal else EncoderPulls.EXTERNAL,
+    )
     wanted = [*STAGES[stage].inputs, "encoder_a", "encoder_b"]
     for side in ("left", "right"):
         for pin in wanted:

@@ -12,7 +12,7 @@ import typer
 from wheelwire.config import is_recording
 from wheelwire.errors import InvalidArgument, OutputFailed
 
-from .output import console, print_json
+from .output import print_json, print_lines, write_new
 
 if TYPE_CHECKING:
     from wheelwire_protocol.black_box import Rerun
@@ -85,10 +85,10 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
             }
         )
     else:
-        console.print(_sentence(found, same=same), style="bold", soft_wrap=True)
+        print_lines(_sentence(found, same=same), style="bold")
         if target is not None:
-            console.print(f"Written to {target}. Run it by", soft_wrap=True)
-            console.print(f"    {command}", style="cyan", soft_wrap=True)
+            print_lines(f"Written to {target}. Run it by")
+            print_lines(f"    {command}", style="cyan")
     if not same:
         raise typer.Exit(DIFFERENT)
 
@@ -138,13 +138,7 @@ def _write(target: Path, image: bytes) -> None:
     try:
         if target.parent.name == BOXES.name:
             target.parent.mkdir(exist_ok=True)
-        with target.open("xb") as out:
-            try:
-                out.write(image)
-                out.flush()
-            except OSError:
-                target.unlink()
-                raise
+        write_new(target, image)
     except FileExistsError:
         if target.is_file() and target.read_bytes() == image:
             raise OutputFailed(f"{target} has this box already: run {_command(target)}") from None

@@ -5,6 +5,8 @@ Its checks it imports itself: other commands start without them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import typer
@@ -13,7 +15,7 @@ from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ProtocolMismatch, WheelwireError
 
 from .address import Address, BaudRateOption, RobotArgument
-from .output import JsonFlag, console, print_json
+from .output import JsonFlag, console, print_json, print_lines
 
 if TYPE_CHECKING:
     from wheelwire.doctor import Finding
@@ -35,44 +37,33 @@ def doctor(
     if robot is not None:
         found += _of_robot(Address(robot), baud_rate, as_json=as_json)
     if as_json:
-        print_json([_said(finding) for finding in found])
+        print_json([{**asdict(finding), "page": finding.page} for finding in found])
     else:
         _print(found, robot)
     if found:
         raise typer.Exit(FOUND)
 
 
-def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> list[Finding]:
+def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> Iterator[Finding]:
     from wheelwire.doctor import Finding, examine_robot
 
-    found: list[Finding] = []
     try:
         with address.open_to_look(baud_rate, as_json=as_json) as driver:
             if isinstance(driver, DeviceDriver):
-                found.extend(examine_robot(driver, address.text, address.parameters()))
+                yield from examine_robot(driver, address.text, address.parameters())
     except ProtocolMismatch as error:
-        found.append(Finding("firmware", f"{error}.", f"wheelwire flash {address.text}"))
+        yield Finding("firmware", f"{error}.", f"wheelwire flash {address.text}")
     # What was found before it went away stays in the list.
     except WheelwireError as error:
         problem, _, cure = str(error).partition(": ")
-        found.append(Finding("no-answer", f"{problem}.", cure or "wheelwire ports"))
-    return found
-
-
-def _said(finding: Finding) -> dict[str, str]:
-    return {
-        "name": finding.name,
-        "problem": finding.problem,
-        "cure": finding.cure,
-        "page": finding.page,
-    }
+        yield Finding("no-answer", f"{problem}.", cure or "wheelwire ports")
 
 
 def _print(found: list[Finding], robot: str | None) -> None:
     for finding in found:
-        console.print(f"{finding.name}: {finding.problem}", style="bold", soft_wrap=True)
-        console.print(f"    {finding.cure}", style="cyan", soft_wrap=True)
-        console.print(f"    {finding.page}", soft_wrap=True)
+        print_lines(f"{finding.name}: {finding.problem}", style="bold")
+        print_lines(f"    {finding.cure}", style="cyan")
+        print_lines(f"    {finding.page}")
     if not found:
         of_robot = f", nor with {robot}" if robot else ""
         console.print(f"Nothing is wrong with this computer, as far as it shows{of_robot}.")

@@ -13,42 +13,41 @@ from wheelwire.config import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
 from .address import RobotArgument, resolve
-from .output import JsonFlag, console, print_json
+from .output import (
+    JsonFlag,
+    console,
+    print_json,
+    print_lines,
+)
 
 if TYPE_CHECKING:
     from wheelwire.flash import Plan
 
-PortOption = Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")]
-ImageOption = Annotated[
-    Path | None,
-    typer.Option(help="Image from a release; default: this checkout's build."),
-]
-BoardOption = Annotated[
-    str | None,
-    typer.Option("--board", help="A board's file or name, stored once the firmware runs."),
-]
-EraseFlag = Annotated[
-    bool, typer.Option("--erase", help="Erase the whole flash first, saved parameters included.")
-]
-
 
 def flash(
     robot: RobotArgument = None,
-    port: PortOption = None,
-    image: ImageOption = None,
-    board: BoardOption = None,
-    erase: EraseFlag = False,
+    port: Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")] = None,
+    image: Annotated[
+        Path | None, typer.Option(help="Image from a release; default: this checkout's build.")
+    ] = None,
+    board: Annotated[
+        str | None,
+        typer.Option("--board", help="A board's file or name, stored once the firmware runs."),
+    ] = None,
+    erase: Annotated[
+        bool,
+        typer.Option("--erase", help="Erase the whole flash first, saved parameters included."),
+    ] = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters stay."""
     from wheelwire import flash as flasher  # here, so that other commands start faster
     from wheelwire.drivers.factory import open_driver
     from wheelwire.files.board import checked_board
-    from wheelwire.flash import plan_flash, read_image
 
     _check_is_no_image(robot)
     # What can be wrong without the chip is found before it is touched.
-    wanted = read_image(image) if image else None
+    wanted = flasher.read_image(image) if image else None
     pins = checked_board(board) if board else None
     port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
     # First: whatever follows resets the chip, and its wheels would roll on.
@@ -65,10 +64,9 @@ def flash(
             f"{board} is for the {pins.chip.name}, but the chip at {port} is an {chip.name}: "
             "choose a board for this chip (`wheelwire board list`)"
         )
-    plan = plan_flash(chosen, flasher.read_chip_table(port, chip), erase_all=erase)
+    plan = flasher.plan_flash(chosen, flasher.read_chip_table(port, chip), erase_all=erase)
     if not as_json:
-        for line in _describe(plan):
-            console.print(line, soft_wrap=True)
+        print_lines(*_describe(plan))
     # On standard error: standard output may be JSON.
     terminal = Console(stderr=True)
     with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
@@ -97,7 +95,7 @@ def flash(
             f"{device.board.name} {device.board_id} at {port} runs firmware {device.release}"
         )
         if pins is not None:
-            console.print(f"{pins.name}: written, tried and saved", soft_wrap=True)
+            print_lines(f"{pins.name}: written, tried and saved")
 
 
 def _check_is_no_image(robot: str | None) -> None:

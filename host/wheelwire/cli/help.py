@@ -13,7 +13,10 @@ from typer.models import CommandInfo, TyperInfo
 
 from wheelwire_protocol import native
 
-from .output import console
+from .output import (
+    console,
+    print_lines,
+)
 
 _CHECKOUT = Path(__file__).parents[3]
 _SHIPPED = Path(__file__).parents[1] / "pages"
@@ -80,8 +83,7 @@ def help_page(
     found = pages()
     if page is None:
         width = max(map(len, found))
-        for name, file in found.items():
-            console.print(f"{name:{width}}  {_title(file)}", soft_wrap=True)
+        print_lines(*(f"{name:{width}}  {_title(file)}" for name, file in found.items()))
         return
     name, section = _find(page, found)
     text = _COMMENT.sub("", found[name].read_text("utf-8"))

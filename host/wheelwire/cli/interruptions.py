@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import NamedTuple
 
 import typer
 
@@ -40,14 +39,6 @@ class Interrupted(BaseException):
         self.exit_code = exit_code
 
 
-class _Signal(BaseException):
-    """SIGTERM or SIGHUP came. An exception, so that all blocks are left in order."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
-
 class Ending:
     """The text that the command prints if a signal ends it."""
 
@@ -64,7 +55,7 @@ class Ending:
         """
         try:
             yield
-        except (KeyboardInterrupt, typer.Abort, _Signal):
+        except (KeyboardInterrupt, typer.Abort, Interrupted):
             self.outcome = "; ".join(filter(None, (stop(robot), then())))
             raise
 
@@ -91,8 +82,8 @@ def ended_by_signals() -> Iterator[Ending]:
     before = {number: signal.signal(number, _raise) for number in heard}
     try:
         yield ending
-    except _Signal as ended:
-        raise Interrupted(128 + ended.number, ending.outcome) from None
+    except Interrupted as ended:
+        raise Interrupted(ended.exit_code, ending.outcome) from None
     except (KeyboardInterrupt, typer.Abort):
         # typer turns Ctrl-C at one of its questions into Abort.
         raise Interrupted(INTERRUPTED, ending.outcome) from None
@@ -106,14 +97,7 @@ def _raise(number: int, _frame: FrameType | None) -> None:
     for ending in _ENDING:
         if signal.getsignal(ending) == _raise:
             signal.signal(ending, signal.SIG_IGN)
-    raise _Signal(number)
-
-
-class LinkNews(NamedTuple):
-    """The link was lost, or is back."""
-
-    is_lost: bool
-    text: str
+    raise Interrupted(128 + number, "")  # an exception, so that all blocks are left in order
 
 
 def watch(
@@ -121,10 +105,10 @@ def watch(
     until: float,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[WheelSample | LinkNews]:
+) -> Iterator[WheelSample | str]:
     """The newest samples until `until`, a time of `now`; goes on when a lost link is back.
 
-    It reports a loss once, and the first sample after it.
+    It says once that the link was lost, and that it is back before the first sample after that.
 
     Raises:
         LinkClosed: The driver was closed, or its link has failed for good.
@@ -140,14 +124,14 @@ def watch(
             silent = isinstance(error, RequestTimeout)
             if not is_lost and (not silent or now() - heard >= SILENT_S):
                 is_lost = True
-                yield LinkNews(True, "the robot sends nothing; waiting" if silent else str(error))
+                yield "the robot sends nothing; waiting" if silent else str(error)
             # Some losses are reported at once, and would be asked for again and again.
             sleep(max(0.0, min(SLICE_S, until - now()) - (now() - moment)))
             continue
         heard = now()
         if is_lost:
             is_lost = False
-            yield LinkNews(False, "the link is back")
+            yield "the link is back"
         yield sample
 
 

@@ -26,14 +26,16 @@ from wheelwire.errors import DriverUnavailable, InvalidArgument, OutputFailed, R
 from wheelwire_protocol.codec import BY_ID
 
 from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
-from .interruptions import Interrupted, LinkNews, ended_by_signals, watch
+from .interruptions import Interrupted, ended_by_signals, watch
 from .output import (
     JsonFlag,
     check_writable,
     console,
     print_facts,
     print_json,
+    print_lines,
     print_note,
+    print_result,
     show_help_alone,
     to_json_value,
 )
@@ -141,8 +143,8 @@ def record(
 def _wait(driver: DeviceDriver, recorder: Recorder, until: float, *, as_json: bool) -> None:
     has_asked = ask_for_samples(driver)
     for news in watch(driver, until):
-        if isinstance(news, LinkNews):
-            print_note(news.text, as_json=as_json)
+        if isinstance(news, str):
+            print_note(news, as_json=as_json)
         if recorder.error is not None:
             return
         has_asked = has_asked or ask_for_samples(driver)
@@ -163,14 +165,10 @@ def _say_what_was_written(
             }
         )
         return
-    for file, size in sizes.items():
-        console.print(f"wrote {file}, {_megabytes(size)}", soft_wrap=True)
+    print_lines(*(f"wrote {file}, {_megabytes(size)}" for file, size in sizes.items()))
     console.print(f"recorded {duration_s:.1f} s; `wheelwire log info` and `log plot` show it")
     if recorder.lost:
-        console.print(
-            f"{recorder.lost} records are missing: this computer or its disk was too slow",
-            soft_wrap=True,
-        )
+        print_lines(f"{recorder.lost} records are missing: this computer or its disk was too slow")
 
 
 @app.command("info")
@@ -373,10 +371,7 @@ def plot(
         return f"{file.name}: {said.get('board_id', 'a robot')}, {began}, {trace.end_s:.1f} s"
 
     draw_recording(file, picture, title)
-    if as_json:
-        print_json({"picture": str(picture)})
-    else:
-        console.print(f"drew {picture}", soft_wrap=True)
+    print_result({"picture": str(picture)}, f"drew {picture}", as_json=as_json)
 
 
 @app.command("repair")
@@ -388,12 +383,10 @@ def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
     from wheelwire.recording.repair import repair
 
     was_repaired = repair(file)
-    if as_json:
-        print_json({"file": str(file), "repaired": was_repaired})
-    elif was_repaired:
-        console.print(f"repaired {file}: `wheelwire log info {file}` shows it", soft_wrap=True)
-    else:
-        console.print(f"{file} is complete: nothing was changed", soft_wrap=True)
+    text = f"{file} is complete: nothing was changed"
+    if was_repaired:
+        text = f"repaired {file}: `wheelwire log info {file}` shows it"
+    print_result({"file": str(file), "repaired": was_repaired}, text, as_json=as_json)
 
 
 def _megabytes(size: int) -> str:

@@ -58,6 +58,20 @@ def print_json(value: Any) -> None:
     print(json.dumps(to_json_value(value)), flush=True)  # noqa: T201 - stdout is this module's task
 
 
+def print_lines(*lines: str, style: str | None = None) -> None:
+    """Print lines for people, each as long as it is: only a terminal breaks them."""
+    for line in lines:
+        console.print(line, style=style, soft_wrap=True)
+
+
+def print_result(result: object, text: str, *, as_json: bool) -> None:
+    """Print what a command has done: as JSON, or as a line for people."""
+    if as_json:
+        print_json(result)
+    else:
+        print_lines(text)
+
+
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print a table; the first column has the names."""
     table = Table(title=title, title_justify="left", title_style="bold")
@@ -115,6 +129,23 @@ def check_writable(file: Path | None) -> None:
         raise OutputFailed(f"cannot write {file}: choose a file in a folder that can be written")
 
 
+def write_new(file: Path, content: bytes) -> None:
+    """Write a file that does not exist yet; one that cannot be finished is removed.
+
+    Raises:
+        FileExistsError: It exists.
+        OSError: It cannot be written.
+    """
+    with file.open("xb") as out:
+        try:
+            out.write(content)
+            out.flush()
+            os.fsync(out.fileno())  # from here on it may be the only copy
+        except OSError:
+            file.unlink(missing_ok=True)
+            raise
+
+
 class TimeLeft:
     """A line that counts down while the wheels turn; a context manager.
 
@@ -128,7 +159,6 @@ class TimeLeft:
     def __init__(self, console: Console, now: Callable[[], float] = time.monotonic) -> None:
         self._status = Status(self, console=console, spinner="line", refresh_per_second=4)
         self._is_shown = False
-        self._is_watched = console.is_terminal
         self._now = now
         self._begin = 0.0
         self._end = 0.0
@@ -154,7 +184,7 @@ class TimeLeft:
         if not self._is_shown:
             self._begin = now
         self._end = now + left_s
-        if self._is_watched and not self._is_shown:
+        if self._status.console.is_terminal and not self._is_shown:
             self._status.start()
         self._is_shown = True
 

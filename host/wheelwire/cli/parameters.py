@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
@@ -20,7 +19,7 @@ from wheelwire.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.files.state import state_folder
 from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
-from wheelwire_protocol.codes import Chip, Fault, SupervisorState
+from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
 from .address import (
@@ -40,9 +39,12 @@ from .output import (
     UsageError,
     console,
     print_json,
+    print_lines,
     print_note,
+    print_result,
     print_table,
     show_help_alone,
+    write_new,
 )
 from .prompts import ask_yes_or_no
 
@@ -142,10 +144,7 @@ def get(
     robot, (name,) = split(context, arguments or (), "NAME")
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         value = driver.parameters[name]
-    if as_json:
-        print_json({name: value})
-    else:
-        console.print(f"{value:g}")
+    print_result({name: value}, f"{value:g}", as_json=as_json)
 
 
 # Unknown options are ignored, so that a negative VALUE is not mistaken for one; `split` rejects
@@ -167,13 +166,9 @@ def set_value(
         in_force = driver.parameters.set(name, _number(value))
         if save:
             driver.parameters.save(name)
-    if as_json:
-        print_json({name: in_force, "saved": save})
-    else:
-        console.print(
-            f"{name} = {in_force:g}, {_duration(name, address.text, saved=save, lasting=lasting)}",
-            soft_wrap=True,
-        )
+    duration = _duration(name, address.text, saved=save, lasting=lasting)
+    text = f"{name} = {in_force:g}, {duration}"
+    print_result({name: in_force, "saved": save}, text, as_json=as_json)
 
 
 def _number(text: str) -> float:
@@ -226,11 +221,9 @@ def save_values(
     shown = [p for p in kept.values() if names or p.value != p.default]
     values = ", ".join(f"{p.name} = {p.value:g}" for p in shown)
     if names:
-        console.print(f"saved: {values}", soft_wrap=True)
+        print_lines(f"saved: {values}")
     else:
-        console.print(
-            f"all values saved; different from their defaults: {values or 'none'}", soft_wrap=True
-        )
+        print_lines(f"all values saved; different from their defaults: {values or 'none'}")
 
 
 @app.command("reset")
@@ -275,10 +268,8 @@ def reset_all(
         except WheelwireError:
             print_note(f"a copy of the values is in {file}", as_json=as_json)
             raise
-    if as_json:
-        print_json({"reset": True, "copy": str(file)})
-    else:
-        console.print(f"all parameters reset to their defaults; {back}", soft_wrap=True)
+    text = f"all parameters reset to their defaults; {back}"
+    print_result({"reset": True, "copy": str(file)}, text, as_json=as_json)
 
 
 def _reset_question(present: Sequence[ParameterInfo], faults: Fault) -> str:
@@ -303,21 +294,13 @@ def _write_copy(values: ParameterFile, file: Path | None) -> Path:
         OutputFailed: It exists, or cannot be written.
     """
     reset = "nothing was reset: name another file with --copy"
-    is_ours = False
     try:
         file = file or _new_copy(values.board_id)
-        with file.open("x", encoding="utf-8") as out:
-            is_ours = True
-            out.write(values.text())
-            out.flush()
-            os.fsync(out.fileno())  # from here on it may be the only copy
+        write_new(file, values.text().encode())
     except FileExistsError as error:
         raise OutputFailed(f"{file or error.filename} exists; {reset}") from error
     except OSError as error:
-        if file is not None and is_ours:
-            file.unlink(missing_ok=True)
-        where = file or error.filename
-        raise OutputFailed.at(where, error, reset) from error
+        raise OutputFailed.at(file or error.filename, error, reset) from error
     return file
 
 
@@ -402,18 +385,17 @@ def import_file(
             }
         )
         return
-    for line in _notes(wanted, device):
-        console.print(line, soft_wrap=True)
-    for change in changes:
-        console.print(
+    print_lines(
+        *_notes(wanted, device),
+        *(
             f"{change.name}: {number_text(change.robot)} -> "
-            f"{number_text(change.wanted)} {change.unit}".rstrip(),
-            soft_wrap=True,
-        )
-    console.print(
+            f"{number_text(change.wanted)} {change.unit}".rstrip()
+            for change in changes
+        ),
+    )
+    print_lines(
         f"{len(changes)} of {len(wanted.values)} values changed, "
-        f"{_file_duration(saved=save, lasting=lasting)}",
-        soft_wrap=True,
+        f"{_file_duration(saved=save, lasting=lasting)}"
     )
     # A core that ends with this command is never reset.
     after_reset = [c.name for c in changes if PARAMETER_BY_NAME[c.name].after_reset]
@@ -422,10 +404,9 @@ def import_file(
         unsaved = "" if save else ", and only if saved"
         console.print(f"{', '.join(after_reset)} {act} after the next reset{unsaved}")
     if state is SupervisorState.ESTOPPED:
-        console.print(
+        print_lines(
             "an e-stop is latched: with estop_input_enabled 1 an open contact latches it; "
-            f"`wheelwire clear {address.text}` ends it once the contact is closed",
-            soft_wrap=True,
+            f"`wheelwire clear {address.text}` ends it once the contact is closed"
         )
 
 
@@ -467,11 +448,11 @@ def _print_differences(
             ("name", "robot", "file", "unit"),
             [(d.name, number_text(d.robot), number_text(d.wanted), d.unit) for d in found],
         )
-        console.print(f"robot: {_robot(device)}; file: {wanted.source}", soft_wrap=True)
+        print_lines(f"robot: {_robot(device)}; file: {wanted.source}")
     else:
         console.print(f"all {len(wanted.values)} values are equal")
     if absent:
-        console.print(f"not in the file, not compared: {', '.join(absent)}", soft_wrap=True)
+        print_lines(f"not in the file, not compared: {', '.join(absent)}")
 
 
 def _device(driver: BaseDriver) -> DeviceInfo | None:
@@ -498,19 +479,16 @@ def _notes(wanted: ParameterFile, device: DeviceInfo | None) -> Iterator[str]:
     yield f"the values of {wanted.source} are copied to {_robot(device)}"
     if wanted.board == device.board.name:
         return
-    # Parameters that have a default of their own on either of the two kinds of boards.
-    own = {**PLATFORM_DEFAULTS.get(device.board, {}), **_defaults_of(wanted.board)}
+    # Parameters that have a default of their own on either of the two kinds of boards. The file
+    # may be of a kind of board that this release does not know.
+    defaults = {chip.name: values for chip, values in PLATFORM_DEFAULTS.items()}
+    own = {**defaults.get(device.board.name, {}), **defaults.get(wanted.board, {})}
     copied = [name for name in own if name in wanted.values]
     if copied:
         yield (
             f"{', '.join(copied)}: the defaults of these two kinds of boards differ, "
             "check that the copied values suit this one"
         )
-
-
-def _defaults_of(board: str) -> dict[str, float]:
-    # The file may be of a kind of board that this release does not know.
-    return PLATFORM_DEFAULTS.get(Chip[board], {}) if board in Chip.__members__ else {}
 
 
 def _file_duration(*, saved: bool, lasting: bool) -> str:

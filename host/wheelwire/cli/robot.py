@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -31,8 +31,17 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
-from .interruptions import LinkNews, ended_by_a_loss, ended_by_signals, watch
-from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
+from .interruptions import ended_by_a_loss, ended_by_signals, watch
+from .output import (
+    JsonFlag,
+    console,
+    print_facts,
+    print_json,
+    print_lines,
+    print_note,
+    print_result,
+    to_json_value,
+)
 from .sensors import ask_for_samples
 from .view import can_show, show
 
@@ -107,8 +116,7 @@ def info(
             *([] if ledger is None else ledger_facts(ledger).items()),
         ],
     )
-    for warning in warnings:
-        console.print(f"warning: {warning}", soft_wrap=True)
+    print_lines(*(f"warning: {warning}" for warning in warnings))
 
 
 def _firmware(device: DeviceInfo) -> str:
@@ -200,24 +208,21 @@ def drive(
         print_json({**result, "late_setpoints": late})
         return
     if late:
-        console.print(
+        print_lines(
             f"{late} setpoints had expired when they arrived, and the wheels stopped meanwhile: "
-            "this computer is too busy",
-            soft_wrap=True,
+            "this computer is too busy"
         )
     if not math.isclose(driven.linear_mps, asked.linear_mps) or not math.isclose(
         driven.angular_radps, asked.angular_radps
     ):
-        console.print(
+        print_lines(
             f"limited to {driven.linear_mps:.3g} m/s and {driven.angular_radps:.3g} rad/s: no "
-            f"wheel may exceed {geometry.max_velocity_mps:g} m/s, the robot's max_velocity_mps",
-            soft_wrap=True,
+            f"wheel may exceed {geometry.max_velocity_mps:g} m/s, the robot's max_velocity_mps"
         )
-    console.print(
+    print_lines(
         f"drove to x {pose.x_m:+.3f} m, y {pose.y_m:+.3f} m, "
         f"heading {math.degrees(pose.heading_rad):+.1f} deg, the last {rolled_m:.3f} m of it "
-        f"while stopping",
-        soft_wrap=True,
+        f"while stopping"
     )
 
 
@@ -228,19 +233,13 @@ def _triggered(robot: BaseDriver) -> tuple[str, ...]:
     return ()
 
 
-class _Driven(NamedTuple):
-    """Result of a drive."""
+def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose, int]:
+    """Drive and stop.
 
-    end: Pose
-    """When the stop was acknowledged."""
-    pose: Pose
-    """Pose at standstill."""
-    late: int
-    """Setpoints that had expired when they arrived."""
-
-
-def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
-    """Drive and stop."""
+    Returns:
+        The poses when the stop was acknowledged and at standstill, and the number of setpoints
+        that had expired when they arrived.
+    """
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
     longest_s = min(TTL_S, robot.ttl_max_s or TTL_S)
@@ -264,7 +263,7 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     stopped = odometry.update(robot.read()).pose
     odometry.update(_standstill(robot))
     late = robot.statistics.setpoints_expired - late_before
-    return _Driven(stopped, odometry.pose, late)
+    return stopped, odometry.pose, late
 
 
 def _without_contact(address: str) -> str:
@@ -312,15 +311,15 @@ def monitor(
         end = time.monotonic() + (seconds or math.inf)
         latched: SupervisorState | None = None
         for news in watch(driver, end):
-            if isinstance(news, LinkNews):
-                print_note(news.text, as_json=as_json)
+            if isinstance(news, str):
+                print_note(news, as_json=as_json)
                 continue
             if as_json:
                 print_json(news)
                 continue
-            console.print(_line(news, driver.statistics.frames_lost), soft_wrap=True)
+            print_lines(_line(news, driver.statistics.frames_lost))
             if news.state in _LATCHED and news.state is not latched:
-                console.print(_latched(news, address.text), soft_wrap=True)
+                print_lines(_latched(news, address.text))
             latched = news.state if news.state in _LATCHED else None
             # A person, or a log, has no use for more.
             time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
@@ -359,13 +358,10 @@ def estop(
     if as_json:
         print_json({"latched": SupervisorState.ESTOPPED if lasting else None})
     elif lasting:
-        console.print(
-            f"stopped and latched; {after}`wheelwire clear {address.text}` ends it", soft_wrap=True
-        )
+        print_lines(f"stopped and latched; {after}`wheelwire clear {address.text}` ends it")
     else:
-        console.print(
-            "stopped, but not latched: this robot is simulated by this command, and ended with it",
-            soft_wrap=True,
+        print_lines(
+            "stopped, but not latched: this robot is simulated by this command, and ended with it"
         )
 
 
@@ -377,16 +373,13 @@ def stop(
 
     address = resolve(robot, as_json=as_json)
     driver = _stopped(address, baud_rate, lambda robot: robot.stop(), as_json=as_json)
-    if as_json:
-        print_json({"stopped": True})
-    elif isinstance(driver, AttachedDriver):
-        console.print(
+    text = "stopped"
+    if isinstance(driver, AttachedDriver):
+        text = (
             f"stopped; the next setpoint of {driver.holder.name}, drives again: "
-            f"`wheelwire estop {address.text}` keeps it from driving",
-            soft_wrap=True,
+            f"`wheelwire estop {address.text}` keeps it from driving"
         )
-    else:
-        console.print("stopped")
+    print_result({"stopped": True}, text, as_json=as_json)
 
 
 def _stopped(
@@ -443,10 +436,9 @@ def clear(
     console.print(f"{ended.name} cleared")
     # A fault that the e-stop hid is active again.
     if after.state in _LATCHED:
-        console.print(
+        print_lines(
             f"{after.state.name} remains. {fault_names(after.faults)} "
-            f"Fix the cause, then run `wheelwire clear {address.text}` again",
-            soft_wrap=True,
+            f"Fix the cause, then run `wheelwire clear {address.text}` again"
         )
 
 
@@ -494,8 +486,7 @@ def restart(
             ("state", _latched(sample, address.text)),
         ],
     )
-    for warning in warnings:
-        console.print(f"warning: {warning}", soft_wrap=True)
+    print_lines(*(f"warning: {warning}" for warning in warnings))
 
 
 def _restart_refused(error: DeviceRefused, address: str) -> DeviceRefused:

@@ -51,7 +51,8 @@ def sensors(
             _print_events(events, as_json=as_json, warnings_only=True)
         with suppress(StopIteration):
             while True:
-                _print(_channels(driver), as_json=as_json)
+                driver.sensors.events()  # asks again in a new session; raises if out of reach
+                _print(driver.sensors.channels, as_json=as_json)
                 if time.monotonic() >= end:
                     return
                 time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
@@ -74,12 +75,6 @@ def ask_for_samples(driver: BaseDriver) -> bool:
     except WheelwireError:  # the driver or the firmware has no sensors
         pass
     return True
-
-
-def _channels(driver: BaseDriver) -> tuple[SensorStatus, ...]:
-    """All channels. None is known while the robot is out of reach, so that raises an error."""
-    driver.sensors.events()  # asks again in a new session, or raises
-    return driver.sensors.channels
 
 
 def _print_events(

@@ -6,7 +6,6 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,17 +14,14 @@ import typer
 from wheelwire.config import MOCK
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import (
-    CommissioningFailed,
-    DriverUnavailable,
-    InvalidArgument,
-)
+from wheelwire.errors import CommissioningFailed, InvalidArgument
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
 from .prompts import ask
 from .sim import setting
+from .tune import check_plot
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
@@ -114,7 +110,6 @@ def setup(
     robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
-    from wheelwire.commissioning.before_after import check_picture
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
     from wheelwire.commissioning.setup import Options, Progress
 
@@ -124,11 +119,7 @@ def setup(
         )
     # What would fail at the end fails here: the measurements take minutes.
     check_writable(keep)
-    check_writable(plot)
-    if plot is not None:
-        if find_spec("matplotlib") is None:
-            raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
-        check_picture(plot)
+    check_plot(plot)
     options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
     person: Person
     if simulated:
@@ -163,10 +154,13 @@ def setup(
 def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> None:
     from wheelwire.commissioning.setup import set_up
 
-    def say(text: str) -> None:
-        _say(text, as_json=as_json)
+    # With --json, standard output is the findings alone.
+    screen = error_console if as_json else console
 
-    with TimeLeft(error_console if as_json else console) as left:
+    def say(text: str) -> None:
+        screen.print(text, soft_wrap=True)
+
+    with TimeLeft(screen) as left:
         options = replace(options, left=left.show)
         findings = set_up(robot, _Shown(person, say), say, options)
     if as_json:
@@ -193,11 +187,6 @@ def _as_json(findings: Findings) -> Mapping[str, object]:
         "problems": findings.problems,
         "saved": findings.saved,
     }
-
-
-def _say(text: str, *, as_json: bool) -> None:
-    # With --json, standard output is the findings alone.
-    (error_console if as_json else console).print(text, soft_wrap=True)
 
 
 class _Shown:

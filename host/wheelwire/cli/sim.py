@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
-from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -25,7 +24,13 @@ from wheelwire.simulation.narration import SIDES, Narrator
 from wheelwire.simulation.remote import RemoteConsole, RemoteSimulator, running_simulators
 from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 
-from .output import JsonFlag, console, print_json, print_note
+from .output import (
+    JsonFlag,
+    print_json,
+    print_lines,
+    print_note,
+    print_result,
+)
 
 DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
 TRUTH_HZ = 20.0
@@ -119,7 +124,7 @@ def _run_on_a_bad_line(link: Path, faults: str, arguments: list[str], *, as_json
         if as_json:
             print_json({"event": "ready", "port": simulator.port})
         else:
-            console.print(_announcement(simulator.port), soft_wrap=True)
+            print_lines(_announcement(simulator.port))
         with suppress(KeyboardInterrupt):
             simulator.wait()
 
@@ -163,9 +168,8 @@ def _run_told(link: Path, faults: str | None, values: dict[str, float]) -> None:
     with suppress(KeyboardInterrupt), ExitStack() as stack:
         stack.enter_context(simulator)
         counts = simulator.get("counts_per_revolution")
-        console.print(_announcement(simulator.port), soft_wrap=True)
-        console.print(_seen(simulator), soft_wrap=True)
-        watched.append(Narrator(counts, partial(console.print, soft_wrap=True)))
+        print_lines(_announcement(simulator.port), _seen(simulator))
+        watched.append(Narrator(counts, print_lines))
         try:
             stack.enter_context(RemoteConsole(str(simulator.port), simulator.command))
         except (OSError, WheelwireError) as error:
@@ -198,10 +202,10 @@ def _obey_lines(simulator: Simulator) -> None:
         try:
             answer = simulator.command(line.strip())
         except WheelwireError as error:
-            console.print(str(error), soft_wrap=True)
+            print_lines(str(error))
             continue
         value = f" = {answer['value']:g}" if "value" in answer else ""
-        console.print(f"{answer.get('name', answer['command'])}{value}", soft_wrap=True)
+        print_lines(f"{answer.get('name', answer['command'])}{value}")
 
 
 # A negative number of turns is not an option.
@@ -231,11 +235,9 @@ def turn(
             f"the {wheel} wheel does not give way after {abs(turns - left):.2f} turns: is it "
             "blocked, or driven?"
         )
-    if as_json:
-        print_json({"wheel": wheel, "turns": turns})
-    else:
-        way = "forward" if turns > 0 else "backward"
-        console.print(f"the {wheel} wheel was turned {way} by {abs(turns):g} turns")
+    way = "forward" if turns > 0 else "backward"
+    text = f"the {wheel} wheel was turned {way} by {abs(turns):g} turns"
+    print_result({"wheel": wheel, "turns": turns}, text, as_json=as_json)
 
 
 def _turn(simulator: RemoteSimulator, wheel: str, turns: float) -> float:

@@ -24,7 +24,12 @@ from wheelwire.files.parameters import ParameterFile
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 
 from .address import BaudRateOption, RobotArgument, resolve
-from .output import JsonFlag, console, print_json, to_json_value
+from .output import (
+    JsonFlag,
+    print_json,
+    print_lines,
+    to_json_value,
+)
 
 RECORDINGS = "*.mcap"
 LARGEST = 200 << 20
@@ -79,14 +84,10 @@ def support(
     if as_json:
         print_json({"file": str(target), "parts": dict(listed)})
         return
-    console.print(f"wrote {target}:", soft_wrap=True)
-    for name, what in listed:
-        console.print(f"  {name}: {what}", soft_wrap=True)
+    print_lines(f"wrote {target}:", *(f"  {name}: {what}" for name, what in listed))
     if source is None:
-        console.print(
-            "  no recording: `wheelwire log record ROBOT FILE.mcap` makes one", soft_wrap=True
-        )
-    console.print(LEFT_OUT, soft_wrap=True)
+        print_lines("  no recording: `wheelwire log record ROBOT FILE.mcap` makes one")
+    print_lines(LEFT_OUT)
 
 
 def _versions(now: datetime) -> _Part:

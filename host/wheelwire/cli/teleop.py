@@ -16,7 +16,9 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .interruptions import ended_by_signals, stop
-from .output import console
+from .output import (
+    print_lines,
+)
 from .sensors import ask_for_samples
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
@@ -51,11 +53,11 @@ def teleop(
         device = driver.info.device if isinstance(driver, DeviceDriver) else None
         ask_for_samples(driver)
         identity = f" ({device.board.name} {device.board_id})" if device else ""
-        console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
+        print_lines(f"driving {address.text}{identity}\n{HELP}")
         with Terminal(sys.stdin.fileno(), sys.stdout.fileno()) as terminal:
             drive(driver, terminal, speed)
         text = "; ".join(filter(None, (stop(driver), _what_remains(driver, address.text))))
-        console.print(text, soft_wrap=True)
+        print_lines(text)
 
 
 def _what_remains(driver: BaseDriver, address: str) -> str:

@@ -31,6 +31,7 @@ from .output import (
     console,
     error_console,
     print_json,
+    print_lines,
     print_table,
 )
 from .prompts import ask, ask_yes_or_no
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
     from wheelwire.commissioning.tuning import Comparison, Drive, Tracking
 
 Outcome = Literal["keep", "undo", "save"]
-KEEP: Literal["keep"] = "keep"
-UNDO: Literal["undo"] = "undo"
-SAVE: Literal["save"] = "save"
 _REVERTED = "the previous values are active again"
 _HELD_UP = "setpoints came late in a drive, as this computer or the line is busy"
 _LESS_BUSY = "end other programs, then try again"
@@ -114,7 +112,7 @@ def tune(
     }
     tried = checked_values({name: v for name, v in gains.items() if v is not None})
     drive = _checked(shape, wheel, speed, seconds, distance)
-    _check_plot(plot)
+    check_plot(plot)
     if save and not tried:
         raise InvalidArgument("there is nothing to save: give a gain, such as --ki 12")
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
@@ -139,7 +137,7 @@ def tune(
         _print_outcome(before, tried, outcome)
     if found.faults[-1]:
         raise CommissioningFailed(f"a fault ended the drive: {meaning_of(found.faults[-1])}")
-    if save and outcome != SAVE:
+    if save and outcome != "save":
         if found.held_up:
             raise CommissioningFailed(
                 f"{_HELD_UP}: {_LESS_BUSY}; the new values were not saved, {_REVERTED}"
@@ -184,11 +182,11 @@ def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
             _draw(found, wish.plot, as_json=wish.as_json)
         if wish.tried:
             outcome = _outcome(found, wish)
-        if outcome in (KEEP, SAVE):
+        if outcome in ("keep", "save"):
             for name, value in wish.tried.items():
                 driver.parameters.set(name, value)
             trial.keep()
-    if outcome == SAVE:  # the device saves nothing while values are on trial
+    if outcome == "save":  # the device saves nothing while values are on trial
         for name in wish.tried:
             driver.parameters.save(name)
     return found, outcome
@@ -212,8 +210,8 @@ def _checked(shape: str, wheel: str, speed: float, seconds: float, distance: flo
     return Drive(shape, wheel, speed, seconds, distance)
 
 
-def _check_plot(plot: Path | None) -> None:
-    """Raise before anything moves what would otherwise be raised at the end."""
+def check_plot(plot: Path | None) -> None:
+    """For `--plot`: raise before anything moves what would otherwise be raised at the end."""
     if plot is None:
         return
     check_writable(plot)
@@ -238,12 +236,12 @@ def _question(wish: _Wish, course: Course) -> str:
 def _outcome(found: Comparison, wish: _Wish) -> Outcome:
     """What to do with the values that were tried."""
     if wish.save:
-        return UNDO if found.is_worse or found.held_up else SAVE
+        return "undo" if found.is_worse or found.held_up else "save"
     if found.faults[-1] or not _can_ask():
-        return UNDO
-    choices: tuple[Outcome, ...] = (KEEP, UNDO, SAVE) if wish.can_save else (KEEP, UNDO)
+        return "undo"
+    choices: tuple[Outcome, ...] = ("keep", "undo", "save") if wish.can_save else ("keep", "undo")
     while True:
-        answer = ask(f"What now ({', '.join(choices)})?", UNDO).strip().lower()
+        answer = ask(f"What now ({', '.join(choices)})?", "undo").strip().lower()
         for choice in choices:
             if answer in (choice[0], choice):
                 return choice
@@ -275,11 +273,11 @@ def _print(found: Comparison) -> None:
     )
     for title, fault in zip(found.titles, found.faults, strict=True):
         if fault:
-            console.print(f"{title}: a fault ended the drive: {meaning_of(fault)}", soft_wrap=True)
+            print_lines(f"{title}: a fault ended the drive: {meaning_of(fault)}")
     if found.gain_mps is not None:
-        console.print(_verdict(found, found.gain_mps), soft_wrap=True)
+        print_lines(_verdict(found, found.gain_mps))
     elif found.held_up:
-        console.print(f"{_HELD_UP}: {_LESS_BUSY}", soft_wrap=True)
+        print_lines(f"{_HELD_UP}: {_LESS_BUSY}")
 
 
 def _shown(
@@ -315,25 +313,24 @@ def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
 def _print_outcome(before: Mapping[str, float], tried: Mapping[str, float], outcome: str) -> None:
     for name, value in tried.items():
         unit = definition_of(name).unit.value
-        console.print(
-            f"  {name}: {number_text(before[name])} -> {number_text(value)} {unit}", soft_wrap=True
-        )
+        print_lines(f"  {name}: {number_text(before[name])} -> {number_text(value)} {unit}")
     said = {
-        KEEP: "active until the next reset; `wheelwire params save` saves them",
-        UNDO: f"undone: {_REVERTED}",
-        SAVE: "saved",
+        "keep": "active until the next reset; `wheelwire params save` saves them",
+        "undo": f"undone: {_REVERTED}",
+        "save": "saved",
     }
-    console.print(said[outcome], soft_wrap=True)
+    print_lines(said[outcome])
 
 
 def _as_json(
     found: Comparison, before: Mapping[str, float], wish: _Wish, outcome: Outcome | None
 ) -> Mapping[str, object]:
-    tried = wish.tried
     return {
         "drive": found.drive,
         "seconds": found.seconds,
-        "values": {name: {"before": before[name], "after": tried[name]} for name in tried},
+        "values": {
+            name: {"before": before[name], "after": value} for name, value in wish.tried.items()
+        },
         **dict(zip(found.titles, found.figures, strict=True)),
         "faults": dict(zip(found.titles, found.faults, strict=True)),
         "gain_mps": found.gain_mps,

@@ -27,7 +27,7 @@ from .device_boxes import (
     write_boxes,
 )
 from .log import draw_recording
-from .output import JsonFlag, console, print_json
+from .output import JsonFlag, print_json, print_lines
 
 if TYPE_CHECKING:
     from wheelwire.diagnosis import Stop
@@ -165,12 +165,10 @@ def _said(stop: Stop, time: datetime | None) -> dict[str, Any]:
 def _print(said: list[dict[str, Any]], facts: list[str]) -> None:
     for stop in said:
         when = "" if stop["time"] is None else f"{datetime.fromisoformat(stop['time']):%H:%M:%S.%f}"
-        console.print(f"{when[:-3]}  {stop['sentence']}".strip(), style="bold", soft_wrap=True)
-        for evidence in stop["evidence"]:
-            console.print(f"    {evidence}", soft_wrap=True)
-        console.print(f"    Look first at {stop['look_at']}.", style="cyan", soft_wrap=True)
-    for fact in filter(None, facts):
-        console.print(fact, soft_wrap=True)
+        print_lines(f"{when[:-3]}  {stop['sentence']}".strip(), style="bold")
+        print_lines(*(f"    {evidence}" for evidence in stop["evidence"]))
+        print_lines(f"    Look first at {stop['look_at']}.", style="cyan")
+    print_lines(*filter(None, facts))
 
 
 def _draw(file: Path, stops: list[Stop], picture: Path) -> None:

@@ -44,9 +44,9 @@ def test_the_last_setpoint_lasts_to_the_end(lives: list[float]) -> None:
 
 def test_a_lower_limit_of_the_robots_is_kept(lives: list[float]) -> None:
     with open_driver("mock", parameters={"ttl_max_s": 0.15}) as robot:
-        driven = commands._drive(robot, Twist(0.1, 0.0), 3 * SECONDS)
+        _, pose, _ = commands._drive(robot, Twist(0.1, 0.0), 3 * SECONDS)
     assert max(lives) <= 0.15
-    assert driven.pose.x_m > 0.03
+    assert pose.x_m > 0.03
 
 
 def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
@@ -68,9 +68,9 @@ def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
                 robot._link._write(frame, host_clock_us())  # type: ignore[attr-defined]
 
         monkeypatch.setattr(robot, "set_velocity", late_once)
-        driven = commands._drive(robot, Twist(0.1, 0.0), 0.5)
-    assert driven.late == 1
-    assert driven.pose.x_m > 0.02
+        _, pose, late = commands._drive(robot, Twist(0.1, 0.0), 0.5)
+    assert late == 1
+    assert pose.x_m > 0.02
 
 
 def test_a_drive_shorter_than_the_command_period_drives(lives: list[float]) -> None:
