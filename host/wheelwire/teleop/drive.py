@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
 
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
@@ -43,15 +42,6 @@ RELEASE_FIRST = "an e-stop or a fault was cleared: release the keys, then drive"
 _FASTER, _SLOWER = ("+", "="), ("-", "_")
 
 
-class _Sent(NamedTuple):
-    """A setpoint: directions, speed, and when it ends."""
-
-    forward: int
-    left: int
-    speed: int
-    until: float
-
-
 class Teleop:
     """The meaning of the keys. Times are `time.monotonic()`, or a robot's virtual clock.
 
@@ -70,8 +60,10 @@ class Teleop:
         self._complaint = ""
         self._waits_for_release = False
         """Whether all keys have to be released first, as after a clear."""
-        self._sent: _Sent | None = None
-        """The newest setpoint that the robot may still obey."""
+        self._sent: tuple[int, int, int] | None = None
+        """The newest setpoint that the robot may still obey: directions and speed."""
+        self._sent_until = 0.0
+        """When it ends."""
         self.speed = speed
         self.done = False
         """The user wants to quit."""
@@ -107,11 +99,10 @@ class Teleop:
         motion = self._presses.motion(now)
         life_s = motion.until - now
         longest_s = self._longest_s
-        until = motion.until if life_s <= longest_s else now + longest_s
-        sent = _Sent(motion.forward, motion.left, self.speed, until)
+        setpoint = motion.forward, motion.left, self.speed
         # The last setpoint lasts to the end of the press, so that none has to arrive within the
         # little that is left.
-        if self._sent and self._sent[:-1] == sent[:-1] and self._sent.until >= motion.until:
+        if self._sent == setpoint and self._sent_until >= motion.until:
             return
         if motion is STILL or life_s < PERIOD_S:
             return
@@ -123,7 +114,8 @@ class Teleop:
             self._complain(error)
         else:
             self._complaint = ""
-            self._sent = sent
+            self._sent = setpoint
+            self._sent_until = motion.until if life_s <= longest_s else now + longest_s
 
     @property
     def _longest_s(self) -> float:

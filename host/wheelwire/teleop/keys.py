@@ -88,12 +88,7 @@ class KeyDecoder:
 
     def feed(self, data: bytes) -> list[Event]:
         """Take bytes; returns the keys that they complete."""
-        events: list[Event] = []
-        for byte in data:
-            event = self._step(byte)
-            if event:
-                events.append(event)
-        return events
+        return list(filter(None, map(self._step, data)))
 
     def _step(self, byte: int) -> Event | None:
         sequence = self._sequence

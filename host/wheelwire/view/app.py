@@ -7,6 +7,7 @@ import math
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty
 from typing import ClassVar
@@ -155,11 +156,9 @@ class ViewApp(App[None]):
                 self._source.look()
             except (LinkClosed, RecordingError) as error:
                 self._lose(error)
-        try:
+        with suppress(Empty):
             while True:
                 self.model.say(self.controls.said.get_nowait())
-        except Empty:
-            pass
         self.controls.check_trial()
         self._looks += 1
         if self._looks % LOOKS_PER_PICTURE == 1 and isinstance(

@@ -19,23 +19,20 @@ class Canvas:
     Attributes:
         width: Dots.
         height: Dots.
+        rows: The dots of each cell as bits, row by row; a cell's character is at `BLANK` plus them.
     """
 
     def __init__(self, width: int, height: int) -> None:
         self.width = width * DOTS_X
         self.height = height * DOTS_Y
-        self._cells = [[0] * width for _ in range(height)]
+        self.rows = [[0] * width for _ in range(height)]
 
     def set(self, x: int, y: int) -> None:
         """Draw a dot."""
         if 0 <= x < self.width and 0 <= y < self.height:
-            self._cells[y // DOTS_Y][x // DOTS_X] |= _BITS[y % DOTS_Y][x % DOTS_X]
+            self.rows[y // DOTS_Y][x // DOTS_X] |= _BITS[y % DOTS_Y][x % DOTS_X]
 
     def column(self, x: int, y: int, other_y: int) -> None:
         """Draw the dots of one column from `y` to `other_y`, both included."""
         for dot in range(min(y, other_y), max(y, other_y) + 1):
             self.set(x, dot)
-
-    def rows(self) -> list[list[int]]:
-        """The dots of each cell as bits, row by row; a cell's character is at `BLANK` plus them."""
-        return self._cells

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
@@ -43,11 +42,6 @@ class Event(NamedTuple):
     unix_s: float
     text: str
 
-    @property
-    def time_of_day(self) -> str:
-        """As people read it."""
-        return f"{datetime.fromtimestamp(self.unix_s).astimezone():%H:%M:%S}"
-
 
 @dataclass
 class Status:
@@ -75,7 +69,6 @@ class Model:
         looks: Looks of the last `WINDOW_S`, in order; without a sample while out of reach.
         events: The newest last.
         sample: The newest; None before the first.
-        asked: What the wheels are asked for now.
         trouble: Why the robot is out of reach or silent; empty if it is neither.
         ended: Why nothing comes any more; empty while something may.
         status: The newest.
@@ -87,7 +80,6 @@ class Model:
         self.looks: deque[Look] = deque()
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.sample: WheelSample | None = None
-        self.asked: Setpoint | None = None
         self.trouble = ""
         self.ended = ""
         self.status = Status()
@@ -109,12 +101,16 @@ class Model:
         """Take what a look has found."""
         self.now_s = max(self.now_s, look.now_s)
         if look.trouble:
-            self._take_trouble(look.trouble)
+            if not self.trouble:
+                self.say(f"out of reach: {look.trouble}")
+            self.trouble = look.trouble
+            self.looks.append(Look(self.now_s, None, None, look.trouble))
         elif look.sample is not None:
             if self.trouble:
                 self.trouble = ""
                 self.say("the link is back")
-            self._take_sample(look.sample, look.asked)
+            self.looks.append(look._replace(now_s=self.now_s))
+            self._take_sample(look.sample)
         while self.looks and self.looks[0].now_s < self.now_s - WINDOW_S:
             self.looks.popleft()
 
@@ -144,16 +140,8 @@ class Model:
             "; ".join(stop.look_at for stop in stops),
         )
 
-    def _take_trouble(self, trouble: str) -> None:
-        if not self.trouble:
-            self.say(f"out of reach: {trouble}")
-        self.trouble = trouble
-        self.asked = None
-        self.looks.append(Look(self.now_s, None, None, trouble))
-
-    def _take_sample(self, sample: WheelSample, asked: Setpoint | None) -> None:
-        before, self.sample, self.asked = self.sample, sample, asked
-        self.looks.append(Look(self.now_s, sample, asked, ""))
+    def _take_sample(self, sample: WheelSample) -> None:
+        before, self.sample = self.sample, sample
         if before is None:
             self.say(sample.state.name)
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime
 from typing import NamedTuple
 
 from rich.text import Text
@@ -146,7 +147,8 @@ def events(model: Model, width: int, height: int) -> Text:
     """The last events with their times, the newest last; whole ones, but for the newest."""
     lines: list[tuple[str, str]] = []
     for event in reversed(model.events):
-        found = _wrapped(f"{event.time_of_day} {event.text}", width, "", indent=9)
+        time_of_day = datetime.fromtimestamp(event.unix_s).astimezone()
+        found = _wrapped(f"{time_of_day:%H:%M:%S} {event.text}", width, "", indent=9)
         if lines and len(lines) + len(found) > height:
             break
         lines = [*_cut(found, width, height), *lines]
@@ -207,14 +209,13 @@ def wheel(model: Model, side: Side, width: int, height: int) -> Text:
 
 def _numbers(model: Model, side: Side, width: int) -> Text:
     newest = model.looks[-1] if model.looks else Look(0.0, None, None, "")
-    asked = _number(side.asked_speed.value(newest))
     asked_duty = side.asked_duty.value(newest)
     parts = [
         f"{side.name:5}",
-        f"asked {asked}",
+        f"asked {_number(side.asked_speed.value(newest))}",
         f"measured {_number(side.speed.value(newest))} m/s",
+        f"duty {_number(side.duty.value(newest))}",
     ]
-    parts.append(f"duty {_number(side.duty.value(newest))}")
     if asked_duty is not None:
         parts.append(f"asked {_number(asked_duty)}")
     return Text().append("  ".join(parts)[:width], style="bold")
@@ -261,7 +262,7 @@ def plot(
     for curve, found in zip(curves, values, strict=True):
         canvas = Canvas(cells, height)
         _draw(canvas, looks, found, now_s, (low, high), dotted=curve.dotted)
-        canvases.append(canvas.rows())
+        canvases.append(canvas.rows)
     labels = _labels(low, high, height)
     return [
         _row(labels[row], [canvas[row] for canvas in canvases], [curve.style for curve in curves])

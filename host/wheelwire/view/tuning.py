@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_protocol.parameters import Parameter
 
 from ..errors import DeviceRefused, InvalidCommand, WheelwireError
 from ..parameters import (
@@ -64,7 +63,12 @@ class Tuning:
 
     def set(self, name: str, text: str) -> str:
         """Try a value: it is active at once; the first one begins the trial."""
-        value = self._checked(definition_of(name), text)
+        definition, info = definition_of(name), self.infos[name]
+        try:
+            value = float(text.strip().replace(",", "."))
+        except ValueError:
+            raise InvalidCommand(f"{name} = {text!r}: give a number") from None
+        value = check_value(definition, value, (info.minimum, info.maximum))
         before = self.values[name]
         self._try(name, value)
         self._steps.append((name, before))
@@ -98,7 +102,13 @@ class Tuning:
         for name in names:
             self._check_save(name)
         if self._trial is not None:
-            self._keep(self._trial)
+            try:
+                self._trial.keep()
+            except WheelwireError:
+                self.abandon()
+                raise
+            self.changed = {}  # or leaving would undo them
+            self._leave()
         self.unsaved = names
         for name in names:
             self._parameters.save(name)
@@ -114,15 +124,6 @@ class Tuning:
         """As `revert`, without reading the values; a robot out of reach reverts by itself."""
         with suppress(WheelwireError):
             self._leave()
-
-    def _keep(self, trial: Trial) -> None:
-        try:
-            trial.keep()
-        except WheelwireError:
-            self.abandon()
-            raise
-        self.changed = {}  # or leaving would undo them
-        self._leave()
 
     def _leave(self) -> None:
         trial, self._trial = self._trial, None
@@ -144,11 +145,3 @@ class Tuning:
             if not self._steps:
                 self.abandon()  # nothing is on trial
             raise
-
-    def _checked(self, definition: Parameter, text: str) -> float:
-        try:
-            value = float(text.strip().replace(",", "."))
-        except ValueError:
-            raise InvalidCommand(f"{definition.name} = {text!r}: give a number") from None
-        info = self.infos[definition.name]
-        return check_value(definition, value, (info.minimum, info.maximum))

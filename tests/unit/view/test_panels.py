@@ -23,7 +23,7 @@ def model() -> Model:
 
 
 def drawn(canvas: Canvas) -> list[str]:
-    return ["".join(chr(BLANK + bits) for bits in row) for row in canvas.rows()]
+    return ["".join(chr(BLANK + bits) for bits in row) for row in canvas.rows]
 
 
 def test_a_canvas_has_eight_dots_in_a_cell() -> None:
