@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from wheelwire_protocol.codes import Chip
 
@@ -42,10 +41,9 @@ _KEPT_LINES = 20
 # Where ESP-IDF's tools put the table by default, and the most that it takes up there.
 TABLE_OFFSET = 0x8000
 TABLE_BYTES = 0xC00
-SECTOR = 0x1000
 ERASED = b"\xff"
 
-_IMAGE_MAGIC = 0xE9
+_IMAGE_MAGIC = b"\xe9"
 _CHIP_ID_OFFSET = 12
 _BOOTLOADERS = {0x1000: {0: Chip.ESP32}, 0: {9: Chip.ESP32S3, 13: Chip.ESP32C6}}
 """Offset of the boot loader, and the chip ids that its header may contain there."""
@@ -109,8 +107,7 @@ def identify_chip(port: str) -> Chip:
     Raises:
         FlashFailed: No chip answers, or Wheelwire does not support it.
     """
-    output = "\n".join(_esptool("--port", port, "chip-id"))
-    connected = _CONNECTED.search(output)
+    connected = _CONNECTED.search("\n".join(_esptool("--port", port, "chip-id")))
     if not connected:
         raise FlashFailed(
             f"esptool could not identify the chip at {port}: hold the board's BOOT button and retry"
@@ -162,10 +159,9 @@ def write_plan(port: str, chip: Chip, plan: Plan, report: Callable[[float], None
 
 def _written(parts: Sequence[Part], address: int) -> float:
     """The fraction of the parts that lies before an address, 0 to 1."""
-    sizes = [len(part.content) for part in parts]
     # What lies between two parts is not written, so the address alone is no fraction.
     before = [min(max(address - part.offset, 0), len(part.content)) for part in parts]
-    return sum(before) / max(1, sum(sizes))
+    return sum(before) / max(1, sum(len(part.content) for part in parts))
 
 
 def _chip_at(port: str, chip: Chip) -> tuple[str, ...]:
@@ -216,16 +212,12 @@ def _esptool(*arguments: str) -> Iterator[str]:
     # The end of the block waits for the process, also when the reader stops in the middle.
     with process:
         if process.stdout:
-            for line in _lines(process.stdout):
+            # Text mode also splits a progress bar at its carriage returns.
+            for line in filter(None, map(str.strip, process.stdout)):
                 lines = [*lines, line][-_KEPT_LINES:]
                 yield line
     if process.returncode:
         raise FlashFailed(_reason(lines))
-
-
-def _lines(stream: IO[str]) -> Iterator[str]:
-    """Lines without blank ones. Text mode also splits a progress bar at its carriage returns."""
-    return (line.strip() for line in stream if line.strip())
 
 
 def _reason(lines: list[str]) -> str:
@@ -310,17 +302,13 @@ def parse_table(raw: bytes) -> tuple[Partition, ...]:
     found: list[Partition] = []
     for at in range(0, min(len(raw), TABLE_BYTES) - _ENTRY.size + 1, _ENTRY.size):
         magic, kind, subtype, offset, size, name, _ = _ENTRY.unpack_from(raw, at)
-        if magic == _ENTRY_MAGIC:
-            label = name.split(b"\0")[0].decode("ascii", "replace")
-            found.append(Partition(label, kind, subtype, offset, size))
-            continue
-        if magic == _DIGEST_MAGIC:
+        if magic != _ENTRY_MAGIC:  # the digest, or erased flash: no entry follows
             digest = hashlib.md5(raw[:at], usedforsecurity=False).digest()
-            if digest != raw[at + 16 : at + 32]:
-                # Wrong offsets would have foreign bytes kept as our data.
-                return ()
-        # The digest, or erased flash: no entry follows.
-        break
+            if magic == _DIGEST_MAGIC and digest != raw[at + 16 : at + 32]:
+                return ()  # wrong offsets would have foreign bytes kept as our data
+            break
+        label = name.split(b"\0")[0].decode("ascii", "replace")
+        found.append(Partition(label, kind, subtype, offset, size))
     return tuple(found)
 
 
@@ -335,8 +323,12 @@ def read_image(path: Path) -> Image:
     except OSError as error:
         raise FlashFailed(f"cannot read the image {path}: {error.strerror}") from error
     table = parse_table(content[TABLE_OFFSET : TABLE_OFFSET + TABLE_BYTES])
-    parts = [_application(content, partition) for partition in table]
-    applications = [part for part in parts if part]
+    applications = [
+        Part(p.name, p.offset, content[p.offset : p.end].rstrip(ERASED))
+        for p in table
+        # A slot that the image leaves empty is erased there, or lies beyond its end.
+        if p.kind == _APPLICATION and content[p.offset : p.end].startswith(_IMAGE_MAGIC)
+    ]
     bootloader = _bootloader_of(content)
     if not applications or bootloader is None:
         raise FlashFailed(
@@ -407,15 +399,6 @@ def _bootloader_of(content: bytes) -> tuple[Chip, int] | None:
     for offset, boards in _BOOTLOADERS.items():
         header = content[offset : offset + _CHIP_ID_OFFSET + 2]
         chip_id = int.from_bytes(header[_CHIP_ID_OFFSET:], "little")
-        if header[:1] == bytes([_IMAGE_MAGIC]) and chip_id in boards:
+        if header.startswith(_IMAGE_MAGIC) and chip_id in boards:
             return boards[chip_id], offset
     return None
-
-
-def _application(content: bytes, partition: Partition) -> Part | None:
-    """The content of an application partition in an image; None if there is none."""
-    code = content[partition.offset : partition.end]
-    # A slot that the image leaves empty is erased there, or lies beyond its end.
-    if partition.kind != _APPLICATION or code[:1] != bytes([_IMAGE_MAGIC]):
-        return None
-    return Part(partition.name, partition.offset, code.rstrip(ERASED))
