@@ -160,7 +160,9 @@ class _Demonstration:
     def _report(self, folder: Path) -> Report:
         picture = folder / PLOT_FILE
         picture_error = self._save(picture)
-        last, removed = self._true[-1], _drive_removed(self._true)
+        last = self._true[-1]
+        # When the drive was last removed.
+        removed = next(s for s in reversed(self._true) if s.drive_changed and not s.drive_on)
         pose, statistics = self._path[-1], self._robot.statistics
         return Report(
             distance_m=last.distance_m,
@@ -206,8 +208,3 @@ def _check_folder(folder: Path) -> None:
         raise OutputFailed(
             f"cannot write in {folder}: {error.strerror}; choose another folder with --output"
         ) from error
-
-
-def _drive_removed(states: list[TrueState]) -> TrueState:
-    """The state at which the drive was last removed."""
-    return next(s for s in reversed(states) if s.drive_changed and not s.drive_on)

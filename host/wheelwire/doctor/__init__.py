@@ -15,10 +15,8 @@ from .robot import examine_robot
 
 __all__ = ["Finding", "Machine", "examine", "examine_robot"]
 
-_CHECKS = (*ports.CHECKS, *computer.CHECKS, *ros.CHECKS)
-
 
 def examine(machine: Machine) -> Iterator[Finding]:
     """What is wrong with a computer."""
-    for check in _CHECKS:
+    for check in (*ports.CHECKS, *computer.CHECKS, *ros.CHECKS):
         yield from check(machine)

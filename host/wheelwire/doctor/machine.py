@@ -205,22 +205,19 @@ class Machine:
 
     def usb_folder(self, port: str) -> Path | None:
         """The folder of /sys of a port's USB device; None: it is no USB port."""
-        return self._above(port, "idVendor")
+        return self.folder_above(port, "idVendor")
 
-    def interface_folder(self, port: str) -> Path | None:
-        """The folder of /sys of a port's USB interface."""
-        return self._above(port, "bInterfaceNumber")
+    def folder_above(self, port: str, file: str) -> Path | None:
+        """The nearest folder of /sys above a port's device that has this file; None if none has."""
+        with suppress(OSError):
+            start = self.path(f"/sys/class/tty/{port}/device").resolve()
+            return next((p for p in (start, *start.parents) if (p / file).exists()), None)
+        return None
 
     def udev_data(self, folder: Path) -> list[str]:
         """What udev knows of a device, by its folder of /sys: lines such as `S:wheelwire`."""
         kind = "b" if "block" in folder.parts else "c"
         return self.read(f"/run/udev/data/{kind}{self.read(folder / 'dev')}").splitlines()
-
-    def _above(self, port: str, file: str) -> Path | None:
-        with suppress(OSError):
-            start = self.path(f"/sys/class/tty/{port}/device").resolve()
-            return next((p for p in (start, *start.parents) if (p / file).exists()), None)
-        return None
 
     def _ids(self, folder: Path) -> tuple[int, int]:
         with suppress(ValueError):

@@ -86,7 +86,8 @@ def _user(machine: Machine) -> str:
 
 def brltty(machine: Machine) -> Iterator[Finding]:
     """The Braille daemon takes USB chips that some Braille displays have, too."""
-    if _is_masked(machine, "brltty-udev.service"):
+    service = machine.path("/etc/systemd/system/brltty-udev.service")
+    if service.is_symlink() and str(service.readlink()) == "/dev/null":  # it is masked
         return
     for adapter in machine.adapters:
         if _brltty_takes(machine, adapter):
@@ -102,13 +103,15 @@ def _brltty_takes(machine: Machine, adapter: Adapter) -> bool:
     product = f"{adapter.vendor_id:x}/{adapter.product_id:x}/0"
     for rule in _rules(machine, "*brltty*.rules"):
         ids = _PRODUCT.search(rule)
-        if ids and fnmatchcase(product, ids[1]):
-            attributes = _ATTRIBUTE.findall(rule)
-            if all(
+        if (
+            ids
+            and fnmatchcase(product, ids[1])
+            and all(
                 fnmatchcase(machine.read(adapter.folder / name), wanted)
-                for name, wanted in attributes
-            ):
-                return True
+                for name, wanted in _ATTRIBUTE.findall(rule)
+            )
+        ):
+            return True
     return False
 
 
@@ -121,11 +124,6 @@ def _rules(machine: Machine, pattern: str) -> Iterator[str]:
     for file in files.values():
         lines = machine.read(file).splitlines()
         yield from (line for line in lines if not line.lstrip().startswith("#"))
-
-
-def _is_masked(machine: Machine, service: str) -> bool:
-    unit = machine.path(f"/etc/systemd/system/{service}")
-    return unit.is_symlink() and str(unit.readlink()) == "/dev/null"
 
 
 def modem_manager(machine: Machine) -> Iterator[Finding]:
@@ -147,7 +145,7 @@ def modem_manager(machine: Machine) -> Iterator[Finding]:
 
 
 def _says_modem(machine: Machine, port: str) -> bool:
-    interface = machine.interface_folder(port)
+    interface = machine.folder_above(port, "bInterfaceNumber")
     return (
         port.startswith("ttyACM")
         and interface is not None
@@ -169,14 +167,13 @@ def latency_timer(machine: Machine) -> Iterator[Finding]:
         if not timer.isdigit() or int(timer) <= 1:
             continue
         # A port that nobody has open is no problem yet: Wheelwire asks for it when it opens one.
-        for process in users_of(machine, f"/dev/{port}"):
+        user = next(users_of(machine, f"/dev/{port}"), None)
+        if user is not None:
             yield Finding(
                 "latency-timer",
-                f"/dev/{port}, which {process.program} uses, holds bytes back for up to {timer} "
-                "ms.",
+                f"/dev/{port}, which {user.program} uses, holds bytes back for up to {timer} ms.",
                 f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer",
             )
-            break
 
 
 def names(machine: Machine) -> Iterator[Finding]:
