@@ -13,7 +13,6 @@ import typer
 
 from wheelwire.board import BoardDescription, WheelPins, chip_of_pins, sentence
 from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.device_board import DeviceBoard
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
 from wheelwire.files.board import (
@@ -79,26 +78,6 @@ def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
     yield from complete_yaml(incomplete)
 
 
-NameArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME",
-        help="A built-in board (`wheelwire board list`), or a file.",
-        autocompletion=_complete,
-        show_default=False,
-    ),
-]
-FileArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="FILE",
-        help="A file, or a built-in board's name.",
-        autocompletion=_complete,
-        show_default=False,
-    ),
-]
-
-
 @app.callback(invoke_without_command=True)
 def board(context: typer.Context) -> None:
     """Show, check and write boards: pins, power stage and encoders as data."""
@@ -139,7 +118,18 @@ def list_all(as_json: JsonFlag = False) -> None:
 
 
 @app.command("show")
-def show(name: NameArgument, as_json: JsonFlag = False) -> None:
+def show(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="A built-in board (`wheelwire board list`), or a file.",
+            autocompletion=_complete,
+            show_default=False,
+        ),
+    ],
+    as_json: JsonFlag = False,
+) -> None:
     """Show what is connected to which pin, and what the power stage does."""
     _refuse_port(name)
     _show(load_board(name), as_json=as_json)
@@ -193,7 +183,18 @@ def _show_peripherals(found: BoardDescription) -> None:
 
 
 @app.command("check")
-def check(file: FileArgument, as_json: JsonFlag = False) -> None:
+def check(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="A file, or a built-in board's name.",
+            autocompletion=_complete,
+            show_default=False,
+        ),
+    ],
+    as_json: JsonFlag = False,
+) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
     _refuse_port(file)
     found = load_board(file)
@@ -251,22 +252,18 @@ def write(
     wanted = checked_board(name)
     # Bare: a robot's file may name this board, on which the device is not yet.
     address = resolve(robot, as_json=as_json)
-    with address.open(baud_rate, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as opened:
+        driver = _with_a_board(opened)
         try:
-            _device_board(driver).take_up(wanted)
+            driver.board.take_up(wanted)
         except DeviceRefused as error:
-            raise _explained(error, wanted, driver) from error
+            fits = wanted.chip is chip_of_pins(driver.info.device.board)
+            if fits or error.code != RefusalCode.BOARD_REFUSED:
+                raise
+            hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
+            raise error.hinted("the board", hint) from error
     text = f"{wanted.name}: written, tried and confirmed"
     print_result({"board": wanted.name, "written": True}, text, as_json=as_json)
-
-
-def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDriver) -> DeviceRefused:
-    if error.code != RefusalCode.BOARD_REFUSED or not isinstance(driver, DeviceDriver):
-        return error
-    if wanted.chip is chip_of_pins(driver.info.device.board):
-        return error
-    hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
-    return error.hinted("the board", hint)
 
 
 @app.command("confirm")
@@ -284,7 +281,7 @@ def confirm(
     until somebody has confirmed it.
     """
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
-        board = _device_board(driver)
+        board = _with_a_board(driver).board
         state, found = board.read()
         if found is None:
             raise ConfigurationError(
@@ -330,7 +327,7 @@ def read(
 ) -> None:
     """Show the device's active board and peripherals, as a file."""
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
-        board = _device_board(driver)
+        board = _with_a_board(driver).board
         state, found = board.read()
         stored = board.read_peripherals()
     if as_json:
@@ -350,12 +347,12 @@ def read(
         typer.echo(to_yaml(found), nl=False)
 
 
-def _device_board(driver: BaseDriver) -> DeviceBoard:
+def _with_a_board(driver: BaseDriver) -> DeviceDriver:
     if not isinstance(driver, DeviceDriver):
         raise InvalidArgument(
             "this robot's driver has no device that could store a board: name a robot that has one"
         )
-    return driver.board
+    return driver
 
 
 @app.command("init")

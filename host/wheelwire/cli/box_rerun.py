@@ -5,40 +5,20 @@ from __future__ import annotations
 import shlex
 import zlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wheelwire.config import is_recording
 from wheelwire.errors import InvalidArgument, OutputFailed
+from wheelwire_protocol.black_box import Outcome, Rerun
 
 from .output import print_json, print_lines, write_new
-
-if TYPE_CHECKING:
-    from wheelwire_protocol.black_box import Rerun
 
 DIFFERENT = 31
 """Exit code if the core did something else than the box says."""
 BOXES = Path("tests", "firmware", "boxes")
 TEST = Path("tests", "firmware", "test_boxes.py")
 """Both in a checkout."""
-
-RerunOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Give the inputs in a black box to the same core again; exit code 31 if it differs.",
-        show_default=False,
-    ),
-]
-ExportFlag = Annotated[
-    bool,
-    typer.Option(
-        "--export-test",
-        help="With --rerun: write the box as a regression test, in place of ROBOT a PATH: a file, "
-        "a folder, or a checkout of Wheelwire; default: the checkout that this is run in.",
-    ),
-]
 
 
 def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) -> None:
@@ -51,7 +31,6 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
         typer.Exit: The core did something else.
     """
     from wheelwire.recording.black_box import read_box, rerun_box
-    from wheelwire_protocol.black_box import Outcome
 
     if is_recording(file.name):
         raise InvalidArgument(
@@ -67,10 +46,8 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
         _write(target, file.read_bytes())
         command = _command(target)
     if as_json:
-        difference = None
-        if not same:
-            keys = ("step", "t_us", "field", "recorded", "computed")
-            difference = {key: getattr(found, key) for key in keys}
+        keys = ("step", "t_us", "field", "recorded", "computed")
+        difference = None if same else {key: getattr(found, key) for key in keys}
         print_json(
             {
                 "same": same,

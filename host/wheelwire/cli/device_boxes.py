@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from wheelwire.errors import OutputFailed, RecordingError
 from wheelwire_protocol.black_box import BoxError
@@ -15,16 +13,6 @@ if TYPE_CHECKING:
     from wheelwire.link.stored_boxes import Recorded, StoredBox
 
 SUFFIX = ".box"
-
-SaveBoxesOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="Write the black boxes that ROBOT has stored into this folder, "
-        "each a file for `wheelwire why FILE.box`.",
-        show_default=False,
-    ),
-]
 
 
 def is_box(address: str) -> bool:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import Progress
 
 from wheelwire.config import is_robot_file
@@ -16,6 +15,7 @@ from .address import RobotArgument, resolve
 from .output import (
     JsonFlag,
     console,
+    error_console,
     print_json,
     print_lines,
 )
@@ -68,8 +68,8 @@ def flash(
     if not as_json:
         print_lines(*_describe(plan))
     # On standard error: standard output may be JSON.
-    terminal = Console(stderr=True)
-    with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
+    hidden = not error_console.is_terminal
+    with Progress(console=error_console, transient=True, disable=hidden) as progress:
         task = progress.add_task(f"writing {chosen.path.name}", total=1.0)
         flasher.write_plan(port, chip, plan, lambda part: progress.update(task, completed=part))
     device = flasher.verify(port, chip)

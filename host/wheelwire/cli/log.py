@@ -12,7 +12,7 @@ import math
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from wheelwire.recording.frames import Frame
     from wheelwire.recording.recorder import Recorder
     from wheelwire.recording.summary import Summary
-    from wheelwire.recording.trace import Trace
 
 LOOK_S = 0.1
 """Time between two looks at the robot while the link records it."""
@@ -312,7 +311,7 @@ def _shortest(value: float) -> str:
 def draw_recording(
     file: Path,
     picture: Path,
-    title: Callable[[Trace, Mapping[str, str]], str],
+    title: str | None = None,
     window_us: tuple[float, float] | None = None,
 ) -> None:
     """Draw a recording.
@@ -320,7 +319,7 @@ def draw_recording(
     Args:
         file: The recording.
         picture: To be written.
-        title: Made of what the recording shows and of its metadata.
+        title: Of the picture; default: the file, its robot, when it began and how long it is.
         window_us: From when to when, by the recording's clock; default: all.
 
     Raises:
@@ -333,6 +332,7 @@ def draw_recording(
     from wheelwire.commissioning.before_after import check_picture
     from wheelwire.recording.plot import draw
     from wheelwire.recording.reader import metadata, records
+    from wheelwire.recording.summary import time_of_day
     from wheelwire.recording.trace import Trace
 
     said = metadata(file)
@@ -346,8 +346,11 @@ def draw_recording(
     if window_us is not None:
         begin_us, end_us = window_us
         window = (begin_us - trace.begin_us) / 1e6, (end_us - trace.begin_us) / 1e6
+    if title is None:
+        robot, began = said.get("board_id", "a robot"), time_of_day(trace.begin_us, said)
+        title = f"{file.name}: {robot}, {began}, {trace.end_s:.1f} s"
     try:
-        draw(trace, title(trace, said), picture, window)
+        draw(trace, title, picture, window)
     except OSError as error:
         raise OutputFailed.at(picture, error) from error
 
@@ -363,14 +366,7 @@ def plot(
 ) -> None:
     """Draw speeds asked and measured, duties, states and faults of a recording."""
     picture = output or file.with_suffix(".png")
-
-    def title(trace: Trace, said: Mapping[str, str]) -> str:
-        from wheelwire.recording.summary import time_of_day
-
-        began = time_of_day(trace.begin_us, said)
-        return f"{file.name}: {said.get('board_id', 'a robot')}, {began}, {trace.end_s:.1f} s"
-
-    draw_recording(file, picture, title)
+    draw_recording(file, picture)
     print_result({"picture": str(picture)}, f"drew {picture}", as_json=as_json)
 
 

@@ -72,9 +72,15 @@ def print_result(result: object, text: str, *, as_json: bool) -> None:
         print_lines(text)
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+def print_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    *,
+    show_header: bool = True,
+) -> None:
     """Print a table; the first column has the names."""
-    table = Table(title=title, title_justify="left", title_style="bold")
+    table = Table(title=title, title_justify="left", title_style="bold", show_header=show_header)
     for index, column in enumerate(columns):
         table.add_column(column, style="cyan" if index == 0 else "", no_wrap=index == 0)
     for row in rows:
@@ -84,12 +90,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
 
 def print_facts(title: str, facts: Sequence[tuple[str, object]]) -> None:
     """Print names and values, without headings."""
-    table = Table(title=title, title_justify="left", title_style="bold", show_header=False)
-    table.add_column(style="cyan", no_wrap=True)
-    table.add_column()
-    for name, value in facts:
-        table.add_row(name, str(value))
-    console.print(table)
+    print_table(title, ("name", "value"), facts, show_header=False)
 
 
 def show_help_alone(context: typer.Context) -> None:

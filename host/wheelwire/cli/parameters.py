@@ -215,15 +215,13 @@ def save_values(
         # Asked for anew: they are shown as the robot has them.
         listed = {p.name: p for p in driver.parameters.list()}
     kept = {name: listed[name] for name in names} if names else listed
-    if as_json:
-        print_json({"saved": {name: p.value for name, p in kept.items()}})
-        return
     shown = [p for p in kept.values() if names or p.value != p.default]
     values = ", ".join(f"{p.name} = {p.value:g}" for p in shown)
+    text = f"all values saved; different from their defaults: {values or 'none'}"
     if names:
-        print_lines(f"saved: {values}")
-    else:
-        print_lines(f"all values saved; different from their defaults: {values or 'none'}")
+        text = f"saved: {values}"
+    saved = {name: p.value for name, p in kept.items()}
+    print_result({"saved": saved}, text, as_json=as_json)
 
 
 @app.command("reset")

@@ -262,8 +262,7 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose,
     robot.stop()
     stopped = odometry.update(robot.read()).pose
     odometry.update(_standstill(robot))
-    late = robot.statistics.setpoints_expired - late_before
-    return stopped, odometry.pose, late
+    return stopped, odometry.pose, robot.statistics.setpoints_expired - late_before
 
 
 def _without_contact(address: str) -> str:
@@ -309,7 +308,7 @@ def monitor(
             with suppress(InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(partial(_print_stop, as_json=as_json))
         end = time.monotonic() + (seconds or math.inf)
-        latched: SupervisorState | None = None
+        shown: SupervisorState | None = None
         for news in watch(driver, end):
             if isinstance(news, str):
                 print_note(news, as_json=as_json)
@@ -318,9 +317,9 @@ def monitor(
                 print_json(news)
                 continue
             print_lines(_line(news, driver.statistics.frames_lost))
-            if news.state in _LATCHED and news.state is not latched:
+            if news.state in _LATCHED and news.state is not shown:
                 print_lines(_latched(news, address.text))
-            latched = news.state if news.state in _LATCHED else None
+            shown = news.state
             # A person, or a log, has no use for more.
             time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
 
@@ -355,14 +354,11 @@ def estop(
     # gone.
     lasting = isinstance(driver, (AttachedDriver, SerialDriver, L298NDriver, PigpioDriver))
     after = f"once {driver.holder.name}, has ended, " if isinstance(driver, AttachedDriver) else ""
-    if as_json:
-        print_json({"latched": SupervisorState.ESTOPPED if lasting else None})
-    elif lasting:
-        print_lines(f"stopped and latched; {after}`wheelwire clear {address.text}` ends it")
-    else:
-        print_lines(
-            "stopped, but not latched: this robot is simulated by this command, and ended with it"
-        )
+    text = "stopped, but not latched: this robot is simulated by this command, and ended with it"
+    if lasting:
+        text = f"stopped and latched; {after}`wheelwire clear {address.text}` ends it"
+    latched = SupervisorState.ESTOPPED if lasting else None
+    print_result({"latched": latched}, text, as_json=as_json)
 
 
 def stop(
@@ -419,7 +415,11 @@ def clear(
     with address.open(baud_rate, bare=True) as driver:
         before = after = driver.read()
         if before.state is SupervisorState.ESTOPPED:
-            _clear_estop(driver, address.text)
+            try:
+                driver.clear_estop()
+            except DeviceRefused as error:
+                hint = _without_contact(address.text)
+                raise error.hinted("to end the e-stop", hint) from error
         elif before.state is SupervisorState.FAULT:
             driver.clear_fault()
         # The next sample may have been measured before the answer.
@@ -496,13 +496,6 @@ def _restart_refused(error: DeviceRefused, address: str) -> DeviceRefused:
     elif error.code == RefusalCode.NOT_STOPPED:
         hint = f"`wheelwire stop {address}` stops it."
     return error.hinted("to restart", hint)
-
-
-def _clear_estop(robot: BaseDriver, address: str) -> None:
-    try:
-        robot.clear_estop()
-    except DeviceRefused as error:
-        raise error.hinted("to end the e-stop", _without_contact(address)) from error
 
 
 def _line(sample: WheelSample, lost: int) -> str:

@@ -87,7 +87,20 @@ def _print_events(
 
 def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
     if as_json:
-        print_json([_as_object(one) for one in channels])
+        print_json(
+            [
+                {
+                    "channel": one.info.name,
+                    "kind": one.info.kind.name.lower(),
+                    "rate_hz": one.info.rate_hz,
+                    "age_s": None if one.age_s is None else round(one.age_s, 6),
+                    "state": _word(one.state),
+                    "reason": one.state.name if _is_stale(one) else None,
+                    "value": _value(one),
+                }
+                for one in channels
+            ]
+        )
     elif not channels:
         console.print(f"the robot has no sensor: name it {IN_FILE}")
     else:
@@ -112,18 +125,6 @@ def _rate(info: SensorInfo) -> str:
     if info.kind is PeripheralKind.BATTERY and not info.rate_hz:
         return ""  # the power sensor measures it
     return "change" if info.kind in INPUTS else f"{info.rate_hz} Hz"
-
-
-def _as_object(one: SensorStatus) -> dict[str, Any]:
-    return {
-        "channel": one.info.name,
-        "kind": one.info.kind.name.lower(),
-        "rate_hz": one.info.rate_hz,
-        "age_s": None if one.age_s is None else round(one.age_s, 6),
-        "state": _word(one.state),
-        "reason": one.state.name if _is_stale(one) else None,
-        "value": _value(one),
-    }
 
 
 def _is_stale(one: SensorStatus) -> bool:
@@ -177,8 +178,7 @@ def _text(one: SensorStatus) -> str:
     if isinstance(sample, PowerSample):
         current = "" if sample.current_a is None else f", {sample.current_a:.2f} A"
         used = "" if sample.used_ah is None else f", {sample.used_ah:.3f} Ah used"
-        is_judged = sample.level is not BatteryLevel.UNKNOWN
-        level = f", {sample.level.name.lower()}" if is_judged else ""
+        level = "" if sample.level is BatteryLevel.UNKNOWN else f", {sample.level.name.lower()}"
         return f"{sample.voltage_v:.2f} V{current}{used}{level}"
     if isinstance(sample, RangeSample):
         return {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +25,7 @@ from .tune import check_plot
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
-    from wheelwire.commissioning.setup import Findings, Options
+    from wheelwire.commissioning.setup import Options
     from wheelwire.drivers.mock import MockDriver
 
 WIRING_VARIABLES = (
@@ -164,7 +164,19 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
         options = replace(options, left=left.show)
         findings = set_up(robot, _Shown(person, say), say, options)
     if as_json:
-        print_json(_as_json(findings))
+        print_json(
+            {
+                "imu": findings.imu,
+                "wiring": findings.wiring,
+                "counts_per_revolution": findings.counts_per_revolution,
+                "velocity_feedforward": findings.velocity_feedforward,
+                "static_feedforward": findings.static_feedforward,
+                "rms_before_mps": findings.rms_before_mps,
+                "rms_after_mps": findings.rms_after_mps,
+                "problems": findings.problems,
+                "saved": findings.saved,
+            }
+        )
     elif findings.is_complete and findings.problems:
         count = len(findings.problems)
         remain = "1 problem remains" if count == 1 else f"{count} problems remain"
@@ -173,20 +185,6 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
         console.print("the set-up cannot go on: remove the cause, then run the command again")
     if not findings.is_complete:
         raise typer.Exit(CommissioningFailed.exit_code)
-
-
-def _as_json(findings: Findings) -> Mapping[str, object]:
-    return {
-        "imu": None if findings.imu is None else asdict(findings.imu),
-        "wiring": None if findings.wiring is None else asdict(findings.wiring),
-        "counts_per_revolution": findings.counts_per_revolution,
-        "velocity_feedforward": findings.velocity_feedforward,
-        "static_feedforward": findings.static_feedforward,
-        "rms_before_mps": findings.rms_before_mps,
-        "rms_after_mps": findings.rms_after_mps,
-        "problems": findings.problems,
-        "saved": findings.saved,
-    }
 
 
 class _Shown:

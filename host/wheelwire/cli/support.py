@@ -142,12 +142,13 @@ def _board(driver: DeviceDriver) -> str:
 
 
 def _counters(driver: DeviceDriver) -> str:
-    counted = {
-        "link": driver.device_counters(),
-        "control": driver.control_counters(),
-        "contradictions": driver.contradictions(),
-    }
-    return _json(counted)
+    return _json(
+        {
+            "link": driver.device_counters(),
+            "control": driver.control_counters(),
+            "contradictions": driver.contradictions(),
+        }
+    )
 
 
 def _newest_recording() -> Path | None:

@@ -22,9 +22,8 @@ def can_show() -> bool:
     """
     # Textual draws to standard error.
     is_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
-    if not is_terminal or os.environ.get("TERM", "dumb") == "dumb":
-        return False
-    if not (sys.stdout.encoding or "").lower().startswith("utf"):
+    is_unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    if not is_terminal or not is_unicode or os.environ.get("TERM", "dumb") == "dumb":
         return False
     if find_spec("textual") is None:
         print_note("for a view on the whole screen: pip install 'wheelwire[view]'", as_json=False)

@@ -18,9 +18,8 @@ from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
 from wheelwire.link.clock import host_clock_us
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
-from .box_rerun import ExportFlag, RerunOption, rerun_file
+from .box_rerun import rerun_file
 from .device_boxes import (
-    SaveBoxesOption,
     check_folder,
     is_box,
     stops_of_file,
@@ -43,9 +42,33 @@ def why(
         Path | None,
         typer.Option(metavar="PNG", help="Draw the seconds around a recording's newest stop."),
     ] = None,
-    rerun: RerunOption = None,
-    export_test: ExportFlag = False,
-    save_boxes: SaveBoxesOption = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Give the inputs in a black box to the same core again; exit code 31 if it "
+            "differs.",
+            show_default=False,
+        ),
+    ] = None,
+    export_test: Annotated[
+        bool,
+        typer.Option(
+            "--export-test",
+            help="With --rerun: write the box as a regression test, in place of ROBOT a PATH: a "
+            "file, a folder, or a checkout of Wheelwire; default: the checkout that this is run "
+            "in.",
+        ),
+    ] = False,
+    save_boxes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Write the black boxes that ROBOT has stored into this folder, each a file for "
+            "`wheelwire why FILE.box`.",
+            show_default=False,
+        ),
+    ] = None,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
@@ -90,15 +113,22 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
 
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and what was latched before, if that is all."""
-    from wheelwire.recording.reader import metadata, offset_us
+    from wheelwire.diagnosis import Diagnosis
+    from wheelwire.recording.reader import metadata, offset_us, records, was_closed
 
-    (stops, before), added_us = _stops_of(file), offset_us(metadata(file))
+    diagnosis = Diagnosis()
+    try:
+        stops = [*diagnosis.feed_all(records(file)), *diagnosis.end(complete=was_closed(file))]
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from error
+    added_us = offset_us(metadata(file))
     if plot is not None:
         _draw(file, stops, plot)
     facts = [] if stops else [NOTHING]
-    if facts and before:
-        facts.append(f"It was stopped before the recording began: {', '.join(before)}.")
-    return [_said(stop, _time_of_day(stop.host_us + added_us)) for stop in stops], facts
+    if facts and diagnosis.latched_before:
+        before = ", ".join(diagnosis.latched_before)
+        facts.append(f"It was stopped before the recording began: {before}.")
+    return [_said(stop, stop.host_us + added_us) for stop in stops], facts
 
 
 def _of_robot(
@@ -126,33 +156,13 @@ def _of_robot(
         facts += [f"Written: {file}" for file in write_boxes(recorded, device.board_id, folder)]
     to_unix_us = time.time_ns() // 1000 - host_clock_us()
     said = [
-        _said(one.stop, _time_of_day(one.stop.host_us + to_unix_us) if one.is_dated else None)
-        for one in found
+        _said(one.stop, one.stop.host_us + to_unix_us if one.is_dated else None) for one in found
     ]
     return said, facts
 
 
-def _stops_of(file: Path) -> tuple[list[Stop], tuple[str, ...]]:
-    """The stops of a recording, and what was latched before it."""
-    from wheelwire.diagnosis import Diagnosis
-    from wheelwire.recording.reader import records, was_closed
-
-    diagnosis = Diagnosis()
-    try:
-        stops = [
-            *diagnosis.feed_all(records(file)),
-            *diagnosis.end(complete=was_closed(file)),
-        ]
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
-    return stops, diagnosis.latched_before
-
-
-def _time_of_day(unix_us: int) -> datetime:
-    return datetime.fromtimestamp(unix_us / 1e6).astimezone()
-
-
-def _said(stop: Stop, time: datetime | None) -> dict[str, Any]:
+def _said(stop: Stop, unix_us: int | None) -> dict[str, Any]:
+    time = None if unix_us is None else datetime.fromtimestamp(unix_us / 1e6).astimezone()
     return {
         "time": None if time is None else time.isoformat(timespec="milliseconds"),
         "cause": stop.cause,
@@ -176,4 +186,4 @@ def _draw(file: Path, stops: list[Stop], picture: Path) -> None:
         raise InvalidArgument(f"{file}: nothing has stopped the robot: there is nothing to draw")
     newest = stops[-1]
     window_us = newest.host_us - BEFORE_S * 1e6, newest.host_us + AFTER_S * 1e6
-    draw_recording(file, picture, lambda *_: newest.sentence, window_us)
+    draw_recording(file, picture, newest.sentence, window_us)
