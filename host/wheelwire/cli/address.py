@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import glob
 import os
-import sys
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,17 +28,17 @@ from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .output import print_note
-from .prompts import ask_yes_or_no
+from .prompts import ask_yes_or_no, can_ask
 
 _DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
 
 
-def complete_robot(incomplete: str) -> Iterator[tuple[str, str]]:
+# Typer leaves out what does not begin with the text that was typed.
+def complete_robot() -> Iterator[tuple[str, str]]:
     """The addresses that the shell suggests, each with a description. Opens nothing."""
-    found = [(port.device, port.note) for port in likely_boards()]
-    for address, meaning in (*found, (MOCK, "a simulated robot")):
-        if address.startswith(incomplete):
-            yield address, meaning
+    for port in likely_boards():
+        yield port.device, port.note
+    yield MOCK, "a simulated robot"
 
 
 def complete_yaml(incomplete: str) -> Iterator[tuple[str, str]]:
@@ -48,12 +47,11 @@ def complete_yaml(incomplete: str) -> Iterator[tuple[str, str]]:
         yield path, "a file"
 
 
-def complete_robot_or_name(incomplete: str) -> Iterator[tuple[str, str]]:
+def complete_robot_or_name() -> Iterator[tuple[str, str]]:
     """The suggestions for an argument that may be ROBOT or the name of a parameter."""
-    yield from complete_robot(incomplete)
+    yield from complete_robot()
     for name, parameter in PARAMETER_BY_NAME.items():
-        if name.startswith(incomplete):
-            yield name, parameter.doc
+        yield name, parameter.doc
 
 
 RobotArgument = Annotated[
@@ -245,8 +243,7 @@ def _only_candidate() -> SerialPort:
 
 
 def _confirm(device: str, chosen: str) -> None:
-    # The question goes to standard error; standard output may be a file or a pipe.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not can_ask():
         raise RobotNotNamed(
             f"{chosen}, and there is no terminal to ask on: name the robot, "
             f"as the first argument or in {ENVIRONMENT}, or give --yes"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -66,15 +65,14 @@ from .output import (
     show_help_alone,
 )
 from .parameters import RobotCommand, split
-from .prompts import ask, ask_yes_or_no
+from .prompts import ask, ask_yes_or_no, can_ask
 
 app = typer.Typer()
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
     for name in shipped_boards():
-        if name.startswith(incomplete):
-            yield name, "a built-in board"
+        yield name, "a built-in board"
     yield from complete_yaml(incomplete)
 
 
@@ -218,7 +216,7 @@ def _refuse_port(given: str) -> None:
 
 
 def _complete_robot_or_board(incomplete: str) -> Iterator[tuple[str, str]]:
-    yield from complete_robot(incomplete)
+    yield from complete_robot()
     yield from _complete(incomplete)
 
 
@@ -305,8 +303,7 @@ def confirm(
 def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> None:
     if yes:
         return
-    # The question goes to standard error; standard output may be a file or a pipe.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not can_ask():
         raise InvalidArgument(
             f"the device reports the board {found.name}; compare it with `wheelwire board read`, "
             "then confirm with --yes: there is no terminal to ask on"

@@ -56,11 +56,10 @@ app = typer.Typer()
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
-    """The recordings whose path begins with what was typed."""
+    """The recordings in the folder of what was typed."""
     folder = Path(incomplete if incomplete.endswith("/") else Path(incomplete).parent)
     for path in sorted(folder.glob("*.mcap")):
-        if str(path).startswith(incomplete):
-            yield str(path), "a recording"
+        yield str(path), "a recording"
 
 
 FileArgument = Annotated[
@@ -213,9 +212,7 @@ def decode(
         typer.Option(
             help="Only these, a column for each field: WheelState, SetVelocity, ... as in "
             "protocol/MESSAGES.md.",
-            autocompletion=lambda incomplete: [
-                name for name in MESSAGES if name.startswith(incomplete)
-            ],
+            autocompletion=lambda: list(MESSAGES),
         ),
     ] = None,
     as_json: JsonFlag = False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -46,7 +45,7 @@ from .output import (
     show_help_alone,
     write_new,
 )
-from .prompts import ask_yes_or_no
+from .prompts import ask_yes_or_no, can_ask
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22
@@ -247,7 +246,7 @@ def reset_all(
     """
     address = resolve(robot, as_json=as_json)
     # Before the robot is opened, which stops it.
-    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not yes and not can_ask():
         raise InvalidArgument(
             "`params reset` asks first, and there is no terminal to ask on: add --yes. Nothing was "
             "reset"
@@ -312,7 +311,7 @@ def _new_copy(board_id: str) -> Path:
 
 
 def _complete_file(incomplete: str) -> Iterator[tuple[str, str]]:
-    yield from complete_robot(incomplete)
+    yield from complete_robot()
     yield from complete_yaml(incomplete)
 
 

@@ -14,6 +14,12 @@ from wheelwire.errors import InvalidArgument
 PIPE_BYTES = 4096
 
 
+def can_ask() -> bool:
+    """Whether somebody sees the questions and can answer them."""
+    # They go to standard error; standard output may be a file or a pipe.
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
 def ask(question: str, default: object = None, *, err: bool = True) -> str:
     """The answer to a question; Enter gives the default, and without one asks again.
 

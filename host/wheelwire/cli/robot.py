@@ -461,7 +461,12 @@ def restart(
         try:
             driver.board.restart()
         except DeviceRefused as error:
-            raise _restart_refused(error, address.text) from error
+            service = "Restart the program or the service that moves its pins."
+            hints: dict[int, str] = {
+                RefusalCode.NOT_SUPPORTED: service,
+                RefusalCode.NOT_STOPPED: f"`wheelwire stop {address.text}` stops it.",
+            }
+            raise error.hinted("to restart", hints.get(error.code, "")) from error
         sample = driver.read()
         while sample.boot_id == before:  # it was on its way
             sample = driver.read()
@@ -487,15 +492,6 @@ def restart(
         ],
     )
     print_lines(*(f"warning: {warning}" for warning in warnings))
-
-
-def _restart_refused(error: DeviceRefused, address: str) -> DeviceRefused:
-    hint = ""
-    if error.code == RefusalCode.NOT_SUPPORTED:
-        hint = "Restart the program or the service that moves its pins."
-    elif error.code == RefusalCode.NOT_STOPPED:
-        hint = f"`wheelwire stop {address}` stops it."
-    return error.hinted("to restart", hint)
 
 
 def _line(sample: WheelSample, lost: int) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -34,7 +33,7 @@ from .output import (
     print_lines,
     print_table,
 )
-from .prompts import ask, ask_yes_or_no
+from .prompts import ask, ask_yes_or_no, can_ask
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.before_after import Course
@@ -117,7 +116,7 @@ def tune(
         raise InvalidArgument("there is nothing to save: give a gain, such as --ki 12")
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     address.check_parameters(tried, save=save)
-    if not yes and not _can_ask():
+    if not yes and not can_ask():
         raise InvalidArgument(
             "`tune` asks before the wheels turn, and there is no terminal to ask on: add --yes"
         )
@@ -156,11 +155,6 @@ class _Wish:
     yes: bool
     can_save: bool
     as_json: bool
-
-
-def _can_ask() -> bool:
-    # The questions go to standard error; standard output may be a file or a pipe.
-    return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
@@ -237,7 +231,7 @@ def _outcome(found: Comparison, wish: _Wish) -> Outcome:
     """What to do with the values that were tried."""
     if wish.save:
         return "undo" if found.is_worse or found.held_up else "save"
-    if found.faults[-1] or not _can_ask():
+    if found.faults[-1] or not can_ask():
         return "undo"
     choices: tuple[Outcome, ...] = ("keep", "undo", "save") if wish.can_save else ("keep", "undo")
     while True:
