@@ -12,13 +12,7 @@ from wheelwire.config import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
 from .address import RobotArgument, resolve
-from .output import (
-    JsonFlag,
-    console,
-    error_console,
-    print_json,
-    print_lines,
-)
+from .output import JsonFlag, console, error_console, print_json, print_lines
 
 if TYPE_CHECKING:
     from wheelwire.flash import Plan

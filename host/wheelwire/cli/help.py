@@ -13,10 +13,7 @@ from typer.models import CommandInfo, TyperInfo
 
 from wheelwire_protocol import native
 
-from .output import (
-    console,
-    print_lines,
-)
+from .output import console, print_lines
 
 _CHECKOUT = Path(__file__).parents[3]
 _SHIPPED = Path(__file__).parents[1] / "pages"

@@ -24,13 +24,7 @@ from wheelwire.simulation.narration import SIDES, Narrator
 from wheelwire.simulation.remote import RemoteConsole, RemoteSimulator, running_simulators
 from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 
-from .output import (
-    JsonFlag,
-    print_json,
-    print_lines,
-    print_note,
-    print_result,
-)
+from .output import JsonFlag, print_json, print_lines, print_note, print_result
 
 DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
 TRUTH_HZ = 20.0

@@ -24,12 +24,7 @@ from wheelwire.files.parameters import ParameterFile
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 
 from .address import BaudRateOption, RobotArgument, resolve
-from .output import (
-    JsonFlag,
-    print_json,
-    print_lines,
-    to_json_value,
-)
+from .output import JsonFlag, print_json, print_lines, to_json_value
 
 RECORDINGS = "*.mcap"
 LARGEST = 200 << 20

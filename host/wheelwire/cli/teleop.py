@@ -16,9 +16,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .interruptions import ended_by_signals, stop
-from .output import (
-    print_lines,
-)
+from .output import print_lines
 from .sensors import ask_for_samples
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)

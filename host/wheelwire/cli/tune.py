@@ -13,12 +13,7 @@ import typer
 
 from wheelwire.commissioning.driving import meaning_of
 from wheelwire.drivers.base import BaseDriver
-from wheelwire.errors import (
-    CommissioningFailed,
-    DriverUnavailable,
-    InvalidArgument,
-    OutputFailed,
-)
+from wheelwire.errors import CommissioningFailed, DriverUnavailable, InvalidArgument, OutputFailed
 from wheelwire.parameters import checked_values, definition_of, number_text
 
 from .address import Address, BaudRateOption, RobotArgument, resolve

@@ -19,12 +19,7 @@ from wheelwire.link.clock import host_clock_us
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
 from .box_rerun import rerun_file
-from .device_boxes import (
-    check_folder,
-    is_box,
-    stops_of_file,
-    write_boxes,
-)
+from .device_boxes import check_folder, is_box, stops_of_file, write_boxes
 from .log import draw_recording
 from .output import JsonFlag, print_json, print_lines
 
