@@ -23,10 +23,11 @@ from mcap.reader import make_reader
 from support.tapped_line import TappedLine
 from wheelwire.errors import RecordingError
 from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.recording import recorder as recorder_module
 from wheelwire.recording import writer
 from wheelwire.recording.raw import TOPICS, decode
 from wheelwire.recording.reader import is_complete, records
-from wheelwire.recording.recorder import Attachment, Recorder, Rotation
+from wheelwire.recording.recorder import Attachment, Recorder
 from wheelwire.recording.repair import repair
 from wheelwire.recording.writer import RecordingFile
 
@@ -121,9 +122,9 @@ def _record_until_killed(place: Path, random: Random) -> None:
     link = TappedLine()
     witness = TapReader(limit=1_000_000)
     link.listen_to_tap(witness)
-    rotation = Rotation(max_bytes=random.choice((1, 1 << 30)))
+    recorder_module.MAX_BYTES = random.choice((1, 1 << 30))
     seen = os.open(place / "seen", os.O_CREAT | os.O_WRONLY)
-    recorder = Recorder(link, place / "day.mcap", {}, rotation)
+    recorder = Recorder(link, place / "day.mcap", {})
     while recorder.error is None:
         time_s = time.monotonic()
         link.drive(STEP_S, random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3))

@@ -119,7 +119,7 @@ COPY_ID = 0
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
 # All other requests are answered by an Ack.
-_ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
+ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterGet: ParameterValue,
     ParameterSet: ParameterValue,
     ParameterList: ParameterEntry,
@@ -240,7 +240,7 @@ class RequestQueue:
         if request is None:
             return None
         # An id alone is not enough: a previous host's answer may carry the same one.
-        expected = _ANSWER_TYPES.get(type(request.message), Ack)
+        expected = ANSWER_TYPES.get(type(request.message), Ack)
         if type(answer) is not expected:
             return None
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):

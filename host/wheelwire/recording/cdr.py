@@ -22,7 +22,6 @@ class Layout:
         self._buffer = bytearray(HEADER)
         self._runs: list[tuple[int, str, int]] = []
         """Places that lie side by side: offset, format and number."""
-        self._fields: list[tuple[struct.Struct, int, int, int]] = []
 
     def number(self, code: str, value: float | None = None) -> Layout:
         """One number of a fixed size."""
@@ -44,14 +43,14 @@ class Layout:
     def _leave(self, before: int, padding: int, format_: str, count: int) -> None:
         if self._runs:
             offset, run, places = self._runs[-1]
-            if offset + struct.calcsize("<" + run) == before:  # one call fills both
+            if offset + struct.calcsize(run) == before:  # one call fills both
                 self._runs[-1] = offset, f"{run}{padding}x{format_}", places + count
                 return
-        self._runs.append((before + padding, format_, count))
+        self._runs.append((before + padding, "<" + format_, count))
 
-    def sequence(self, code: str, count: int, values: tuple[float, ...] | None = None) -> Layout:
+    def sequence(self, code: str, count: int) -> Layout:
         """An array whose length is in the message."""
-        return self.number("I", count).numbers(code, count, values)
+        return self.number("I", count).numbers(code, count)
 
     def text(self, value: str) -> Layout:
         """A string."""
@@ -69,14 +68,8 @@ class Layout:
 
     def fill(self, *values: float) -> bytes:
         """The message with these numbers at the places left for them, in order."""
-        if len(self._fields) != len(self._runs):
-            self._compile()
-        for code, offset, begin, end in self._fields:
-            code.pack_into(self._buffer, offset, *values[begin:end])
-        return bytes(self._buffer)
-
-    def _compile(self) -> None:
-        self._fields, begin = [], 0
+        begin = 0
         for offset, format_, count in self._runs:
-            self._fields.append((struct.Struct("<" + format_), offset, begin, begin + count))
+            struct.pack_into(format_, self._buffer, offset, *values[begin : begin + count])
             begin += count
+        return bytes(self._buffer)

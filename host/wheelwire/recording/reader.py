@@ -39,13 +39,14 @@ FOREIGN = (
     "it is no recording of a robot by Wheelwire; name a file that `wheelwire log record` has made"
 )
 
-_HEAD = struct.Struct("<BQ")
+HEAD = struct.Struct("<BQ")
+"""How a part begins: its opcode, and the length of its content."""
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
 ATTACHMENT, METADATA_RECORD, DATA_END = 9, 12, 15
 """Opcodes of MCAP's specification. The last is the highest."""
 _MESSAGE = struct.Struct("<HIQQ")
 """The head of a message: channel, sequence, and two times."""
-_DATA_END = _HEAD.pack(DATA_END, 4)
+_DATA_END = HEAD.pack(DATA_END, 4)
 _FOOTER = struct.Struct("<BQQQI8s")
 """The end of a file: opcode, length, where the index begins, 0, the index's checksum, magic."""
 
@@ -67,7 +68,7 @@ class Part:
     @property
     def end(self) -> int:
         """Where the next one begins."""
-        return self.offset + _HEAD.size + len(self.content)
+        return self.offset + HEAD.size + len(self.content)
 
 
 def require_mcap() -> None:
@@ -86,12 +87,12 @@ def parts(file: BinaryIO) -> Iterator[Part]:
         return
     offset = len(MAGIC)
     while True:
-        head = file.read(_HEAD.size)
-        if len(head) < _HEAD.size:
+        head = file.read(HEAD.size)
+        if len(head) < HEAD.size:
             return
-        opcode, length = _HEAD.unpack(head)
+        opcode, length = HEAD.unpack(head)
         # A page that was never written reads as zeros.
-        if not HEADER <= opcode <= DATA_END or offset + _HEAD.size + length > size:
+        if not HEADER <= opcode <= DATA_END or offset + HEAD.size + length > size:
             return
         part = Part(offset, opcode, file.read(length))
         if not _is_whole(part):
@@ -115,17 +116,13 @@ def _is_whole(part: Part) -> bool:
                 bool(chunk.compression) or zlib.crc32(chunk.data) == chunk.uncompressed_crc
             )
         if part.opcode == ATTACHMENT:
-            return _attachment_is_whole(part.content)
+            (crc,) = struct.unpack("<I", part.content[-4:])
+            return bool(crc == zlib.crc32(part.content[:-4]))
         if part.opcode in (HEADER, METADATA_RECORD):
             (Header if part.opcode == HEADER else Metadata).read(stream_of(part.content))
     except (McapError, ValueError, OverflowError, struct.error, EOFError):
         return False
     return True
-
-
-def _attachment_is_whole(content: bytes) -> bool:
-    (crc,) = struct.unpack("<I", content[-4:])
-    return bool(crc == zlib.crc32(content[:-4]))
 
 
 def chunk_of(part: Part) -> Chunk:
@@ -165,11 +162,8 @@ def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
     Raises:
         RecordingError: The file cannot be read.
     """
-    from_file = _parts_of(path)  # first: it says what to install
-    from mcap.records import Channel
-
     topics: dict[int, str] = {}
-    with closing(from_file):
+    with closing(_parts_of(path)) as from_file:
         for part in from_file:
             if part.opcode != CHUNK:
                 continue
@@ -184,6 +178,8 @@ def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
                     channel, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
                     yield topics[channel], time_ns, data[begin + _MESSAGE.size : end]
                 elif opcode == CHANNEL:
+                    from mcap.records import Channel  # here: opening the file says what to install
+
                     one = Channel.read(stream_of(data[begin:end]))
                     topics[one.id] = one.topic
 
@@ -192,8 +188,8 @@ def within(data: bytes) -> Iterator[tuple[int, int, int]]:
     """What a chunk's data hold: each part's opcode, and from where to where its content goes."""
     end = 0
     while end < len(data):
-        opcode, length = _HEAD.unpack_from(data, end)
-        begin = end + _HEAD.size
+        opcode, length = HEAD.unpack_from(data, end)
+        begin = end + HEAD.size
         end = begin + length
         yield opcode, begin, end
 
@@ -206,7 +202,7 @@ def metadata(path: str | Path) -> dict[str, str]:
     """
     with closing(_parts_of(path)) as from_file:
         for part in from_file:
-            if part.opcode == METADATA_RECORD and (said := _said(part)) is not None:
+            if part.opcode == METADATA_RECORD and (said := _said(part, METADATA)) is not None:
                 return said
     raise RecordingError(f"{path}: {FOREIGN}")
 
@@ -218,12 +214,12 @@ def offset_us(said: Mapping[str, str]) -> int:
     return int(text) // 1000 if text.lstrip("-").isdecimal() else 0
 
 
-def _said(part: Part) -> dict[str, str] | None:
-    """Our entries in a part with metadata."""
+def _said(part: Part, name: str) -> dict[str, str] | None:
+    """What a part with metadata says, if it has this name."""
     from mcap.records import Metadata
 
     found = Metadata.read(stream_of(part.content))
-    return dict(found.metadata) if found.name == METADATA else None
+    return dict(found.metadata) if found.name == name else None
 
 
 def _check_release(said: Mapping[str, str], path: str | Path) -> None:
@@ -250,12 +246,12 @@ def has_end(file: BinaryIO) -> bool:
     if len(footer) != _FOOTER.size:
         return False
     opcode, length, index, _, crc, magic = _FOOTER.unpack(footer)
-    begin = index - _HEAD.size - 4
+    begin = index - HEAD.size - 4
     if (opcode, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= begin < size:
         return False
     file.seek(begin)
     data = file.read(size - begin - len(MAGIC) - 4)
-    return data.startswith(_DATA_END) and bool(crc == zlib.crc32(data[_HEAD.size + 4 :]))
+    return data.startswith(_DATA_END) and bool(crc == zlib.crc32(data[HEAD.size + 4 :]))
 
 
 def is_complete(path: str | Path) -> bool:
@@ -277,12 +273,9 @@ def was_closed(path: str | Path) -> bool:
     Raises:
         RecordingError: The file cannot be read.
     """
-    from mcap.records import Metadata
-
     with closing(_parts_of(path)) as from_file:
         is_repaired = any(
-            part.opcode == METADATA_RECORD
-            and Metadata.read(stream_of(part.content)).name == REPAIRED
+            part.opcode == METADATA_RECORD and _said(part, REPAIRED) is not None
             for part in from_file
         )
     return not is_repaired and is_complete(path)
@@ -315,11 +308,7 @@ def opened(path: str | Path, mode: str = "rb") -> BinaryIO:
 
 
 def _parts_of(path: str | Path) -> Generator[Part, None, None]:
-    return _closing(opened(path), path)
-
-
-def _closing(file: BinaryIO, path: str | Path) -> Generator[Part, None, None]:
-    with file:
+    with opened(path) as file:
         found = False
         for part in parts(file):
             found = True

@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -39,6 +38,7 @@ QUEUE = 100_000
 """Records that wait while the disk does not answer: 20 s of a link that is driven at 1 kHz."""
 MAX_BYTES = 1 << 30
 MAX_S = 3600.0
+"""A recording goes on in a next file after so much, and after so long."""
 CLOSE_S = 10.0
 BEGIN_S = 5.0
 """A tap begins once the session knows its board, for which it asks up to four times 1 s."""
@@ -74,14 +74,6 @@ class Attachment(NamedTuple):
     name: str
     media_type: str
     data: bytes
-
-
-@dataclass(frozen=True)
-class Rotation:
-    """When a recording goes on in a next file."""
-
-    max_bytes: int = MAX_BYTES
-    max_s: float = MAX_S
 
 
 class _Inlet:
@@ -124,7 +116,6 @@ class Recorder:
         path: The file; a folder: a file in it that is named by the time. A file that exists is
             left as it is: a number is put behind the new one's name.
         metadata: What the file says of the robot.
-        rotation: When to go on in a next file, whose name has the next number.
         attachments: Gives what is to be attached; called in a thread of its own, once. None of it
             need be there: it may raise a WheelwireError.
 
@@ -142,7 +133,6 @@ class Recorder:
         link: Tapped,
         path: str | Path,
         metadata: Mapping[str, str],
-        rotation: Rotation | None = None,
         attachments: Callable[[], Iterable[Attachment]] | None = None,
     ) -> None:
         self.lost = 0
@@ -151,7 +141,6 @@ class Recorder:
         self._link = link
         self._path = recording_path(path)
         self._metadata = dict(metadata)
-        self._rotation = rotation or Rotation()
         self._offset_ns = time.time_ns() - time.monotonic_ns()
         self._part = 0
         self._file = self._next_file()
@@ -222,7 +211,9 @@ class Recorder:
         except (OSError, RecordingError) as error:
             self._give_up(error)
         finally:
-            self._stop_listening()
+            for inlet in (self._inlet, self._successor):
+                if inlet is not None:
+                    self._link.tap.remove(inlet.reader)
 
     def _give_up(self, error: OSError | RecordingError) -> None:
         reason = error.strerror if isinstance(error, OSError) else error
@@ -230,11 +221,6 @@ class Recorder:
         _LOG.error("%s; the robot is driven on", self.error)
         with suppress(OSError):  # a full disk may report it once more
             self._file.abandon()
-
-    def _stop_listening(self) -> None:
-        for inlet in (self._inlet, self._successor):
-            if inlet is not None:
-                self._link.tap.remove(inlet.reader)
 
     def _taken(self) -> list[Record]:
         """The records for this file. Begins the next file, or begins anew after a loss."""
@@ -254,7 +240,8 @@ class Recorder:
         self._inlet, self._successor = self._successor, None
         self._lost_before = self.lost
         if self._is_full:
-            self._rotate()
+            self._file.close()
+            self._file = self._next_file()
         return fresh
 
     def _listen(self) -> _Inlet:
@@ -285,13 +272,8 @@ class Recorder:
 
     @property
     def _is_full(self) -> bool:
-        rotation = self._rotation
         age_s = time.monotonic() - self._began_s
-        return self._file.size >= rotation.max_bytes or age_s >= rotation.max_s
-
-    def _rotate(self) -> None:
-        self._file.close()
-        self._file = self._next_file()
+        return self._file.size >= MAX_BYTES or age_s >= MAX_S
 
     def _attach(self) -> None:
         while self._attached:

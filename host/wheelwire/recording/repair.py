@@ -15,7 +15,7 @@ import zlib
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import RecordingError
 from .reader import (
@@ -25,6 +25,7 @@ from .reader import (
     DATA_END,
     FOOTER,
     FOREIGN,
+    HEAD,
     HEADER,
     MAGIC,
     MESSAGE,
@@ -50,7 +51,6 @@ PAUSE_S = 0.01
 """Pause after each chunk, for a robot that somebody drives meanwhile."""
 LARGEST_REST = 4 << 20
 """A crash can damage less than this: the last second."""
-_HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQ")
 """How a message begins: channel, sequence, time."""
 _LOG = logging.getLogger("wheelwire")
@@ -164,7 +164,7 @@ def _found(file: BinaryIO, pause_s: float) -> _Found:
             break
         found.end = part.end
     for content in awaited:
-        found.tail += _HEAD.pack(MESSAGE_INDEX, len(content)) + content
+        found.tail += HEAD.pack(MESSAGE_INDEX, len(content)) + content
     return found
 
 
@@ -180,7 +180,7 @@ def _take_chunk(found: _Found, part: Part) -> list[bytes]:
     for channel, entries in indexes.items():
         contents.append(struct.pack(f"<HI{len(entries)}Q", channel, 8 * len(entries), *entries))
         places[channel] = offset
-        offset += _HEAD.size + len(contents[-1])
+        offset += HEAD.size + len(contents[-1])
         found.counts[channel] += len(entries) // 2
     found.chunks.append(
         ChunkIndex(
@@ -206,7 +206,7 @@ def _indexes(found: _Found, data: bytes) -> dict[int, list[int]]:
     for opcode, begin, end in within(data):
         if opcode == MESSAGE:
             channel, _, time_ns = _MESSAGE.unpack_from(data, begin)
-            indexes.setdefault(channel, []).extend((time_ns, begin - _HEAD.size))
+            indexes.setdefault(channel, []).extend((time_ns, begin - HEAD.size))
         elif opcode == SCHEMA:
             schema = Schema.read(stream_of(data[begin:end]))
             found.schemas[schema.id] = schema
@@ -274,15 +274,26 @@ def _mark(found: _Found, offset: int) -> bytes:
 def _end(found: _Found, offset: int) -> bytes:
     """The end of the data, the summary and the footer of a file that goes to `offset`."""
     from mcap.data_stream import RecordBuilder
-    from mcap.records import DataEnd, Footer
+    from mcap.records import DataEnd, Footer, Statistics
 
+    statistics = Statistics(
+        attachment_count=len(found.attachments),
+        channel_count=len(found.channels),
+        channel_message_counts=dict(found.counts),
+        chunk_count=len(found.chunks),
+        message_count=sum(found.counts.values()),
+        message_end_time=max((chunk.message_end_time for chunk in found.chunks), default=0),
+        message_start_time=min((chunk.message_start_time for chunk in found.chunks), default=0),
+        metadata_count=len(found.metadata),
+        schema_count=len(found.schemas),
+    )
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     begin = builder.count
     for one in (
         *found.schemas.values(),
         *found.channels.values(),
-        _statistics(found),
+        statistics,
         *found.chunks,
         *found.attachments,
         *found.metadata,
@@ -294,20 +305,3 @@ def _end(found: _Found, offset: int) -> bytes:
     crc = zlib.crc32(head, zlib.crc32(data[begin:]))
     Footer(summary_start=offset + begin, summary_offset_start=0, summary_crc=crc).write(builder)
     return bytes(data + builder.end() + MAGIC)
-
-
-def _statistics(found: _Found) -> Any:
-    from mcap.records import Statistics
-
-    chunks = found.chunks
-    return Statistics(
-        attachment_count=len(found.attachments),
-        channel_count=len(found.channels),
-        channel_message_counts=dict(found.counts),
-        chunk_count=len(chunks),
-        message_count=sum(found.counts.values()),
-        message_end_time=max((chunk.message_end_time for chunk in chunks), default=0),
-        message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
-        metadata_count=len(found.metadata),
-        schema_count=len(found.schemas),
-    )

@@ -22,22 +22,16 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
-    BoardGet,
     BoardValue,
     Contradictions,
-    ContradictionsGet,
     ControlCounters,
-    ControlCountersGet,
     GroupGet,
     GroupInfo,
     LinkCounters,
-    LinkCountersGet,
     ParameterEntry,
     ParameterGet,
-    ParameterList,
     ParameterSet,
     ParameterValue,
-    PeripheralGet,
     PeripheralValue,
     SensorStream,
     Stop,
@@ -50,7 +44,7 @@ from ..link.info import LinkStatistics
 from ..link.inline_link import STEP_S, InlineLink
 from ..link.latest_sample import LatestSample
 from ..link.news import Happening, Listener
-from ..link.requests import Answer, Done, RequestMessage
+from ..link.requests import ANSWER_TYPES, Answer, Done, RequestMessage
 from ..link.rerun_link import RerunLink
 from ..link.sample_iterator import QUEUE_US
 from ..link.setpoints import ASKED
@@ -63,13 +57,17 @@ RECEIVED = (Kind.RECEIVED, Kind.RECEIVED_EACH)
 AHEAD_US = 60_000_000
 NOTES_AHEAD_US = 500_000
 """How long before its time a note is known."""
-_PLAIN: dict[type[AnyMessage], type[AnyMessage]] = {
-    LinkCountersGet: LinkCounters,
-    ControlCountersGet: ControlCounters,
-    ContradictionsGet: Contradictions,
-    BoardGet: BoardValue,
+_ANSWERS: dict[type[AnyMessage], str] = {
+    ParameterValue: "parameter",
+    ParameterEntry: "parameter_index",
+    GroupInfo: "group",
+    PeripheralValue: "channel",
+    LinkCounters: "",
+    ControlCounters: "",
+    Contradictions: "",
+    BoardValue: "",
 }
-_ANSWERS = (ParameterValue, ParameterEntry, GroupInfo, PeripheralValue, *_PLAIN.values())
+"""What a replay answers, and which field of an answer and of its request says which one it is."""
 OPEN_S = 10.0
 """How much of a recording may pass before its first session is open."""
 QUEUE = 100_000
@@ -97,25 +95,17 @@ class _Comparing:
         self._asked: deque[Setpoint] = deque(maxlen=QUEUE)
         self._lock = threading.Lock()
 
-    def note_recorded(self, setpoint: Setpoint) -> None:
+    def note(self, setpoint: Setpoint, *, is_recorded: bool) -> None:
         with self._lock:
-            self._recorded.append(setpoint)
-            self._compare()
-
-    def note_asked(self, setpoint: Setpoint) -> None:
-        with self._lock:
-            self._asked.append(setpoint)
-            self._compare()
-
-    def _compare(self) -> None:
-        while self._recorded and self._asked:
-            recorded, asked = self._recorded.popleft(), self._asked.popleft()
-            known = self.result
-            differs = recorded != asked
-            first = known.first_difference
-            if differs and first is None:
-                first = known.compared, recorded, asked
-            self.result = Comparison(known.compared + 1, known.different + differs, first)
+            (self._recorded if is_recorded else self._asked).append(setpoint)
+            while self._recorded and self._asked:
+                recorded, asked = self._recorded.popleft(), self._asked.popleft()
+                known = self.result
+                differs = recorded != asked
+                first = known.first_difference
+                if differs and first is None:
+                    first = known.compared, recorded, asked
+                self.result = Comparison(known.compared + 1, known.different + differs, first)
 
 
 class _Answers:
@@ -137,9 +127,10 @@ class _Answers:
 
     def to(self, message: RequestMessage, session: int, now_us: int) -> Answer | None:
         """The answer, if there is one; `session` counts them, for each is looked ahead in once."""
-        key = _key_asked_for(message)
-        if key is None:
+        kind = ANSWER_TYPES.get(type(message))
+        if kind is None or kind not in _ANSWERS:
             return None
+        key = _key(kind, message)
         if key not in self._known and self._ahead_from != session:
             self._ahead_from = session
             self._look_ahead(now_us)
@@ -159,38 +150,19 @@ class _Answers:
 
 
 def _answers_in(messages: Iterable[AnyMessage]) -> dict[tuple[type[AnyMessage], int], Answer]:
-    answers = [cast("Answer", message) for message in messages if isinstance(message, _ANSWERS)]
-    found = {_key_of(answer): answer for answer in answers}
+    answers = [cast("Answer", message) for message in messages if type(message) in _ANSWERS]
+    found = {_key(type(answer), answer): answer for answer in answers}
     for answer in answers:
         if isinstance(answer, ParameterEntry):  # it also says what its value is
             value = ParameterValue(0, 0, answer.parameter, answer.value)
-            found[_key_of(value)] = value
+            found[_key(ParameterValue, value)] = value
     return found
 
 
-def _key_of(answer: Answer) -> tuple[type[AnyMessage], int]:
-    if isinstance(answer, ParameterValue):
-        return ParameterValue, answer.parameter
-    if isinstance(answer, ParameterEntry):
-        return ParameterEntry, answer.parameter_index
-    if isinstance(answer, GroupInfo):
-        return GroupInfo, answer.group
-    if isinstance(answer, PeripheralValue):
-        return PeripheralValue, answer.channel
-    return type(answer), 0
-
-
-def _key_asked_for(message: RequestMessage) -> tuple[type[AnyMessage], int] | None:
-    if isinstance(message, (ParameterGet, ParameterSet)):
-        return ParameterValue, message.parameter
-    if isinstance(message, ParameterList):
-        return ParameterEntry, message.parameter_index
-    if isinstance(message, GroupGet):
-        return GroupInfo, message.group
-    if isinstance(message, PeripheralGet):
-        return PeripheralValue, message.channel
-    kind = _PLAIN.get(type(message))
-    return None if kind is None else (kind, 0)
+def _key(kind: type[AnyMessage], message: AnyMessage) -> tuple[type[AnyMessage], int]:
+    """What an answer of this kind is known by; `message` is the answer, or its request."""
+    field = _ANSWERS[kind]
+    return kind, getattr(message, field) if field else 0
 
 
 class ReplayLink(RerunLink, InlineLink):
@@ -250,44 +222,39 @@ class ReplayLink(RerunLink, InlineLink):
         if self._speed:
             super().advance(seconds)
         self._check_alive()
-        self._play_until(self._played_us + round(seconds * 1e6))
-
-    def _pass(self) -> None:
-        # Nothing changes before the next record, which may be hours away.
-        ahead_us = 0 if self._next is None else self._next.host_us - self._played_us
-        self.advance(max(STEP_S, ahead_us / 1e6))
-
-    def _play_until(self, until_us: int) -> None:
-        """Run all records up to then."""
+        until_us = self._played_us + round(seconds * 1e6)
         while self._next is not None and self._next.host_us <= until_us:
             self._play(self._next)
         self._played_us = max(self._played_us, until_us)
         if self._next is None:
             self._finish(LinkClosed(ENDED))
 
+    def _pass(self) -> None:
+        # Nothing changes before the next record, which may be hours away.
+        ahead_us = 0 if self._next is None else self._next.host_us - self._played_us
+        self.advance(max(STEP_S, ahead_us / 1e6))
+
     def _play(self, record: Record) -> None:
         """Run one record, and look ahead to the next."""
-        self._fetch()
+        self._next = next(self._records, None)
         self._played_us = max(self._played_us, record.host_us)
         self._connections += record.kind is Kind.CONNECTED
         if record.kind is Kind.NOTE:
             self._notes |= _note_of(record)
         if record.kind in (Kind.VELOCITY, Kind.DUTY):
             left, right, _ = _asked(record)
-            self._comparing.note_recorded(Setpoint(left, right, record.kind is Kind.DUTY))
+            setpoint = Setpoint(left, right, record.kind is Kind.DUTY)
+            self._comparing.note(setpoint, is_recorded=True)
         if record.kind in RECEIVED:
             self._answers.note(record.data)
         self._do_again(record)
         if record.kind in RECEIVED:
             self._latest_sample.notify_all()
 
-    def _fetch(self) -> None:
-        self._next = next(self._records, None)
-
     def _begin(self) -> None:
         """Find where the recording begins."""
         self._records = _notes_first(self._open_records())
-        self._fetch()
+        self._next = next(self._records, None)
         if self._next is None or self._next.kind is not Kind.START:
             raise RecordingError(
                 f"{self._name}: it holds nothing of a link; record the robot again"
@@ -432,13 +399,13 @@ class ReplayLink(RerunLink, InlineLink):
         """Compare a setpoint with the recorded one."""
         self._is_used = True
         self.check()
-        self._comparing.note_asked(Setpoint(left_mps, right_mps, duty=False))
+        self._comparing.note(Setpoint(left_mps, right_mps, duty=False), is_recorded=False)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:  # noqa: ARG002
         """As `drive_velocity`."""
         self._is_used = True
         self.check()
-        self._comparing.note_asked(Setpoint(left, right, duty=True))
+        self._comparing.note(Setpoint(left, right, duty=True), is_recorded=False)
 
     def post(self, message: RequestMessage, done: Done) -> None:
         """Call `done` with what the device had answered by then.
@@ -452,18 +419,19 @@ class ReplayLink(RerunLink, InlineLink):
             done(Ack(0, 0, message_id(SensorStream)))  # they come as on that day
         elif isinstance(message, ParameterGet) and message.parameter in known:
             done(ParameterValue(0, 0, message.parameter, known[message.parameter]))
-        elif (answer := self._answers.to(message, self._session.count, self._played_us)) is None:
-            if isinstance(message, GroupGet) and message.group == Group.SENSOR:
-                done(self._nobody_asked)  # whoever does, asks this first
-                return
+        elif (
+            answer := self._answers.to(message, self._session.count, self._played_us)
+        ) is not None:
+            done(answer)
+        elif isinstance(message, GroupGet) and message.group == Group.SENSOR:
+            done(self._nobody_asked)  # whoever does, asks this first
+        else:
             done(
                 InvalidCommand(
                     f"{type(message).__name__}: {self._name} is a recording, which answers only "
                     "what was asked on that day; ask a robot"
                 )
             )
-        else:
-            done(answer)
 
     def post_stop(
         self,

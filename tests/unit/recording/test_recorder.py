@@ -23,7 +23,7 @@ from wheelwire.link.session import Session
 from wheelwire.link.tap import Kind
 from wheelwire.recording import recorder as recorder_module
 from wheelwire.recording.reader import is_complete, messages, metadata, records, was_closed
-from wheelwire.recording.recorder import Attachment, Recorder, Rotation
+from wheelwire.recording.recorder import Attachment, Recorder
 from wheelwire.recording.repair import repair
 from wheelwire.recording.writer import RecordingFile
 
@@ -107,12 +107,17 @@ def test_viewers_find_messages_that_they_know(
     assert said == [(20, "DRIVING"), (20, "TIMED_OUT")]
 
 
-@pytest.mark.parametrize("rotation", [Rotation(max_bytes=1), Rotation(max_s=0.5)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1), ("MAX_S", 0.5)])
 def test_a_full_file_goes_on_in_the_next(
-    link: TappedLine, make: Callable[..., Recorder], rotation: Rotation
+    link: TappedLine,
+    make: Callable[..., Recorder],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
+    value: float,
 ) -> None:
+    monkeypatch.setattr(recorder_module, limit, value)
     known = len(link.line.samples)
-    recorder = make(rotation=rotation)
+    recorder = make()
     first = recorder.file
     for _ in range(2):
         before = recorder.file
