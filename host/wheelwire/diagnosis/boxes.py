@@ -208,13 +208,12 @@ class _Story:
         changes = iter([*self.transitions, None])
         change = next(changes)
         taken_us = -SPACING_US
-        before = self.steps[0] if self.steps else None
-        for step in self.steps:
-            if step.t_us > until_us or before is None:
+        # The first one has none before it: nothing was counted up to it.
+        for before, step in pairwise([*self.steps[:1], *self.steps]):
+            if step.t_us > until_us:
                 return
             left += _change(before.left_counter, step.left_counter)
             right += _change(before.right_counter, step.right_counter)
-            before = step
             while change is not None and change.t_us < step.t_us:
                 state, change = change.after, next(changes)
             if step.t_us >= taken_us + SPACING_US:

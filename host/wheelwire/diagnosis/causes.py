@@ -220,7 +220,6 @@ CAUSES: dict[str, Cause] = {
     ),
 }
 
-_NOT_COUNTING = Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING
 WHEEL_FAULTS: dict[Fault, tuple[str, str]] = {
     Fault.LEFT_NOT_COUNTING: ("left", "wheel_never_counted"),
     Fault.RIGHT_NOT_COUNTING: ("right", "wheel_never_counted"),
@@ -230,7 +229,7 @@ WHEEL_FAULTS: dict[Fault, tuple[str, str]] = {
     Fault.RIGHT_ENCODER_IMPLAUSIBLE: ("right", "encoder_implausible"),
 }
 """The wheel, and the cause unless the samples tell more."""
-COUNTING_FAULTS = _NOT_COUNTING
+COUNTING_FAULTS = Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING
 
 OTHER_FAULTS: dict[Fault, str] = {
     Fault.CONTROL_OVERRUN: "control_overrun",

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from wheelwire_protocol.black_box import Box, BoxError, BoxHead
-from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
+from wheelwire_protocol.black_box import Box, BoxError
+from wheelwire_protocol.codes import BoxCause, Fault, ResetReason, SupervisorEvent, SupervisorState
 
 from ..link.info import DeviceInfo
 from ..link.stored_boxes import Ledger, Recorded
 from ..samples import WheelSample
 from .boxes import stop_of_damaged_box, stops_of_box
 from .diagnosis import Stop
-from .standing import NOTHING_KNOWN, KnownByBoxes, standing_stops
+from .standing import KnownByBoxes, standing_stops
 
 FAILURES = (
     ResetReason.BROWNOUT,
@@ -54,7 +54,7 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
     """
     now_us = round(sample.stamp * 1e6)
     found: list[DatedStop] = []
-    known = NOTHING_KNOWN
+    knows_reset, knows_estop, faults = False, False, Fault(0)
     for stored, image in recorded.boxes:
         is_dated = stored.head.boot_id == device.boot_id
         added_us = now_us - sample.t_us if is_dated else 0
@@ -64,33 +64,22 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
             stops = [stop_of_damaged_box(stored.head, error, added_us)]
         found += [DatedStop(stop, is_dated) for stop in stops]
         if stored.is_current:
-            known = _with(known, stored.head, is_ended=len(stops) > 1)
-    if sample.t_us >= STORED_US:
-        known = known._replace(before_reset=_of_earlier_boot(device, sample, recorded, known))
+            cause, is_ended = stored.head.cause, len(stops) > 1  # by the latch, before a reset
+            knows_reset |= cause is BoxCause.RESET
+            knows_estop |= cause is BoxCause.ESTOP or is_ended
+            if cause is BoxCause.FAULT or is_ended:
+                faults |= stored.head.faults
+    before_reset = None
+    # What was latched in this boot has a box of its own, but for the last seconds.
+    if sample.t_us >= STORED_US and not knows_estop and not faults:
+        before_reset = _of_earlier_boot(device, sample, recorded)
+    known = KnownByBoxes(knows_reset, knows_estop, faults, before_reset)
     standing = standing_stops(device, sample.state, sample.faults, now_us, known)
     return [*found, *(DatedStop(stop, is_dated=False) for stop in standing)]
 
 
-def _with(known: KnownByBoxes, head: BoxHead, *, is_ended: bool) -> KnownByBoxes:
-    """With a box of how the robot stands now. `is_ended`: by the latch, before a reset."""
-    if head.cause is BoxCause.RESET:
-        known = known._replace(reset=True)
-    if head.cause is BoxCause.ESTOP or is_ended:
-        known = known._replace(estop=True)
-    if head.cause is BoxCause.FAULT or is_ended:
-        known = known._replace(faults=known.faults | head.faults)
-    return known
-
-
-def _of_earlier_boot(
-    device: DeviceInfo, sample: WheelSample, recorded: Recorded, known: KnownByBoxes
-) -> int | None:
-    """The number of the newest box of a latch, if it was latched like now, and in another boot.
-
-    What was latched in this boot has a box of its own, but for the last seconds.
-    """
-    if known.estop or known.faults:
-        return None
+def _of_earlier_boot(device: DeviceInfo, sample: WheelSample, recorded: Recorded) -> int | None:
+    """The number of the newest box of a latch, if it was latched like now, and in another boot."""
     latched = {
         SupervisorState.FAULT: BoxCause.FAULT,
         SupervisorState.ESTOPPED: BoxCause.ESTOP,

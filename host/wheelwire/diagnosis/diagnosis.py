@@ -182,10 +182,10 @@ class Diagnosis:
         session = self._rerun.session
         if session is not None:
             self._history.note_sensors(session.sensors, record.host_us)
-        if record.kind is Kind.START:
-            self._begin()
-        elif self._rerun.session is not None:
-            self._follow(self._rerun.session, phase, record)
+            if record.kind is Kind.START:
+                self._begin(session)
+            else:
+                self._follow(session, phase, record)
         return stops
 
     def feed_all(self, records: Iterable[Record]) -> list[Stop]:
@@ -255,28 +255,24 @@ class Diagnosis:
 
     # --- how it is now ---------------------------------------------------------------------------
 
-    def _begin(self) -> None:
-        session = self._rerun.session
-        if session is not None and session.phase is Phase.OPEN:
+    def _begin(self, session: Session) -> None:
+        if session.phase is Phase.OPEN:
             self._state = session.setpoints.supervisor
             self._faults = session.setpoints.faults
             if self._state in (SupervisorState.FAULT, SupervisorState.ESTOPPED):
                 faults = (str(one.name) for one in Fault if one in self._faults)
                 self.latched_before = self._state.name, *faults
-        if session is not None:
-            self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
-            if session.device is not None:
-                self._boot_id = session.device.boot_id
+        self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
+        if session.device is not None:
+            self._boot_id = session.device.boot_id
 
     def _follow(self, session: Session, phase: Phase, record: Record) -> None:
         """Take the changes that one record made to the session."""
         if phase is Phase.OPEN and session.phase is not Phase.OPEN:
-            text = str(session.error)
-            closed = record.kind is Kind.DISCONNECTED and record.data == CLOSED.encode()
-            self._hung_up = closed
-            if self._state is _DRIVING and not closed:
-                by_port = record.kind is Kind.DISCONNECTED
-                self._loss = _Loss(record.host_us, text, by_port)
+            by_port = record.kind is Kind.DISCONNECTED
+            self._hung_up = by_port and record.data == CLOSED.encode()
+            if self._state is _DRIVING and not self._hung_up:
+                self._loss = _Loss(record.host_us, str(session.error), by_port)
         if self._loss is not None and self._state is not _DRIVING:
             self._loss = None  # the device itself has said why it stopped
 
@@ -285,9 +281,7 @@ class Diagnosis:
         state, t_us = measurement.supervisor, measurement.state.t_us
         if self._state_t_us is not None and tick_difference(t_us, self._state_t_us) < 0:
             return  # measured before what an event has said
-        before = self._state
-        if state is not before:
-            self._change(before, state, measurement.faults, measurement.arrived_us, None)
+        self._change(self._state, state, measurement.faults, measurement.arrived_us, None)
         self._faults = measurement.faults
         self._look_for_rest(measurement)
 
@@ -348,10 +342,10 @@ class Diagnosis:
         t_us: int | None = None,
     ) -> None:
         """The supervisor's state has changed, by an event or, if that was lost, by a sample."""
-        first = self._state is None
         known, self._state = self._state, after
         if known is after:
             return
+        first = known is None
         judge: Callable[[], Stop | None] | None = None
         self._latch = None
         at_us = now_us
@@ -376,9 +370,8 @@ class Diagnosis:
             self._later(now_us, judge)
 
     def _take_hello(self, hello: DeviceHello, now_us: int) -> None:
-        refusal = RefusalCode(hello.refusal) if hello.refusal else None
-        if refusal is not None:
-            self._refuse(refusal, now_us, "the device refused the hello")
+        if hello.refusal:
+            self._refuse(RefusalCode(hello.refusal), now_us, "the device refused the hello")
             return
         before, self._boot_id = self._boot_id, hello.boot_id
         loss, self._loss = self._loss, None

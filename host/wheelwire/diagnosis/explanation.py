@@ -64,18 +64,14 @@ def _said(error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | No
         return _one_of(ESTOPPED, evidence)
     if code is RefusalCode.CAUSE_PRESENT and not error.faults:
         return _one_of(("contact_open",), evidence)
-    found = list(latched_causes(error.faults, _stopping(sensors)))
+    stopped = None if sensors is None else sensors().stopped
+    causes_of_sensors = {} if stopped is None else sensor_causes(stopped)
+    found = list(latched_causes(error.faults, causes_of_sensors))
     return (
         " ".join(sentence_of(causes, side) for _, causes, side in found),
         (*(f"{fault.name}: {fault.doc}" for fault, _, _ in found), evidence),
         look_at_of(name for _, causes, _ in found for name in causes),
     )
-
-
-def _stopping(sensors: _Sensors | None) -> dict[str, str]:
-    """The sensors that have stopped the robot, and the cause."""
-    stopped = None if sensors is None else sensors().stopped
-    return {} if stopped is None else sensor_causes(stopped)
 
 
 def _one_of(causes: tuple[str, ...], evidence: str) -> _Said:

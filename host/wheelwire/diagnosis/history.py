@@ -84,13 +84,10 @@ class History:
         elif record.kind in (Kind.STOP, Kind.STOP_COPY):
             self.stop_us = now_us
         elif record.kind is Kind.NOTE:
-            self._take_note(record.data)
+            asked = decoded_json(record.data).get(STOP_ASKED)
+            if isinstance(asked, dict):
+                self._stop_asked = asked.get("host_us", 0), str(asked.get("by", ""))
         self._forget(now_us - SPAN_US)
-
-    def _take_note(self, data: bytes) -> None:
-        asked = decoded_json(data).get(STOP_ASKED)
-        if isinstance(asked, dict):
-            self._stop_asked = asked.get("host_us", 0), str(asked.get("by", ""))
 
     def note_sample(self, measurement: Measurement) -> None:
         """A sample."""

@@ -63,16 +63,13 @@ class StopWatch:
     def _run(self) -> None:
         try:
             while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
-                self._look()
+                with self._lock:
+                    self._take()
+                    found, self._found = self._found, []
+                for stop in found:
+                    self._tell(stop)
         finally:
             self._link.tap.remove(self._reader)
-
-    def _look(self) -> None:
-        with self._lock:
-            self._take()
-            found, self._found = self._found, []
-        for stop in found:
-            self._tell(stop)
 
     def _take(self) -> None:
         records = self._reader.take()
