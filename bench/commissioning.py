@@ -21,9 +21,10 @@ SLOPE, OFFSET, MEDIAN, WORST = 0.01, 0.05, 0.5, 1.0
 def row(plant: str, raised: bool, outcome: Outcome) -> list[str]:
     """A line of the table."""
     found, proof = outcome.found, outcome.proof
+    rms_before_mps, rms_after_mps = proof.rms_mps(0, 1)
     overshoot = [
-        max(getattr(wheel, name) or 0.0 for wheel in (proof.left, proof.right))
-        for name in ("overshoot_before", "overshoot_after")
+        max(one or 0.0 for one in wheels)
+        for wheels in zip(proof.overshoot(0), proof.overshoot(1), strict=True)
     ]
     return [
         plant,
@@ -36,8 +37,8 @@ def row(plant: str, raised: bool, outcome: Outcome) -> list[str]:
         f"{found.left.breakaway:.3f}",
         f"{(found.delay_s or 0) * 1e3:.0f} ms",
         f"{(found.time_constant_s or 0) * 1e3:.0f} ms",
-        f"{(proof.rms_before_mps or 0) * 1e3:.1f} mm/s",
-        f"{(proof.rms_after_mps or 0) * 1e3:.1f}",
+        f"{(rms_before_mps or 0) * 1e3:.1f} mm/s",
+        f"{(rms_after_mps or 0) * 1e3:.1f}",
         *(f"{value:.0%}" for value in overshoot),
     ]
 

@@ -218,8 +218,9 @@ def test_what_was_measured_while_a_setpoint_ran_out_is_measured_again(
         proof = prove(robot, {name: robot.parameters[name] for name in values}, values)
     assert found.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.005)
     assert found.static_feedforward == pytest.approx(truth.static_feedforward, rel=0.02)
-    assert proof.rms_after_mps is not None
-    assert proof.rms_after_mps < 0.007
+    _, rms_after_mps = proof.rms_mps(0, 1)
+    assert rms_after_mps is not None
+    assert rms_after_mps < 0.007
 
 
 def test_a_computer_that_is_always_busy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -381,7 +382,7 @@ def test_the_better_parameters_are_better_in_one_order_only(tmp_path: Path) -> N
         proof, reverse = prove(robot, bad, good), prove(robot, good, bad)
     assert proof.better
     assert not reverse.better
-    assert proof.left.overshoot_after is not None
+    assert None not in proof.overshoot(0)
     lines = proof.table().splitlines()
     assert [line.split()[0] for line in lines[1:]] == ["left", "right", "both"]
     proof.plot(tmp_path / "proof.png")
@@ -396,7 +397,7 @@ def test_a_drive_that_a_fault_ends_is_worse_than_any(tmp_path: Path) -> None:
         proof, reverse = prove(robot, none, good), prove(robot, good, none)
         assert robot.read().faults == 0
     assert proof.better
-    assert proof.rms_before_mps is None
+    assert proof.rms_mps(0, 1)[0] is None
     assert "fault" in proof.table()
     assert not reverse.better
     reverse.plot(tmp_path / "proof.png")

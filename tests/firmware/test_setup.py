@@ -437,17 +437,15 @@ def test_gains_that_are_a_little_better_than_the_noise_say_so() -> None:
         return before_after.Trace(times, pairs, measured, lag_s=0.1)
 
     def of(before: before_after.Trace, after: before_after.Trace) -> before_after.Proof:
-        none = before_after.WheelProof(None, None, None, None)
-        rms = before.rms_mps(0, 1), after.rms_mps(0, 1)
-        return before_after.Proof(none, none, *rms, (before, after), (Fault(0), Fault(0)))
+        course = before_after.there_and_back(0.1, 1.0)
+        return before_after.Proof(course, (before, after), (Fault(0), Fault(0)))
 
-    noise = of(trace(0.01, 0.01), trace(0.01, 0.01)).noise_mps(0, 1)
+    noise = before_after.noise_mps((trace(0.01, 0.01), trace(0.01, 0.01)), 0, 1)
     assert 0.0005 < noise < 0.003
     within = of(trace(0.01, 0.01), trace(0.01 - 0.9 * noise, 0.01 - 0.9 * noise))
     assert not within.better
-    assert f"as well, within the noise of {1000 * within.noise_mps(0, 1):.1f} mm/s" in (
-        within.verdict()
-    )
+    within_mmps = 1000 * before_after.noise_mps(within.traces, 0, 1)
+    assert f"as well, within the noise of {within_mmps:.1f} mm/s" in within.verdict()
     assert of(trace(0.01, 0.01), trace(0.01 - 1.2 * noise, 0.01 - 1.2 * noise)).better
     one_sided = of(trace(0.02, 0.01), trace(0.001, 0.014))
     assert not one_sided.better

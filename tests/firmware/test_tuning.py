@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from support.commissioning import plant_robot
-from wheelwire.commissioning.before_after import Course, Trace, drive_twice, parts
+from wheelwire.commissioning.before_after import Course, Trace, drive_with_each, parts
 from wheelwire.commissioning.driving import Pair
 from wheelwire.commissioning.tuning import (
     BOTH,
@@ -210,7 +210,8 @@ def test_setup_repeats_a_drive_in_which_the_computer_was_held_up(
 ) -> None:
     course = Course(0.2, parts([(Pair(0.2, 0.2), 0.1, 0.5), (Pair(0.0, 0.0), 0.1, 0.5)]))
     begun = hold_up(monkeypatch, robot, *late)
-    drive_twice(robot, {"integral_gain": 16.0}, {"integral_gain": 12.0}, course, attempts=3)
+    sets = {"integral_gain": 16.0}, {"integral_gain": 12.0}
+    drive_with_each(robot, sets, course, attempts=3)
     assert len(begun) == drives
 
 

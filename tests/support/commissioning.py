@@ -154,7 +154,7 @@ class Outcome(NamedTuple):
     @property
     def ratio(self) -> float:
         """Tracking error after to before, as proved."""
-        before, after = self.proof.rms_before_mps, self.proof.rms_after_mps
+        before, after = self.proof.rms_mps(0, 1)
         assert before is not None
         assert after is not None
         return after / before

@@ -233,35 +233,26 @@ def means(values: Sequence[float]) -> list[float]:
 
 
 @dataclass(frozen=True)
-class WheelProof:
-    """One wheel's drives. None in place of a figure: a fault ended that drive."""
-
-    rms_before_mps: float | None
-    rms_after_mps: float | None
-    overshoot_before: float | None
-    """As a fraction of the step."""
-    overshoot_after: float | None
-
-
-@dataclass(frozen=True)
 class Proof:
     """How both drives went.
 
     Attributes:
-        left: The left wheel.
-        right: The right wheel.
-        rms_before_mps: Tracking error of both wheels; None: a fault ended the drive.
-        rms_after_mps: The same, with the new parameters.
-        traces: Before and after, as far as there is one.
+        course: What was driven.
+        traces: Before and after; None: a fault ended that drive.
         faults: That ended the drive before and the one after; none of a drive that reached its end.
     """
 
-    left: WheelProof
-    right: WheelProof
-    rms_before_mps: float | None
-    rms_after_mps: float | None
-    traces: tuple[Trace | None, Trace | None]
-    faults: tuple[Fault, Fault]
+    course: Course
+    traces: tuple[Trace | None, ...]
+    faults: tuple[Fault, ...]
+
+    def rms_mps(self, *wheels: int) -> list[float | None]:
+        """Tracking error of these wheels, before and after; None: a fault ended that drive."""
+        return [trace.rms_mps(*wheels) if trace else None for trace in self.traces]
+
+    def overshoot(self, wheel: int) -> list[float | None]:
+        """The same of the greatest overshoot, as a fraction of its step."""
+        return [trace.overshoot(self.course, wheel) if trace else None for trace in self.traces]
 
     @property
     def better(self) -> bool:
@@ -270,13 +261,9 @@ class Proof:
         # A drive that a fault ended is worse than any other.
         if before is None or after is None:
             return after is not None
-        return self._gain_mps(0, 1) > self.noise_mps(0, 1) and all(
-            self._gain_mps(wheel) > -self.noise_mps(wheel) for wheel in (0, 1)
+        return self._gain_mps(0, 1) > noise_mps(self.traces, 0, 1) and all(
+            self._gain_mps(wheel) > -noise_mps(self.traces, wheel) for wheel in (0, 1)
         )
-
-    def noise_mps(self, *wheels: int) -> float:
-        """What a difference between the two drives may be by chance; twice its standard error."""
-        return noise_mps(self.traces, *wheels)
 
     def _gain_mps(self, *wheels: int) -> float:
         before, after = self.traces
@@ -284,27 +271,26 @@ class Proof:
 
     def verdict(self) -> str:
         """Why the previous values stay, if the new ones are not better."""
-        noise = f"the noise of {_mmps(self.noise_mps(0, 1))}"
+        noise_of_both = noise_mps(self.traces, 0, 1)
+        noise = f"the noise of {_mmps(noise_of_both)}"
         gain = self._gain_mps(0, 1)
-        if abs(gain) <= self.noise_mps(0, 1):
+        if abs(gain) <= noise_of_both:
             return f"the previous values track as well, within {noise}; they are left as they are"
         if gain < 0:
             return f"the previous values track better, by more than {noise}; they stay"
-        worse = next(wheel for wheel in (0, 1) if self._gain_mps(wheel) < -self.noise_mps(wheel))
+        worse = next(w for w in (0, 1) if self._gain_mps(w) < -noise_mps(self.traces, w))
         return (
             f"with the new values the {SIDES[worse]} wheel tracks worse, by more than its noise of "
-            f"{_mmps(self.noise_mps(worse))}; the previous ones stay"
+            f"{_mmps(noise_mps(self.traces, worse))}; the previous ones stay"
         )
 
     def table(self) -> str:
         """For a terminal: a row for each wheel, and one for both."""
-        rows = [("", "RMS before", "after", "overshoot before", "after")]
-        for name, wheel in zip(SIDES, (self.left, self.right), strict=True):
-            speeds = _mmps(wheel.rms_before_mps), _mmps(wheel.rms_after_mps)
-            rows.append(
-                (name, *speeds, _percent(wheel.overshoot_before), _percent(wheel.overshoot_after))
-            )
-        rows.append(("both", _mmps(self.rms_before_mps), _mmps(self.rms_after_mps), "", ""))
+        rows: list[tuple[str, ...]] = [("", "RMS before", "after", "overshoot before", "after")]
+        for wheel, name in enumerate(SIDES):
+            speeds = map(_mmps, self.rms_mps(wheel))
+            rows.append((name, *speeds, *map(_percent, self.overshoot(wheel))))
+        rows.append(("both", *map(_mmps, self.rms_mps(0, 1)), "", ""))
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         return "\n".join(
             "  ".join(
@@ -412,42 +398,34 @@ def prove(
     require_ready(robot)
     # One course for both drives: its speed follows from the new feed-forward.
     course = _course(robot, {**before, **after})
-    traces, faults = drive_twice(robot, before, after, course, left, _ATTEMPTS)
-    rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
-    return Proof(
-        left=_wheel_proof(traces, course, 0),
-        right=_wheel_proof(traces, course, 1),
-        rms_before_mps=rms[0],
-        rms_after_mps=rms[1],
-        traces=traces,
-        faults=faults,
-    )
+    traces, faults = drive_with_each(robot, (before, after), course, left, _ATTEMPTS)
+    return Proof(course, traces, faults)
 
 
-def drive_twice(
+def drive_with_each(
     robot: BaseDriver,
-    before: Mapping[str, float],
-    after: Mapping[str, float],
+    sets: Sequence[Mapping[str, float]],
     course: Course,
     left: Left = untold,
     attempts: int = 1,
-) -> tuple[tuple[Trace | None, Trace | None], tuple[Fault, Fault]]:
-    """Drive a course with both sets of parameters; the traces, and the faults that ended a drive.
+) -> tuple[tuple[Trace | None, ...], tuple[Fault, ...]]:
+    """Drive a course with each set of parameters; the traces, and the faults that ended a drive.
 
-    `attempts` as `drive_with`, otherwise as `prove`.
+    Afterwards the robot has the first set again. `attempts` as `drive_with`, otherwise as `prove`.
     """
+    found = []
     with one_session(robot):
         try:
-            left(2 * course.seconds)
-            first, fault_before = drive_with(robot, before, course, attempts)
-            left(course.seconds)
-            second, fault_after = drive_with(robot, after, course, attempts)
+            for driven, values in enumerate(sets):
+                left((len(sets) - driven) * course.seconds)
+                found.append(drive_with(robot, values, course, attempts))
         finally:
             # The stop first: while the robot drives, some of the previous values would be refused.
             robot.stop()
-            _set(robot, before)
+            _set(robot, sets[0])
             left(0.0)
-    return (first, second), (fault_before, fault_after)
+    traces, faults = zip(*found, strict=True)
+    return traces, faults
 
 
 def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
@@ -545,14 +523,6 @@ def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | No
         lag_s,
     )
     return trace, Fault(0)
-
-
-def _wheel_proof(
-    traces: tuple[Trace | None, Trace | None], course: Course, wheel: int
-) -> WheelProof:
-    rms = [trace.rms_mps(wheel) if trace else None for trace in traces]
-    overshoot = [trace.overshoot(course, wheel) if trace else None for trace in traces]
-    return WheelProof(*rms, *overshoot)
 
 
 def _set(robot: BaseDriver, values: Mapping[str, float]) -> None:

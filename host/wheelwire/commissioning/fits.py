@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -37,16 +37,8 @@ def fit_line(curve: Sequence[tuple[float, float]]) -> Line:
     return Line(float(slope), float(-intercept / slope), float(deviation))
 
 
-class Edge(NamedTuple):
-    """The measured answer to one step of the duty.
-
-    The step itself is a ramp, as the slew limit of the duty makes it.
-    """
-
-    points: Sequence[tuple[float, float]]
-    """Time from the beginning of the ramp [s], and speed [m/s]."""
-    ramp_s: float
-    """The ramp's length."""
+Edge: TypeAlias = Sequence[tuple[float, float]]
+"""The measured answer to one step of the duty: time from its beginning [s], and speed [m/s]."""
 
 
 class FirstOrder(NamedTuple):
@@ -56,17 +48,21 @@ class FirstOrder(NamedTuple):
     time_constant_s: float
 
 
-def fit_first_order(edges: Sequence[Edge]) -> FirstOrder:
+def fit_first_order(edges: Sequence[Edge], ramp_s: float) -> FirstOrder:
     """The lag that fits all of the edges best, by least squares.
 
     The speeds before and after each edge are fitted, too. What remains are two unknowns, searched
     on a grid that is refined several times.
+
+    Args:
+        edges: What was measured.
+        ramp_s: Length of the ramp that each step is, as the slew limit of the duty makes it.
     """
     delays = _DELAYS_S
     logs = _LOGS
     for _ in range(_ZOOMS):
         grid = [(d, t) for d in np.linspace(*delays, _GRID) for t in np.linspace(*logs, _GRID)]
-        errors = [_residual(edges, d, float(np.exp(t))) for d, t in grid]
+        errors = [_residual(edges, ramp_s, d, float(np.exp(t))) for d, t in grid]
         delay, log = grid[int(np.argmin(errors))]
         delays = _zoomed(delays, delay, _DELAYS_S)
         logs = _zoomed(logs, log, _LOGS)
@@ -81,14 +77,16 @@ def _zoomed(
     return max(bounds[0], centre - half), min(bounds[1], centre + half)
 
 
-def _residual(edges: Sequence[Edge], delay_s: float, time_constant_s: float) -> float:
+def _residual(
+    edges: Sequence[Edge], ramp_s: float, delay_s: float, time_constant_s: float
+) -> float:
     """The sum of squares that the best speeds before and after each edge leave."""
     total = 0.0
     for edge in edges:
-        times, speeds = np.asarray(edge.points, float).T
+        times, speeds = np.asarray(edge, float).T
         # speed = a + b * shape has a closed form: without their means, the part of the speeds that
         # is not along the shape remains.
-        shape = _ramp_response(times - delay_s, time_constant_s, edge.ramp_s)
+        shape = _ramp_response(times - delay_s, time_constant_s, ramp_s)
         shape = shape - shape.mean()
         speeds = speeds - speeds.mean()
         power = float(shape @ shape)

@@ -12,12 +12,8 @@ The process is speed over duty, so `k` is 1 / velocity_feedforward.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-
 from ..drivers.base import BaseDriver
-from .identification import Identification
+from .identification import Identification, within
 
 CLOSED_LOOP_DELAYS = 2.0
 """Time constant of the closed loop, in delays of the process. SIMC's fastest recommended one is 1;
@@ -30,16 +26,7 @@ adds only some times as much: the plants of the simulator have 3.1 to 6.4. This 
 them: too much feed-forward is a jerk, and the loop makes up for too little."""
 
 
-class Pi(NamedTuple):
-    """A PI controller, `gain (1 + 1 / (integral_s s))`."""
-
-    gain: float
-    """Gain in the reciprocal of the process gain's unit."""
-    integral_s: float
-    """The integral time."""
-
-
-def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> Pi:
+def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> tuple[float, float]:
     """The PI controller for a first-order process with delay: Skogestad 2003, table 1.
 
     Args:
@@ -47,8 +34,12 @@ def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> Pi:
         lag_s: Its time constant.
         delay_s: Its delay.
         closed_s: The time constant wanted of the closed loop.
+
+    Returns:
+        The gain, in the reciprocal of the process gain's unit, and the integral time, of
+        `gain (1 + 1 / (integral_s s))`.
     """
-    return Pi(lag_s / (k * (closed_s + delay_s)), min(lag_s, 4 * (closed_s + delay_s)))
+    return lag_s / (k * (closed_s + delay_s)), min(lag_s, 4 * (closed_s + delay_s))
 
 
 def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]:
@@ -78,17 +69,16 @@ def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]
             lag_s *= FLOOR_INERTIA
         # The loop cannot act sooner than in its next step, however short the fitted delay is.
         delay_s = max(delay_s, 1 / robot.parameters["control_rate_hz"])
-        pi = simc_pi(1 / feedforward, lag_s, delay_s, CLOSED_LOOP_DELAYS * delay_s)
+        gain, integral_s = simc_pi(1 / feedforward, lag_s, delay_s, CLOSED_LOOP_DELAYS * delay_s)
         path_gain = robot.parameters["path_gain"]
         values |= {
             "acceleration_feedforward": feedforward * lag_s,
-            "proportional_gain": pi.gain,
-            "integral_gain": pi.gain * max(0.0, 1 / pi.integral_s - path_gain),
+            "proportional_gain": gain,
+            "integral_gain": gain * max(0.0, 1 / integral_s - path_gain),
         }
     return {name: _allowed(name, value) for name, value in values.items()}
 
 
 def _allowed(name: str, value: float) -> float:
     """Four digits of it, within the parameter's bounds."""
-    parameter = PARAMETER_BY_NAME[name]
-    return float(f"{min(max(value, parameter.minimum), parameter.maximum):.4g}")
+    return float(f"{within(name, value):.4g}")

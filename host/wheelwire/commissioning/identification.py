@@ -20,12 +20,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from statistics import mean, median
+from typing import TypeAlias
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed
-from ..samples import WheelSample
 from .driving import (
     SIDES,
     STANDSTILL_S,
@@ -183,25 +183,18 @@ def identify(
             left(0.0)
 
 
-class _Stairs:
-    """The steady speeds of one wheel, each with its duty and their signs."""
+_Stairs: TypeAlias = list[tuple[float, float]]
+"""The steady speeds of one wheel, each with its duty and their signs: duty first."""
 
-    def __init__(self) -> None:
-        self._points: list[tuple[float, float]] = []
 
-    def add(self, duty: float, speed_mps: float) -> None:
-        """Take in a point; a wheel that stands still is no part of the curve."""
-        if speed_mps * duty > 0:
-            self._points.append((duty, speed_mps))
-
-    def curve(self, *signs: int) -> tuple[tuple[float, float], ...]:
-        """Each duty once, without its sign, in these directions."""
-        speeds: dict[float, list[float]] = {}
-        # A duty may have several points: on the way up and down, and in both directions.
-        for duty, speed in self._points:
-            if math.copysign(1, duty) in signs:
-                speeds.setdefault(round(abs(duty), 6), []).append(abs(speed))
-        return tuple((duty, mean(found)) for duty, found in sorted(speeds.items()))
+def _curve(stairs: _Stairs, *signs: int) -> tuple[tuple[float, float], ...]:
+    """Each duty once, without its sign, in these directions."""
+    speeds: dict[float, list[float]] = {}
+    # A duty may have several points: on the way up and down, and in both directions.
+    for duty, speed in stairs:
+        if math.copysign(1, duty) in signs:
+            speeds.setdefault(round(abs(duty), 6), []).append(abs(speed))
+    return tuple((duty, mean(found)) for duty, found in sorted(speeds.items()))
 
 
 class _Bench:
@@ -232,7 +225,8 @@ class _Bench:
 
     def identify(self) -> Identification:
         # In this order: the steps need the breakaway, and the stairs need both it and the lag.
-        stairs_s = self._stair_s() * self._count(_duties(*STAIRS))
+        count = len(_duties(*STAIRS))
+        stairs_s = self._stair_s() * (count if self._on_the_floor else 4 * count - 2)
         self._left(_USUAL_BREAKAWAY_S + _STEPS_S + stairs_s)
         self._report("breakaway: the duty rises slowly until the wheels start to turn")
         breakaway = self._breakaway()
@@ -249,13 +243,14 @@ class _Bench:
             self._wheel(*found) for found in zip(SIDES, breakaway, stairs, lags, strict=True)
         )
         supply_v = median(self._supply) if self._supply else None
+        gaps = [side for side in (0, 1) if self._gaps[side] >= _FEWEST_GAPS]
         return Identification(
             left=wheels[0],
             right=wheels[1],
             on_the_floor=self._on_the_floor,
             supply_v=supply_v,
             problems=(
-                *self._missing_magnets(),
+                *(str(Problem(MAGNET_MISSING, side)) for side in gaps),
                 *_problems(wheels, stairs),
                 *self._too_fast(wheels),
             ),
@@ -300,20 +295,18 @@ class _Bench:
     # --- step response -------------------------------------------------------------------------
 
     def _step_response(self, breakaway: float) -> list[FirstOrder | None]:
-        low, high = self._step_duties(breakaway)
+        # Clear of breakaway, so that the lower duty keeps both wheels turning; and at least 0.2
+        # apart, so that the step stands out from the noise of the measured speed.
+        low = 1.3 * breakaway
+        high = min(self._most_duty, max(STAIRS[1], low + 0.2))
         records = uninterrupted(lambda: self._steps_both_ways(low, high))
         edges: tuple[list[Edge], list[Edge]] = [], []
         for sign, record in records.items():
             for wheel, found in enumerate(edges):
                 found += self._edges(record, wheel, sign * low, sign * high)
         # Up and down, forward and backward: an edge that is missing would leave a one-sided fit.
-        return [fit_first_order(found) if len(found) == 4 else None for found in edges]
-
-    def _step_duties(self, breakaway: float) -> tuple[float, float]:
-        # Clear of breakaway, so that the lower duty keeps both wheels turning; and at least 0.2
-        # apart, so that the step stands out from the noise of the measured speed.
-        low = 1.3 * breakaway
-        return low, min(self._most_duty, max(STAIRS[1], low + 0.2))
+        ramp_s = abs(high - low) / self._rate_per_s
+        return [fit_first_order(found, ramp_s) if len(found) == 4 else None for found in edges]
 
     def _steps_both_ways(self, low: float, high: float) -> dict[int, Record] | None:
         """Up and down again, forward and then back."""
@@ -339,8 +332,8 @@ class _Bench:
         """The parts of the record around the two changes of duty."""
         times = record.times_s()
         duties = [duty_of(sample, wheel) for sample in record.samples]
-        speeds = [_speed(sample, wheel) for sample in record.samples]
-        found = []
+        speeds = [(sample.left_mps, sample.right_mps)[wheel] for sample in record.samples]
+        found: list[Edge] = []
         for number, (start, end) in enumerate(((low, high), (high, low)), 1):
             # When a setpoint was sent is known, but not when the robot obeyed it.
             begin = self._ramp_begin(times, duties, start, end, number * _EDGE_S)
@@ -352,8 +345,7 @@ class _Bench:
                 for time, speed in zip(times, speeds, strict=True)
                 if begin - 0.15 <= time <= begin + _EDGE_S - 0.03
             ]
-            ramp_s = abs(end - start) / self._rate_per_s
-            found.append(Edge(chosen, ramp_s))
+            found.append(chosen)
         return found
 
     def _ramp_begin(
@@ -378,7 +370,7 @@ class _Bench:
     # --- staircase -----------------------------------------------------------------------------
 
     def _staircase(self, breakaway: Pair) -> tuple[_Stairs, _Stairs]:
-        stairs = _Stairs(), _Stairs()
+        stairs: tuple[_Stairs, _Stairs] = [], []
         lowest, highest = STAIRS
         # With much friction the stairs go higher, so that enough of them are beyond breakaway.
         highest = min(self._most_duty, max(highest, max(breakaway) + 0.3))
@@ -389,7 +381,7 @@ class _Bench:
             self._up_and_down(duties, 1.05 * max(breakaway), stairs)
         # A line through two or three points would hide that the curve is bent.
         for wheel, found in zip(SIDES, stairs, strict=True):
-            turned = min(len(found.curve(sign)) for sign in (1, -1))
+            turned = min(len(_curve(found, sign)) for sign in (1, -1))
             if turned < _FEWEST_STAIRS:
                 raise CommissioningFailed(
                     f"the {wheel} wheel turns at {turned} of {len(duties)} duties up to "
@@ -425,10 +417,6 @@ class _Bench:
             self._add(backward, -duty, stairs)
         come_to_rest(self._robot)
 
-    def _count(self, duties: Sequence[float]) -> int:
-        """Number of stairs at these duties."""
-        return len(duties) if self._on_the_floor else 4 * len(duties) - 2
-
     def _stair_s(self) -> float:
         """About how long a stair takes: on the floor both ways, with the rests between."""
         run_s = _SETTLED * self._time_constant_s + 0.1 + _MEASURED_S
@@ -448,7 +436,8 @@ class _Bench:
 
     def _add(self, speeds: Pair, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
         for found, speed in zip(stairs, speeds, strict=True):
-            found.add(duty, speed)
+            if speed * duty > 0:  # a wheel that stands still is no part of the curve
+                found.append((duty, speed))
 
     def _stair(self, duty: float) -> Pair | None:
         """The steady speeds in m/s at one duty; None if a setpoint ran out meanwhile."""
@@ -494,7 +483,7 @@ class _Bench:
     def _wheel(
         self, name: str, breakaway: float, stairs: _Stairs, lag: FirstOrder | None
     ) -> WheelIdentification:
-        curve = stairs.curve(1, -1)
+        curve = _curve(stairs, 1, -1)
         line = fit_line(curve)
         if not line.slope > 0:
             raise CommissioningFailed(
@@ -502,18 +491,14 @@ class _Bench:
                 "supply"
             )
         return WheelIdentification(
-            static_feedforward=_within("static_feedforward", line.offset),
-            velocity_feedforward=_within("velocity_feedforward", 1 / line.slope),
+            static_feedforward=within("static_feedforward", line.offset),
+            velocity_feedforward=within("velocity_feedforward", 1 / line.slope),
             breakaway=breakaway,
             curve=curve,
             nonlinearity=_nonlinearity(curve, line),
             delay_s=lag.delay_s if lag else None,
             time_constant_s=lag.time_constant_s if lag else None,
         )
-
-    def _missing_magnets(self) -> list[str]:
-        sides = [side for side in (0, 1) if self._gaps[side] >= _FEWEST_GAPS]
-        return [str(Problem(MAGNET_MISSING, side)) for side in sides]
 
     def _too_fast(self, wheels: Sequence[WheelIdentification]) -> list[str]:
         """Whether the robot's own limit leaves the loop nothing to correct with."""
@@ -551,25 +536,21 @@ class _Ramps:
     def duty(self, record: Record) -> Pair:
         """The duties now."""
         duty = _RAMP_PER_S * record.seconds
-        for wheel, ticks in enumerate(record.ticks):
-            self._look(wheel, ticks * self._sign, duty)
+        for wheel, travelled in enumerate(record.ticks):
+            ticks = travelled * self._sign
+            # A single tick may be an encoder that toggles at rest, so a first move is dropped again
+            # when the count returns.
+            if abs(ticks) < 2:
+                self._first_move[wheel] = None
+            elif self._first_move[wheel] is None:
+                self._first_move[wheel] = duty
+            # The duty of the first move counts: it rises further on the way to `far_ticks`.
+            first = self._first_move[wheel]
+            if self.broken[wheel] is None and first is not None and abs(ticks) >= self._far_ticks:
+                self.broken[wheel] = first if ticks > 0 else -first
         # One that turns would only gain speed while the duty rises for the other one.
         left, right = (0.0 if broken is not None else self._sign * duty for broken in self.broken)
         return Pair(left, right)
-
-    def _look(self, wheel: int, ticks: int, duty: float) -> None:
-        if self.broken[wheel] is not None:
-            return
-        # A single tick may be an encoder that toggles at rest, so a first move is dropped again
-        # when the count returns.
-        if abs(ticks) < 2:
-            self._first_move[wheel] = None
-        elif self._first_move[wheel] is None:
-            self._first_move[wheel] = duty
-        # The duty of the first move counts: it rises further on the way to `far_ticks`.
-        first = self._first_move[wheel]
-        if first is not None and abs(ticks) >= self._far_ticks:
-            self.broken[wheel] = first if ticks > 0 else -first
 
 
 def steady_rate(times_s: Sequence[float], ticks: Sequence[int], counts: int) -> float:
@@ -616,7 +597,7 @@ def _problems(wheels: Sequence[WheelIdentification], stairs: Sequence[_Stairs]) 
             found.append(
                 f"{name} wheel: {wheel.nonlinearity}. A higher pwm_frequency_hz makes it straighter"
             )
-        forward, backward = (fit_line(points.curve(sign)).slope for sign in (1, -1))
+        forward, backward = (fit_line(_curve(points, sign)).slope for sign in (1, -1))
         if _differ(forward, backward):
             found.append(
                 f"{name} wheel: {forward:.2f} m/s per duty forward, {backward:.2f} backward: "
@@ -635,8 +616,8 @@ def _differ(a: float, b: float) -> bool:
     return abs(a - b) > _UNEQUAL * max(a, b)
 
 
-def _within(name: str, value: float) -> float:
-    """As the parameter can have it."""
+def within(name: str, value: float) -> float:
+    """The value, or the bound of the parameter that is nearest to it."""
     parameter = PARAMETER_BY_NAME[name]
     return min(max(value, parameter.minimum), parameter.maximum)
 
@@ -645,7 +626,3 @@ def _both(
     combine: Callable[[tuple[float, float]], float], left: float | None, right: float | None
 ) -> float | None:
     return None if left is None or right is None else combine((left, right))
-
-
-def _speed(sample: WheelSample, wheel: int) -> float:
-    return (sample.left_mps, sample.right_mps)[wheel]

@@ -33,7 +33,6 @@ from .imu_mounting import (
     MOST_ASKEW_DEG,
     TURNED_DEG,
     Mean,
-    Noise,
     Reading,
     Unclear,
     check_rest,
@@ -163,7 +162,8 @@ def set_up_imu(
     if not isinstance(robot, DeviceDriver):
         return None
     board = _board_of(robot)
-    imu = None if board is None else _imu_of(board)
+    entries = () if board is None else board.peripherals
+    imu = next((entry for entry in entries if isinstance(entry, ImuSensor)), None)
     if board is None or imu is None:
         return None
     found = _find(robot, person, say, note, imu)
@@ -182,8 +182,8 @@ def set_up_imu(
     if not keeps:
         say("not saved: write these values into the board's file")
         return findings
-    entries = tuple(found if entry is imu else entry for entry in board.peripherals)
-    saved = _save(robot, person, say, note, replace(board, peripherals=entries))
+    peripherals = tuple(found if entry is imu else entry for entry in entries)
+    saved = _save(robot, person, say, note, replace(board, peripherals=peripherals))
     return replace(findings, saved=saved)
 
 
@@ -212,10 +212,6 @@ def _board_of(robot: DeviceDriver) -> BoardDescription | None:
     except GroupUnavailable:
         return None
     return board if state is BoardState.STORED else None
-
-
-def _imu_of(board: BoardDescription) -> ImuSensor | None:
-    return next((entry for entry in board.peripherals if isinstance(entry, ImuSensor)), None)
 
 
 def _find(
@@ -326,9 +322,8 @@ class _Search:
         info = self._robot.imu.info
         if info is None:
             raise CommissioningFailed(_RESET)
-        noise = Noise(info.gyro_noise, info.acceleration_noise)
         for _, mean in self._watch(_REST_S, _SETTLING_S, on_the_floor=True):
-            if mean is not None and is_steady(mean, noise):
+            if mean is not None and is_steady(mean, info.gyro_noise, info.acceleration_noise):
                 check_rest(mean)
                 return Rest(mean, upward_axis(mean.acceleration))
         raise Unclear(

@@ -69,13 +69,6 @@ class Mean(NamedTuple):
     acceleration_deviation: float
 
 
-class Noise(NamedTuple):
-    """Standard deviations of the chip's samples: its SensorInfo has them."""
-
-    gyro: float
-    acceleration: float
-
-
 def mean_of(readings: Sequence[Reading]) -> Mean:
     """What the samples have in common."""
     gyro = list(zip(*(one.gyro for one in readings), strict=True))
@@ -91,11 +84,17 @@ def mean_of(readings: Sequence[Reading]) -> Mean:
 # --- at rest -------------------------------------------------------------------------------------
 
 
-def is_steady(mean: Mean, noise: Noise) -> bool:
-    """Whether the samples differ by no more than those of a robot that stands."""
+def is_steady(mean: Mean, gyro_noise: float, acceleration_noise: float) -> bool:
+    """Whether the samples differ by no more than those of a robot that stands.
+
+    Args:
+        mean: Of the samples.
+        gyro_noise: Standard deviation of the chip's samples, of its SensorInfo.
+        acceleration_noise: The same.
+    """
     return (
-        mean.gyro_deviation <= _STEADY * noise.gyro
-        and mean.acceleration_deviation <= _STEADY * noise.acceleration
+        mean.gyro_deviation <= _STEADY * gyro_noise
+        and mean.acceleration_deviation <= _STEADY * acceleration_noise
     )
 
 
@@ -111,7 +110,7 @@ def check_rest(rest: Mean) -> None:
             f"at rest the gyroscope measures {turning:.2f} rad/s, and a bias is at most "
             f"{MOST_BIAS_RADPS:g}: does the robot turn? Otherwise the IMU is defective"
         )
-    pushed = _length(rest.acceleration)
+    pushed = math.hypot(*rest.acceleration)
     if abs(pushed / GRAVITY_MPS2 - 1) > _GRAVITY_ERROR:
         raise Unclear(
             f"at rest the accelerometer measures {pushed:.1f} m/s^2 in place of 9.8: is `chip` in "
@@ -242,7 +241,7 @@ def is_left_turn(up: Axis, turned: Vector) -> bool:
             "robot to the left, counter-clockwise seen from above. If you did, accelerometer and "
             "gyroscope contradict each other: is `chip` in the board's file the mounted one?"
         )
-    other_deg = math.degrees(_length(_across(turned, unit(up))))
+    other_deg = math.degrees(math.hypot(*_across(turned, unit(up))))
     if other_deg >= TURNED_DEG:
         raise Unclear(
             f"the gyroscope measured a turn by {other_deg:.0f} degrees about a level axis: turn "
@@ -281,12 +280,8 @@ def _dot(a: Vector, b: Vector) -> float:
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def _length(vector: Vector) -> float:
-    return math.hypot(*vector)
-
-
 def _angle_deg(a: Vector, b: Vector) -> float:
-    return math.degrees(math.atan2(_length(_cross(a, b)), _dot(a, b)))
+    return math.degrees(math.atan2(math.hypot(*_cross(a, b)), _dot(a, b)))
 
 
 def _vector(parts: Iterable[float]) -> Vector:

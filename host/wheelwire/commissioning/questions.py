@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from ..drivers.mock import MockDriver
-from ..errors import ConfigurationError, InvalidArgument
+from ..errors import ConfigurationError, InvalidArgument, ParameterOutOfRange
 from ..files.answers import load_answers
 from ..files.board import shipped_boards
 from ..files.plant import shipped_plants
@@ -93,13 +93,16 @@ class Question:
             initials = "".join(word[0] for word in plain.split())
             if text in (plain, initials):
                 return choice
-        if self.parameter:
+        try:
+            number = float(str(words))
+        except ValueError:
+            number = math.nan
+        # For a number the message has the bounds; for a word, what may be given.
+        if self.parameter and math.isfinite(number):
             try:
-                return repr(checked_value(self.parameter, float(str(words))))
-            except ValueError as error:
-                # For a number the message has the bounds; for a word, what may be given.
-                if math.isfinite(_number(words)):
-                    raise InvalidArgument(str(error)) from error
+                return repr(checked_value(self.parameter, number))
+            except ParameterOutOfRange as error:
+                raise InvalidArgument(str(error)) from error
         expected = [*self.choices, *(["a number"] if self.parameter else [])]
         raise InvalidArgument(f"{self.key} = {answer!r}: answer with {', '.join(expected)}")
 
@@ -261,10 +264,3 @@ def _seen(before: tuple[float, float], after: tuple[float, float], question: Que
     way = "forward" if moved[seen[0]] > 0 else "backward"
     both_words = f"{SIDES[seen[0]]} {way}"
     return both_words if both_words in question.choices else way
-
-
-def _number(value: object) -> float:
-    try:
-        return float(str(value))
-    except ValueError:
-        return math.nan

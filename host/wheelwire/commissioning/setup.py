@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Chip, Contradiction, Fault, ResetReason
+from wheelwire_protocol.codes import Contradiction, Fault, ResetReason
 
 from ..board import BoardDescription, chip_of_pins
 from ..drivers.base import BaseDriver
@@ -202,7 +202,10 @@ class _SetUp:
         try:
             tell_contradictions(self.robot, self.say)  # with the board that was chosen
             if not self.options.on_the_floor:
-                self._set_up_imu()
+                # Before the trial of parameters, as the board; and before the robot is raised.
+                keeps = self.options.keep is None
+                imu = set_up_imu(self.robot, self.person, self.say, self._note, keeps=keeps)
+                self.findings = replace(self.findings, imu=imu)
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
@@ -214,32 +217,26 @@ class _SetUp:
                 self._tune()
                 self._finish(trial)
         except Unfit as error:
-            self._note(error.problems)
+            self._note(*error.problems)
             # What was found is void only if an answer may have been wrong.
             if any(problem.defect in VOIDING for problem in error.problems):
                 self._forget()
         except BoardReset as error:
             # Only the device knows whether it was the supply.
             sags = Problem(SAGS, detail=" so far that the board is reset")
-            self._note([sags if _was_brownout(self.robot) else str(error)])
+            self._note(sags if _was_brownout(self.robot) else str(error))
         except CommissioningFailed as error:
-            self._note([str(error)])
+            self._note(str(error))
         finally:
             self.options.left(0.0)
         return self.findings
 
     # --- steps ---------------------------------------------------------------------------------
 
-    def _set_up_imu(self) -> None:
-        # Before the trial of parameters, as the board; and before the robot is raised.
-        keeps = self.options.keep is None
-        imu = set_up_imu(self.robot, self.person, self.say, self._note_text, keeps=keeps)
-        self.findings = replace(self.findings, imu=imu)
-
     def _find(self) -> None:
         self.say("1/4 Robot, supply and contact. Left and right are as seen from behind.")
         check_ready(self.robot, self.person)
-        self._note(find_low_battery(self.robot))
+        self._note(*find_low_battery(self.robot))
         resumed = self.resumed = self._ask_resume()
         self.say("2/4 Wiring")
         if "wiring" in resumed:
@@ -254,7 +251,7 @@ class _SetUp:
         else:
             counted = ask_counts(self.robot, self.person, self.say)
             if counted.doubt:
-                self._note([f"{COUNTS} is doubtful: {counted.doubt}"])
+                self._note(f"{COUNTS} is doubtful: {counted.doubt}")
             self._set(COUNTS, {COUNTS: counted.value})
         self.findings = replace(
             self.findings, counts_per_revolution=round(self.robot.parameters[COUNTS])
@@ -265,7 +262,6 @@ class _SetUp:
         # A correction that is active would be mistaken for the wires.
         self._try(Wiring().corrections)
         wiring, pulsed = find_wiring(self.robot, self.person, self.say)
-        self.findings = replace(self.findings, wiring=wiring)
         # Pulses are counted by bridge, `self.pulsed` is by wheel.
         duties = [one.duty for one in pulsed]
         self.pulsed = duties[::-1] if wiring.motors_swapped else duties
@@ -280,8 +276,8 @@ class _SetUp:
         self.options.left(_CHECK_S)
         # A resumed wiring comes without pulses.
         turning = confirm(self.robot, self.pulsed)
-        self._note(check_supply(self.robot))
-        self._note(check_wheels(self.robot, self.pulsed, turning))
+        self._note(*check_supply(self.robot))
+        self._note(*check_wheels(self.robot, self.pulsed, turning))
         self.options.left(0.0)
 
     def _ask_sizes(self) -> dict[str, float]:
@@ -315,14 +311,15 @@ class _SetUp:
                 # On the floor the gains are all that was asked for.
                 raise
             # What was found before is good all the same.
-            self._note([str(error)])
+            self._note(str(error))
             return
+        rms_before_mps, rms_after_mps = proof.rms_mps(0, 1)
         self.findings = replace(
             self.findings,
             velocity_feedforward=after["velocity_feedforward"],
             static_feedforward=after["static_feedforward"],
-            rms_before_mps=proof.rms_before_mps,
-            rms_after_mps=proof.rms_after_mps,
+            rms_before_mps=rms_before_mps,
+            rms_after_mps=rms_after_mps,
         )
         self.say(proof.table())
         if self.options.plot is not None:
@@ -343,7 +340,7 @@ class _SetUp:
                 on_the_floor=self.options.on_the_floor,
                 left=lambda left_s: self.options.left(left_s + _DRIVES_S),
             )
-            self._note(found.problems)
+            self._note(*found.problems)
             after = tuned(found, self.robot)
             return after, prove(self.robot, self._remember(after), after, self.options.left)
         except DeviceRefused as error:
@@ -370,10 +367,10 @@ class _SetUp:
             self.say(f"the test drives are drawn in {file}")
 
     def _finish(self, trial: Trial) -> None:
+        self.findings = replace(self.findings, is_complete=True)
         values = {name: value for step in self.found.values() for name, value in step.items()}
         if not values:
             self.say("nothing to save")
-            self.findings = replace(self.findings, is_complete=True)
             return
         # All of them: an active value that stays the same may not be in the store.
         self.say("To be saved, before -> after:")
@@ -382,7 +379,6 @@ class _SetUp:
             former, new = number_text(self.former[name]), number_text(value)
             same = " (as before)" if value == self.former[name] else ""
             self.say(f"  {name}: {former} -> {new} {unit}".rstrip() + same)
-        self.findings = replace(self.findings, is_complete=True)
         if self.options.keep is not None:
             _write(self.options.keep, _file_of(self.robot, values))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
@@ -440,10 +436,7 @@ class _SetUp:
             self.former.setdefault(name, value)
         return now
 
-    def _note_text(self, text: str) -> None:
-        self._note([text])
-
-    def _note(self, problems: Sequence[Problem | str]) -> None:
+    def _note(self, *problems: Problem | str) -> None:
         # A gap in an encoder's counts may be found twice.
         new = dict.fromkeys(map(str, problems))
         texts = tuple(text for text in new if text not in self.findings.problems)
@@ -503,7 +496,9 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     if state is BoardState.STORED and present is not None:
         say(f"board: {present.name}")
         return
-    offered = _boards_for(robot.info.device.board)
+    chip = chip_of_pins(robot.info.device.board)
+    boards = {name: load_board(name) for name in shipped_boards()}
+    offered = {name: board for name, board in boards.items() if board.chip is chip}
     picture = next((name for name, board in offered.items() if _is_same(board, present)), None)
     pictures = pictures_directory()
     as_it_is = f"{KEEP}: none, nothing drives"
@@ -551,9 +546,3 @@ def tell_contradictions(robot: BaseDriver, say: Say) -> None:
             "parameters contradict each other, and nothing drives: correct them with "
             "`wheelwire params set`, then begin again"
         )
-
-
-def _boards_for(chip: Chip) -> dict[str, BoardDescription]:
-    """The built-in boards for a device's chip, by name."""
-    boards = {name: load_board(name) for name in shipped_boards()}
-    return {n: board for n, board in boards.items() if board.chip is chip_of_pins(chip)}

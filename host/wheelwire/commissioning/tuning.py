@@ -11,8 +11,8 @@ from wheelwire_protocol.codes import Fault
 
 from ..drivers.base import BaseDriver
 from ..errors import InvalidArgument
-from .before_after import Course, Piece, Trace, drive_twice, drive_with, means, noise_mps, parts
-from .driving import SIDES, Left, Pair, one_session, require_ready, untold
+from .before_after import Course, Piece, Trace, drive_with_each, means, noise_mps, parts
+from .driving import SIDES, Left, Pair, require_ready, untold
 
 STEP, RAMP, SINE = SHAPES = ("step", "ramp", "sine")
 BOTH = "both"
@@ -260,19 +260,7 @@ def compare(
     course = course_of(drive, robot)
     plan(course)
     before = {name: robot.parameters[name] for name in tried}
-    traces: tuple[Trace | None, ...]
-    faults: tuple[Fault, ...]
-    if tried:
-        traces, faults = drive_twice(robot, before, tried, course, left)
-    else:
-        with one_session(robot):
-            try:
-                left(course.seconds)
-                trace, fault = drive_with(robot, {}, course)
-            finally:
-                robot.stop()
-                left(0.0)
-        traces, faults = (trace,), (fault,)
+    traces, faults = drive_with_each(robot, (before, tried) if tried else (before,), course, left)
     figures = tuple(
         {SIDES[wheel]: tracking(trace, course, drive, wheel) for wheel in drive.wheels}
         if trace

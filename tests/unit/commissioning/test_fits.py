@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from wheelwire.commissioning.fits import Edge, fit_first_order, fit_line
+from wheelwire.commissioning.fits import fit_first_order, fit_line
 from wheelwire.commissioning.gains import simc_pi
 from wheelwire.commissioning.identification import steady_rate
 
@@ -37,7 +37,7 @@ def test_delay_and_time_constant_are_found_from_a_rise_and_a_fall(
     answers = [_lag(time - delay_s, time_constant_s) for time in times]
     rise = [(time, 0.1 + 0.3 * answer) for time, answer in zip(times, answers, strict=True)]
     fall = [(time, 0.4 - 0.3 * answer) for time, answer in zip(times, answers, strict=True)]
-    found = fit_first_order([Edge(rise, 0.0), Edge(fall, 0.0)])
+    found = fit_first_order([rise, fall], 0.0)
     assert found.delay_s == pytest.approx(delay_s, abs=1e-3)
     assert found.time_constant_s == pytest.approx(time_constant_s, rel=0.03, abs=5e-4)
 
@@ -46,7 +46,7 @@ def test_the_ramp_of_the_duty_is_not_taken_for_a_delay() -> None:
     # A very fast wheel follows the ramp itself, which takes 0.1 s.
     times = [0.01 * step for step in range(-10, 60)]
     points = [(time, min(max(time / 0.1, 0.0), 1.0)) for time in times]
-    found = fit_first_order([Edge(points, 0.1)])
+    found = fit_first_order([points], 0.1)
     assert found.delay_s < 0.002
     assert found.time_constant_s < 0.005
 

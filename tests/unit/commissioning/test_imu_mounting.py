@@ -11,7 +11,6 @@ import pytest
 from wheelwire.commissioning.imu_mounting import (
     GRAVITY_MPS2,
     Mean,
-    Noise,
     Reading,
     Unclear,
     check_rest,
@@ -33,7 +32,7 @@ from wheelwire.sensors import Vector
 from wheelwire_protocol.sensors import Axis
 
 MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
-NOISE = Noise(0.001, 0.02)
+NOISE = 0.001, 0.02
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -148,10 +147,10 @@ def test_a_mean_has_the_largest_deviation_of_the_three_axes() -> None:
 
 
 def test_the_chips_noise_is_rest_and_a_hand_is_not() -> None:
-    assert is_steady(mean_of(readings(*NOISE)), NOISE)
-    assert is_steady(mean_of(readings(0.004, 0.08)), NOISE)
-    assert not is_steady(mean_of(readings(0.007, 0.02)), NOISE)
-    assert not is_steady(mean_of(readings(0.001, 0.14)), NOISE)
+    assert is_steady(mean_of(readings(*NOISE)), *NOISE)
+    assert is_steady(mean_of(readings(0.004, 0.08)), *NOISE)
+    assert not is_steady(mean_of(readings(0.007, 0.02)), *NOISE)
+    assert not is_steady(mean_of(readings(0.001, 0.14)), *NOISE)
 
 
 def test_what_is_measured_at_rest_is_the_bias() -> None:
