@@ -12,15 +12,11 @@ SENT = "/wheelwire/sent"
 SESSION = "/wheelwire/session"
 TOPICS = (RECEIVED, SENT, SESSION)
 
-_TOPIC_BY_KIND = {Kind.RECEIVED: RECEIVED, Kind.RECEIVED_EACH: RECEIVED, Kind.SENT: SENT}
+TOPIC_BY_KIND = {Kind.RECEIVED: RECEIVED, Kind.RECEIVED_EACH: RECEIVED, Kind.SENT: SENT}
+"""The channels of these records; all others are in `SESSION`."""
 # No dimension, no offset, the number of bytes; then of the bytes: number, kind, host_us.
 _LAYOUT = struct.Struct("<4s3IQBq")
 _RECORD_SIZE = struct.calcsize("<QBq")
-
-
-def topic_of(kind: Kind) -> str:
-    """The channel that takes records of this kind."""
-    return _TOPIC_BY_KIND.get(kind, SESSION)
 
 
 def encode(record: Record) -> bytes:

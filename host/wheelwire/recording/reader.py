@@ -147,7 +147,13 @@ def records(path: str | Path) -> Iterator[Record]:
     Raises:
         RecordingError: The file cannot be read, is no recording, or of another release.
     """
-    _check_release(metadata(path), path)
+    said, ours = metadata(path), f"{schema_hash():08x}"
+    if said.get("schema", ours) != ours:
+        version = said.get("version", "another release")
+        raise RecordingError(
+            f"{path} was recorded by Wheelwire {version}, whose messages differ: "
+            f"read it with that release"
+        )
     for topic, _, data in messages(path):
         if topic in TOPICS:
             try:
@@ -220,16 +226,6 @@ def _said(part: Part, name: str) -> dict[str, str] | None:
 
     found = Metadata.read(stream_of(part.content))
     return dict(found.metadata) if found.name == name else None
-
-
-def _check_release(said: Mapping[str, str], path: str | Path) -> None:
-    ours = f"{schema_hash():08x}"
-    if said.get("schema", ours) != ours:
-        version = said.get("version", "another release")
-        raise RecordingError(
-            f"{path} was recorded by Wheelwire {version}, whose messages differ: "
-            f"read it with that release"
-        )
 
 
 def has_end(file: BinaryIO) -> bool:

@@ -23,7 +23,7 @@ from ..link.tap import Kind, Record, Tap, TapReader
 from .reader import require_mcap
 from .repair import repair_folder
 from .views import CHANNELS, Views
-from .writer import RecordingFile, check_folder, free_path
+from .writer import RecordingFile, free_path
 
 PERIOD_S = 0.05
 """How often the link's records are fetched."""
@@ -157,8 +157,7 @@ class Recorder:
         wait_until_it_began(link, self._inlet.reader)
         self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
         self._thread.start()
-        folder = self._path.parent
-        threading.Thread(target=repair_folder, args=(folder,), daemon=True).start()
+        threading.Thread(target=repair_folder, args=(self._path.parent,), daemon=True).start()
         if attachments is not None:
             threading.Thread(target=self._fetch, args=(attachments,), daemon=True).start()
         atexit.register(self.close)
@@ -286,5 +285,12 @@ def recording_path(path: str | Path) -> Path:
     found = Path(path)
     if found.is_dir():
         found /= f"wheelwire-{datetime.now().astimezone():%Y%m%d-%H%M%S}.mcap"
-    check_folder(found)
+    if not found.parent.is_dir():
+        raise RecordingError(
+            f"cannot record to {found}: there is no folder {found.parent}; make it first"
+        )
+    if not os.access(found.parent, os.W_OK):
+        raise RecordingError(
+            f"cannot record to {found}: its folder cannot be written to; choose another one"
+        )
     return found

@@ -83,10 +83,8 @@ def repair(path: str | Path) -> bool:
         with opened(path, "r+b") as file:
             _lock(file, path)
             first = next(parts(file), None)
-            if first is None:
-                raise RecordingError(f"{path}: {NOTHING}")
             if not _is_ours(first):
-                raise RecordingError(f"{path}: {FOREIGN}")
+                raise RecordingError(f"{path}: {NOTHING if first is None else FOREIGN}")
             found = _found(file, 0.0)
             if found.is_complete:
                 return False
@@ -148,12 +146,10 @@ def _found(file: BinaryIO, pause_s: float) -> _Found:
     awaited: list[bytes] = []
     """What has to follow: the index of the chunk before, one part for each channel."""
     for part in parts(file):
-        if awaited and part.opcode != MESSAGE_INDEX:
-            break
-        if part.opcode == MESSAGE_INDEX:
-            if not awaited or awaited[0] != part.content:
-                break
+        if part.opcode == MESSAGE_INDEX and awaited[:1] == [part.content]:
             del awaited[0]
+        elif part.opcode == MESSAGE_INDEX or awaited:
+            break
         elif part.opcode == CHUNK:
             awaited = _take_chunk(found, part)
             time.sleep(pause_s)
@@ -223,19 +219,19 @@ def _take_other(found: _Found, part: Part) -> None:
     if part.opcode == METADATA_RECORD:
         name = Metadata.read(stream_of(part.content)).name
         found.metadata.append(MetadataIndex(part.offset, length, name))
-        return
-    one = Attachment.read(stream_of(part.content))
-    found.attachments.append(
-        AttachmentIndex(
-            offset=part.offset,
-            length=length,
-            log_time=one.log_time,
-            create_time=one.create_time,
-            data_size=len(one.data),
-            name=one.name,
-            media_type=one.media_type,
+    else:
+        one = Attachment.read(stream_of(part.content))
+        found.attachments.append(
+            AttachmentIndex(
+                offset=part.offset,
+                length=length,
+                log_time=one.log_time,
+                create_time=one.create_time,
+                data_size=len(one.data),
+                name=one.name,
+                media_type=one.media_type,
+            )
         )
-    )
 
 
 def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:

@@ -7,7 +7,6 @@ compares setpoints with those of the day.
 from __future__ import annotations
 
 import json
-import struct
 import threading
 import time
 from collections import deque
@@ -241,13 +240,13 @@ class ReplayLink(RerunLink, InlineLink):
         self._connections += record.kind is Kind.CONNECTED
         if record.kind is Kind.NOTE:
             self._notes |= _note_of(record)
-        if record.kind in (Kind.VELOCITY, Kind.DUTY):
-            left, right, _ = _asked(record)
-            setpoint = Setpoint(left, right, record.kind is Kind.DUTY)
-            self._comparing.note(setpoint, is_recorded=True)
         if record.kind in RECEIVED:
             self._answers.note(record.data)
         self._do_again(record)
+        if record.kind in (Kind.VELOCITY, Kind.DUTY):  # the session took it: it is not damaged
+            left, right, _ = ASKED.unpack(record.data)
+            setpoint = Setpoint(left, right, record.kind is Kind.DUTY)
+            self._comparing.note(setpoint, is_recorded=True)
         if record.kind in RECEIVED:
             self._latest_sample.notify_all()
 
@@ -300,9 +299,7 @@ class ReplayLink(RerunLink, InlineLink):
         Raises:
             RecordingError: There is none within 10 s, or the file is damaged.
         """
-        for ready, timeout_s in self.opening():
-            if self._speed:
-                self.changed.wait_for(ready, timeout_s)
+        next(self.opening())  # all at once: nothing is waited for
 
     def opening(self) -> Opening:
         """As `Link.opening`."""
@@ -467,10 +464,3 @@ def _notes_first(records: Iterable[Record]) -> Iterator[Record]:
 def _note_of(record: Record) -> dict[str, Any]:
     note = json.loads(record.data)
     return note if isinstance(note, dict) else {}
-
-
-def _asked(record: Record) -> tuple[float, float, int]:
-    try:
-        return ASKED.unpack(record.data)
-    except struct.error as error:
-        raise ValueError(f"record {record.number} is damaged: {error}") from error

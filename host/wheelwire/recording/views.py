@@ -81,7 +81,10 @@ class Views:
                 self._due_us = measurement.arrived_us + PERIOD_US
                 yield from self._motion(session, measurement.sample(), time_ns)
         yield from self._sensed(session.sensors, time_ns)
-        self._note_news(session)
+        while session.news:
+            happening, subject = session.news.popleft()
+            level = logging.INFO if happening is Happening.OPENED else logging.ERROR
+            self._said.append((level, _text(happening, subject)))
         while self._said:
             level, text = self._said.pop(0)
             yield EVENTS, time_ns, messages.log(time_ns, level, text)
@@ -95,12 +98,6 @@ class Views:
             self._state = state
             faults = f": {measurement.faults!r}" if measurement.faults else ""
             self._said.append((logging.INFO, f"{measurement.supervisor.name}{faults}"))
-
-    def _note_news(self, session: Session) -> None:
-        while session.news:
-            happening, subject = session.news.popleft()
-            level = logging.INFO if happening is Happening.OPENED else logging.ERROR
-            self._said.append((level, _text(happening, subject)))
 
     def _motion(self, session: Session, sample: WheelSample, time_ns: int) -> Iterator[View]:
         values = session.watched_values

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import RecordingError
 from ..link.tap import Record
 from . import raw
 from .reader import METADATA, require_mcap
@@ -146,7 +145,7 @@ class RecordingFile:
     def add(self, record: Record) -> None:
         """A record of the tap."""
         self.add_message(
-            raw.topic_of(record.kind),
+            raw.TOPIC_BY_KIND.get(record.kind, raw.SESSION),
             record.host_us * 1000 + self._offset_ns,
             raw.encode(record),
             record.number & 0xFFFFFFFF,
@@ -209,15 +208,3 @@ def free_path(path: Path) -> Path:
         number += 1
         found = path.with_name(f"{path.stem}-{number}{path.suffix}")
     return found
-
-
-def check_folder(path: Path) -> None:
-    """Raise `RecordingError` if no file can be made there."""
-    if not path.parent.is_dir():
-        raise RecordingError(
-            f"cannot record to {path}: there is no folder {path.parent}; make it first"
-        )
-    if not os.access(path.parent, os.W_OK):
-        raise RecordingError(
-            f"cannot record to {path}: its folder cannot be written to; choose another one"
-        )
