@@ -253,13 +253,12 @@ def _fault(story: _Story, stop: Transition) -> _Judged:
             return (name,), (names, *supply), side
         if one & COUNTING_FAULTS and _has_others_count(samples, side):
             samples = tuple(map(_swapped, samples))
-        found = wheels.examine(samples, side, counting=not one & COUNTING_FAULTS)
-        causes = found.causes or ("encoder_dead", "wheel_blocked")
+        causes, evidence = wheels.examine(samples, side, counting=not one & COUNTING_FAULTS)
         if causes == ("wheel_never_counted",) and samples[0].supervisor is SupervisorState.DRIVING:
             # Whether it had counted before is not in the box.
             causes = ("encoder_dead", "wheel_blocked", "motor_open")
-            found = found._replace(evidence=("not one tick in the box, which begins in the drive",))
-        return causes, (names, *found.evidence, *supply), side
+            evidence = ("not one tick in the box, which begins in the drive",)
+        return causes, (names, *evidence, *supply), side
     return ("external_fault",), (names,), ""
 
 

@@ -203,16 +203,14 @@ class Diagnosis:
         now_us = self._rerun.host_us
         if self._loss is not None:
             stops.append(self._lost(self._loss))
-        elif self._state is _DRIVING and not complete:
-            text = "the recording ends without a close while the robot drove"
-            stops.append(self._stop(now_us, ("host_killed",), (text,)))
-        elif self._state is _DRIVING and self._hung_up:
-            if now_us - self._history.stop_us < ANSWER_US:
-                text = "it closed the robot, which stops it"
-                stops.append(self._stop(now_us, ("stop_by_session",), (text,)))
-            else:
-                text = "the link was closed while a setpoint was obeyed"
-                stops.append(self._stop(now_us, ("host_hung_up",), (text,)))
+        elif self._state is _DRIVING and (self._hung_up or not complete):
+            cause, text = "host_hung_up", "the link was closed while a setpoint was obeyed"
+            if not complete:
+                cause = "host_killed"
+                text = "the recording ends without a close while the robot drove"
+            elif now_us - self._history.stop_us < ANSWER_US:
+                cause, text = "stop_by_session", "it closed the robot, which stops it"
+            stops.append(self._stop(now_us, (cause,), (text,)))
         return stops
 
     def latched(self) -> Stop | None:
@@ -281,7 +279,8 @@ class Diagnosis:
         state, t_us = measurement.supervisor, measurement.state.t_us
         if self._state_t_us is not None and tick_difference(t_us, self._state_t_us) < 0:
             return  # measured before what an event has said
-        self._change(self._state, state, measurement.faults, measurement.arrived_us, None)
+        at_us = measurement.arrived_us
+        self._change(self._state, state, measurement.faults, at_us, at_us)
         self._faults = measurement.faults
         self._look_for_rest(measurement)
 
@@ -320,7 +319,6 @@ class Diagnosis:
             return
         if event.code == EventCode.TRIAL_EXPIRED:
             self._trial_us = now_us
-            return
         if event.code != EventCode.SUPERVISOR:
             return
         try:
@@ -328,7 +326,8 @@ class Diagnosis:
             cause, faults = SupervisorEvent(event.cause), Fault(event.faults)
         except ValueError:
             return
-        self._change(before, after, faults, now_us, cause, event.t_us)
+        at_us = self._history.host_us(event.t_us) or now_us
+        self._change(before, after, faults, at_us, now_us, cause)
         self._state_t_us = event.t_us
         self._faults = faults
 
@@ -337,9 +336,9 @@ class Diagnosis:
         before: SupervisorState | None,
         after: SupervisorState,
         faults: Fault,
+        at_us: int,
         now_us: int,
-        cause: SupervisorEvent | None,
-        t_us: int | None = None,
+        cause: SupervisorEvent | None = None,
     ) -> None:
         """The supervisor's state has changed, by an event or, if that was lost, by a sample."""
         known, self._state = self._state, after
@@ -348,9 +347,6 @@ class Diagnosis:
         first = known is None
         judge: Callable[[], Stop | None] | None = None
         self._latch = None
-        at_us = now_us
-        if t_us is not None:
-            at_us = self._history.host_us(t_us) or now_us
         if after is SupervisorState.FAULT:
             new = faults & ~self._faults if not first else faults
             samples = tuple(self._history.samples)
@@ -462,9 +458,8 @@ class Diagnosis:
         causes: tuple[str, ...] = (name,)
         evidence: tuple[str, ...] = (str(fault.name),)
         if name != "wheel_reversed":
-            found = wheels.examine(samples, side, counting=not fault & COUNTING_FAULTS)
-            causes = found.causes or ("encoder_dead", "wheel_blocked")
-            evidence = (*evidence, *found.evidence)
+            causes, found = wheels.examine(samples, side, counting=not fault & COUNTING_FAULTS)
+            evidence = (*evidence, *found)
         return self._stop(at_us, causes, (*evidence, *supply_fall(samples)), side)
 
     def _estopped(self, at_us: int, first: bool) -> Stop:

@@ -85,7 +85,7 @@ def examine(samples: Sequence[Measurement], side: str, *, counting: bool) -> Fin
         if later.ticks != earlier.ticks
     ]
     if not points:
-        return Finding((), ("no sample of the drive before it",))
+        return Finding(("encoder_dead", "wheel_blocked"), ("no sample of the drive before it",))
     duty = f"driven at {abs(points[-1].duty):.0%}"
     if not changes:
         return Finding(
@@ -214,15 +214,15 @@ def _by_supply(
         return None
     rest_v = max(rest, default=max(turning_v, end_v))
     sag_v, earlier_v = rest_v - end_v, rest_v - turning_v
-    duty, other = _median_duty(before), _median_other(before)
+    duty = median(abs(one.duty) for one in before)
     if not duty:
         return None
     text = (
         f"the supply sagged by {sag_v * 1000:.0f} mV at the end, and by {earlier_v * 1000:.0f} mV "
         "while it turned"
     )
-    volts_per_duty = earlier_v / (duty + other)
-    explained_v = volts_per_duty * _median_duty(end)
+    volts_per_duty = earlier_v / (duty + _median_other(before))
+    explained_v = volts_per_duty * median(abs(one.duty) for one in end)
     if explained_v < NOISE_V and sag_v < STALL_V:
         return None
     evidence.append(text)
@@ -237,9 +237,5 @@ def _median_v(points: Sequence[_Point]) -> float | None:
     return median(volts) if volts else None
 
 
-def _median_duty(points: Sequence[_Point]) -> float:
-    return median(abs(one.duty) for one in points) if points else 0.0
-
-
 def _median_other(points: Sequence[_Point]) -> float:
-    return median(abs(one.other_duty) for one in points) if points else 0.0
+    return median(abs(one.other_duty) for one in points)
