@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from support.commissioning import plant_robot
-from wheelwire.commissioning.before_after import Course, Trace, drive_with_each, parts
+from wheelwire.commissioning.before_after import Course, Trace, drive_with_each
 from wheelwire.commissioning.driving import Pair
 from wheelwire.commissioning.tuning import (
     BOTH,
@@ -208,7 +208,7 @@ def test_a_delay_at_constant_speed_changes_nothing(
 def test_setup_repeats_a_drive_in_which_the_computer_was_held_up(
     monkeypatch: pytest.MonkeyPatch, robot: MockDriver, late: tuple[int, ...], drives: int
 ) -> None:
-    course = Course(0.2, parts([(Pair(0.2, 0.2), 0.1, 0.5), (Pair(0.0, 0.0), 0.1, 0.5)]))
+    course = Course(0.2, [(Pair(0.2, 0.2), 0.1, 0.5), (Pair(0.0, 0.0), 0.1, 0.5)])
     begun = hold_up(monkeypatch, robot, *late)
     sets = {"integral_gain": 16.0}, {"integral_gain": 12.0}
     drive_with_each(robot, sets, course, attempts=3)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple, TypeAlias
@@ -104,17 +105,21 @@ class Course:
 
     Args:
         top_mps: The greatest speed.
-        parts: One after the other, from standstill.
+        pieces: One after the other, from standstill.
         longest_way_m: A wheel that gets further from where it began is stopped.
     """
 
     def __init__(
-        self, top_mps: float, parts: Iterable[Part], longest_way_m: float = math.inf
+        self, top_mps: float, pieces: Iterable[Piece], longest_way_m: float = math.inf
     ) -> None:
         self.top_mps = top_mps
-        self.parts = tuple(parts)
+        self.parts: list[Part] = []
         self.longest_way_m = longest_way_m
-        self._begins = [part.begin_s for part in self.parts]
+        end_s, before = 0.0, Pair(0.0, 0.0)
+        for held, ramp_s, hold_s in pieces:
+            held_from_s = end_s + ramp_s
+            self.parts.append(Part(end_s, held_from_s, held_from_s + hold_s, before, held))
+            end_s, before = held_from_s + hold_s, held
 
     @property
     def seconds(self) -> float:
@@ -124,7 +129,7 @@ class Course:
     def at(self, t_s: float) -> Pair:
         """The velocities in m/s at a time since the start."""
         # `t_s` may be negative: what is measured at the start is about the time before it.
-        part = self.parts[max(0, bisect_right(self._begins, t_s) - 1)]
+        part = self.parts[max(0, bisect_right(self.parts, t_s, key=attrgetter("begin_s")) - 1)]
         ramp_s = part.held_from_s - part.begin_s
         share = min(max((t_s - part.begin_s) / ramp_s, 0.0), 1.0) if ramp_s > 0 else 1.0
         return Pair(*(a + share * (b - a) for a, b in zip(part.before, part.held, strict=True)))
@@ -137,25 +142,14 @@ def there_and_back(top_mps: float, ramp_mps2: float) -> Course:
         top_mps: The greatest speed.
         ramp_mps2: Acceleration of the faster wheel between the parts.
     """
-    return Course(top_mps, parts(_there_and_back(top_mps, ramp_mps2)))
-
-
-def _there_and_back(top_mps: float, ramp_mps2: float) -> Iterator[Piece]:
+    pieces: list[Piece] = []
     before = Pair(0.0, 0.0)
     for left, right, seconds in _PARTS:
         held = Pair(left * top_mps, right * top_mps)
         change = max(abs(b - a) for a, b in zip(before, held, strict=True))
-        yield held, change / ramp_mps2, seconds
+        pieces.append((held, change / ramp_mps2, seconds))
         before = held
-
-
-def parts(pieces: Iterable[Piece]) -> Iterator[Part]:
-    """The parts of a drive, one after the other, from standstill."""
-    end_s, before = 0.0, Pair(0.0, 0.0)
-    for held, ramp_s, hold_s in pieces:
-        held_from_s = end_s + ramp_s
-        yield Part(end_s, held_from_s, held_from_s + hold_s, before, held)
-        end_s, before = held_from_s + hold_s, held
+    return Course(top_mps, pieces)
 
 
 @dataclass(frozen=True)

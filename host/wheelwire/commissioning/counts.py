@@ -74,13 +74,13 @@ def ask_counts(robot: BaseDriver, person: Person, say: Say) -> Counted:
     return result
 
 
-def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
+def plausible(left: float, right: float) -> Counted:
     """The counts per turn that two wheels, turned by hand, most likely have.
 
     The two agree as well as the person stops at the mark, so their difference is the doubt: within
     it a usual value is taken, else a multiple of four, since each line of a disc makes four edges.
     """
-    mean = (left + right) / 2 / turns
+    mean = (left + right) / 2 / TURNS
     difference = abs(left - right) / (left + right) * 2
     # Bounded on both sides: two wheels may agree by chance, and a bad count must not be mistaken
     # for a usual value that is far off.
@@ -88,9 +88,9 @@ def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
     usual = {*_USUAL, *known_motors().values()}
     nearest = min(usual, key=lambda value: abs(value - mean))
     if abs(nearest - mean) > doubt:
-        # A single tick in all turns, which is 1 / turns in the mean, is no evidence either way.
+        # A single tick in all turns, which is 1 / TURNS in the mean, is no evidence either way.
         four = 4 * round(mean / 4)
-        nearest = four if abs(four - mean) <= max(doubt, 1 / turns) else round(mean)
+        nearest = four if abs(four - mean) <= max(doubt, 1 / TURNS) else round(mean)
     text = ""
     if difference > _LARGEST_DOUBT:
         text = f"the wheels differ by {difference:.1%}: count again, or give the number"

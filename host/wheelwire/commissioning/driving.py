@@ -186,8 +186,7 @@ def arm(robot: BaseDriver) -> None:
         DeviceRefused: An e-stop or a fault is latched.
         CommissioningFailed: No setpoint reaches the robot.
     """
-    begin = fresh(robot)
-    sample = begin
+    begin = sample = fresh(robot)
     while sample.state is not SupervisorState.DRIVING:
         if sample.since(begin).dt_s > _LONGEST_ARMING_S:
             raise CommissioningFailed("no setpoint reaches the robot: check the cable")

@@ -76,9 +76,5 @@ def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]
             "proportional_gain": gain,
             "integral_gain": gain * max(0.0, 1 / integral_s - path_gain),
         }
-    return {name: _allowed(name, value) for name, value in values.items()}
-
-
-def _allowed(name: str, value: float) -> float:
-    """Four digits of it, within the parameter's bounds."""
-    return float(f"{within(name, value):.4g}")
+    # More digits than four mean nothing.
+    return {name: float(f"{within(name, value):.4g}") for name, value in values.items()}

@@ -35,12 +35,12 @@ from .imu_mounting import (
     Mean,
     Reading,
     Unclear,
+    angle_deg,
     check_rest,
     forward_axis,
     in_chip,
     is_left_turn,
     is_steady,
-    lift_deg,
     mean_of,
     raised_axis,
     turned_by,
@@ -220,8 +220,16 @@ def _find(
     try:
         robot.sensors.start(DEFAULT_RATE_HZ)
         sample = robot.imu.read()
-        is_level = lift_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
-        if person.answer(_question(imu, is_known=any(imu.bias) and is_level)) != YES:
+        # By default not again, unless the mounting seems to have changed.
+        is_known = any(imu.bias) and angle_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
+        question = Question(
+            "imu",
+            f"Find how the IMU ({imu.chip.name}) is mounted{', again' if is_known else ''}? You "
+            "lift and turn the robot by hand; its motors stay off.",
+            (YES, NO),
+            NO if is_known else YES,
+        )
+        if person.answer(question) != YES:
             return None
         # Somebody turns the robot by hand: it must not report that it rolls away.
         with robot.parameters.trial(), not_watching(robot, "rolling_velocity_mps"):
@@ -236,17 +244,6 @@ def _find(
     except _Skipped:
         say("the IMU's values stay as they were")
     return None
-
-
-def _question(imu: ImuSensor, *, is_known: bool) -> Question:
-    """Whether to find the mounting: by default not again, unless it seems to have changed."""
-    return Question(
-        "imu",
-        f"Find how the IMU ({imu.chip.name}) is mounted{', again' if is_known else ''}? You lift "
-        "and turn the robot by hand; its motors stay off.",
-        (YES, NO),
-        NO if is_known else YES,
-    )
 
 
 def _show(say: Say, former: ImuSensor, found: ImuSensor) -> None:
@@ -343,8 +340,7 @@ class _Search:
             was_level = was_level or self._is_level(reading, rest)
             if mean is None or not was_level or not _is_held(mean, rest):
                 continue
-            angle_deg = lift_deg(rest.mean.acceleration, mean.acceleration)
-            if angle_deg >= LEAST_LIFT_DEG:
+            if angle_deg(rest.mean.acceleration, mean.acceleration) >= LEAST_LIFT_DEG:
                 axis = raised_axis(rest.mean.acceleration, mean.acceleration)
                 self._say("lifted")
                 return axis
@@ -375,7 +371,7 @@ class _Search:
 
     @staticmethod
     def _is_level(reading: Reading, rest: Rest) -> bool:
-        return lift_deg(rest.mean.acceleration, reading.acceleration) < _LEVEL_DEG
+        return angle_deg(rest.mean.acceleration, reading.acceleration) < _LEVEL_DEG
 
     # --- samples -------------------------------------------------------------------------------
 

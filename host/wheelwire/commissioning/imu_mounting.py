@@ -128,7 +128,7 @@ def upward_axis(rest: Vector) -> Axis:
         Unclear: None does.
     """
     axis = max(Axis, key=lambda axis: _dot(rest, unit(axis)))
-    askew_deg = _angle_deg(rest, unit(axis))
+    askew_deg = angle_deg(rest, unit(axis))
     if askew_deg > MOST_ASKEW_DEG:
         raise Unclear(
             f"by its IMU, the robot stands tilted by {askew_deg:.0f} degrees: stand it on a level "
@@ -141,11 +141,6 @@ def upward_axis(rest: Vector) -> Axis:
 # --- lifted --------------------------------------------------------------------------------------
 
 
-def lift_deg(rest: Vector, lifted: Vector) -> float:
-    """The angle between the robot's attitudes at rest and lifted, in degrees."""
-    return _angle_deg(rest, lifted)
-
-
 def raised_axis(rest: Vector, lifted: Vector) -> Axis:
     """The axis that points to the lifted side.
 
@@ -156,17 +151,17 @@ def raised_axis(rest: Vector, lifted: Vector) -> Axis:
     Raises:
         Unclear: Somebody lifted the robot too little, too far, or over a corner.
     """
-    angle_deg = lift_deg(rest, lifted)
-    if not LEAST_LIFT_DEG <= angle_deg <= MOST_LIFT_DEG:
+    lifted_deg = angle_deg(rest, lifted)
+    if not LEAST_LIFT_DEG <= lifted_deg <= MOST_LIFT_DEG:
         raise Unclear(
-            f"the lift was {angle_deg:.0f} degrees: lift the robot by about 30, "
+            f"the lift was {lifted_deg:.0f} degrees: lift the robot by about 30, "
             f"{LEAST_LIFT_DEG:.0f} to {MOST_LIFT_DEG:.0f} will do"
         )
     gained = _across(lifted, rest)
     up = upward_axis(rest)
     level = [axis for axis in Axis if axis % 3 != up % 3]
     # Only the level part of an axis counts: the module may be a little askew.
-    astray_deg = {axis: _angle_deg(gained, _across(unit(axis), rest)) for axis in level}
+    astray_deg = {axis: angle_deg(gained, _across(unit(axis), rest)) for axis in level}
     axis = min(level, key=lambda axis: astray_deg[axis])
     if astray_deg[axis] > MOST_ASTRAY_DEG:
         raise Unclear(
@@ -280,7 +275,8 @@ def _dot(a: Vector, b: Vector) -> float:
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def _angle_deg(a: Vector, b: Vector) -> float:
+def angle_deg(a: Vector, b: Vector) -> float:
+    """The angle between two vectors, such as the accelerations at rest and lifted, in degrees."""
     return math.degrees(math.atan2(math.hypot(*_cross(a, b)), _dot(a, b)))
 
 

@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import Fault
 
 from ..drivers.base import BaseDriver
 from ..errors import InvalidArgument
-from .before_after import Course, Piece, Trace, drive_with_each, means, noise_mps, parts
+from .before_after import Course, Piece, Trace, drive_with_each, means, noise_mps
 from .driving import SIDES, Left, Pair, require_ready, untold
 
 STEP, RAMP, SINE = SHAPES = ("step", "ramp", "sine")
@@ -58,6 +58,11 @@ class Drive:
         return (0, 1) if self.wheel == BOTH else (SIDES.index(self.wheel),)
 
     @property
+    def top_mps(self) -> float:
+        """The greatest speed, whichever way."""
+        return abs(self.speed_mps)
+
+    @property
     def moving_s(self) -> float:
         """Time in seconds without the rest at its end."""
         return self.seconds - _REST_S
@@ -72,39 +77,36 @@ def course_of(drive: Drive, robot: BaseDriver) -> Course:
         LinkLost: The robot is out of reach.
     """
     most_mps = robot.parameters["max_velocity_mps"]
-    if abs(drive.speed_mps) > most_mps:
+    if drive.top_mps > most_mps:
         raise InvalidArgument(
             f"{drive.speed_mps:g} m/s is beyond the robot's max_velocity_mps, {most_mps:g} m/s: "
             "give less"
         )
     ramp_mps2 = _STEEPEST * robot.parameters["max_acceleration_mps2"]
     pieces = {STEP: _step, RAMP: _ramp, SINE: _sine}[drive.shape](drive, ramp_mps2)
-    return Course(abs(drive.speed_mps), parts(pieces), longest_way_m=_FURTHER * drive.distance_m)
+    return Course(drive.top_mps, pieces, longest_way_m=_FURTHER * drive.distance_m)
 
 
 def _step(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
-    top_mps = abs(drive.speed_mps)
-    ramp_s = top_mps / ramp_mps2
+    ramp_s = drive.top_mps / ramp_mps2
     # Both ramps together go as far as one that is held for as long.
-    hold_s = min(drive.moving_s - 2 * ramp_s, drive.distance_m / top_mps - ramp_s)
+    hold_s = min(drive.moving_s - 2 * ramp_s, drive.distance_m / drive.top_mps - ramp_s)
     _check(drive, hold_s >= _SHORTEST_HOLD_S)
     yield _piece(drive, 1.0, ramp_s, hold_s)
     yield _piece(drive, 0.0, ramp_s, _REST_S)
 
 
 def _ramp(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
-    top_mps = abs(drive.speed_mps)
-    half_s = min(drive.moving_s / 2, drive.distance_m / top_mps)
-    _check(drive, half_s > 0 and top_mps / half_s <= ramp_mps2)
+    half_s = min(drive.moving_s / 2, drive.distance_m / drive.top_mps)
+    _check(drive, half_s > 0 and drive.top_mps / half_s <= ramp_mps2)
     yield _piece(drive, 1.0, half_s, 0.0)
     yield _piece(drive, 0.0, half_s, _REST_S)
 
 
 def _sine(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
-    top_mps = abs(drive.speed_mps)
     # In half a period a sine goes top * period / pi.
-    period_s = min(drive.moving_s / _SINE_PERIODS, math.pi * drive.distance_m / top_mps)
-    _check(drive, period_s > 0 and 2 * math.pi * top_mps / period_s <= ramp_mps2)
+    period_s = min(drive.moving_s / _SINE_PERIODS, math.pi * drive.distance_m / drive.top_mps)
+    _check(drive, period_s > 0 and 2 * math.pi * drive.top_mps / period_s <= ramp_mps2)
     count = _SINE_PERIODS * _SINE_PARTS
     for number in range(1, count + 1):
         height = math.sin(2 * math.pi * number / _SINE_PARTS)

@@ -13,13 +13,13 @@ from wheelwire.commissioning.imu_mounting import (
     Mean,
     Reading,
     Unclear,
+    angle_deg,
     check_rest,
     forward_axis,
     in_chip,
     is_left_turn,
     is_steady,
     leftward_axis,
-    lift_deg,
     mean_of,
     raised_axis,
     turned_by,
@@ -84,8 +84,8 @@ def test_too_little_and_too_far_are_refused(degrees: float) -> None:
 
 
 def test_how_far_it_was_lifted() -> None:
-    assert lift_deg(push(), push(pitch_deg=33)) == pytest.approx(33)
-    assert lift_deg(push(-5), push(40)) == pytest.approx(45)
+    assert angle_deg(push(), push(pitch_deg=33)) == pytest.approx(33)
+    assert angle_deg(push(-5), push(40)) == pytest.approx(45)
 
 
 def over_a_corner(astray_deg: float) -> Vector:
