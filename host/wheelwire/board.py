@@ -7,7 +7,6 @@ is checked by the firmware's own rules.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -31,12 +30,11 @@ from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
 from .errors import ConfigurationError, shown
-from .peripherals import Peripheral, peripheral_problems
+from .peripherals import CRC_SIZE, Peripheral, peripheral_problems, sealed
 
 # Little-endian and without padding, as on the wire.
-_FORMAT = "<" + "".join(letters for _, letters in BOARD_LAYOUT)
+PACKED = struct.Struct("<" + "".join(letters for _, letters in BOARD_LAYOUT))
 _NAMES = [name for name, _ in BOARD_LAYOUT]
-_CRC_SIZE = 4
 _MAX_PERMILLE = 65_535
 
 
@@ -104,7 +102,7 @@ class BoardDescription:
         Raises:
             ConfigurationError: As `packed`.
         """
-        return int.from_bytes(self.packed()[-_CRC_SIZE:], "little")
+        return int.from_bytes(self.packed()[-CRC_SIZE:], "little")
 
     def packed(self) -> bytes:
         """The bytes in which it is sent and stored.
@@ -140,12 +138,12 @@ class BoardDescription:
             values[function.name.lower()] = NO_PIN if pin is None else pin
         try:
             # Packed with a CRC of 0, which is cut off again: it does not cover itself.
-            body = struct.pack(_FORMAT, *(values[name] for name in _NAMES))[:-_CRC_SIZE]
+            body = PACKED.pack(*(values[name] for name in _NAMES))[:-CRC_SIZE]
         except struct.error as error:
             raise ConfigurationError(
                 f"the board {self.name!r} cannot be packed: {error}"
             ) from error
-        return body + zlib.crc32(body).to_bytes(_CRC_SIZE, "little")
+        return sealed(body)
 
     def pin(self, function: BoardPin) -> int | None:
         """The GPIO of a function."""
@@ -196,9 +194,9 @@ def unpacked(data: bytes) -> BoardDescription:
         ConfigurationError: It is damaged, or of a version or with codes that are unknown here.
     """
     # Before anything is read: in damaged bytes even the version means nothing.
-    if len(data) != struct.calcsize(_FORMAT) or _crc_of(data) != data[-_CRC_SIZE:]:
+    if len(data) != PACKED.size or sealed(data[:-CRC_SIZE]) != data:
         raise ConfigurationError(f"the board cannot be read: {BoardFault.DAMAGED.doc}")
-    values = dict(zip(_NAMES, struct.unpack(_FORMAT, data), strict=True))
+    values = dict(zip(_NAMES, PACKED.unpack(data), strict=True))
     if values["version"] != BOARD_VERSION:
         raise ConfigurationError(
             f"the board has format {values['version']}, this library reads {BOARD_VERSION}: "
@@ -247,7 +245,3 @@ def sentence(issue: BoardIssue, chip: Chip, stage: Stage) -> str:
         value=issue.value,
         limit=issue.limit,
     )
-
-
-def _crc_of(data: bytes) -> bytes:
-    return zlib.crc32(data[:-_CRC_SIZE]).to_bytes(_CRC_SIZE, "little")

@@ -33,20 +33,18 @@ from wheelwire_protocol.types import PERIPHERAL_LAYOUT
 from .errors import ConfigurationError
 
 # Little-endian and without padding, as on the wire.
-_ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT))
+ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT))
 _NAMES = [name for name, _ in PERIPHERAL_LAYOUT]
 _PINS = ("pin_a", "pin_b", "pin_c")
 _VALUES = ("value_a", "value_b", "value_c")
 # Format, count, zeros, and the board's fingerprint.
 _HEAD = struct.Struct("<BBHI")
-_CRC_SIZE = 4
+CRC_SIZE = 4
 # An entry has unsigned numbers only; a bias is in two's complement.
 _HALF, _COUNTS = 0x8000, 0x1_0000
 _BIAS_DIGITS = 5
 """Decimals of a bias in rad/s: enough for one count of any chip."""
-ENTRY_SIZE = _ENTRY.size
-"""Size of a packed entry, in bytes."""
-_LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY_SIZE + _CRC_SIZE
+_LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY.size + CRC_SIZE
 
 
 class Pull(enum.Enum):
@@ -275,7 +273,7 @@ def packed_entry(entry: Peripheral) -> bytes:
     for name, pin in zip(_PINS, (*pins, None, None, None), strict=False):
         values[name] = NO_PIN if pin is None else pin
     try:
-        return _ENTRY.pack(*(values[name] for name in _NAMES))
+        return ENTRY.pack(*(values[name] for name in _NAMES))
     except struct.error as error:
         raise ConfigurationError(f"{key_of(entry)} cannot be packed: {error}") from error
 
@@ -286,7 +284,7 @@ def unpacked_entry(data: bytes) -> Peripheral:
     Raises:
         ConfigurationError: This release does not know a code in it.
     """
-    values = dict(zip(_NAMES, _ENTRY.unpack(data), strict=True))
+    values = dict(zip(_NAMES, ENTRY.unpack(data), strict=True))
     first, second, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
     numbers = [values[name] for name in _VALUES]
     address = values["address"] or None
@@ -330,10 +328,9 @@ def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
     """
     if len(entries) > MOST_PERIPHERALS:
         raise ConfigurationError(_too_many(entries))
-    nothing = _ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _NAMES))
+    nothing = ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _NAMES))
     packed = [*map(packed_entry, entries), *[nothing] * (MOST_PERIPHERALS - len(entries))]
-    body = _HEAD.pack(PERIPHERAL_FORMAT, len(entries), 0, board) + b"".join(packed)
-    return body + zlib.crc32(body).to_bytes(_CRC_SIZE, "little")
+    return sealed(_HEAD.pack(PERIPHERAL_FORMAT, len(entries), 0, board) + b"".join(packed))
 
 
 def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
@@ -342,8 +339,8 @@ def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
     Raises:
         ConfigurationError: The list is damaged, or this release does not know its format or codes.
     """
-    body, crc = data[:-_CRC_SIZE], data[-_CRC_SIZE:]
-    if len(data) != _LIST_SIZE or zlib.crc32(body).to_bytes(_CRC_SIZE, "little") != crc:
+    body = data[:-CRC_SIZE]
+    if len(data) != _LIST_SIZE or sealed(body) != data:
         raise ConfigurationError(f"the peripherals cannot be read: {PeripheralFault.DAMAGED.doc}")
     version, count, _, board = _HEAD.unpack_from(body)
     if version != PERIPHERAL_FORMAT or count > MOST_PERIPHERALS:
@@ -351,13 +348,18 @@ def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
             f"the peripherals have format {version} and {count} entries, and this library reads "
             f"format {PERIPHERAL_FORMAT}, at most {MOST_PERIPHERALS} entries: update the older one"
         )
-    entries = body[_HEAD.size : _HEAD.size + count * ENTRY_SIZE]
-    return tuple(map(unpacked_entry, _chunks(entries))), board
+    starts = range(_HEAD.size, _HEAD.size + count * ENTRY.size, ENTRY.size)
+    return tuple(unpacked_entry(body[at : at + ENTRY.size]) for at in starts), board
+
+
+def sealed(body: bytes) -> bytes:
+    """The bytes and, behind them, their CRC-32: so boards and lists are stored and named."""
+    return body + zlib.crc32(body).to_bytes(CRC_SIZE, "little")
 
 
 def fingerprint(entries: Sequence[Peripheral], board: int) -> int:
     """The 32-bit checksum that names a list; raises as `packed_list`."""
-    return int.from_bytes(packed_list(entries, board)[-_CRC_SIZE:], "little")
+    return int.from_bytes(packed_list(entries, board)[-CRC_SIZE:], "little")
 
 
 def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str]:
@@ -373,7 +375,7 @@ def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str
     """
     if len(entries) > MOST_PERIPHERALS:
         return [_too_many(entries)]
-    of_board = int.from_bytes(board[-_CRC_SIZE:], "little")
+    of_board = int.from_bytes(board[-CRC_SIZE:], "little")
     texts = [
         issue.fault.doc.format(
             entry=key_of(entries[issue.channel]) if issue.channel >= 0 else "",
@@ -389,10 +391,6 @@ def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str
 
 def _too_many(entries: Sequence[Peripheral]) -> str:
     return PeripheralFault.TOO_MANY.doc.format(value=len(entries), limit=MOST_PERIPHERALS)
-
-
-def _chunks(data: bytes) -> list[bytes]:
-    return [data[at : at + ENTRY_SIZE] for at in range(0, len(data), ENTRY_SIZE)]
 
 
 def _thousandths(value: float) -> int:

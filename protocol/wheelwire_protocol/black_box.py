@@ -16,7 +16,7 @@ from . import native
 from .codec import BY_ID, MIN_PAYLOAD
 from .codes import BoxCause as BoxCause
 from .codes import Fault, RefusalCode, ResetReason, SupervisorEvent, SupervisorState
-from .types import AnyMessage
+from .types import AnyMessage, BoxValue
 
 BOX_SIZE = 32768
 """Size of every box, in bytes."""
@@ -213,7 +213,7 @@ class Box:
         if status != native.BOX_OPENED:
             raise BoxError("no black box")
         try:
-            return handle, _head(head), head.missing
+            return handle, head_of(head), head.missing
         except ValueError as error:
             self._library.wheelwire_box_close(handle)
             raise BoxError(f"a black box of a later release: {error}") from error
@@ -261,7 +261,12 @@ class Box:
         )
 
 
-def _head(head: native.BoxHead) -> BoxHead:
+def head_of(head: native.BoxHead | BoxValue) -> BoxHead:
+    """The head of a box, from the firmware's library or from a message.
+
+    Raises:
+        ValueError: It has a code of a later release.
+    """
     return BoxHead(
         BoxCause(head.cause),
         ResetReason(head.reset_reason),

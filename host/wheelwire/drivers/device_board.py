@@ -6,17 +6,14 @@ Each operation is written once, for asyncio and for threads.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE
+from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.codes import Group
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import (
-    BOARD_LAYOUT,
-    PERIPHERAL_LAYOUT,
-    AnyMessage,
     BoardConfirm,
     BoardGet,
     BoardValue,
@@ -29,7 +26,7 @@ from wheelwire_protocol.types import (
     Restart,
 )
 
-from ..board import BoardDescription, unpacked
+from ..board import PACKED, BoardDescription, unpacked
 from ..errors import (
     BoardNotKept,
     ConfigurationError,
@@ -38,7 +35,7 @@ from ..errors import (
     WheelwireError,
 )
 from ..peripherals import (
-    ENTRY_SIZE,
+    ENTRY,
     Peripheral,
     fingerprint,
     packed_entry,
@@ -50,8 +47,6 @@ from .requests import Requests, blocking
 RESTART_TIMEOUT_S = 8.0
 """A chip is back within one second; the trial of a board ends after ten."""
 _POLL_S = 0.02
-_FIELDS = len(BOARD_LAYOUT)
-_ENTRY_FIELDS = len(PERIPHERAL_LAYOUT)
 
 
 class StoredPeripherals(NamedTuple):
@@ -66,13 +61,6 @@ class StoredPeripherals(NamedTuple):
     state: PeripheralsState
     entries: tuple[Peripheral, ...]
     fingerprint: int
-
-
-class _Written(NamedTuple):
-    """What the next restart tries."""
-
-    board: bool
-    peripherals: bool
 
 
 class AwaitableBoard:
@@ -115,7 +103,7 @@ class AwaitableBoard:
             values.append(cast("PeripheralValue", answer))
         # Each message ends with the entry's fields, in the layout of a packed entry.
         pack = BY_TYPE[PeripheralValue].pack_body
-        packed = [pack(*one)[-ENTRY_SIZE:] for one in values[: value.channel_count]]
+        packed = [pack(*one)[-ENTRY.size :] for one in values[: value.channel_count]]
         entries = tuple(map(unpacked_entry, packed))
         return StoredPeripherals(PeripheralsState(value.state), entries, value.crc)
 
@@ -174,15 +162,14 @@ class AwaitableBoard:
                 f"{board.name}: nothing was confirmed; write the board again"
             )
         before = self._requests.link.info.device.boot_id
-        if state is not BoardState.STORED or await self._is_on_trial():
+        if state is not BoardState.STORED or await self._list_state() is PeripheralsState.TRIAL:
             await self.confirm(board)
         if state is BoardState.BUILT_IN:
             await self._await_restart(before)
         state, found = await self._read_board()
         if state is not BoardState.STORED or found is None or not _is_same(found, board):
             raise BoardNotKept(f"{board.name} was not confirmed; try again")
-        stored = await self.read_peripherals()
-        if stored is not None and stored.state is PeripheralsState.UNUSABLE:
+        if await self._list_state() is PeripheralsState.UNUSABLE:
             raise ConfigurationError(
                 f"{board.name} is confirmed, but the list of peripherals that is stored is "
                 "damaged or of another board, and nothing drives: write the board's file, which "
@@ -197,10 +184,10 @@ class AwaitableBoard:
             ConfigurationError, DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As
                 `write` and `restart`.
         """
-        written = await self._write(board)
+        has_new_board, has_new_list = await self._write(board)
         await self.restart()
         state, found = await self._read_board()
-        expected = BoardState.TRIAL if written.board else BoardState.STORED
+        expected = BoardState.TRIAL if has_new_board else BoardState.STORED
         # The packed forms are what was written and saved: there a number may have been rounded.
         if state is not expected or found is None or not _is_same(found, board):
             raise BoardNotKept(
@@ -208,7 +195,7 @@ class AwaitableBoard:
                 f"({found.name if found else 'none'}): try again"
             )
         # The device was reached on it, so its line to the host is right at least.
-        if written.peripherals:
+        if has_new_list:
             stored = await self.read_peripherals()
             wanted = fingerprint(board.peripherals, board.fingerprint())
             if stored is None or (stored.state, stored.fingerprint) != (
@@ -224,16 +211,17 @@ class AwaitableBoard:
 
     async def _read_board(self) -> tuple[BoardState, BoardDescription | None]:
         # First: a device of another release may mean something else by these messages.
-        await self._check_group()
+        await self._requests.check_group(Group.BOARD)
         value = cast("BoardValue", await self._requests.ask(BoardGet(0, 0)))
         state = BoardState(value.state)
         if state is BoardState.NONE:
             return state, None
         # The message ends with the board's fields, in the layout of a packed board.
         body = BY_TYPE[BoardValue].pack_body(*value)
-        return state, unpacked(body[-_packed_size() :])
+        return state, unpacked(body[-PACKED.size :])
 
-    async def _write(self, board: BoardDescription) -> _Written:
+    async def _write(self, board: BoardDescription) -> tuple[bool, bool]:
+        """As `write`; returns whether the next restart tries the board, and the peripherals."""
         state, found = await self._read_board()
         stored = await self.read_peripherals()
         if stored is None:
@@ -246,27 +234,25 @@ class AwaitableBoard:
             # Where none was ever stored, one that is left out means the same as an empty one.
             has_list = bool(board.peripherals) or stored.state is not PeripheralsState.EMPTY
         is_on_it = state is BoardState.STORED and found is not None and _is_same(found, board)
-        written = _Written(board=not (is_on_it and has_list), peripherals=has_list)
+        has_board = not (is_on_it and has_list)
         # The board last: without its peripherals a restart would leave one that drives nothing.
-        if written.peripherals:
+        if has_list:
             await self._write_peripherals(board)
-        if written.board:
-            fields = _fields_of(BoardWrite, _size_of_ids(), board.packed())
-            await self._requests.ask(BoardWrite(0, 0, *fields[-_FIELDS:]))
-        return written
+        if has_board:
+            await self._requests.ask(BoardWrite(0, 0, *PACKED.unpack(board.packed())))
+        return has_board, has_list
 
     async def _write_peripherals(self, board: BoardDescription) -> None:
-        size = _size_of_ids() + 1  # and the channel
         for channel, entry in enumerate(board.peripherals):
-            fields = _fields_of(PeripheralSet, size, packed_entry(entry))
-            await self._requests.ask(PeripheralSet(0, 0, channel, *fields[-_ENTRY_FIELDS:]))
+            fields = ENTRY.unpack(packed_entry(entry))
+            await self._requests.ask(PeripheralSet(0, 0, channel, *fields))
         of_board = board.fingerprint()
         crc = fingerprint(board.peripherals, of_board)
         await self._requests.ask(PeripheralsWrite(0, 0, len(board.peripherals), of_board, crc))
 
-    async def _is_on_trial(self) -> bool:
+    async def _list_state(self) -> PeripheralsState | None:
         stored = await self.read_peripherals()
-        return stored is not None and stored.state is PeripheralsState.TRIAL
+        return None if stored is None else stored.state
 
     async def restart(self) -> None:
         """Restart the device, and wait until it is back.
@@ -303,9 +289,6 @@ class AwaitableBoard:
             "board then replaces one that was on trial"
         )
 
-    async def _check_group(self) -> None:
-        await self._requests.check_group(Group.BOARD)
-
 
 class DeviceBoard:
     """The board of one device, and its peripherals, for threads."""
@@ -337,17 +320,3 @@ def _check_peripherals(board: BoardDescription) -> None:
 
 def _is_same(found: BoardDescription, board: BoardDescription) -> bool:
     return found.packed() == board.packed()
-
-
-def _fields_of(kind: type[AnyMessage], size: int, packed: bytes) -> tuple[Any, ...]:
-    """The fields of a message that begins with `size` bytes and ends with packed ones."""
-    return BY_TYPE[kind].unpack(bytes(HEADER_SIZE + size) + packed + bytes(CRC_SIZE))
-
-
-def _packed_size() -> int:
-    return BY_TYPE[BoardWrite].size - HEADER_SIZE - CRC_SIZE - _size_of_ids()
-
-
-def _size_of_ids() -> int:
-    """The size of session_id and request_id, with which every request begins."""
-    return BY_TYPE[BoardGet].size - HEADER_SIZE - CRC_SIZE

@@ -8,15 +8,8 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import cast
 
-from wheelwire_protocol.black_box import BoxHead, release_text
-from wheelwire_protocol.codes import (
-    BoxCause,
-    Fault,
-    Group,
-    RefusalCode,
-    ResetReason,
-    SupervisorEvent,
-)
+from wheelwire_protocol.black_box import head_of
+from wheelwire_protocol.codes import Group, RefusalCode, ResetReason, SupervisorEvent
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
@@ -50,7 +43,7 @@ class AwaitableRecorder:
             DeviceRefused: The robot drives: stop it first.
             LinkLost, RequestTimeout: The device was not reached.
         """
-        await self._check_group()
+        await self._requests.check_group(Group.RECORDER)
         # By number: one that is stored meanwhile makes all others older.
         found: dict[int, StoredBox] = {}
         for age in range(_MOST_BOXES):
@@ -58,7 +51,7 @@ class AwaitableRecorder:
             if value.number == 0:
                 break
             try:
-                head = _head(value)
+                head = head_of(value)
             except ValueError as error:
                 raise RecordingError(
                     f"black box {value.number} is of a later release ({error}): use its library"
@@ -76,7 +69,7 @@ class AwaitableRecorder:
             RecordingError: It is no longer there: a newer one has taken its place.
             GroupUnavailable, DeviceRefused, LinkLost, RequestTimeout: As `boxes`.
         """
-        await self._check_group()
+        await self._requests.check_group(Group.RECORDER)
         number = box.head.number
         image = bytearray()
         while len(image) < box.size:
@@ -96,7 +89,7 @@ class AwaitableRecorder:
         Raises:
             GroupUnavailable, DeviceRefused, LinkLost, RequestTimeout: As `boxes`.
         """
-        await self._check_group()
+        await self._requests.check_group(Group.RECORDER)
         value = cast("LedgerValue", await self._requests.ask(LedgerGet(0, 0)))
         counts = value._asdict()
         return Ledger(
@@ -141,9 +134,6 @@ class AwaitableRecorder:
                     images[box.head.number] = await self.read_box(box)
         return [(box, images.get(box.head.number, b"")) for box in reversed(stored)]
 
-    async def _check_group(self) -> None:
-        await self._requests.check_group(Group.RECORDER)
-
 
 class DeviceRecorder:
     """The recorder of one device, for threads."""
@@ -155,18 +145,3 @@ class DeviceRecorder:
     read_box = blocking(AwaitableRecorder.read_box)
     ledger = blocking(AwaitableRecorder.ledger)
     read = blocking(AwaitableRecorder.read)
-
-
-def _head(value: BoxValue) -> BoxHead:
-    return BoxHead(
-        BoxCause(value.cause),
-        ResetReason(value.reset_reason),
-        value.number,
-        value.boot_id,
-        value.core,
-        release_text(value.release),
-        value.git_hash,
-        value.board,
-        Fault(value.faults),
-        value.stored_us,
-    )

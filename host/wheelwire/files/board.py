@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from wheelwire_protocol import native
 from wheelwire_protocol.board import (
     CHIPS,
     MODULES,
     NAME_SIZE,
-    OUTPUTS,
-    STAGES,
     BoardLine,
     ContactKind,
     EncoderPulls,
@@ -23,7 +20,7 @@ from wheelwire_protocol.board import (
 
 from ..board import BoardDescription, WheelPins
 from ..errors import ConfigurationError
-from .peripherals import SECTIONS, parse_peripherals, peripheral_sections
+from .peripherals import SECTIONS, parse_peripherals, peripheral_sections, without_none
 from .reading import Section, file_named, names_in, reading
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
@@ -33,12 +30,9 @@ MODULE_BY_NAME = {
     ANY_MODULE: Module.ANY,
     **{table.name: module for module, table in MODULES.items()},
 }
-_LINES = {"uart": BoardLine.UART, "usb": BoardLine.USB}
-_PULLS = {"internal": EncoderPulls.INTERNAL, "external": EncoderPulls.EXTERNAL}
-_CONTACTS = {
-    "normally_closed": ContactKind.NORMALLY_CLOSED,
-    "normally_open": ContactKind.NORMALLY_OPEN,
-}
+_LINES = {line.name.lower(): line for line in BoardLine}
+_PULLS = {pulls.name.lower(): pulls for pulls in EncoderPulls}
+_CONTACTS = {contact.name.lower(): contact for contact in ContactKind}
 _TOP = [
     *("name", "chip", "module", "stage", "left", "right", "standby"),
     *("pwm_frequency_hz", "encoder_pulls", "encoder_filter_ns"),
@@ -49,8 +43,6 @@ _WHEEL = [field.name for field in fields(WheelPins)]
 _LAST_PULLED_DOWN = 63
 """The pulled-down pins travel as the bits of one 64-bit number."""
 _CHECKOUT = Path(__file__).parents[3]
-
-_Code = TypeVar("_Code")
 
 
 def shipped_directory() -> Path:
@@ -134,39 +126,30 @@ def parse_board(content: object) -> BoardDescription:
 
 def board_mapping(board: BoardDescription) -> dict[str, Any]:
     """The content of a file with this board; `parse_board` makes the same board from it."""
-    stage = STAGES[board.stage]
-    content: dict[str, Any] = {
+    content = {
         "name": board.name,
         "chip": CHIPS[board.chip].name,
         "stage": board.stage.name.lower(),
-    }
-    if board.module is not Module.ANY:
-        content["module"] = MODULES[board.module].name
-    for side in ("left", "right"):
-        wheel: WheelPins = getattr(board, side)
+        "module": None if board.module is Module.ANY else MODULES[board.module].name,
         # Also pins for which the stage has no input: a board that breaks a rule is shown as it is.
-        names = [*(n for n in OUTPUTS if n in stage.inputs or getattr(wheel, n) is not None)]
-        content[side] = {
-            name: pin
-            for name in (*names, "encoder_a", "encoder_b")
-            if (pin := getattr(wheel, name)) is not None
-        }
-    if board.standby is not None:
-        content["standby"] = board.standby
-    content["pwm_frequency_hz"] = board.pwm_frequency_hz
-    content["encoder_pulls"] = _name_of(board.encoder_pulls, _PULLS)
-    content["encoder_filter_ns"] = board.encoder_filter_ns
-    # Without a pin the kind of contact means nothing, nor does the divider below.
-    if board.estop is not None:
-        contact = _name_of(board.estop_contact, _CONTACTS)
-        content["estop"] = {"pin": board.estop, "contact": contact}
-    if board.battery is not None:
-        content["battery"] = {"pin": board.battery, "divider": board.battery_divider}
-    if board.led is not None:
-        content["led"] = board.led
-    content["link"] = _name_of(board.line, _LINES)
-    content["pulldowns"] = sorted(board.pulldowns)
-    return content | peripheral_sections(board.peripherals)
+        "left": without_none(asdict(board.left)),
+        "right": without_none(asdict(board.right)),
+        "standby": board.standby,
+        "pwm_frequency_hz": board.pwm_frequency_hz,
+        "encoder_pulls": board.encoder_pulls.name.lower(),
+        "encoder_filter_ns": board.encoder_filter_ns,
+        # Without a pin the kind of contact means nothing, nor does the divider below.
+        "estop": None
+        if board.estop is None
+        else {"pin": board.estop, "contact": board.estop_contact.name.lower()},
+        "battery": None
+        if board.battery is None
+        else {"pin": board.battery, "divider": board.battery_divider},
+        "led": board.led,
+        "link": board.line.name.lower(),
+        "pulldowns": sorted(board.pulldowns),
+    }
+    return without_none(content) | peripheral_sections(board.peripherals)
 
 
 def to_yaml(board: BoardDescription) -> str:
@@ -179,7 +162,3 @@ def to_yaml(board: BoardDescription) -> str:
 def _wheel(board: Section, side: str) -> WheelPins:
     wheel = Section(board.get(side), _WHEEL, side)
     return WheelPins(**{name: wheel.pin(name) for name in _WHEEL})
-
-
-def _name_of(code: _Code, codes: Mapping[str, _Code]) -> str:
-    return next(name for name, value in codes.items() if value == code)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any
 
@@ -92,14 +92,14 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
             name = channel_name(entry.kind, entry.place).replace(".", "_")
             level = "low" if entry.triggered_low else "high"
             content = {"pin": entry.pin, "triggered": level, "pull": entry.pull.value}
-            sections.setdefault("inputs", {})[name] = _without_none(content)
+            sections.setdefault("inputs", {})[name] = without_none(content)
         elif isinstance(entry, AnalogInput):
             name = channel_name(entry.kind, entry.place, entry.number)
             voltage = {"pin": entry.pin, "divider": entry.divider}
-            sections.setdefault("inputs", {})[name] = _without_none(voltage)
+            sections.setdefault("inputs", {})[name] = without_none(voltage)
         elif isinstance(entry, RangeSensor):
             pins = {"trigger": entry.trigger, "echo": entry.echo}
-            named = _without_none({"chip": _CHIP_NAMES[entry.chip], **pins})
+            named = without_none({"chip": _CHIP_NAMES[entry.chip], **pins})
             sections.setdefault("ranges", {})[entry.place.name.lower()] = named
         elif isinstance(entry, BatteryLevels):
             power = sections.setdefault("power", {})
@@ -107,12 +107,12 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
                 power |= {name: getattr(entry, name) for name in _CELL_V}
         elif isinstance(entry, PowerSensor):
             bus = _bus_of(entry) | {"shunt_mohm": entry.shunt_mohm, "address": entry.address}
-            sections["power"] = _without_none(bus)
+            sections["power"] = without_none(bus)
         else:
             axes = {name: axis_name(getattr(entry, name)) for name in ("forward", "up")}
             bias = list(entry.bias) if any(entry.bias) else None
             other = {"interrupt": entry.interrupt, **axes, "address": entry.address, "bias": bias}
-            sections["imu"] = _without_none(_bus_of(entry) | other)
+            sections["imu"] = without_none(_bus_of(entry) | other)
     return {name: sections[name] for name in SECTIONS if name in sections}
 
 
@@ -164,7 +164,10 @@ def _levels(power: Section) -> BatteryLevels:
     if "cells" in power.values:
         cells = power.whole("cells", _MAX_CELLS, low=1)
         defaults = {name: round(cells * volts, 3) for name, volts in _CELL_V.items()}
-    return BatteryLevels(**{name: _level(power, name, defaults) for name in _CELL_V})
+    volts = (0.0, _MAX_V)
+    return BatteryLevels(
+        **{name: _within(power, name, volts, defaults.get(name, MISSING)) for name in _CELL_V}
+    )
 
 
 def _bias(imu: Section, chip: SensorChip) -> tuple[float, float, float]:
@@ -186,7 +189,9 @@ def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
     inputs = Section(board.get("inputs"), (*_INPUTS, *_ANALOG), "inputs")
     for name in inputs.values:
         if name in _ANALOG:
-            yield _analog(inputs, name)
+            entry = Section(inputs.get(name), ("pin", "divider"), f"inputs.{name}")
+            divider = _within(entry, "divider", _DIVIDERS, 1.0)
+            yield AnalogInput(_ANALOG[name], entry.pin("pin"), divider)
             continue
         kind, place = _INPUTS[name]
         entry = Section(inputs.get(name), ("pin", "triggered", "pull"), f"inputs.{name}")
@@ -199,12 +204,6 @@ def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
         yield DigitalInput(kind, place, entry.pin("pin"), is_low, pull)
 
 
-def _analog(inputs: Section, name: str) -> AnalogInput:
-    entry = Section(inputs.get(name), ("pin", "divider"), f"inputs.{name}")
-    divider = _within(entry, "divider", _DIVIDERS, 1.0)
-    return AnalogInput(_ANALOG[name], entry.pin("pin"), divider)
-
-
 def _ranges(board: Section) -> Iterator[RangeSensor]:
     if board.get("ranges", None) is None:
         return
@@ -213,10 +212,6 @@ def _ranges(board: Section) -> Iterator[RangeSensor]:
         entry = Section(ranges.get(name), ("chip", "trigger", "echo"), f"ranges.{name}")
         chip = entry.code("chip", _RANGE_CHIPS)
         yield RangeSensor(chip, _PLACES[name], entry.pin("trigger"), entry.pin("echo"))
-
-
-def _level(power: Section, name: str, defaults: Mapping[str, float]) -> float:
-    return _within(power, name, (0.0, _MAX_V), defaults.get(name, MISSING))
 
 
 def _within(
@@ -257,5 +252,6 @@ def _bus_of(entry: ImuSensor | PowerSensor) -> dict[str, Any]:
     return bus if entry.bus is None else {**bus, "bus": entry.bus}
 
 
-def _without_none(content: dict[str, Any]) -> dict[str, Any]:
+def without_none(content: dict[str, Any]) -> dict[str, Any]:
+    """The content of a section without what it leaves out."""
     return {name: value for name, value in content.items() if value is not None}
