@@ -43,12 +43,8 @@ def _struct() -> list[str]:
         "  constexpr int pin(BoardPin function) const {",
         "    switch (function) {",
         *[
-            line
+            f"      case BoardPin::{constant_name(f.name)}:\n        return {f.name.lower()};"
             for f in BoardPin
-            for line in (
-                f"      case BoardPin::{constant_name(f.name)}:",
-                f"        return {f.name.lower()};",
-            )
         ],
         "    }",
         "    return -1;",
@@ -111,9 +107,7 @@ def generate() -> str:
         f"constexpr uint32_t kMaxFilterNs = {MAX_FILTER_NS};",
         f"constexpr size_t kBoardPinCount = {len(BoardPin)};",
         "",
-    ]
-    lines += _struct()
-    lines += [
+        *_struct(),
         "/// The inputs of one wheel's power stage, in the order of a board's pins.",
         "enum class StageInput : uint8_t {",
         *[f"  {constant_name(pin)}," for pin in OUTPUTS],

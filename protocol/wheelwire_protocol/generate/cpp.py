@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable
+from itertools import chain
 
 from ..board import CODES as BOARD_CODES
 from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
@@ -12,7 +13,7 @@ from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS
-from .text import banner, constant_name
+from .text import banner, constant_name, unit_note
 from .wire_layout import layout_hash
 
 _CPP_TYPES = {
@@ -45,21 +46,22 @@ def cpp_enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
 
 
 def _flags(flags: type[DocumentedFlag]) -> list[str]:
-    lines = [f"namespace {flags.__name__.lower()} {{"]
-    for member in flags:
-        lines += [
-            f"/// {member.doc}",
-            f"constexpr uint32_t {constant_name(member.name or '')} = {member.value};",
-        ]
-    return [*lines, f"}}  // namespace {flags.__name__.lower()}", ""]
+    return [
+        f"namespace {flags.__name__.lower()} {{",
+        *(
+            f"/// {m.doc}\nconstexpr uint32_t {constant_name(m.name or '')} = {m.value};"
+            for m in flags
+        ),
+        f"}}  // namespace {flags.__name__.lower()}",
+        "",
+    ]
 
 
 def cpp_member(field: Field, initial: str = "") -> str:
     """A field as a member of a struct."""
-    unit = f" [{field.unit.value}]" if field.unit.value else ""
     array = f"[{field.format[:-1]}]" if field.format.endswith("s") else ""
     kind = "char" if array else cpp_type(field)
-    return f"  {kind} {field.name}{array}{{{initial}}};  ///< {field.docs}{unit}"
+    return f"  {kind} {field.name}{array}{{{initial}}};  ///< {field.docs}{unit_note(field.unit)}"
 
 
 def cpp_codec(struct: str, variable: str, fields: Iterable[Field]) -> list[str]:
@@ -112,20 +114,21 @@ def _parameter_row(parameter: Parameter) -> str:
 
 
 def _parameters() -> list[str]:
-    lines = ["enum class ParameterId : uint8_t {"]
-    for p in PARAMETERS:
-        unit = f" [{p.unit.value}]" if p.unit.value else ""
-        lines.append(f"  {constant_name(p.name)} = {p.id},  ///< {p.doc}{unit}")
-    lines += ["};", "", "enum class ParameterKind : uint8_t {"]
-    lines += [f"  {constant_name(kind.value)}," for kind in Kind]
-    lines += [
+    return [
+        "enum class ParameterId : uint8_t {",
+        *(
+            f"  {constant_name(p.name)} = {p.id},  ///< {p.doc}{unit_note(p.unit)}"
+            for p in PARAMETERS
+        ),
+        "};",
+        "",
+        "enum class ParameterKind : uint8_t {",
+        *(f"  {constant_name(kind.value)}," for kind in Kind),
         "};",
         "",
         "/// When the device takes another value.",
         "enum class ParameterChanges : uint8_t {",
-    ]
-    lines += [f"  {constant_name(changes.value)}," for changes in Changes]
-    lines += [
+        *(f"  {constant_name(changes.value)}," for changes in Changes),
         "};",
         "",
         "struct ParameterSpec {",
@@ -143,7 +146,6 @@ def _parameters() -> list[str]:
         "};",
         "",
     ]
-    return lines
 
 
 def _platform_defaults() -> list[str]:
@@ -169,28 +171,33 @@ def _platform_defaults() -> list[str]:
 
 
 def _group_hashes() -> list[str]:
-    lines = [
+    return [
         "/// Of the layout of a group of messages; 0: there is none.",
         "constexpr uint32_t hash_of(Group group) {",
         "  switch (group) {",
+        *(
+            f"    case Group::{constant_name(g.name)}:\n      return 0x{layout_hash(g):08x};"
+            for g in Group
+        ),
+        "  }",
+        "  return 0;",
+        "}",
+        "",
     ]
-    for group in Group:
-        lines += [
-            f"    case Group::{constant_name(group.name)}:",
-            f"      return 0x{layout_hash(group):08x};",
-        ]
-    return [*lines, "  }", "  return 0;", "}", ""]
 
 
 def _body_sizes() -> list[str]:
-    lines = [
+    return [
         "/// Body size of the message with this id; -1 where there is none.",
         "constexpr int body_size(uint8_t id) {",
         "  switch (id) {",
+        *(f"    case {m.name}::kId:\n      return {m.name}::kSize;" for m in MESSAGES),
+        "    default:",
+        "      return -1;",
+        "  }",
+        "}",
+        "",
     ]
-    for message in MESSAGES:
-        lines += [f"    case {message.name}::kId:", f"      return {message.name}::kSize;"]
-    return [*lines, "    default:", "      return -1;", "  }", "}", ""]
 
 
 def generate() -> str:
@@ -214,19 +221,16 @@ def generate() -> str:
         "/// Bytes of the longest payload: id, seq, body, CRC.",
         f"constexpr size_t kMaxPayload = {MAX_PAYLOAD};",
         "",
+        *chain.from_iterable(map(cpp_enumeration, ENUMERATIONS)),
+        *chain.from_iterable(map(_flags, FLAGS)),
+        *_group_hashes(),
+        *chain.from_iterable(map(cpp_enumeration, (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES))),
+        *chain.from_iterable(map(_flags, SENSOR_FLAGS)),
+        *chain.from_iterable(map(_message, MESSAGES)),
+        *_body_sizes(),
+        *_parameters(),
+        *_platform_defaults(),
+        "}  // namespace wheelwire",
+        "",
     ]
-    for enumeration in ENUMERATIONS:
-        lines += cpp_enumeration(enumeration)
-    for flags in FLAGS:
-        lines += _flags(flags)
-    lines += _group_hashes()
-    for enumeration in (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES):
-        lines += cpp_enumeration(enumeration)
-    for flags in SENSOR_FLAGS:
-        lines += _flags(flags)
-    for message in MESSAGES:
-        lines += _message(message)
-    lines += _body_sizes()
-    lines += _parameters()
-    lines += _platform_defaults()
-    return "\n".join([*lines, "}  // namespace wheelwire", ""])
+    return "\n".join(lines)

@@ -82,25 +82,16 @@ def _message(message: Message) -> list[str]:
     ]
 
 
-def _enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
-    rows = ((str(m.value), f"`{m.name}`", m.doc) for m in enumeration)
+def _codes(
+    codes: type[DocumentedEnum] | type[DocumentedFlag], number: str, remark: str = ""
+) -> list[str]:
+    rows = ((str(m.value), f"`{m.name}`", m.doc) for m in codes)
     return [
-        f"### {enumeration.__name__}",
+        f"### {codes.__name__}",
         "",
-        (enumeration.__doc__ or "").strip(),
+        (codes.__doc__ or "").strip() + remark,
         "",
-        *_table(("code", "name", "meaning"), rows),
-    ]
-
-
-def _flags(flags: type[DocumentedFlag]) -> list[str]:
-    rows = ((str(m.value), f"`{m.name}`", m.doc) for m in flags)
-    return [
-        f"### {flags.__name__}",
-        "",
-        (flags.__doc__ or "").strip() + " Several may be set at once.",
-        "",
-        *_table(("bit", "name", "meaning"), rows),
+        *_table((number, "name", "meaning"), rows),
     ]
 
 
@@ -199,8 +190,10 @@ def generate() -> str:
         *chain.from_iterable(map(_message, from_device)),
         "## Codes",
         "",
-        *chain.from_iterable(map(_enumeration, _ENUMERATIONS)),
-        *chain.from_iterable(map(_flags, (*FLAGS, *SENSOR_FLAGS))),
+        *chain.from_iterable(_codes(each, "code") for each in _ENUMERATIONS),
+        *chain.from_iterable(
+            _codes(each, "bit", " Several may be set at once.") for each in (*FLAGS, *SENSOR_FLAGS)
+        ),
         *_parameters(),
     ]
     return "\n".join(lines)

@@ -6,33 +6,40 @@ of the rest, and is the generator's and the tests' only.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import chain
+
 from ..codes import Group
 from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
 from ..messages import MESSAGES, PROTOCOL_VERSION, board_fields, peripheral_fields
-from .text import banner
+from .text import banner, unit_note
 from .wire_layout import layout_hash
 
 _PYTHON_TYPES = {"f": "float"}
 
 
 def _field(field: Field) -> list[str]:
-    unit = f" [{field.unit.value}]" if field.unit.value else ""
     codes = f" See `codes.{field.enumeration.__name__}`." if field.enumeration else ""
     return [
         f"    {field.name}: {'bytes' if field.is_text else _PYTHON_TYPES.get(field.format, 'int')}",
-        f'    """{field.docs}{unit}{codes}"""',
+        f'    """{field.docs}{unit_note(field.unit)}{codes}"""',
     ]
 
 
 def _message(message: Message) -> list[str]:
-    lines = [f"class {message.name}(NamedTuple):", f'    """{message.doc}"""', ""]
-    for field in message.fields:
-        lines += _field(field)
-    return [*lines, "", ""]
+    return [
+        f"class {message.name}(NamedTuple):",
+        f'    """{message.doc}"""',
+        "",
+        *chain.from_iterable(map(_field, message.fields)),
+        "",
+        "",
+    ]
 
 
 def generate() -> str:
     """The text of `types.py`."""
+    alternatives = "\n    | ".join(message.name for message in MESSAGES)
     lines = [
         '"""The messages as typed tuples, one class each.',
         "",
@@ -51,11 +58,14 @@ def generate() -> str:
         '"""Around the body of every payload: `id u8, seq u16` before it, `crc u32` after it."""',
         "",
         "",
+        *chain.from_iterable(map(_message, MESSAGES)),
+        "AnyMessage = (",
+        f"    {alternatives}",
+        ")",
+        "",
+        *_layouts(),
     ]
-    for message in MESSAGES:
-        lines += _message(message)
-    alternatives = "\n    | ".join(message.name for message in MESSAGES)
-    return "\n".join([*lines, "AnyMessage = (", f"    {alternatives}", ")", "", *_layouts()])
+    return "\n".join(lines)
 
 
 def _layouts() -> list[str]:
@@ -65,9 +75,9 @@ def _layouts() -> list[str]:
         ")",
         '"""Id, class, and the body in the format characters of `struct`."""',
         "",
-        *_board_layout(),
+        *_packed_layout("board", board_fields()),
         "",
-        *_peripheral_layout(),
+        *_packed_layout("peripheral", peripheral_fields()),
         "",
         "GROUP_HASHES: dict[Group, int] = {",
         *(f"    Group.{g.name}: 0x{layout_hash(g):08X}," for g in Group),
@@ -82,19 +92,10 @@ def _layouts() -> list[str]:
     ]
 
 
-def _board_layout() -> list[str]:
+def _packed_layout(what: str, fields: Iterable[Field]) -> list[str]:
     return [
-        "BOARD_LAYOUT: tuple[tuple[str, str], ...] = (",
-        *(f'    ("{f.name}", "{f.format}"),' for f in board_fields()),
+        f"{what.upper()}_LAYOUT: tuple[tuple[str, str], ...] = (",
+        *(f'    ("{f.name}", "{f.format}"),' for f in fields),
         ")",
-        '"""The fields of the packed board, and their format characters."""',
-    ]
-
-
-def _peripheral_layout() -> list[str]:
-    return [
-        "PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (",
-        *(f'    ("{f.name}", "{f.format}"),' for f in peripheral_fields()),
-        ")",
-        '"""The fields of the packed peripheral, and their format characters."""',
+        f'"""The fields of the packed {what}, and their format characters."""',
     ]
