@@ -50,7 +50,6 @@ class NativeDecoder:
         library = native.load()
         # Looked up once, as `feed` runs for every read of the port.
         self._feed = library.wheelwire_decoder_feed
-        self._destroy = library.wheelwire_decoder_destroy
         self._library = library
         bodies, runs = _Bodies(), _Runs()
         # The views keep alive what the library writes to. They are cast by way of bytes: a view
@@ -66,7 +65,7 @@ class NativeDecoder:
     def __del__(self) -> None:
         # There is no attribute if loading the library failed.
         if getattr(self, "_handle", None):
-            self._destroy(self._handle)
+            self._library.wheelwire_decoder_destroy(self._handle)
 
     def feed(self, data: bytes) -> list[AnyMessage]:
         """Decode what has arrived.

@@ -240,7 +240,7 @@ class Encoder:
         body = codec.pack_body(*message)
         number = next(self._numbers)  # atomic: two threads never get the same
         self.encoded = number + 1
-        # As `_frame`, without its three calls: every setpoint comes through here.
+        # As `encode_frame`, without its calls: every setpoint comes through here.
         head = _HEADER.pack(codec.id, number % SEQ_MODULUS) + body
         runs = (head + crc32(head).to_bytes(CRC_SIZE, "little")).split(DELIMITER)
         return DELIMITER + b"".join([_CODES[len(run)] + run for run in runs]) + DELIMITER
@@ -249,19 +249,10 @@ class Encoder:
 def encode_payload(message: AnyMessage, seq: int) -> bytes:
     """The payload of `message`: id, seq, body, CRC."""
     codec = BY_TYPE[type(message)]
-    return _payload(codec.id, seq, codec.pack_body(*message))
+    head = _HEADER.pack(codec.id, seq) + codec.pack_body(*message)
+    return head + crc32(head).to_bytes(CRC_SIZE, "little")
 
 
 def encode_frame(message: AnyMessage, seq: int) -> bytes:
     """The frame of `message` with a given sequence number."""
-    codec = BY_TYPE[type(message)]
-    return _frame(codec.id, seq, codec.pack_body(*message))
-
-
-def _payload(message_id: int, seq: int, body: bytes) -> bytes:
-    head = _HEADER.pack(message_id, seq) + body
-    return head + crc32(head).to_bytes(CRC_SIZE, "little")
-
-
-def _frame(message_id: int, seq: int, body: bytes) -> bytes:
-    return DELIMITER + cobs_encode(_payload(message_id, seq, body)) + DELIMITER
+    return DELIMITER + cobs_encode(encode_payload(message, seq)) + DELIMITER

@@ -253,13 +253,11 @@ class Core:
 
     def service(self, now_us: int) -> Outputs:
         """Handle the bytes that were fed, between two steps. A stop acts at once."""
-        self._library.wheelwire_core_service(self._live, now_us, ctypes.byref(self._outputs))
-        return self._outputs.values()
+        return self._run(self._library.wheelwire_core_service, now_us)
 
     def hang_up(self, now_us: int) -> Outputs:
         """Note that the host has disconnected: its setpoint ends at once."""
-        self._library.wheelwire_core_hang_up(self._live, now_us, ctypes.byref(self._outputs))
-        return self._outputs.values()
+        return self._run(self._library.wheelwire_core_hang_up, now_us)
 
     def value(self, parameter_id: int) -> float:
         """The value of a parameter; valid after `start`."""
@@ -295,8 +293,9 @@ class Core:
             raise ValueError("this core was closed")
         return self._handle
 
-    def _run(self, function: Any, inputs: _Inputs) -> Outputs:
-        function(self._live, ctypes.byref(inputs), ctypes.byref(self._outputs))
+    def _run(self, function: Any, given: _Inputs | int) -> Outputs:
+        # ctypes passes a structure by reference where a pointer to one is declared.
+        function(self._live, given, ctypes.byref(self._outputs))
         return self._outputs.values()
 
 
