@@ -82,12 +82,14 @@ if TYPE_CHECKING:
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
-    "motion.covariance": ("PoseCovariance",),
-    "config": ("RobotConfig", "connect", "load_config", "open_robot"),
-    "drivers.base": ("BaseDriver",),
-    "drivers.device_sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
-    "drivers.serial": ("SerialDriver",),
-    "errors": (
+    "wheelwire_protocol.codes": ("Fault", "RefusalCode", "SupervisorState"),
+    "wheelwire_protocol.sensors": ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState"),
+    ".motion.covariance": ("PoseCovariance",),
+    ".config": ("RobotConfig", "connect", "load_config", "open_robot"),
+    ".drivers.base": ("BaseDriver",),
+    ".drivers.device_sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
+    ".drivers.serial": ("SerialDriver",),
+    ".errors": (
         "ConfigurationError",
         "DeviceRefused",
         "DeviceSilent",
@@ -112,12 +114,12 @@ _MODULES = {
         "WheelwireError",
         "WrongBoard",
     ),
-    "drivers.factory": ("driver_names", "open_driver"),
-    "motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    "files.pins": ("Pins",),
-    "motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
-    "samples": ("WheelTravel", "WheelSample"),
-    "sensors": (
+    ".drivers.factory": ("driver_names", "open_driver"),
+    ".motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
+    ".files.pins": ("Pins",),
+    ".motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
+    ".samples": ("WheelTravel", "WheelSample"),
+    ".sensors": (
         "ImuSample",
         "InputReading",
         "InputsSample",
@@ -126,19 +128,13 @@ _MODULES = {
         "SensorEvent",
         "SensorInfo",
     ),
-    "link.sample_iterator": ("SampleIterator",),
-    "simulation.simulator": ("Simulator",),
-    "link.info": ("Health", "LinkStatistics"),
-    "link.latest_sample": ("Latest",),
-    "link.port_list": ("SerialPort", "ports"),
+    ".link.sample_iterator": ("SampleIterator",),
+    ".simulation.simulator": ("Simulator",),
+    ".link.info": ("Health", "LinkStatistics"),
+    ".link.latest_sample": ("Latest",),
+    ".link.port_list": ("SerialPort", "ports"),
 }
-_CODES = ("Fault", "RefusalCode", "SupervisorState")
-_SENSOR_CODES = ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState")
-_MODULE_OF = {
-    **{name: f".{module}" for module, names in _MODULES.items() for name in names},
-    **dict.fromkeys(_CODES, "wheelwire_protocol.codes"),
-    **dict.fromkeys(_SENSOR_CODES, "wheelwire_protocol.sensors"),
-}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [  # loaded when first used, so that the import stays quick
     *_MODULE_OF,

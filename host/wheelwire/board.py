@@ -16,6 +16,7 @@ from wheelwire_protocol.board import (
     CHIPS,
     NAME_SIZE,
     NO_PIN,
+    PIN_FUNCTIONS,
     WARNINGS,
     BoardFault,
     BoardLine,
@@ -203,10 +204,7 @@ def unpacked(data: bytes) -> BoardDescription:
             "update the older one"
         )
 
-    def pins(prefix: str, names: list[str]) -> dict[str, int | None]:
-        found = {name: values[prefix + name] for name in names}
-        return {name: None if pin == NO_PIN else pin for name, pin in found.items()}
-
+    pins = {name: None if values[name] == NO_PIN else values[name] for name in PIN_FUNCTIONS}
     wheel = [f.name for f in fields(WheelPins)]
     try:
         return BoardDescription(
@@ -214,8 +212,8 @@ def unpacked(data: bytes) -> BoardDescription:
             chip=Chip(values["chip"]),
             module=Module(values["module"]),
             stage=Stage(values["stage"]),
-            left=WheelPins(**pins("left_", wheel)),
-            right=WheelPins(**pins("right_", wheel)),
+            left=WheelPins(**{name: pins[f"left_{name}"] for name in wheel}),
+            right=WheelPins(**{name: pins[f"right_{name}"] for name in wheel}),
             pwm_frequency_hz=values["pwm_frequency_hz"],
             encoder_pulls=EncoderPulls(values["encoder_pulls"]),
             encoder_filter_ns=values["encoder_filter_ns"],
@@ -224,7 +222,7 @@ def unpacked(data: bytes) -> BoardDescription:
             line=BoardLine(values["line"]),
             pulldowns=frozenset(pin for pin in range(64) if values["pulldowns"] >> pin & 1),
             peripherals=(),
-            **pins("", ["standby", "estop", "battery", "led"]),
+            **{name: pins[name] for name in ("standby", "estop", "battery", "led")},
         )
     except ValueError as error:
         # From one of the enumerations: a newer release has chips or kinds that this one has not.

@@ -58,6 +58,13 @@ class Pull(enum.Enum):
     """The chip's own pull-down."""
 
 
+_PULL_FLAGS = {
+    Pull.INTERNAL: PeripheralFlag.PULL_UP,
+    Pull.DOWN: PeripheralFlag.PULL_DOWN,
+    Pull.EXTERNAL: PeripheralFlag(0),
+}
+
+
 @dataclass(frozen=True)
 class ImuSensor:
     """Gyroscope and accelerometer on an I2C bus. Pins are GPIO numbers.
@@ -259,15 +266,16 @@ def packed_entry(entry: Peripheral) -> bytes:
         values["value_a"] = _whole(entry.shunt_mohm * 10)
     elif isinstance(entry, BatteryLevels):
         levels = entry.warn_v, entry.limit_v, entry.stop_v
-        values |= zip(_VALUES, map(_thousandths, levels), strict=True)
+        values |= zip(_VALUES, (_whole(volts * 1000) for volts in levels), strict=True)
     elif isinstance(entry, RangeSensor):
         values["chip"] = entry.chip
         pins = entry.trigger, entry.echo
     elif isinstance(entry, AnalogInput):
-        values |= {"value_a": _thousandths(entry.divider), "value_b": entry.number}
+        values |= {"value_a": _whole(entry.divider * 1000), "value_b": entry.number}
         pins = (entry.pin,)
     else:
-        values["flags"] = _flags(entry)
+        triggered_low = PeripheralFlag.TRIGGERED_LOW if entry.triggered_low else 0
+        values["flags"] = triggered_low | _PULL_FLAGS[entry.pull]
         pins = (entry.pin,)
     # Those that are left out are not connected.
     for name, pin in zip(_PINS, (*pins, None, None, None), strict=False):
@@ -313,7 +321,9 @@ def unpacked_entry(data: bytes) -> Peripheral:
     if kind is PeripheralKind.ANALOG:
         return AnalogInput(numbers[1], first, numbers[0] / 1000)
     is_low = PeripheralFlag.TRIGGERED_LOW in flags
-    return DigitalInput(kind, place, first, is_low, _pull(flags))
+    # EXTERNAL, which has no flag, is the last of them.
+    pull = next(pull for pull, flag in _PULL_FLAGS.items() if flag in flags)
+    return DigitalInput(kind, place, first, is_low, pull)
 
 
 def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
@@ -393,10 +403,6 @@ def _too_many(entries: Sequence[Peripheral]) -> str:
     return PeripheralFault.TOO_MANY.doc.format(value=len(entries), limit=MOST_PERIPHERALS)
 
 
-def _thousandths(value: float) -> int:
-    return _whole(value * 1000)
-
-
 def _whole(value: float) -> int:
     """The nearest whole number; for infinity and NaN one that fits into no field."""
     return round(value) if math.isfinite(value) else -1
@@ -424,20 +430,3 @@ def _bias_of(chip: SensorChip, numbers: Sequence[int]) -> tuple[float, float, fl
     signed = [n - _COUNTS if n >= _HALF else n for n in numbers]
     x, y, z = (round(count * table.gyro_radps, _BIAS_DIGITS) for count in signed)
     return (x, y, z)
-
-
-def _flags(entry: DigitalInput) -> int:
-    flags = PeripheralFlag(0)
-    if entry.triggered_low:
-        flags |= PeripheralFlag.TRIGGERED_LOW
-    if entry.pull is Pull.INTERNAL:
-        flags |= PeripheralFlag.PULL_UP
-    elif entry.pull is Pull.DOWN:
-        flags |= PeripheralFlag.PULL_DOWN
-    return flags
-
-
-def _pull(flags: PeripheralFlag) -> Pull:
-    if PeripheralFlag.PULL_UP in flags:
-        return Pull.INTERNAL
-    return Pull.DOWN if PeripheralFlag.PULL_DOWN in flags else Pull.EXTERNAL

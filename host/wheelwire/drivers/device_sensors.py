@@ -7,7 +7,7 @@ asks the device for samples; after that the link asks for them in each session.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 from wheelwire_protocol.codes import Group
@@ -139,7 +139,9 @@ class Streams:
         if info.kind not in INPUT_KINDS:
             return self._newest(info.name, info.rate_hz)
         state, sample = self._newest(INPUTS, _INPUTS_HZ)
-        if info.kind is PeripheralKind.ANALOG and info.name not in _voltages(sample):
+        if info.kind is PeripheralKind.ANALOG and not (
+            isinstance(sample, InputsSample) and info.name in sample.analog
+        ):
             # The event that it can be used again came before the voltage.
             return (SensorState.UNREAD if state is SensorState.OK else state), None
         return state, sample
@@ -271,10 +273,6 @@ class Sensor(SensorView[Sample]):
         """All samples from now on, like `BaseDriver.samples`; raises as `read` does."""
         run(self._begin)
         return self._streams.latest.iterate_sensor(self._name)
-
-
-def _voltages(sample: AnySample | None) -> Mapping[str, float]:
-    return sample.analog if isinstance(sample, InputsSample) else {}
 
 
 class RangesView:

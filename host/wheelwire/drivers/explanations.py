@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from ..link.device_link import DeviceLink
 
 
-class Explanations:
+class Explanations(AbstractContextManager["Explanations"]):
     """Explains each error of one robot that leaves a `with` block of it.
 
     Attributes:
@@ -29,9 +30,6 @@ class Explanations:
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
         explain(error, self.watch, lambda: self.link.sensors)
-
-    def __enter__(self) -> None:
-        pass
 
     def __exit__(
         self,

@@ -144,15 +144,14 @@ class LinkedRobot(Driving):
         """
         values, info = self._link.watched_values, self.info
         board, peripherals = info.board, info.peripherals
-        found = []
         if board is not None and board.state in _DOES_NOT_DRIVE:
-            found.append(_DOES_NOT_DRIVE[board.state])
-        elif peripherals is not None and peripherals.state in _LIST_DOES_NOT_DRIVE:
-            found.append(_LIST_DOES_NOT_DRIVE[peripherals.state])
+            return (_DOES_NOT_DRIVE[board.state],)
+        if peripherals is not None and peripherals.state in _LIST_DOES_NOT_DRIVE:
+            return (_LIST_DOES_NOT_DRIVE[peripherals.state],)
         # The contact of a board that nobody confirmed counts for nothing either way.
-        elif board is not None and board.has_contact and not values[_ESTOP_INPUT]:
-            found.append(CONTACT_IGNORED)
-        return tuple(found)
+        if board is not None and board.has_contact and not values[_ESTOP_INPUT]:
+            return (CONTACT_IGNORED,)
+        return ()
 
     def note(self, name: str, value: Any) -> None:
         """Add a note of the program that uses the robot to its recording.

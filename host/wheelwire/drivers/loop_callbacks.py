@@ -69,18 +69,15 @@ class LoopCallbacks(Callbacks):
                 news = self._news.popleft()
                 handler = self._handler_for(news)
                 if handler is not None:
-                    await self._call(news[0], handler, news[1])
+                    try:
+                        result = handler(news[1])
+                        if isawaitable(result):
+                            await self._finish(result)
+                    except Exception:
+                        log_failure(news[0])
         finally:
             # Nothing is awaited between the last look at the queue and this.
             self._task = None
-
-    async def _call(self, happening: Happening, handler: Handler, told: object) -> None:
-        try:
-            result = handler(told)
-            if isawaitable(result):
-                await self._finish(result)
-        except Exception:
-            log_failure(happening)
 
     async def _finish(self, result: Awaitable[object]) -> None:
         # A task of its own: one that cancels itself does not end the calls after it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -89,20 +89,13 @@ def start(link: DeviceLink, path: str | Path, driver: str) -> Recorder:
 
 def _attachments(link: Link, said: dict[str, str]) -> Iterator[Attachment]:
     versions = "".join(f"{name}: '{value}'\n" for name, value in said.items())
-    texts: tuple[tuple[str, Callable[[Link], str]], ...] = (
-        ("versions.yaml", lambda _: versions),
-        ("parameters.yaml", _parameters),
-        ("board.yaml", _board),
-    )
-    for name, text in texts:
-        yield Attachment(name, _YAML, _said(text, link).encode())
-
-
-def _said(text: Callable[[Link], str], link: Link) -> str:
-    try:
-        return text(link)
-    except WheelwireError as error:  # out of reach, or it cannot tell
-        return f"# {error}\n"
+    yield Attachment("versions.yaml", _YAML, versions.encode())
+    for name, text_of in (("parameters.yaml", _parameters), ("board.yaml", _board)):
+        try:
+            text = text_of(link)
+        except WheelwireError as error:  # out of reach, or it cannot tell
+            text = f"# {error}\n"
+        yield Attachment(name, _YAML, text.encode())
 
 
 def _parameters(link: Link) -> str:
