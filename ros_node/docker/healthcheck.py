@@ -17,38 +17,27 @@ TIMEOUT_S = 8.0
 """Long enough for discovery and one report, which comes every second."""
 
 
-class LinkListener:
-    """Receives the status of one node's link in /diagnostics."""
-
-    def __init__(self, robot: str) -> None:
-        self.status: DiagnosticStatus | None = None
-        self._subject = f"{robot}: link"
-
-    def receive(self, report: DiagnosticArray) -> None:
-        """Handle a message."""
-        for status in report.status:
-            if status.name == self._subject:
-                self.status = status
-
-
 def main() -> str | None:
     """Run the check; returns what is wrong, or None."""
     robot = sys.argv[1].strip("/") if len(sys.argv) > 1 else "hardware_robot"
-    listener = LinkListener(robot)
+    of_link: list[DiagnosticStatus] = []
+
+    def receive(report: DiagnosticArray) -> None:
+        of_link.extend(status for status in report.status if status.name == f"{robot}: link")
+
     rclpy.init(args=[])
     # With as little of its own as possible: it comes and goes twice a minute, and each time all
     # other nodes discover what it has.
     node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)
-    node.create_subscription(DiagnosticArray, "/diagnostics", listener.receive, 10)
+    node.create_subscription(DiagnosticArray, "/diagnostics", receive, 10)
     end = time.monotonic() + TIMEOUT_S
-    while listener.status is None and time.monotonic() < end:
+    while not of_link and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
     rclpy.shutdown()
-    if listener.status is None:
+    if not of_link:
         return f"{robot} does not report: is the node running, under this name and namespace?"
-    if listener.status.level != DiagnosticStatus.OK:
-        return f"{listener.status.name}: {listener.status.message}"
-    return None
+    status = of_link[-1]
+    return None if status.level == DiagnosticStatus.OK else f"{status.name}: {status.message}"
 
 
 if __name__ == "__main__":

@@ -185,21 +185,14 @@ def _init(args: list[str] | None) -> str:
         # Only the text tells this error from rclpy's others.
         if "params file" not in str(error):
             raise
-        rclpy.init(args=_without_files(given))
+        pairs = pairwise(["", *given])
+        # Without `--params-file` and what follows it.
+        rclpy.init(args=[one for before, one in pairs if FILE_OPTION not in (before, one)])
         return (
             f"{' '.join(str(error).split())}: a ROS parameter file has its values below `/**:` and "
             "`ros__parameters:`; a file for wheelwire.open_robot is different"
         )
     return ""
-
-
-def _without_files(args: list[str]) -> list[str]:
-    """The arguments without `--params-file` and what follows it."""
-    return [
-        argument
-        for before, argument in pairwise(["", *args])
-        if FILE_OPTION not in (before, argument)
-    ]
 
 
 if __name__ == "__main__":

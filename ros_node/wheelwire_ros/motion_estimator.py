@@ -36,8 +36,6 @@ class WheelMotion(NamedTuple):
 class RobotMotion(NamedTuple):
     """The robot's motion at one sample."""
 
-    stamp_s: float
-    """Time of the sample on the monotonic clock."""
     pose: Pose
     covariance: npt.NDArray[np.float64]
     """Covariance of (x, y, heading), 3 by 3, in m and rad."""
@@ -132,7 +130,6 @@ class MotionEstimator:
             linear_mps, angular_radps = map(sum, zip(*self._twists, strict=True))
             count = len(self._twists)
             return RobotMotion(
-                sample.stamp,
                 update.pose,
                 covariance,
                 Twist(linear_mps / count, angular_radps / count),

@@ -149,8 +149,8 @@ class ParameterBridge:
     def _wrong(self, parameter: Parameter) -> str | None:
         """Why a value of the right type is refused, apart from its range."""
         setting = self._settings.get(parameter.name)
-        if setting is None or not parameters.has_type_of(setting, parameter):
-            return None  # the robot's parameter, or one whose type rclpy refuses
+        if setting is None or setting.check is None or parameter.type_ != setting.type_:
+            return None  # nothing to check, the robot's parameter, or a type that rclpy refuses
         return setting.check(parameter.value)
 
     def _is_late(self, name: str, value: Any) -> bool:

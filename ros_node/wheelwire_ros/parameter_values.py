@@ -39,11 +39,6 @@ class Disagreement(NamedTuple):
     reason: str
 
 
-def anything(_value: Any) -> str | None:
-    """No check."""
-    return None
-
-
 def variances(values: Sequence[float]) -> str | None:
     """One finite variance for each of x, y, z, roll, pitch and yaw."""
     if len(values) != 6:

@@ -40,7 +40,7 @@ class Setting:
         live: Whether it can change while the robot is open.
         low: Lower bound, inclusive; NaN for none.
         high: Upper bound, likewise.
-        check: What type and range do not tell.
+        check: What type and range do not tell; None: they tell all.
     """
 
     name: str
@@ -49,7 +49,12 @@ class Setting:
     low: float = math.nan
     high: float = math.nan
     live: bool = False
-    check: checks.Check = checks.anything
+    check: checks.Check | None = None
+
+    @property
+    def type_(self) -> Any:
+        """The type that the parameter is declared with."""
+        return RosParameter.Type.from_parameter_value(self.default)
 
 
 def _diagonal(name: str, default: list[float], doc: str) -> Setting:
@@ -175,7 +180,7 @@ def declare(node: Any, settings: Iterable[Setting]) -> None:
     This ignores what the user gave: see `start_values`.
     """
     for setting in settings:
-        descriptor = _describe(setting.doc, _type_of(setting.default), setting.low, setting.high)
+        descriptor = _describe(setting.doc, setting.type_, setting.low, setting.high)
         if not setting.live:
             descriptor.additional_constraints = "Read when the node is configured."
         node.declare_parameter(setting.name, setting.default, descriptor, ignore_override=True)
@@ -190,11 +195,6 @@ def declare(node: Any, settings: Iterable[Setting]) -> None:
         )
         # With a type in place of a default: before the robot is open nobody knows its value.
         node.declare_parameter(parameter.name, type_, descriptor, ignore_override=True)
-
-
-def has_type_of(setting: Setting, parameter: RosParameter) -> bool:
-    """Whether a value has the type that the setting was declared with."""
-    return bool(parameter.type_ == _type_of(setting.default))
 
 
 def is_set(node: Any, name: str) -> bool:
@@ -220,10 +220,6 @@ def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescrip
         whole = IntegerRange(from_value=int(low), to_value=int(high), step=1)
         descriptor.integer_range = [whole]
     return descriptor
-
-
-def _type_of(value: Value) -> Any:
-    return RosParameter.Type.from_parameter_value(value)
 
 
 def tuning(get: Get) -> Tuning:

@@ -32,7 +32,6 @@ def motion(chance: random.Random) -> RobotMotion:
         return chance.uniform(-100, 100)
 
     return RobotMotion(
-        number(),
         Pose(number(), number(), number()),
         np.array([[number() for _ in range(3)] for _ in range(3)]),
         Twist(number(), number()),
