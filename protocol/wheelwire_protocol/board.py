@@ -226,7 +226,6 @@ class StageTable:
 
     Attributes:
         parts: Integrated circuits and modules with such inputs.
-        inputs: Those of each wheel.
         rows: The level of each input for each action.
         pull_downs: Inputs that nothing in the stage holds low.
         max_frequency_hz: Highest frequency of the PWM.
@@ -240,7 +239,6 @@ class StageTable:
     """
 
     parts: str
-    inputs: tuple[str, ...]
     rows: Mapping[Action, Mapping[str, Level]]
     pull_downs: tuple[str, ...]
     max_frequency_hz: int
@@ -253,6 +251,11 @@ class StageTable:
     dead_time: str
     floating: str
     has_standby: bool = False
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs of each wheel: each row has them all."""
+        return tuple(self.rows[Action.COAST])
 
 
 def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, Level]]:
@@ -274,18 +277,13 @@ _ONE_PERIOD = (
 )
 _BUILT_IN = "The part keeps its two switches apart by itself. "
 
-_ENABLE_IN1_IN2 = ("enable", "in1", "in2")
-_PWM_IN1_IN2 = ("pwm", "in1", "in2")
-_IN_IN = ("in1", "in2")
-_HALF_BRIDGES = ("enable", "in1", "in2")
-_PWM_DIR = ("pwm", "dir")
-
 STAGES: Mapping[Stage, StageTable] = MappingProxyType(
     {
         Stage.ENABLE_IN1_IN2: StageTable(
             parts="L298N, L293D",
-            inputs=_ENABLE_IN1_IN2,
-            rows=_rows(_ENABLE_IN1_IN2, coast="0--", forward="p10", reverse="p01", brake="100"),
+            rows=_rows(
+                ("enable", "in1", "in2"), coast="0--", forward="p10", reverse="p01", brake="100"
+            ),
             pull_downs=("enable",),
             max_frequency_hz=40_000,
             frequency_source="L298 data sheet, commutation frequency",
@@ -302,8 +300,9 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
         ),
         Stage.PWM_IN1_IN2: StageTable(
             parts="TB6612FNG",
-            inputs=_PWM_IN1_IN2,
-            rows=_rows(_PWM_IN1_IN2, coast="000", forward="p10", reverse="p01", brake="011"),
+            rows=_rows(
+                ("pwm", "in1", "in2"), coast="000", forward="p10", reverse="p01", brake="011"
+            ),
             pull_downs=(),
             max_frequency_hz=100_000,
             frequency_source="TB6612FNG data sheet, switching frequency",
@@ -321,8 +320,7 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
         ),
         Stage.IN_IN: StageTable(
             parts="DRV8833, DRV8871, MX1508",
-            inputs=_IN_IN,
-            rows=_rows(_IN_IN, coast="00", forward="p0", reverse="0p", brake="11"),
+            rows=_rows(("in1", "in2"), coast="00", forward="p0", reverse="0p", brake="11"),
             pull_downs=(),
             max_frequency_hz=50_000,
             frequency_source="our limit, below the 200 kHz of the DRV8871's data sheet",
@@ -340,8 +338,9 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
         ),
         Stage.HALF_BRIDGES: StageTable(
             parts="BTS7960 (IBT-2)",
-            inputs=_HALF_BRIDGES,
-            rows=_rows(_HALF_BRIDGES, coast="000", forward="1p0", reverse="10p", brake="100"),
+            rows=_rows(
+                ("enable", "in1", "in2"), coast="000", forward="1p0", reverse="10p", brake="100"
+            ),
             pull_downs=("enable",),
             max_frequency_hz=25_000,
             frequency_source="BTS7960 data sheet, up to 25 kHz",
@@ -358,8 +357,7 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
         ),
         Stage.PWM_DIR: StageTable(
             parts="Cytron MD10C, MDD10A",
-            inputs=_PWM_DIR,
-            rows=_rows(_PWM_DIR, coast="0-", forward="p1", reverse="p0", brake="00"),
+            rows=_rows(("pwm", "dir"), coast="0-", forward="p1", reverse="p0", brake="00"),
             pull_downs=("pwm",),
             max_frequency_hz=20_000,
             frequency_source="Cytron MDD10A user's manual",

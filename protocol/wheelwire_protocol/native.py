@@ -186,31 +186,10 @@ class Core:
         """Change the default of a parameter, before the start. NONE, or why it was refused."""
         return RefusalCode(self._library.wheelwire_core_preset(self._live, parameter_id, value))
 
-    def start(
-        self,
-        now_us: int,
-        left_ticks: int,
-        right_ticks: int,
-        *,
-        battery_mv: int = 0,
-        contact_open: bool = False,
-        left_illegal: int = 0,
-        right_illegal: int = 0,
-        levels: int = 0,
-    ) -> Outputs:
+    def start(self, now_us: int, left_ticks: int, right_ticks: int) -> Outputs:
         """Leave BOOT, once, when the pins are ready; for the arguments see `step`."""
         return self._run(
-            self._library.wheelwire_core_start,
-            _Inputs(
-                now_us,
-                left_ticks,
-                right_ticks,
-                battery_mv,
-                left_illegal,
-                right_illegal,
-                contact_open,
-                levels,
-            ),
+            self._library.wheelwire_core_start, _Inputs(now_us, left_ticks, right_ticks)
         )
 
     def step(

@@ -31,6 +31,7 @@ from ..peripherals import (
     RangeSensor,
     axis_name,
     channel_name,
+    key_of,
     most_bias_radps,
 )
 from .reading import Section
@@ -80,7 +81,12 @@ def parse_peripherals(board: Section) -> tuple[Peripheral, ...]:
     Raises:
         ConfigurationError: A key is unknown or missing, or a value is not of its kind.
     """
-    return (*_imu(board), *_power(board), *_inputs(board), *_ranges(board))
+    parsers = {"imu": _imu, "power": _power, "inputs": _inputs, "ranges": _ranges}
+    entries: list[Peripheral] = []
+    for section, parse in parsers.items():
+        if board.get(section, None) is not None:
+            entries += parse(board)
+    return tuple(entries)
 
 
 def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
@@ -88,37 +94,36 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
     sections: dict[str, dict[str, Any]] = {}
     # A section begins with its chip, whatever the channels are; inputs stay in their order.
     for entry in sorted(peripherals, key=lambda entry: min(entry.kind, PeripheralKind.BUMPER)):
-        if isinstance(entry, DigitalInput):
-            name = channel_name(entry.kind, entry.place).replace(".", "_")
-            level = "low" if entry.triggered_low else "high"
-            content = {"pin": entry.pin, "triggered": level, "pull": entry.pull.value}
-            sections.setdefault("inputs", {})[name] = without_none(content)
-        elif isinstance(entry, AnalogInput):
-            name = channel_name(entry.kind, entry.place, entry.number)
-            voltage = {"pin": entry.pin, "divider": entry.divider}
-            sections.setdefault("inputs", {})[name] = without_none(voltage)
-        elif isinstance(entry, RangeSensor):
-            pins = {"trigger": entry.trigger, "echo": entry.echo}
-            named = without_none({"chip": _CHIP_NAMES[entry.chip], **pins})
-            sections.setdefault("ranges", {})[entry.place.name.lower()] = named
-        elif isinstance(entry, BatteryLevels):
-            power = sections.setdefault("power", {})
-            if entry.is_guarded or power:
-                power |= {name: getattr(entry, name) for name in _CELL_V}
-        elif isinstance(entry, PowerSensor):
-            bus = _bus_of(entry) | {"shunt_mohm": entry.shunt_mohm, "address": entry.address}
-            sections["power"] = without_none(bus)
-        else:
-            axes = {name: axis_name(getattr(entry, name)) for name in ("forward", "up")}
-            bias = list(entry.bias) if any(entry.bias) else None
-            other = {"interrupt": entry.interrupt, **axes, "address": entry.address, "bias": bias}
-            sections["imu"] = without_none(_bus_of(entry) | other)
+        section, _, name = key_of(entry).partition(".")
+        content = sections.setdefault(section, {})
+        if name:
+            content[name] = without_none(_content(entry))
+        # Without a power sensor, an empty section means a battery without levels.
+        elif content or not isinstance(entry, BatteryLevels) or entry.is_guarded:
+            content |= without_none(_content(entry))
     return {name: sections[name] for name in SECTIONS if name in sections}
 
 
+def _content(entry: Peripheral) -> dict[str, Any]:
+    if isinstance(entry, DigitalInput):
+        level = "low" if entry.triggered_low else "high"
+        return {"pin": entry.pin, "triggered": level, "pull": entry.pull.value}
+    if isinstance(entry, AnalogInput):
+        return {"pin": entry.pin, "divider": entry.divider}
+    if isinstance(entry, RangeSensor):
+        return {"chip": _CHIP_NAMES[entry.chip], "trigger": entry.trigger, "echo": entry.echo}
+    if isinstance(entry, BatteryLevels):
+        return {name: getattr(entry, name) for name in _CELL_V}
+    chip = _CHIP_NAMES[entry.chip]
+    bus = {"chip": chip, "sda": entry.sda, "scl": entry.scl, "bus": entry.bus}
+    if isinstance(entry, PowerSensor):
+        return {**bus, "shunt_mohm": entry.shunt_mohm, "address": entry.address}
+    axes = {name: axis_name(getattr(entry, name)) for name in ("forward", "up")}
+    bias = list(entry.bias) if any(entry.bias) else None
+    return {**bus, "interrupt": entry.interrupt, **axes, "address": entry.address, "bias": bias}
+
+
 def _imu(board: Section) -> Iterator[ImuSensor]:
-    if board.get("imu", None) is None:
-        return
     keys = ("chip", "sda", "scl", "bus", "interrupt", "forward", "up", "address", "bias")
     imu = Section(board.get("imu"), keys, "imu")
     if imu.pin("interrupt") is not None and _bus(imu) is not None:
@@ -138,8 +143,6 @@ def _imu(board: Section) -> Iterator[ImuSensor]:
 
 
 def _power(board: Section) -> Iterator[PowerSensor | BatteryLevels]:
-    if board.get("power", None) is None:
-        return
     bus = ("chip", "sda", "scl", "bus", "shunt_mohm", "address")
     levels = ("cells", *_CELL_V)
     power = Section(board.get("power"), (*bus, *levels), "power")
@@ -184,8 +187,6 @@ def _bias(imu: Section, chip: SensorChip) -> tuple[float, float, float]:
 
 
 def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
-    if board.get("inputs", None) is None:
-        return
     inputs = Section(board.get("inputs"), (*_INPUTS, *_ANALOG), "inputs")
     for name in inputs.values:
         if name in _ANALOG:
@@ -205,8 +206,6 @@ def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
 
 
 def _ranges(board: Section) -> Iterator[RangeSensor]:
-    if board.get("ranges", None) is None:
-        return
     ranges = Section(board.get("ranges"), _PLACES, "ranges")
     for name in ranges.values:
         entry = Section(ranges.get(name), ("chip", "trigger", "echo"), f"ranges.{name}")
@@ -245,11 +244,6 @@ def _bus(section: Section) -> int | None:
         if section.get(pin, None) is not None:
             raise section.refusal("bus", "a bus has either a number or pins: leave sda and scl out")
     return section.whole("bus", _LAST_BUS)
-
-
-def _bus_of(entry: ImuSensor | PowerSensor) -> dict[str, Any]:
-    bus = {"chip": _CHIP_NAMES[entry.chip], "sda": entry.sda, "scl": entry.scl}
-    return bus if entry.bus is None else {**bus, "bus": entry.bus}
 
 
 def without_none(content: dict[str, Any]) -> dict[str, Any]:

@@ -82,19 +82,18 @@ def _syntax(error: yaml.YAMLError, text: str) -> str:
 
 
 def _note_lines(node: yaml.Node, prefix: str, lines: dict[str, int]) -> None:
+    # Of each entry: its name, where it begins, and its value.
+    entries: list[tuple[str, yaml.Node, yaml.Node]] = []
     if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                name = f"{prefix}.{key.value}" if prefix else key.value
-                if name not in lines:  # an alias leads here again
-                    lines[name] = key.start_mark.line + 1
-                    _note_lines(value, name, lines)
+        stem = f"{prefix}." if prefix else ""
+        scalars = [pair for pair in node.value if isinstance(pair[0], yaml.ScalarNode)]
+        entries = [(f"{stem}{key.value}", key, value) for key, value in scalars]
     elif isinstance(node, yaml.SequenceNode):
-        for index, value in enumerate(node.value):
-            name = f"{prefix}[{index}]"
-            if name not in lines:
-                lines[name] = value.start_mark.line + 1
-                _note_lines(value, name, lines)
+        entries = [(f"{prefix}[{index}]", each, each) for index, each in enumerate(node.value)]
+    for name, begin, value in entries:
+        if name not in lines:  # an alias leads here again
+            lines[name] = begin.start_mark.line + 1
+            _note_lines(value, name, lines)
 
 
 class _Duplicate(yaml.YAMLError):
