@@ -65,7 +65,8 @@ class MockDriver(DeviceDriver):
                 "this class runs in real time: derive one for virtual time from VirtualMockDriver"
             )
         self._process = MockProcess(options)
-        super().__init__(partial(Link, self._process.options))
+        link = LinkOptions("mock", watched=WATCHED, open_port=self._process.open)
+        super().__init__(partial(Link, link))
 
     @property
     def simulator(self) -> Simulator | FwSim:
@@ -143,11 +144,6 @@ class MockProcess:
         self._store = _converted(options.store)
         self._plugged = True
 
-    @property
-    def options(self) -> LinkOptions:
-        """The options of the link to it."""
-        return LinkOptions("mock", watched=WATCHED, open_port=self._open_transport)
-
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
         # First: the link loses its port by what follows, and must not open it again.
@@ -159,7 +155,8 @@ class MockProcess:
         """The robot may be started again."""
         self._plugged = True
 
-    def _open_transport(self, _baud_rate: int) -> Transport:
+    def open(self, _baud_rate: int) -> Transport:
+        """Start the simulator; returns the line to it."""
         self._check_plugged()
         ours, theirs = socket.socketpair()
         presets = [f"--preset={_id(name)}={value!r}" for name, value in self._values.items()]

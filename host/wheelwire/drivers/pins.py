@@ -6,7 +6,7 @@ import logging
 from dataclasses import replace
 from functools import partial
 
-from ..link.connection import Link, LinkOptions
+from ..link.connection import Link
 from ..link.transports import Transport
 from ..linux_mcu.launch import launch
 from ..linux_mcu.settings import McuSettings
@@ -21,24 +21,17 @@ class PinProcess:
 
     Args:
         settings: Settings of that process.
-        tap: See `SerialDriver`.
 
     Attributes:
         limits: What the wiring cannot do, in sentences; logged once as warnings.
     """
 
-    def __init__(self, settings: McuSettings, *, tap: bool) -> None:
+    def __init__(self, settings: McuSettings) -> None:
         self.limits: tuple[str, ...] = ()
         self._settings = settings
-        self._tap = tap
 
-    @property
-    def options(self) -> LinkOptions:
-        """The options of the link to it."""
-        options = DeviceOptions(tap=self._tap).link_to(self._settings.backend, self._open)
-        return replace(options, identity=self._settings.identity)
-
-    def _open(self, _baud_rate: int) -> Transport:
+    def open(self, _baud_rate: int) -> Transport:
+        """Start the process; returns the line to it."""
         transport = launch(self._settings)
         # The process is started again after every loss: its limits are logged when they change.
         if transport.limits != self.limits:
@@ -62,8 +55,9 @@ class PinDriver(DeviceDriver):
     """
 
     def __init__(self, settings: McuSettings, *, tap: bool) -> None:
-        self._process = PinProcess(settings, tap=tap)
-        super().__init__(partial(Link, self._process.options))
+        self._process = PinProcess(settings)
+        options = DeviceOptions(tap=tap).link_to(settings.backend, self._process.open)
+        super().__init__(partial(Link, replace(options, identity=settings.identity)))
 
     @property
     def limits(self) -> tuple[str, ...]:
