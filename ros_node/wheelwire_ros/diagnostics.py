@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
 
 from .robot_connection import RobotConnection
-from .robot_state import RobotState
+from .robot_state import ERROR, OK, WARN, RobotState
 from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK
 
@@ -24,7 +24,6 @@ FORGOTTEN_S = 25.0
 """A node that was killed is on the graph until its lease ends, 20 s with Fast DDS: one that
 restarts must not mistake its predecessor for a second robot."""
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 
 NORMAL_STATES = ("IDLE", "DRIVING", "TIMED_OUT")

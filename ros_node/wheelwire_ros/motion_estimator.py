@@ -6,9 +6,10 @@ import math
 import threading
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wheelwire import (
     DifferentialDrive,
@@ -20,9 +21,6 @@ from wheelwire import (
     WheelSample,
     WheelVelocities,
 )
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
 
 
 class WheelMotion(NamedTuple):
@@ -37,7 +35,7 @@ class RobotMotion(NamedTuple):
     """The robot's motion at one sample."""
 
     pose: Pose
-    covariance: npt.NDArray[np.float64]
+    covariance: NDArray[np.float64]
     """Covariance of (x, y, heading), 3 by 3, in m and rad."""
     twist: Twist
     """The mean of the last samples."""
@@ -142,7 +140,7 @@ class MotionEstimator:
         """Move the origin of the odometry to the robot; returns as `set_pose`."""
         return self.set_pose(Pose(), np.zeros((3, 3)))
 
-    def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> PoseRecord | None:
+    def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> PoseRecord | None:
         """Go on from this pose; its covariance is of (x, y, heading), 3 by 3.
 
         Returns where the robot is now, and at which sample; None before the first one.

@@ -24,13 +24,12 @@ from wheelwire import DifferentialDrive, Pose, WheelSample
 
 from .motion_estimator import MotionEstimator, PoseRecord
 from .publishers import PLANAR
-from .threads import NodeThreads
+from .threads import JOIN_S, NodeThreads
 
 AUTO = "auto"
 """The value that stands for a file in ROS's own folder, by the names of node and board."""
 FORMAT = 1
 PERIOD_S = 1.0
-JOIN_S = 2.0
 MOVED_M, MOVED_RAD = 0.1, 0.2
 """Allowed for a robot that stood while nothing counted: somebody may have pushed it."""
 TOPIC = "~/set_pose"

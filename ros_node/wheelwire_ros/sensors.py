@@ -45,12 +45,11 @@ from wheelwire_protocol.sensors import (
 )
 
 from .gyro_bias import GyroBias, Vector
-from .publishers import BatteryPace, battery_message, time_message
+from .publishers import DEPTH, BatteryPace, battery_message, time_message
 from .threads import NodeThreads
 
 IMU_DEPTH = 100
 """The samples of half a second: they come with those of the wheels, several at once."""
-DEPTH = 10
 OBSTACLES = (PeripheralKind.BUMPER, PeripheralKind.CLIFF)
 ANGLES_DEG = {
     Place.NONE: 0.0,
