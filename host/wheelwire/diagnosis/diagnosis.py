@@ -150,7 +150,7 @@ class Diagnosis:
         self._boot_id: int | None = None
         self._loss: _Loss | None = None
         self._moved = False
-        self._refused: set[tuple[int, RefusalCode]] = set()
+        self._refused: set[tuple[int, int]] = set()
         self._trial_us = -ANSWER_US
         self._strangers: deque[tuple[int, int]] = deque(maxlen=16)
         """Answers to other programs: when, and to which message."""
@@ -367,7 +367,7 @@ class Diagnosis:
 
     def _take_hello(self, hello: DeviceHello, now_us: int) -> None:
         if hello.refusal:
-            self._refuse(RefusalCode(hello.refusal), now_us, "the device refused the hello")
+            self._refuse(hello.refusal, now_us, "the device refused the hello")
             return
         before, self._boot_id = self._boot_id, hello.boot_id
         loss, self._loss = self._loss, None
@@ -401,12 +401,13 @@ class Diagnosis:
         if self._state is not _DRIVING and code not in LATCHED:
             self._refuse(code, now_us, "a setpoint was refused")
 
-    def _refuse(self, code: RefusalCode, now_us: int, what: str) -> None:
+    def _refuse(self, number: int, now_us: int, what: str) -> None:
         """Report each refusal that keeps the robot from driving once a session."""
         session = self._rerun.session
-        key = (session.count if session is not None else 0, code)
-        if key in self._refused or code not in REFUSALS:
-            return
+        key = (session.count if session is not None else 0, number)
+        if key in self._refused or number not in REFUSALS:
+            return  # also if it is one of a later release
+        code = RefusalCode(number)
         self._refused.add(key)
         evidence = (f"{what}: {code.name}. {code.doc}",)
         # A reset explains it, but shows only when the next session begins.

@@ -19,7 +19,8 @@ from wheelwire.diagnosis.causes import (
     WHEEL_FAULTS,
 )
 from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
-from wheelwire_protocol.types import ClearEstop
+from wheelwire_protocol.framing import encode_frame
+from wheelwire_protocol.types import ClearEstop, DeviceHello
 
 PAGE = Path(__file__).parents[3] / "docs" / "causes.md"
 
@@ -66,6 +67,16 @@ def test_what_the_other_wheel_did_is_evidence() -> None:
 
     (stop,) = diagnosed(Staged(("encoder_dead",), both, SUPPLY))
     assert any("wheel stopped counting, too" in text for text in stop.evidence)
+
+
+def test_a_hello_refused_for_a_reason_of_a_later_release_is_no_stop() -> None:
+    robot = StagedRobot(1)
+    robot.open()
+    robot.drive(0.2, 0.2, 0.5)
+    hello = DeviceHello(1, 1, 1, 200, *[0] * 10)
+    robot.session.receive(encode_frame(hello, 0), robot.now_us)
+    robot.drive(0.2, 0.2, 0.5)
+    assert Diagnosis().feed_all(robot.reader.take()) == []
 
 
 def test_a_latched_stop_is_judged_alike_however_often_it_is_asked_for() -> None:
