@@ -395,12 +395,19 @@ class Sensors(SensorsView):
 
 
 def wait_until_read(sensors: SensorsView) -> None:
-    """Wait until each channel has a sample, or the device has reported why not; at most 1.5 s."""
+    """Wait until each channel has a sample, or the device has reported why not; at most 1.5 s.
+
+    This computer may have been held up: a sample that is too old gives way to the next one.
+    """
     end_s = time.monotonic() + READ_WITHIN_S
-    while time.monotonic() < end_s and any(
-        status.state is SensorState.UNREAD for status in sensors.channels
-    ):
+    while time.monotonic() < end_s and any(map(_is_awaited, sensors.channels)):
         time.sleep(POLL_S)
+
+
+def _is_awaited(status: SensorStatus) -> bool:
+    # A channel without a rate has no room on the line.
+    is_late = status.state is SensorState.MISSED and status.info.rate_hz > 0
+    return is_late or status.state is SensorState.UNREAD
 
 
 def of_kind(*kinds: PeripheralKind) -> Find:

@@ -5,15 +5,24 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from typing import cast
 
 import pytest
 
 from support.pty_device import PtyDevice
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
+from wheelwire.drivers.device_sensors import (
+    READ_WITHIN_S,
+    SensorStatus,
+    SensorsView,
+    wait_until_read,
+)
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.sensors import SensorInfo
 from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, SensorState
 from wheelwire_protocol.types import WheelState
 
 pytestmark = pytest.mark.timeout(60)
@@ -164,3 +173,43 @@ async def test_what_is_known_without_waiting_with_asyncio(device: PtyDevice) -> 
         assert health.ttl_max_s is None
         assert robot.latest is not None
     assert robot.is_open is robot.health.is_open is False
+
+
+class Channels:
+    """Sensors of which each look finds the next states; the last ones remain."""
+
+    def __init__(self, rate_hz: int, *states: SensorState) -> None:
+        self._info = SensorInfo(
+            0, "imu", PeripheralKind.IMU, SensorChip.NONE, Place.NONE, rate_hz, 0.0, 0.0
+        )
+        self._left = list(states)
+        self.looks = 0
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        self.looks += 1
+        state = self._left.pop(0) if len(self._left) > 1 else self._left[0]
+        return (SensorStatus(self._info, state, None, None),)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "states", "looks"),
+    [
+        (200, (SensorState.OK,), 1),
+        (200, (SensorState.UNREAD, SensorState.MISSED, SensorState.OK), 3),
+        (200, (SensorState.MISSED, SensorState.ABSENT), 2),
+        (0, (SensorState.UNREAD, SensorState.MISSED), 2),
+    ],
+)
+def test_a_sample_that_is_too_old_is_waited_for_unless_the_line_has_no_room(
+    rate_hz: int, states: tuple[SensorState, ...], looks: int
+) -> None:
+    sensors = Channels(rate_hz, *states)
+    wait_until_read(cast("SensorsView", sensors))
+    assert sensors.looks == looks
+
+
+def test_a_sensor_that_sends_nothing_more_is_waited_for_1_5_s() -> None:
+    began_s = time.monotonic()
+    wait_until_read(cast("SensorsView", Channels(200, SensorState.MISSED)))
+    assert time.monotonic() - began_s >= READ_WITHIN_S
