@@ -65,7 +65,7 @@ def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
                 frame = setpoints.velocity_frame(0.1, 0.1, now_us + 50_000, now_us)
                 setpoints.void()  # or its repeat would be in time
                 time.sleep(0.1)
-                robot._link._write(frame, host_clock_us())  # type: ignore[attr-defined]
+                robot._link._loop.send(frame, host_clock_us())  # type: ignore[attr-defined]
 
         monkeypatch.setattr(robot, "set_velocity", late_once)
         _, pose, late = commands._drive(robot, Twist(0.1, 0.0), 0.5)
