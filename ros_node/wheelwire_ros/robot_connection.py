@@ -139,6 +139,8 @@ class RobotConnection:
         """The session that is prepared."""
         self._sending = threading.Lock()
         """Held while a command is sent, so that none follows the stop of a deactivation."""
+        self._clearing = threading.Lock()
+        """Held while the e-stop is cleared, or set again in a new session: the later one counts."""
         self._estops = 0
         """How often the e-stop was set."""
         self._estop_unsent = False
@@ -174,8 +176,9 @@ class RobotConnection:
             return
         session = self.robot.sessions
         try:
-            if self.estopped:
-                self._send_estop()  # first: nothing else may make the robot ready to drive
+            with self._clearing:
+                if self.estopped:
+                    self._send_estop()  # first: nothing else may make the robot ready to drive
             # A copy: another thread may add a value meanwhile.
             for name, value in dict(self._given).items():
                 self.robot.parameters.set(name, value)
@@ -323,14 +326,15 @@ class RobotConnection:
 
     def clear_estop(self) -> None:
         """Clear the e-stop; raises `WheelwireError` while its cause is present."""
-        estops = self._estops
-        self.robot.clear_estop()
-        self.clears += 1
-        if estops == self._estops:
-            self.estopped = False
-            self._limiter.rest()
-        else:  # set again meanwhile, and nobody knows which of the two arrived first
-            self._send_estop()
+        with self._clearing:
+            estops = self._estops
+            self.robot.clear_estop()
+            self.clears += 1
+            if estops == self._estops:
+                self.estopped = False
+                self._limiter.rest()
+            else:  # set again meanwhile, and nobody knows which of the two arrived first
+                self._send_estop()
 
     def _send_estop(self) -> None:
         self._estop_unsent = True  # so that `follow` sends it again, even in the same session

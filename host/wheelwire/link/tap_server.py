@@ -289,15 +289,19 @@ class _Place:
             path = directory.path / f"{board_id}{suffix}"
             if _is_taken(path):
                 continue
+            # Named once it listens: who finds a name that refuses takes the robot for free.
+            unnamed = path.with_name(f"{path.name}.new")
+            unnamed.unlink(missing_ok=True)  # of a program that was killed in here
             listener = socket.socket(socket.AF_UNIX)
             try:
-                listener.bind(str(path))
+                listener.bind(str(unnamed))
                 # Before it listens, so that nobody gets in meanwhile.
                 if directory.group is not None:
-                    os.chown(path, -1, directory.group)
-                path.chmod(0o600 if directory.group is None else 0o660)
+                    os.chown(unnamed, -1, directory.group)
+                unnamed.chmod(0o600 if directory.group is None else 0o660)
                 listener.setblocking(False)
                 listener.listen(MAX_PROGRAMS)
+                unnamed.rename(path)
             except BaseException:
                 listener.close()
                 raise

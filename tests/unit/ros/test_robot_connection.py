@@ -254,6 +254,38 @@ def test_an_estop_that_is_set_while_one_is_cleared_holds(
     assert ignored(connection) is Ignored.ESTOPPED
 
 
+def test_an_estop_that_is_cleared_while_a_new_session_sets_it_again_is_cleared(
+    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not set again behind the clear, by a node that then says that it is cleared."""
+    connection.estop()
+    robot.told.clear()
+    estop, sets, goes_on = robot.estop, threading.Event(), threading.Event()
+
+    def slow() -> None:
+        sets.set()
+        assert goes_on.wait(10)
+        estop()
+
+    monkeypatch.setattr(robot, "estop", slow)
+    robot.sessions += 1
+    following = threading.Thread(target=connection.follow)
+    following.start()
+    assert sets.wait(10)
+    clearing = threading.Thread(target=connection.clear_estop)
+    clearing.start()
+    clearing.join(0.1)  # which is more than enough for one that does not wait
+    goes_on.set()
+    following.join(10)
+    clearing.join(10)
+    assert [one for one in robot.told if one in ("estop", "clear_estop")] == [
+        "estop",
+        "clear_estop",
+    ]
+    assert not connection.estopped
+    assert connection.is_prepared
+
+
 def test_no_command_is_sent_after_the_deactivation(
     connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
