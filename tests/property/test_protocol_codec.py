@@ -4,10 +4,10 @@ import zlib
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.cases import each
 from support.messages import bodies, definitions, seqs
 from wheelwire_protocol import dtype, types
 from wheelwire_protocol.codec import BY_ID, CRC_SIZE, HEADER_SIZE
@@ -40,7 +40,7 @@ def test_dtype_equals_construct(data: st.DataObject, definition: Message, seq: i
     assert {name: rows[name].item() for name in rows.dtype.names} == body
 
 
-@pytest.mark.parametrize("definition", MESSAGES, ids=lambda definition: definition.name)
+@each("definition", MESSAGES, ids=lambda definition: definition.name)
 def test_sizes_equal_construct(definition: Message) -> None:
     message_type = getattr(types, definition.name)
     assert definition.body.sizeof() == definition.body_size == dtype(message_type).itemsize

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wheelwire
+from support.cases import each
 from support.pty_device import PtyDevice
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
@@ -64,8 +65,8 @@ def driver(robot: PtyDevice) -> Iterator[SerialDriver]:
         yield driver
 
 
-@pytest.mark.parametrize("bad", NO_NUMBERS, ids=shown)
-@pytest.mark.parametrize("call", CALLS)
+@each("bad", NO_NUMBERS, ids=shown)
+@each("call", CALLS)
 def test_a_call_with_it_raises_a_named_error(
     robot: PtyDevice, driver: SerialDriver, call: str, bad: Any
 ) -> None:
@@ -80,7 +81,7 @@ def test_a_call_with_it_raises_a_named_error(
     assert driver.sessions == 1
 
 
-@pytest.mark.parametrize("bad", [None, -1.0, 1e9])
+@each("bad", [None, -1.0, 1e9])
 def test_a_wait_has_a_limit(driver: SerialDriver, bad: Any) -> None:
     with pytest.raises(errors.InvalidArgument, match="timeout"):
         driver.read(bad)
@@ -96,7 +97,7 @@ OPTIONS: dict[str, list[Any]] = {
 }
 
 
-@pytest.mark.parametrize(
+@each(
     ("option", "bad"),
     [(name, bad) for name, values in OPTIONS.items() for bad in values],
     ids=shown,
@@ -117,8 +118,8 @@ PIN_OPTIONS: dict[str, list[Any]] = {
 }
 
 
-@pytest.mark.parametrize("driver", ["l298n", "pigpio"])
-@pytest.mark.parametrize(
+@each("driver", ["l298n", "pigpio"])
+@each(
     ("option", "bad"),
     [(name, bad) for name, values in PIN_OPTIONS.items() for bad in values],
     ids=shown,
@@ -128,15 +129,13 @@ def test_an_option_of_the_pins_with_it(driver: str, option: str, bad: Any) -> No
         wheelwire.open_driver(driver, **{option: bad})
 
 
-@pytest.mark.parametrize("bad", [*NO_NUMBERS, 28, -1], ids=shown)
+@each("bad", [*NO_NUMBERS, 28, -1], ids=shown)
 def test_a_pin_that_is_none(bad: Any) -> None:
     with pytest.raises(errors.ConfigurationError, match="GPIO"):
         wheelwire.Pins(left_enc_a=bad)
 
 
-@pytest.mark.parametrize(
-    ("option", "bad"), [("realtime", 1), ("parameters", 5), ("store", 5), ("host", 5)]
-)
+@each(("option", "bad"), [("realtime", 1), ("parameters", 5), ("store", 5), ("host", 5)])
 def test_an_option_of_the_simulated_robot_with_it(option: str, bad: Any) -> None:
     with pytest.raises(errors.InvalidArgument, match=option):
         wheelwire.open_driver("mock", **{option: bad})
@@ -149,7 +148,7 @@ def test_an_option_that_a_driver_does_not_have_or_needs() -> None:
         wheelwire.open_driver("serial")
 
 
-@pytest.mark.parametrize("bad", [None, 5, [], {}])
+@each("bad", [None, 5, [], {}])
 def test_a_driver_that_has_no_name(bad: Any) -> None:
     with pytest.raises(errors.DriverUnavailable):
         wheelwire.open_driver(bad)
@@ -173,7 +172,7 @@ def test_a_path_is_a_port(tmp_path: Path) -> None:
         assert [m.rate_hz for m in robot.device.asked(SetStreamRate)] == [50]
 
 
-@pytest.mark.parametrize("bad", NO_NUMBERS, ids=shown)
+@each("bad", NO_NUMBERS, ids=shown)
 def test_the_numbers_of_a_robot(bad: Any) -> None:
     with pytest.raises(errors.ParameterOutOfRange):
         wheelwire.DifferentialDrive(bad, 0.033, 360)
@@ -183,7 +182,7 @@ def test_the_numbers_of_a_robot(bad: Any) -> None:
         wheelwire.PoseCovariance(bad, 0.0)
 
 
-@pytest.mark.parametrize("bad", [None, 5, "x", ()])
+@each("bad", [None, 5, "x", ()])
 def test_odometry_of_something_else(bad: Any) -> None:
     with pytest.raises(errors.InvalidArgument, match="geometry"):
         wheelwire.Odometry(bad)
@@ -192,7 +191,7 @@ def test_odometry_of_something_else(bad: Any) -> None:
         odometry.update(bad)
 
 
-@pytest.mark.parametrize("bad", [5, [], b"x", "no\0file", "/"])
+@each("bad", [5, [], b"x", "no\0file", "/"])
 def test_a_file_that_is_none(bad: Any) -> None:
     with pytest.raises(errors.ConfigurationError):
         wheelwire.load_config(bad)

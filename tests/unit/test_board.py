@@ -12,6 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.cases import each
 from wheelwire.board import (
     BoardDescription,
     WheelPins,
@@ -249,7 +250,7 @@ def test_there_are_forty_wrong_boards() -> None:
     assert len(WRONG) >= 40
 
 
-@pytest.mark.parametrize(("name", "changes", "words"), WRONG)
+@each(("name", "changes", "words"), WRONG)
 def test_a_wrong_board_is_refused_by_its_own_sentence(
     name: str, changes: dict[str, Any], words: str
 ) -> None:
@@ -308,7 +309,7 @@ def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
     assert set(BoardFault) - broken == beyond_files
 
 
-@pytest.mark.parametrize(("changes", "words"), NOT_A_BOARD)
+@each(("changes", "words"), NOT_A_BOARD)
 def test_what_is_no_board_is_refused_by_key_and_value(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         parse_board(changed(ESP32, changes))

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import wheelwire
+from support.cases import each
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire.board import BoardDescription
@@ -77,7 +78,7 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
     assert settings.core_timeout_ms == timeout_ms
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "message"),
     [
         ({"wheelbase": 0.2}, r"wheelbase = 0.2: unknown key; did you mean wheel_base\?"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from wheelwire import errors
 from wheelwire.errors import Release
 from wheelwire_protocol.codes import Fault, RefusalCode
@@ -40,7 +41,7 @@ def all_errors(base: type[errors.WheelwireError]) -> Iterator[type[errors.Wheelw
             yield from all_errors(kind)
 
 
-@pytest.mark.parametrize("kind", list(all_errors(errors.WheelwireError)))
+@each("kind", list(all_errors(errors.WheelwireError)))
 def test_every_error_comes_back_as_it_was(kind: type[errors.WheelwireError]) -> None:
     error = WITH_ARGUMENTS.get(kind) or kind("what happened")
     for back in (pickle.loads(pickle.dumps(error)), copy.copy(error)):  # noqa: S301

@@ -12,6 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.cases import each
 from wheelwire import errors, parameters
 from wheelwire.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.parameters import (
@@ -152,7 +153,7 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
     assert read.source == "an unknown board"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "hint"),
     [
         ("parameters: {wheel_radius: 33 mm}", "wheel_radius = '33 mm': give it in m"),

@@ -14,6 +14,7 @@ from construct import Struct
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.cases import each
 from wheelwire.board import unpacked
 from wheelwire.config import parse_config
 from wheelwire.errors import ConfigurationError
@@ -385,7 +386,7 @@ WRONG: list[tuple[str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("sections", "words"), WRONG)
+@each(("sections", "words"), WRONG)
 def test_a_wrong_list_is_refused_by_its_own_sentence(sections: str, words: str) -> None:
     (problem,) = board_of(BOARD + sections).problems()
     assert words in problem
@@ -618,7 +619,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("sections", "words"), NOT_PERIPHERALS)
+@each(("sections", "words"), NOT_PERIPHERALS)
 def test_what_is_no_peripheral_is_refused_by_file_line_key_and_value(
     sections: str, words: str, tmp_path: Path
 ) -> None:

@@ -8,12 +8,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 import yaml
 
 import wheelwire
 import wheelwire.aio
+from support.cases import each
 from wheelwire import config, errors
 from wheelwire.cli.app import app
 from wheelwire.files import robot as robot_file
@@ -117,7 +117,7 @@ def test_every_fault_is_in_the_troubleshooting() -> None:
 PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("*/*.md"), DOCS.parent / "README.md"})
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@each("page", PAGES, ids=lambda page: page.name)
 def test_commands_on_a_page_are_those_that_there_are(page: Path) -> None:
     command = typer.main.get_command(app)
     for line in re.findall(
@@ -145,7 +145,7 @@ def test_every_decision_has_a_status_and_its_row_in_the_index() -> None:
     assert {int(number): rows[number] for number in rows if int(number) in titles} == titles
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@each("page", PAGES, ids=lambda page: page.name)
 def test_links_on_a_page_lead_somewhere(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text(), flags=re.S)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):

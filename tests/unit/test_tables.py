@@ -6,8 +6,9 @@ import re
 import subprocess
 from pathlib import Path
 
-import pytest
 from markdown_it import MarkdownIt
+
+from support.cases import each
 
 ROOT = Path(__file__).parents[2]
 PAGES = subprocess.run(
@@ -47,12 +48,12 @@ def cells(row: str) -> int:
     return len(re.split(r"(?<!\\)\|", row.strip().removeprefix("|").removesuffix("|")))
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_table_is_rendered(page: str) -> None:
     assert problems((ROOT / page).read_text("utf-8")) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "problem"),
     [
         ("| a | b |\n| - | - |\n| 1 | 2 |\n", None),

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
+
+from support.cases import each
 
 TOOLS = Path(__file__).parents[2] / "tools"
 
@@ -33,7 +34,7 @@ def found(text: str) -> list[tuple[int, str]]:
     return [(hit.line, hit.found) for hit in hits]
 
 
-@pytest.mark.parametrize("entry", SETTINGS["words"], ids=lambda entry: entry["better"])
+@each("entry", SETTINGS["words"], ids=lambda entry: entry["better"])
 def test_a_word_is_found_and_what_resembles_it_is_not(entry: dict[str, Any]) -> None:
     word = check_words.Word.of(entry["word"], entry["better"])
     for text in entry["wrong"]:
@@ -42,7 +43,7 @@ def test_a_word_is_found_and_what_resembles_it_is_not(entry: dict[str, Any]) -> 
         assert found(text) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "text", "lines"),
     [
         ("a.md", "one\nthe value in\nforce\n", [2]),

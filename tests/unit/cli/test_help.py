@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import typer
 
+from support.cases import each
 from support.command import run
 from wheelwire import errors
 from wheelwire.cli.app import app
@@ -32,7 +33,7 @@ def test_it_lists_every_page_with_its_title(capsys: pytest.CaptureFixture[str]) 
     assert lines["messages"]
 
 
-@pytest.mark.parametrize("name", pages())
+@each("name", pages())
 def test_each_page_is_shown_whole(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = pages()[name].read_text("utf-8")
     assert shown(capsys, name).split() == re.sub(r"<!--.*?-->", "", text).split()
@@ -70,7 +71,7 @@ def test_a_page_that_is_not_there_says_what_is(address: str, says: str) -> None:
         help_page(address)
 
 
-@pytest.mark.parametrize("kind", PAGE_OF)
+@each("kind", PAGE_OF)
 def test_an_error_names_a_page_that_is_there(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert issubclass(getattr(errors, kind), errors.WheelwireError)
     assert shown(capsys, PAGE_OF[kind]).startswith("#")

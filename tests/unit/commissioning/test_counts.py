@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from support.cases import each
 from wheelwire.commissioning.counts import known_motors, plausible
 
 
-@pytest.mark.parametrize("counts", [4, 12, 360, 400, 748, 1000, 1320, 1440, 2496, 4096, 1436])
-@pytest.mark.parametrize("off", [-1, 0, 1])
+@each("counts", [4, 12, 360, 400, 748, 1000, 1320, 1440, 2496, 4096, 1436])
+@each("off", [-1, 0, 1])
 def test_exact_turns_give_the_exact_counts(counts: int, off: int) -> None:
     assert plausible(10 * counts, 10 * counts + off).value == counts
 

@@ -8,6 +8,7 @@ from itertools import product
 
 import pytest
 
+from support.cases import each
 from wheelwire.commissioning.imu_mounting import (
     GRAVITY_MPS2,
     Mean,
@@ -50,7 +51,7 @@ def test_there_are_24_mountings() -> None:
     assert len(MOUNTINGS) == 24
 
 
-@pytest.mark.parametrize(("forward", "up"), MOUNTINGS)
+@each(("forward", "up"), MOUNTINGS)
 def test_each_is_found(forward: Axis, up: Axis) -> None:
     rest = in_chip(push(), forward, up)
     front = raised_axis(rest, in_chip(push(pitch_deg=30), forward, up))
@@ -59,7 +60,7 @@ def test_each_is_found(forward: Axis, up: Axis) -> None:
     assert forward_axis(up, front, left) is forward
 
 
-@pytest.mark.parametrize(("forward", "up"), MOUNTINGS)
+@each(("forward", "up"), MOUNTINGS)
 def test_the_chips_axes_are_those_that_a_sample_was_turned_from(forward: Axis, up: Axis) -> None:
     vector = (1.0, 2.0, 3.0)
     assert in_chip(_turn(forward, up)(vector), forward, up) == vector

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-import pytest
-
+from support.cases import each
 from wheelwire.commissioning.driving import Pulsed
 from wheelwire.commissioning.problems import (
     BOTH_TURNED,
@@ -37,7 +36,7 @@ def pulsed(wiring: Wiring, bridge: int) -> Seen:
     return seen(f"{side} {'forward' if forward > 0 else 'backward'}", left, right, (0, 0))
 
 
-@pytest.mark.parametrize("wiring", WIRINGS, ids=lambda w: "".join(str(v) for v in w.corrections))
+@each("wiring", WIRINGS, ids=lambda w: "".join(str(v) for v in w.corrections))
 def test_each_wiring_is_deduced(wiring: Wiring) -> None:
     first, second = pulsed(wiring, 0), pulsed(wiring, 1)
     assert find_problems(first, second) == []
@@ -52,7 +51,7 @@ def test_each_correction_is_a_parameter() -> None:
 GOOD = seen("right forward", 0, 20, (0, 5))
 
 
-@pytest.mark.parametrize(
+@each(
     ("first", "second", "problems"),
     [
         (seen("left forward", 0, 0, (0, 0)), GOOD, [Problem(NO_ENCODER, 0)]),

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import pytest
 
 import wheelwire
+from support.cases import each
 from wheelwire import aio
 from wheelwire.diagnosis import Stop
 from wheelwire.diagnosis.causes import CAUSES
@@ -142,7 +143,7 @@ def explained(error: WheelwireError) -> WheelwireError:
     return error
 
 
-@pytest.mark.parametrize("code", set(RefusalCode) - {RefusalCode.NONE})
+@each("code", set(RefusalCode) - {RefusalCode.NONE})
 def test_every_refusal_has_its_sentence_its_evidence_and_what_to_look_at(code: RefusalCode) -> None:
     faults = Fault.LEFT_REVERSED if code is RefusalCode.FAULT else Fault(0)
     error = explained(DeviceRefused(code, "the request", faults))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from support.staged_stops import STAGED, SUPPLY, Staged, StagedRobot, diagnosed
 from wheelwire.diagnosis import Diagnosis, Stop
 from wheelwire.diagnosis.causes import (
@@ -42,7 +43,7 @@ def test_what_looks_alike_is_told_apart_by_any_seed(name: str, seed: int) -> Non
     assert [stop.cause for stop in diagnosed(STAGED[name], seed)] == list(STAGED[name].stops)
 
 
-@pytest.mark.parametrize("name", CAUSES)
+@each("name", CAUSES)
 def test_what_to_look_at_follows_look_first_at(name: str) -> None:
     look_at = CAUSES[name].look_at
     assert re.match(r"the |what |where |who |whether |`|[a-z]+_[a-z_]+", look_at), look_at

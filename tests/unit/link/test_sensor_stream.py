@@ -7,6 +7,7 @@ from itertools import product
 
 import pytest
 
+from support.cases import each
 from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, distance, imu, info, inputs
 from wheelwire.link.sensor_stream import (
     EARLY_EVENTS,
@@ -84,9 +85,7 @@ def unit(axis: Axis) -> Vector:
     return x, y, z
 
 
-@pytest.mark.parametrize(
-    ("forward", "up"), [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
-)
+@each(("forward", "up"), [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3])
 def test_every_mounting_gives_a_right_handed_frame(forward: Axis, up: Axis) -> None:
     turn = _turn(forward, up)
     assert turn(unit(forward)) == (1, 0, 0)
@@ -249,7 +248,7 @@ def test_a_lost_event_is_made_good_by_the_inputs(known: Stream) -> None:
     assert known.stream.states.get(0) is SensorState.OK
 
 
-@pytest.mark.parametrize(
+@each(
     ("channel", "code", "value", "sentence", "is_warning"),
     [
         (0, SensorEventCode.STATE, SensorState.OK, "imu: OK", False),

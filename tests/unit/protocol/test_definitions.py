@@ -1,8 +1,7 @@
 import enum
 import struct
 
-import pytest
-
+from support.cases import each
 from wheelwire_protocol.codes import ENUMERATIONS, FLAGS, Capability, Fault
 from wheelwire_protocol.message import Message
 from wheelwire_protocol.messages import MAX_PAYLOAD, MESSAGES
@@ -19,20 +18,20 @@ def test_payloads_need_one_cobs_code_byte_more_at_most() -> None:
     assert MAX_PAYLOAD < 254
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
+@each("message", MESSAGES, ids=lambda message: message.name)
 def test_message_is_documented(message: Message) -> None:
     assert message.doc.endswith(".")
     assert all(field.docs.endswith(".") for field in message.fields)
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
+@each("message", MESSAGES, ids=lambda message: message.name)
 def test_codes_fit_their_fields(message: Message) -> None:
     for field in message.fields:
         if field.enumeration:
             struct.pack("<" + field.format, max(field.enumeration))
 
 
-@pytest.mark.parametrize("parameter", PARAMETERS, ids=lambda parameter: parameter.name)
+@each("parameter", PARAMETERS, ids=lambda parameter: parameter.name)
 def test_parameter(parameter: Parameter) -> None:
     assert parameter.minimum <= parameter.default <= parameter.maximum
     assert parameter.doc.endswith(".")
@@ -42,7 +41,7 @@ def test_parameter(parameter: Parameter) -> None:
             assert struct.unpack("<f", struct.pack("<f", value))[0] == value
 
 
-@pytest.mark.parametrize("codes", [*ENUMERATIONS, *FLAGS], ids=lambda codes: codes.__name__)
+@each("codes", [*ENUMERATIONS, *FLAGS], ids=lambda codes: codes.__name__)
 def test_codes_have_a_sentence_each(codes: type[enum.Enum]) -> None:
     docs = [getattr(member, "doc", "") for member in codes]
     assert all(doc.endswith(".") for doc in docs)
@@ -53,6 +52,6 @@ def test_equal_bits_of_two_kinds_of_flags_have_their_own_docs() -> None:
     assert Fault.LEFT_NOT_COUNTING.doc != Capability.BATTERY.doc
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: m.name)
+@each("message", MESSAGES, ids=lambda m: m.name)
 def test_no_field_hides_what_every_tuple_has(message: Message) -> None:
     assert not {field.name for field in message.fields} & set(dir(tuple))

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import struct
 
-import pytest
-
+from support.cases import each
 from wheelwire_protocol import types
 from wheelwire_protocol.codes import (
     Fault,
@@ -108,7 +107,7 @@ def values_of(message: Message) -> dict[str, int | float]:
     return values
 
 
-@pytest.mark.parametrize("message", BASE, ids=lambda message: message.name)
+@each("message", BASE, ids=lambda message: message.name)
 def test_each_field_is_where_the_table_has_it(message: Message) -> None:
     number, size, fields = LAYOUTS[message.name]
     values = values_of(message)

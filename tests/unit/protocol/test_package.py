@@ -5,6 +5,7 @@ from importlib.resources import files
 import pytest
 
 import wheelwire_protocol
+from support.cases import each
 
 
 def modules_after(code: str) -> set[str]:
@@ -13,7 +14,7 @@ def modules_after(code: str) -> set[str]:
     return set(subprocess.run(command, capture_output=True, check=True, text=True).stdout.split())
 
 
-@pytest.mark.parametrize("name", wheelwire_protocol.__all__)
+@each("name", wheelwire_protocol.__all__)
 def test_public_name(name: str) -> None:
     assert getattr(wheelwire_protocol, name) is not None
     assert name in vars(wheelwire_protocol), "asked for once"

@@ -5,8 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pytest
-
+from support.cases import each
 from wheelwire_protocol import types
 from wheelwire_protocol.decoder import NativeDecoder
 from wheelwire_protocol.framing import PythonDecoder, encode_frame, encode_payload
@@ -32,7 +31,7 @@ def message(vector: dict[str, Any]) -> types.AnyMessage:
     return made
 
 
-@pytest.mark.parametrize("vector", HANDMADE["frames"] + GENERATED["frames"], ids=name)
+@each("vector", HANDMADE["frames"] + GENERATED["frames"], ids=name)
 def test_frame(vector: dict[str, Any]) -> None:
     payload, frame = bytes.fromhex(vector["payload"]), bytes.fromhex(vector["frame"])
     assert encode_payload(message(vector), vector["seq"]) == payload
@@ -41,8 +40,8 @@ def test_frame(vector: dict[str, Any]) -> None:
         assert decoder().feed(frame) == [message(vector)]
 
 
-@pytest.mark.parametrize("stream", HANDMADE["streams"], ids=name)
-@pytest.mark.parametrize("make", DECODERS)
+@each("stream", HANDMADE["streams"], ids=name)
+@each("make", DECODERS)
 def test_stream_split_anywhere(
     stream: dict[str, Any], make: type[PythonDecoder | NativeDecoder]
 ) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support.cases import each
+
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from wheelwire_ros import parameter_values as checks
@@ -25,7 +27,7 @@ AGREEING: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize(
+@each(
     ("check", "value"),
     [
         (checks.variances, array("d", [0.0] * 6)),
@@ -43,7 +45,7 @@ def test_what_is_valid_is_accepted(check: checks.Check, value: Any) -> None:
     assert check(value) is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("check", "value", "words"),
     [
         (checks.variances, [0.0] * 5, "it has 5 numbers: write six"),
@@ -96,7 +98,7 @@ def test_what_agrees_is_not_named() -> None:
     assert list(checks.disagreements({**AGREEING, "ttl_max_s": None}.__getitem__)) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("a", "b", "equal"),
     [
         (0.2, 0.20000000298023224, True),  # what 32 bits leave of it

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.bad_line import load_profile, shipped_profiles
 from wheelwire.simulation.bad_line import (
@@ -75,7 +76,7 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "complaint"),
     [
         (

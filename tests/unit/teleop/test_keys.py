@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import itertools
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.cases import each
 from wheelwire.teleop.keys import (
     DOWN,
     INTERRUPT,
@@ -81,7 +81,7 @@ SEQUENCES: list[tuple[bytes, list[Event]]] = [
 ]
 
 
-@pytest.mark.parametrize(("data", "events"), SEQUENCES, ids=lambda value: str(value)[:40])
+@each(("data", "events"), SEQUENCES, ids=lambda value: str(value)[:40])
 def test_a_sequence_is_decoded(data: bytes, events: list[Event]) -> None:
     assert KeyDecoder().feed(data) == events
     one_by_one = KeyDecoder()
