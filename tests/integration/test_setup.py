@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 
 import pytest
 
-from support.command import check_error, run, run_json, run_within
+from support.command import check_error, run, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors, open_driver
@@ -68,7 +68,7 @@ def test_a_script_sets_up_a_robot(simulator: Simulator, tmp_path: Path) -> None:
     (tmp_path / "answers.yaml").write_text(ANSWERS)
     answers, plot = tmp_path / "answers.yaml", tmp_path / "drives.png"
     arguments = ("--answers", str(answers), "--plot", str(plot), "--json")
-    result = run_within(SETUP_S, "setup", simulator.port, *arguments)
+    result = run("setup", simulator.port, *arguments)
     assert result.returncode == 0, result.stderr
     (line,) = result.stdout.splitlines()
     findings = json.loads(line)

@@ -13,7 +13,7 @@ import pytest
 
 from support.command import check_error, run, run_json
 from support.typing_terminal import TypingTerminal
-from support.usb_ports import fake_usb_ports
+from support.usb_ports import environment_with_ports
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator, TrueState
@@ -229,7 +229,7 @@ def test_it_needs_a_terminal() -> None:
 
 
 def test_the_only_candidate_is_named_and_asked_for(simulator: Simulator, tmp_path: Path) -> None:
-    environment = {"WHEELWIRE_ROBOT": "", **fake_usb_ports(tmp_path, simulator.port)}
+    environment = {"WHEELWIRE_ROBOT": "", **environment_with_ports(tmp_path, simulator.port)}
     with TypingTerminal("teleop", environment=environment) as terminal:
         terminal.wait_for("[y/N]")
         assert f"{simulator.port} is the only candidate".encode() in terminal.output

@@ -16,6 +16,7 @@ OURS = ("bench", "peers", "support", "wheelwire", "wheelwire_protocol", "wheelwi
 IMPORT = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='imported')"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_each_finds_what_it_imports(script: Path) -> None:
     # As the interpreter does for a script, and not for -c: its folder comes first.

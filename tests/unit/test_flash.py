@@ -11,12 +11,11 @@ from typing import Any
 
 import pytest
 
-from support.command import run_within
+from support import command
 from support.core_device import CoreDevice
 from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
 from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
 from support.pty_device import PtyDevice
-from support.stalls import again_after_a_stall
 from wheelwire import errors, flash
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.types import Stop, WheelState
@@ -62,7 +61,7 @@ def fill_data(chip: EspChip) -> dict[str, bytes]:
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return run_within(TIMEOUT_S, "flash", *arguments, COLUMNS="200")
+    return command.run("flash", *arguments, COLUMNS="200")
 
 
 def run_json(*arguments: str) -> Any:
@@ -167,7 +166,6 @@ def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) ->
     assert "BOOT button" in result.stderr
 
 
-@again_after_a_stall
 def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
     chip.device.edits[WheelState] = {"left_mps": 0.2}
     check_refusal(run("--port", port, "--image", str(image)), "keep turning")

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from support.command import check_error, run
-from support.usb_ports import fake_usb_ports
+from support.usb_ports import plug_in
 from wheelwire import errors
 from wheelwire.cli import address
 from wheelwire.cli.address import Address, looks_like_address, resolve
@@ -56,12 +57,14 @@ def test_the_argument_comes_first_and_the_environment_second(
     assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0")
 
 
-@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
-def test_an_empty_address_means_no_other_robot(command: str, tmp_path: Path) -> None:
-    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
+@each("command", [*PUT_IN, *MOVING, "flash"])
+def test_an_empty_address_means_no_other_robot(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plug_in(monkeypatch, "/dev/no-such-port")
     words = (PUT_IN | MOVING).get(command, ())
     yes = ["--yes"] if command in MOVING else []
-    result = run(*command.split(), "", *words, *yes, WHEELWIRE_ROBOT="/dev/no-such-port", **ports)
+    result = run(*command.split(), "", *words, *yes, WHEELWIRE_ROBOT="/dev/no-such-port")
     assert result.returncode == InvalidArgument.exit_code, result.stderr
     assert "ROBOT is empty" in result.stderr
 
@@ -88,39 +91,43 @@ def test_none_and_several_candidates_are_errors_that_say_what_to_do(
         resolve(None, yes=True)
 
 
-@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
-def test_every_command_takes_the_only_candidate(command: str, tmp_path: Path) -> None:
+@each("command", [*PUT_IN, *MOVING, "flash"])
+def test_every_command_takes_the_only_candidate(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It is not there after all: the error names it."""
-    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
+    plug_in(monkeypatch, "/dev/no-such-port")
     yes = ["--yes"] if command in MOVING else []
     words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), *yes, "--json"]
-    result = run(*words, WHEELWIRE_ROBOT="", **ports)
+    result = run(*words, WHEELWIRE_ROBOT="")
     assert result.returncode == errors.PortUnavailable.exit_code, result.stderr
     assert "cannot open /dev/no-such-port" in json.loads(result.stderr)["message"]
 
 
-@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
+@each("command", [*PUT_IN, *MOVING, "flash"])
 def test_every_command_takes_the_robot_that_the_environment_names(
-    command: str, tmp_path: Path
+    command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ports = fake_usb_ports(tmp_path, "/dev/ttyUSB0", "/dev/ttyUSB1")
+    plug_in(monkeypatch, "/dev/ttyUSB0", "/dev/ttyUSB1")
     words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), "--json"]
-    result = run(*words, WHEELWIRE_ROBOT="missing.yaml", **ports)
+    result = run(*words, WHEELWIRE_ROBOT="missing.yaml")
     assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
-    result = run(*words, WHEELWIRE_ROBOT="", **ports)
+    result = run(*words, WHEELWIRE_ROBOT="")
     assert result.returncode == RobotNotNamed.exit_code, result.stderr
     assert "/dev/ttyUSB0 (CP210x" in json.loads(result.stderr)["message"]
 
 
 @pytest.mark.parametrize("command", MOVING)
-def test_what_moves_wheels_refuses_where_nobody_can_be_asked(command: str, tmp_path: Path) -> None:
-    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
-    line = check_error(run(command, *MOVING[command], WHEELWIRE_ROBOT="", **ports), RobotNotNamed)
+def test_what_moves_wheels_refuses_where_nobody_can_be_asked(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plug_in(monkeypatch, "/dev/no-such-port")
+    line = check_error(run(command, *MOVING[command], WHEELWIRE_ROBOT=""), RobotNotNamed)
     assert "/dev/no-such-port" in line
     assert "name the robot" in line
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "expected"),
     [
         ("/dev/ttyUSB0", True),
@@ -143,7 +150,7 @@ def test_an_address_is_told_from_a_parameters_name(
     assert looks_like_address(text) is expected
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "message"),
     [
         (("get",), "Missing argument 'NAME'"),
@@ -164,7 +171,7 @@ def test_forgotten_and_superfluous_arguments_are_named(
     assert result.stderr == f"wheelwire: {message}; see `wheelwire params {words[0]} --help`\n"
 
 
-@pytest.mark.parametrize(
+@each(
     ("command", "arguments"),
     [
         ("info", "[ROBOT]"),
@@ -218,31 +225,29 @@ def test_firmware_is_written_at_a_serial_port_only(tmp_path: Path) -> None:
             other.serial_port()
 
 
-def complete(tmp_path: Path, *words: str) -> list[str]:
+def complete(*words: str) -> list[str]:
     """What bash offers for the last word."""
     result = run(
         _WHEELWIRE_COMPLETE="complete_bash",
         COMP_WORDS=" ".join(["wheelwire", *words]),
         COMP_CWORD=str(len(words)),
-        **fake_usb_ports(tmp_path, "/dev/ttyUSB0", "/dev/ttyUSB1"),
     )
     assert result.stderr == ""
     return result.stdout.split()
 
 
-def test_a_shell_completes_robots_and_parameters(tmp_path: Path) -> None:
-    assert complete(tmp_path, "drive", "") == ["/dev/ttyUSB0", "/dev/ttyUSB1", "mock"]
-    assert complete(tmp_path, "info", "/dev/t") == ["/dev/ttyUSB0", "/dev/ttyUSB1"]
-    assert complete(tmp_path, "params", "get", "wheel_") == ["wheel_radius", "wheel_separation"]
-    assert "monitor" in complete(tmp_path, "")
+def test_a_shell_completes_robots_and_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    plug_in(monkeypatch, "/dev/ttyUSB0", "/dev/ttyUSB1")
+    assert complete("drive", "") == ["/dev/ttyUSB0", "/dev/ttyUSB1", "mock"]
+    assert complete("info", "/dev/t") == ["/dev/ttyUSB0", "/dev/ttyUSB1"]
+    assert complete("params", "get", "wheel_") == ["wheel_radius", "wheel_separation"]
+    assert "monitor" in complete("")
 
 
 def test_a_shell_completes_files_by_their_absolute_path(tmp_path: Path) -> None:
     file = tmp_path / "robot [1].yaml"
     file.touch()
-    assert str(file) in " ".join(
-        complete(tmp_path, "params", "import", "mock", str(tmp_path / "r"))
-    )
+    assert str(file) in " ".join(complete("params", "import", "mock", str(tmp_path / "r")))
 
 
 def test_completion_is_shown_and_installed(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PROGRAM, check_error, run
+from support.command import PROGRAM, check_error, run, run_process
 from wheelwire import errors
 from wheelwire.cli import output
 
@@ -94,10 +94,10 @@ def test_an_interrupt_while_it_starts_is_one_line(tmp_path: Path, module: str) -
         "            import os, signal\n            os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Finder())\n"
     )
-    result = run("ports", PYTHONPATH=str(tmp_path))
+    result = run_process("ports", PYTHONPATH=str(tmp_path))
     assert (result.returncode, result.stdout) == (130, "")
     assert result.stderr == "wheelwire: interrupted\n"
-    as_json = json.loads(run("ports", "--json", PYTHONPATH=str(tmp_path)).stderr)
+    as_json = json.loads(run_process("ports", "--json", PYTHONPATH=str(tmp_path)).stderr)
     assert as_json == {"error": "Interrupted", "message": "interrupted", "exit_code": 130}
 
 
@@ -119,6 +119,7 @@ def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("closed", ["0<&-", "1>&-", "0<&- 1>&- 2>&-"])
 @pytest.mark.parametrize("command", ["board init", "board show l298n", "drive mock", "setup"])
 def test_closed_streams_are_no_traceback(tmp_path: Path, command: str, closed: str) -> None:
@@ -139,7 +140,9 @@ def test_closed_streams_are_no_traceback(tmp_path: Path, command: str, closed: s
 
 def test_an_ascii_terminal_gets_ascii() -> None:
     """Help has frames and dots that ASCII has not."""
-    result = run("--help", LC_ALL="POSIX", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0", COLUMNS="30")
+    result = run_process(
+        "--help", LC_ALL="POSIX", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0", COLUMNS="30"
+    )
     assert result.returncode == 0, result.stderr
     assert result.stdout.isascii()
     assert "monitor" in result.stdout
