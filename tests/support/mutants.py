@@ -40,6 +40,9 @@ sys.meta_path[:] = [f for f in sys.meta_path if "editable" not in type(f).__modu
 TEST_TIMEOUT_S = 60
 RUN_TIMEOUT_S = 600
 LEAST_KILLED = 0.95
+FAST = "not hypothesis and not whole"
+WHOLE = "not hypothesis"
+"""Which tests are tried, for pytest's -m."""
 
 
 class MutantError(Exception):
@@ -89,8 +92,9 @@ class Group:
 
     Attributes:
         targets: Of firmware/esp32/sim, built before the tests; empty for Python alone.
-        tests: For pytest, the likeliest to notice first. Property tests are left out: what
-            notices a mutation must do so in each run.
+        tests: For pytest, the likeliest to notice first, as far as `make test` runs them.
+            Property tests are left out: what notices a mutation must do so in each run.
+        whole: Tests that only `make test-all` runs; they come last.
         command: A program and its arguments instead of tests, which ends with 1 if it notices.
     """
 
@@ -99,9 +103,10 @@ class Group:
     tests: tuple[str, ...]
     mutants: tuple[Mutant, ...]
     command: tuple[str, ...] = ()
+    whole: tuple[str, ...] = ()
 
     def stages(self, mutant: Mutant | None = None) -> list[tuple[str, ...]]:
-        """The tests in the order in which they are run, until one fails.
+        """The tests of `make test` in the order in which they are run, until one fails.
 
         Those named after the mutated file come first and alone, for C++ its unit tests: usually
         one of them fails, and the others need not even be imported.
@@ -122,7 +127,8 @@ def load(path: Path) -> Group:
         mutants = tuple(Mutant(**entry) for entry in data.get("mutant", ()))
         command = tuple(data.get("command", ()))
         tests = () if command else tuple(data["tests"])
-        return Group(path.stem, tuple(data["targets"]), tests, mutants, command)
+        whole = tuple(data.get("whole", ()))
+        return Group(path.stem, tuple(data["targets"]), tests, mutants, command, whole)
     except (KeyError, TypeError) as error:
         raise MutantError(f"{path}: {error}") from error
 
@@ -250,16 +256,26 @@ class Workspace:
             return Verdict(Outcome.BROKEN, complaints[-2000:])
         if group.command:
             verdict = self._run([sys.executable, *group.command])
-        for tests in [] if group.command else group.stages(mutant):
-            verdict = self._run_tests(tests)
-            if verdict.outcome is not Outcome.LIVES:
-                break
+        else:
+            verdict = self._run_stages(group, mutant)
         return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
 
-    def _run_tests(self, tests: Sequence[str]) -> Verdict:
+    def _run_stages(self, group: Group, mutant: Mutant | None) -> Verdict:
+        for tests in group.stages(mutant):
+            verdict = self._run_tests(tests, FAST)
+            if verdict.outcome is not Outcome.LIVES:
+                return verdict
+        if not group.whole:
+            return verdict
+        verdict = self._run_tests(group.whole, WHOLE)
+        if verdict.outcome is not Outcome.KILLED:
+            return verdict
+        return Verdict(Outcome.KILLED, f"by `make test-all` alone: {verdict.detail}")
+
+    def _run_tests(self, tests: Sequence[str], kind: str) -> Verdict:
         options = ["-x", "-q", "-rfE", "--tb=no", "--no-header", "-p", "no:cacheprovider"]
         command = [sys.executable, "-m", "pytest", *options, f"--timeout={TEST_TIMEOUT_S}"]
-        command += ["-m", "not hypothesis", *tests]
+        command += ["-m", kind, *tests]
         return self._run(command)
 
     def _run(self, command: Sequence[str]) -> Verdict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -28,13 +29,35 @@ SPARE = Mutant("spare", "host/double.py", "# spare", "# free", "Nothing.")
 TYPO = Mutant("typo", "host/double.py", "def double", "def doubled", "Nothing.")
 
 
-@pytest.mark.parametrize(("group", "mutant"), ALL, ids=[f"{g.name}-{m.name}" for g, m in ALL])
-def test_each_mutation_applies_and_says_why(group: Group, mutant: Mutant) -> None:
-    text = (ROOT / mutant.file).read_text("utf-8")
-    assert mutant.apply(text) != text
-    assert mutant.why.endswith(".")
-    assert mutant.lives == "" or mutant.lives.endswith(".")
-    assert group.tests or group.command
+def wrong(group: Group, mutant: Mutant, root: Path = ROOT) -> Iterator[str]:
+    """What is wrong with the data of a mutation, a line each."""
+    name = f"{group.name}/{mutant.name}"
+    try:
+        mutant.apply((root / mutant.file).read_text("utf-8"))
+    except (MutantError, OSError) as error:
+        yield f"{name}: {error}"
+    for text in (mutant.why, mutant.lives or "."):
+        if not text.endswith("."):
+            yield f"{name}: no full stop after {text!r}"
+    if not (group.tests or group.command):
+        yield f"{name}: no test of its group is named"
+
+
+def test_each_mutation_applies_and_says_why() -> None:
+    assert [line for group, mutant in ALL for line in wrong(group, mutant)] == []
+
+
+def test_each_wrong_mutation_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("2 * x")
+    group = Group("core", (), ("tests/a.py",), ())
+    sound = Mutant("sound", "a.py", "2 * x", "-2 * x", "It drives backwards.")
+    gone = Mutant("gone", "a.py", "3 * x", "-3 * x", "It drives backwards.")
+    mute = Mutant("mute", "a.py", "2 * x", "-2 * x", "It drives backwards")
+    lines = [line for mutant in (sound, gone, mute) for line in wrong(group, mutant, tmp_path)]
+    assert [line.partition(":")[0] for line in lines] == ["core/gone", "core/mute"]
+    assert list(wrong(Group("core", (), (), ()), sound, tmp_path)) == [
+        "core/sound: no test of its group is named"
+    ]
 
 
 def test_no_two_mutations_are_one() -> None:
@@ -46,7 +69,8 @@ def test_no_two_mutations_are_one() -> None:
 
 @pytest.mark.parametrize("group", load_all(), ids=lambda group: group.name)
 def test_the_tests_of_a_group_exist(group: Group) -> None:
-    programs = [*(test.partition("::")[0] for test in group.tests), *group.command[:1]]
+    tests = (*group.tests, *group.whole)
+    programs = [*(test.partition("::")[0] for test in tests), *group.command[:1]]
     assert [file for file in programs if not (ROOT / file).exists()] == []
 
 
