@@ -15,7 +15,7 @@ MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type docs docs-links sim cpp-tests rv32 rv32-baseline ros ros-test colcon test wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help gen gen-check format lint type docs docs-links sim cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -64,6 +64,9 @@ $(VENV)/docs-installed: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
+lowest: $(VENV)/installed  ## Change to the lowest version of each dependency that pyproject.toml allows
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python tools/lowest_versions.py)
+
 SPHINX = $(BIN)/sphinx-build -q -W --keep-going -d build/docs-doctrees
 docs: $(VENV)/docs-installed  ## The site, to build/docs: its links and anchors lead somewhere
 	@$(SPHINX) -b html docs build/docs
@@ -75,12 +78,15 @@ docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the
 cmake = $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
 	$(BIN)/cmake --build $(1) --target $(3)
 
+SIM := wheelwire-fwsim fwsim wheelwire_capi
 sim: $(VENV)/installed  ## Build the firmware for this computer, with its simulated robot
-	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,$(SIM))
 
-cpp-tests: $(VENV)/installed  ## Build the C++ tests, plain and under the sanitizers
-	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,all)
-	@$(call cmake,$(ASAN_BUILD),-DCMAKE_BUILD_TYPE=RelWithDebInfo -DWHEELWIRE_SANITIZE=ON,all)
+cpp-tests: $(VENV)/installed  ## Build the C++ tests
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,$(SIM) tests)
+
+sanitized: $(VENV)/installed  ## Build the C++ tests under the address and undefined-behaviour sanitizers
+	@$(call cmake,$(ASAN_BUILD),-DWHEELWIRE_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1",sanitized-tests)
 
 rv32: $(VENV)/installed  ## Build the core for RV32IMC with Debian's compiler, to count its instructions
 	@$(BIN)/cmake -S firmware/esp32/rv32 -B $(RV32_BUILD) -G Ninja --log-level=WARNING >/dev/null
@@ -100,21 +106,34 @@ ros: $(VENV)/ros-installed  ## ROS 2 from PyPI (Linux on x86-64 only), for the t
 
 ros-test: $(VENV)/ros-installed sim  ## The tests of the node alone
 	@$(BIN)/python -c 'import rclpy'
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile tests/ros tests/unit/ros tests/unit/ros_package
+	$(BIN)/python -m pytest --numprocesses $(or $(JOBS),$(shell expr $(CORES) + 2)) --dist loadfile tests/ros tests/unit/ros tests/unit/ros_package
 
 COLCON := colcon-core>=0.19 colcon-package-information colcon-python-setup-py colcon-ros
 colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do, from its folder and from a link in a workspace
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(COLCON:%='%')
 	$(BIN)/python tools/check_colcon.py build/colcon
 
-# Two more than the cores: many of the tests wait for a robot that moves in real time.
-JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
-test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64: make test [JOBS=4]
+CORES = $(shell nproc 2>/dev/null || echo 2)
+ONLY ?= tests
+# By files: the tests of one share a build folder, or a robot that goes through a tutorial.
+# $(call pytest,more): so many processes more than cores, for tests that wait for a robot.
+pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
+
+# The ROS node's tests run where PyPI has ROS 2; elsewhere the summary says that they were skipped.
+ros-if-available:
 ifeq ($(shell uname -sm),Linux x86_64)
-	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
+	@$(MAKE) --no-print-directory ros >build/ros.log 2>&1 || true
 endif
-	@# By files: the tests of one share a build folder, or a robot that goes through a tutorial.
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile
+
+test: cpp-tests ros-if-available  ## What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
+	$(call pytest,1) -m "not whole" --hypothesis-profile=quick $(ONLY)
+
+test-all: cpp-tests sanitized ros-if-available  ## Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
+ifeq ($(ONLY),tests)
+	$(BIN)/python tests/explore/run.py 10 --quiet
+	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
+endif
+	$(call pytest,2) $(ONLY)
 
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/wheels.py
@@ -148,7 +167,7 @@ fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, un
 		-DWHEELWIRE_FUZZER=ON,wheelwire-fuzz-decoder wheelwire-fuzz-session wheelwire-fuzz-parameters)
 
 SECONDS ?= 60
-fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
+fuzz: fuzzers cpp-tests sanitized  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
 	@$(BIN)/python tools/install_extra.py fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
 
@@ -164,7 +183,7 @@ corruption: cpp-tests  ## Corrupt frames in every way and count the wrong ones a
 bench: $(VENV)/installed  ## All benchmarks, compared with the peers, to build/bench/report.md
 	@# Pigweed's HDLC needs none of the 60 packages, linters and SciPy among them, that it asks for.
 	@$(BIN)/python tools/install_extra.py bench 'pigweed>=0.0.24'
-	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,$(SIM))
 	@$(BIN)/python bench/report.py
 
 reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 25 min

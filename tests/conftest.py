@@ -7,6 +7,7 @@ import functools
 import inspect
 import itertools
 import os
+import shutil
 import signal
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -19,12 +20,17 @@ from wheelwire.link.tap_directory import DIRECTORY_VARIABLE as TAP_DIRECTORY
 from wheelwire.link.tap_directory import GROUP_VARIABLE
 from wheelwire.linux_mcu.latches import DIRECTORY_VARIABLE
 
+TESTS = Path(__file__).parent
+WHOLE = ("conformance", "integration", "ros")
+"""Folders whose tests run processes in real time: `make test-all`, unless one is marked `fast`."""
+
 os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests is none of theirs
 
 # A shell starts what it puts into the background with Ctrl-C ignored, which children inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("wheelwire", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("quick", settings.get_profile("wheelwire"), max_examples=20)
 settings.load_profile("wheelwire")
 
 
@@ -52,8 +58,11 @@ def _own_state(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPat
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A test that is a coroutine runs in a loop of its own."""
+    """A test that is a coroutine runs in a loop of its own. What takes real time is marked."""
     for item in items:
+        folder = item.path.relative_to(TESTS).parts[0]
+        if folder in WHOLE and item.get_closest_marker("fast") is None:
+            item.add_marker("whole")
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
             item.obj = _in_a_loop(item.obj)
 
@@ -71,3 +80,16 @@ def _directory(factory: pytest.TempPathFactory) -> Path:
 
 
 _NUMBERS = itertools.count()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """One line about what this computer lacks, whatever the number of tests."""
+    reasons = {
+        str(report.longrepr[2]).removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", [])
+        if isinstance(report.longrepr, tuple)
+    }
+    if shutil.which("clang++") is None and not terminalreporter.config.option.markexpr:
+        reasons.add("`make fuzz` needs clang: sudo apt install clang")
+    if reasons:
+        terminalreporter.write_line(f"skipped here: {'; '.join(sorted(reasons))}")

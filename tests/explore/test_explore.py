@@ -20,6 +20,7 @@ def test_a_case_runs_clean(case: Path) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
+@pytest.mark.whole
 def test_the_first_seeds_break_no_rule() -> None:
     report = exploring.explore(1, count=SEEDS)
     assert report.broken == [], [file.read_text("utf-8") for file in report.files]

@@ -65,6 +65,7 @@ def test_a_box_re_runs_the_same(image: bytes) -> None:
     assert rerun.steps > 1000
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", range(200))
 def test_random_faults_re_run_identically(seed: int) -> None:
     chance = random.Random(seed)

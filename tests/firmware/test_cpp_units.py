@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 BUILD = Path(__file__).parents[2] / "build"
+BUILDS = ["host", pytest.param("asan", marks=pytest.mark.whole)]
 
 
 def run(build: str, program: str) -> subprocess.CompletedProcess[str]:
     path = BUILD / build / program
     if not path.exists():
-        pytest.skip("not built: make cpp-tests")
+        pytest.skip("not built: make cpp-tests sanitized")
     result = subprocess.run([path], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
     return result
@@ -22,12 +23,12 @@ def run(build: str, program: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     "program", ["wheelwire-core-test", "wheelwire-chip-test", "wheelwire-sim-test"]
 )
-@pytest.mark.parametrize("build", ["host", "asan"])
+@pytest.mark.parametrize("build", BUILDS)
 def test_all_cases_pass(build: str, program: str) -> None:
     assert " cases, 0 failed checks" in run(build, program).stdout
 
 
-@pytest.mark.parametrize("build", ["host", "asan"])
+@pytest.mark.parametrize("build", BUILDS)
 def test_the_library_serves_a_program_in_c(build: str) -> None:
     assert run(build, "wheelwire-capi-test").stdout == "0 failed checks\n"
 

@@ -38,6 +38,7 @@ def test_resets_and_unpluggings_while_driving(seed: int) -> None:
         assert abs(unseen.distance_m) <= 1.2 * TOP_MPS * unseen.milliseconds / 1e3 + 0.001
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", shipped_profiles())
 def test_driving_on_a_bad_line(name: str) -> None:
     profile = load_profile(name)
@@ -50,6 +51,7 @@ def test_driving_on_a_bad_line(name: str) -> None:
     assert (run.unplugs > 0) == ("unplug" in incidents)
 
 
+@pytest.mark.whole
 def test_the_device_time_wraps_while_driving() -> None:
     run = across_the_time_wrap(1)
     check(run.finish())

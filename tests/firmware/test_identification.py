@@ -49,6 +49,7 @@ def outcome(plant: str, battery_v: float, raised: bool) -> Outcome:
     return commission(plant, battery_v, raised=raised)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("plant", "battery_v", "raised"), ROBOTS)
 def test_the_feedforward_is_the_line_of_the_true_curve(
     plant: str, battery_v: float, raised: bool
@@ -59,6 +60,7 @@ def test_the_feedforward_is_the_line_of_the_true_curve(
     assert found.found.problems == ()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("plant", "battery_v", "raised"), ROBOTS)
 def test_the_wheels_track_better_as_proved_and_on_the_floor_in_truth(
     plant: str, battery_v: float, raised: bool
@@ -75,6 +77,7 @@ def test_tracking_errors_are_halved_in_the_median() -> None:
     assert median(found.true_ratio for found in outcomes) < 0.5
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("counts", [360, 11_000])
 def test_coarse_and_fine_encoders_give_the_same(counts: int) -> None:
     found = commission("jgb37-520", 7.4, raised=False, counts=counts)
@@ -103,6 +106,7 @@ def tried(robot: MockDriver, *, on_the_floor: bool) -> tuple[Identification, Pro
 # --- apart from the line -------------------------------------------------------------------------
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("plant", PLANTS)
 def test_breakaway_and_time_constant_are_the_true_ones(plant: str) -> None:
     with plant_robot(plant, raised=False) as robot:
@@ -204,6 +208,7 @@ def busy(robot: MockDriver, monkeypatch: pytest.MonkeyPatch, name: str, every: i
     monkeypatch.setattr(robot, name, late)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("raised", [True, False])
 def test_what_was_measured_while_a_setpoint_ran_out_is_measured_again(
     monkeypatch: pytest.MonkeyPatch, raised: bool

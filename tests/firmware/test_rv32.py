@@ -14,6 +14,7 @@ def _built() -> None:
     rv32.build()
 
 
+@pytest.mark.whole
 def test_every_vector_holds() -> None:
     assert rv32.run("vectors").endswith(" 0 failed\n")
 

@@ -56,6 +56,7 @@ HARD = (
 )
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "case",
     [
@@ -101,6 +102,7 @@ def test_wheels_turned_by_hand_are_no_robot_that_rolls_away(
     assert not [record for record in caplog.records if "rolls" in record.getMessage()]
 
 
+@pytest.mark.whole
 def test_every_case_is_there() -> None:
     assert len(set(cases())) == 64 * 3 * 3
     assert len(set(corners())) == 64 * 3 * 2 * 2 * 2 * 2
@@ -125,6 +127,7 @@ def test_a_wheel_whose_encoder_is_dead_turns_little(plant: str, volts: float) ->
         assert 0.1 < robot.simulator.get("true.left_turns") < 1.5
 
 
+@pytest.mark.whole
 def test_all_of_a_robot_is_found_by_hand_and_saved() -> None:
     plant = load_plant("tt-1-48").settings
     with raised_robot({**plant, **WRONG}) as robot:
@@ -167,6 +170,7 @@ def against_a_wall(robot: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(setup, "identify", measured)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("raised", [1, 0])
 def test_test_drives_that_end_in_a_fault_are_no_success(
     monkeypatch: pytest.MonkeyPatch, raised: int
@@ -187,6 +191,7 @@ def test_test_drives_that_end_in_a_fault_are_no_success(
     assert not any("track as well" in line for line in said)
 
 
+@pytest.mark.whole
 def test_a_fault_with_the_new_values_alone_is_no_success_either(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -198,6 +203,7 @@ def test_a_fault_with_the_new_values_alone_is_no_success_either(
     assert "a drive ended in a fault: with the new values. " in findings.problems[-1]
 
 
+@pytest.mark.whole
 def test_a_fault_with_the_previous_values_is_said_and_mended() -> None:
     said: list[str] = []
     with raised_robot({"left.motor_scale": 0.5, "right.motor_scale": 0.5}) as robot:
@@ -236,6 +242,7 @@ def test_a_wheel_that_stops_while_both_are_compared_is_named(
     assert findings.problems[0].startswith("a drive ended in a fault: LEFT_NOT_COUNTING: ")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("plant", ["25ga-1440", "tt-1-48"])
 @pytest.mark.parametrize("raised", [1, 0])
 def test_a_missing_magnet_is_named_once_wherever_the_robot_stands(plant: str, raised: int) -> None:
@@ -260,6 +267,7 @@ def test_an_empty_battery_is_no_weak_motor(plant: str, raised: int) -> None:
     assert findings.velocity_feedforward is None
 
 
+@pytest.mark.whole
 def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
     with raised_robot({"supply_v": 3.3, "battery_v": 3.3, "motor.supply_v": 3.3}) as robot:
         robot.parameters.set("nominal_supply_v", 3.3)
@@ -269,6 +277,7 @@ def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
     assert not any("battery low" in text for text in findings.problems)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("raised", [1, 0])
 def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
     said: list[str] = []
@@ -280,6 +289,7 @@ def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
     assert "cannot find unequal ones" in setup.UNEQUAL_WHEELS
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("change", "verdict"),
     [(1.0, "the previous values track as well, within the noise of "), (0.7, "track better, by")],
@@ -383,6 +393,7 @@ def test_a_wrong_enter_forgets_nothing(tmp_path: Path, answers: dict[str, str]) 
     assert Progress("board", tmp_path).load() == {}
 
 
+@pytest.mark.whole
 def test_a_picture_that_cannot_be_drawn_costs_no_tuning(tmp_path: Path) -> None:
     said: list[str] = []
     with raised_robot({}) as robot:
@@ -393,6 +404,7 @@ def test_a_picture_that_cannot_be_drawn_costs_no_tuning(tmp_path: Path) -> None:
     assert any(line.startswith(f"cannot draw {options.plot}") for line in said)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("raised", [1, 0])
 def test_while_wheels_turn_for_long_it_says_how_long_they_still_do(raised: int) -> None:
     told: list[tuple[float, float]] = []
@@ -541,6 +553,7 @@ def test_an_interrupted_one_is_resumed_with_what_it_had_found(
     assert Progress("board", tmp_path).load() == {}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("kind", ["reset", "unplug"])
 @pytest.mark.parametrize("seed", range(6))
 def test_interrupted_anywhere_it_leaves_a_robot_that_stands_and_is_as_it_was(

@@ -13,6 +13,7 @@ INJECTIONS = 1_000_000
 KINDS = ["bit flips", "bursts", "losses", "repeats", "insertions", "overwrites"]
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not PROGRAM.exists(), reason="not built: make cpp-tests")
 def test_no_wrong_message_and_no_untouched_frame_lost() -> None:
     command = [str(PROGRAM), "--bits", "2", "--random", str(INJECTIONS)]

@@ -241,6 +241,7 @@ class HostAndFirmware(RuleBasedStateMachine):
         return done
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not library_path().exists(), reason="not built: make sim")
 def test_any_interleaving_agrees_with_the_model() -> None:
     run_state_machine_as_test(

@@ -10,14 +10,15 @@ import pytest
 from support import fuzzing
 
 SECONDS = 1
+BUILDS = ["host", pytest.param("asan", marks=pytest.mark.whole)]
 
 
 @pytest.mark.parametrize("target", fuzzing.TARGETS)
-@pytest.mark.parametrize("build", ["host", "asan"])
+@pytest.mark.parametrize("build", BUILDS)
 def test_no_seed_and_no_case_fails(build: str, target: str) -> None:
     program = fuzzing.ROOT / "build" / build / f"wheelwire-fuzz-{target}"
     if not program.exists():
-        pytest.skip("not built: make cpp-tests")
+        pytest.skip("not built: make cpp-tests sanitized")
     inputs = sorted(fuzzing.seed(target).iterdir())
     result = subprocess.run([program, *inputs], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr[-4000:]
@@ -30,6 +31,7 @@ def test_a_case_is_hexadecimal_with_comments(tmp_path: Path) -> None:
     assert fuzzing.read_case(case) == b"\x01\x02\xff\x0a"
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not fuzzing.available(), reason=f"needs {fuzzing.INSTALL}")
 def test_a_short_run_finds_nothing() -> None:
     fuzzing.build()

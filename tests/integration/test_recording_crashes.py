@@ -32,7 +32,6 @@ def folder() -> Iterator[Path]:
         yield folder
 
 
-@pytest.mark.slow
 def test_killed_at_any_moment() -> None:
     # In a process that has no other thread, for it is forked.
     result = subprocess.run(

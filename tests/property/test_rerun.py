@@ -98,6 +98,7 @@ def test_the_same_samples_stamps_and_counters(seed: int) -> None:
     assert_same(again.session, line.session, line.now_us)
 
 
+@pytest.mark.whole
 @given(st.integers(0, 2**32))
 def test_a_listener_that_comes_late_gets_the_same_from_there_on(seed: int) -> None:
     random = Random(seed)

@@ -24,6 +24,7 @@ OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 CYCLES = 20
 
 
+@pytest.mark.fast
 def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
     diagnostics = Diagnostics(graph)
     odometry = graph.listen(Odometry, "odom")

@@ -10,6 +10,7 @@ import pytest
 TOOL = Path(__file__).parents[2] / "tools" / "install_extra.py"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("extra", ["bench", "fuzz"])
 def test_what_cannot_be_had_is_named_in_one_line(tmp_path: Path, extra: str) -> None:
     nowhere = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(tmp_path), "PIP_CONFIG_FILE": os.devnull}

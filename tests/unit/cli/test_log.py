@@ -16,6 +16,7 @@ from typing import Any, cast
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from support.cases import each
 from support.command import PROGRAM, check_error, output, run, run_json
 from wheelwire import errors, open_driver
 from wheelwire.cli import log
@@ -173,6 +174,7 @@ def without(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.whole
 def test_the_extras_are_named(day: Path, tmp_path: Path) -> None:
     result = without("matplotlib", "log", "plot", str(day))
     assert "pip install 'wheelwire[tools]'" in check_error(result, errors.DriverUnavailable)
@@ -219,7 +221,7 @@ def refused(*arguments: str) -> str:
     return str(error.value)
 
 
-@pytest.mark.parametrize("command", ["info", "decode", "plot", "repair"])
+@each("command", ["info", "decode", "plot", "repair"])
 def test_what_is_no_recording_is_one_line(command: str, wrong: Path) -> None:
     before = wrong.read_bytes() if wrong.is_file() else None
     line = refused("log", command, str(wrong))

@@ -126,6 +126,7 @@ def test_a_difference_is_named_and_ends_with_its_code(
     assert Path(said["test"]).read_bytes() == changed.read_bytes()
 
 
+@pytest.mark.whole
 def test_an_export_runs_in_the_checkout(box: Path, checkout: Path) -> None:
     said = run_json("why", "--rerun", str(box), "--export-test", str(checkout))
     test = Path(said["test"])

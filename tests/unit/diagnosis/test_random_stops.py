@@ -14,6 +14,7 @@ SURE = 0.8
 """The part of the failures on a sagging supply that gets one cause."""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("first", range(0, 200, SEEDS))
 def test_no_failure_is_named_wrong(first: int) -> None:
     sure = measured = 0

@@ -52,6 +52,7 @@ def driver(tmp_path: Path) -> Iterator[SerialDriver]:
         yield driver
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", CALLS)
 def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) -> None:
     step = 1
@@ -61,6 +62,7 @@ def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) 
 
 
 # A coroutine that was just made: no handler runs there, but this test interrupts anywhere.
+@pytest.mark.whole
 @pytest.mark.filterwarnings("ignore:coroutine .* was never awaited:RuntimeWarning")
 @pytest.mark.parametrize("name", CALLS)
 def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
@@ -124,6 +126,7 @@ def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
 
 
 # An exception in a finaliser, and sockets of an interrupted constructor that are freed, warn.
+@pytest.mark.whole
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
     def interrupt() -> None:
@@ -184,6 +187,7 @@ def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
             SerialDriver(str(device.path)).shutdown()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("mode", ["raise", "stop"])
 def test_a_storm_of_interrupts(mode: str) -> None:
     result = interrupt_program(500, mode)

@@ -9,6 +9,7 @@ from support import unplugs
 pytestmark = pytest.mark.timeout(120)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("run", [unplugs.with_threads, unplugs.with_asyncio])
 def test_every_call_ends_at_an_unplug(run: Callable[[int, int], unplugs.Outcome]) -> None:
     outcome = run(150, 1)

@@ -107,6 +107,7 @@ def test_no_pins_at_all_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> 
         L298NDriver()
 
 
+@pytest.mark.whole
 def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
     with open_on(chip) as driver:
         driver.set_velocity(0.2, 0.0, ttl=1.0)
@@ -116,6 +117,7 @@ def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
         wait_until(lambda: bool(chip.truth()["driven"]))
 
 
+@pytest.mark.whole
 def test_an_open_estop_contact_stops_and_is_cleared_when_closed(chip: GpioChip) -> None:
     chip.command("level 26 0")
     with open_on(chip, pins=Pins(estop=26)) as driver:
@@ -140,6 +142,7 @@ def test_a_parameter_that_is_none_is_refused_before_anything_is_started() -> Non
         L298NDriver(pins=Pins(left_pwm=99))
 
 
+@pytest.mark.whole
 def test_a_close_while_driving_brakes_before_the_pins_are_given_back(chip: GpioChip) -> None:
     with open_on(chip) as driver:
         driver.parameters.set("brake_time_s", 0.5)

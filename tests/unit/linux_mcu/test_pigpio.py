@@ -95,6 +95,7 @@ def test_two_wheels_on_one_pwm_channel_are_refused() -> None:
         parse_config({"driver": "pigpio", "pins": {"left_pwm": 4}})
 
 
+@pytest.mark.whole
 def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(
     daemon: PigpioProcess, client: Any
 ) -> None:
@@ -120,11 +121,13 @@ def stored_scripts(client: Any) -> list[int]:
     return [i for i in range(MAX_SCRIPTS) if client.script_status(i)[0] >= 0]
 
 
+@pytest.mark.whole
 def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:
     with driver_at(daemon), pytest.raises(DriverUnavailable, match="another program"):
         driver_at(daemon)
 
 
+@pytest.mark.whole
 def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
     daemon = PigpioProcess()
     with driver_at(daemon) as driver:
@@ -140,6 +143,7 @@ def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
     daemon.close()
 
 
+@pytest.mark.whole
 def test_a_daemon_that_hangs_is_a_lost_link() -> None:
     with PigpioProcess() as daemon, driver_at(daemon) as driver:
         drive(driver, daemon)
@@ -150,6 +154,7 @@ def test_a_daemon_that_hangs_is_a_lost_link() -> None:
             os.kill(daemon.pid, signal.SIGCONT)
 
 
+@pytest.mark.whole
 def test_edges_closer_than_a_sample_are_reported_as_lost(daemon: PigpioProcess) -> None:
     with driver_at(daemon) as driver:
         daemon.command("spin 250000")

@@ -132,6 +132,7 @@ def drive(robot: DeviceDriver, stand_in: StandIn, speed_mps: float) -> None:
     wait_until(has_moved)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
 def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescription) -> None:
     assert board.problems() == []
@@ -147,6 +148,7 @@ def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescri
         assert not is_driven(stand_in)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("pulls", "encoders"), [(EncoderPulls.INTERNAL, "up"), (EncoderPulls.EXTERNAL, "floating")]
 )
@@ -161,6 +163,7 @@ def test_the_board_says_who_pulls_the_encoders_up(
         assert shown[25] == "up"  # a contact to ground has nothing else
 
 
+@pytest.mark.whole
 def test_a_pin_with_a_resistor_on_the_computer_s_board_takes_no_other_pull(
     open_library: Open,
 ) -> None:
@@ -179,6 +182,7 @@ def test_the_contact_is_open_when_two_samples_say_so(samples: list[int], is_open
     assert gpio.contact_is_open() is is_open
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
 def test_each_stage_is_released_when_its_core_is_killed(
     open_library: Open, board: BoardDescription
@@ -194,6 +198,7 @@ def test_each_stage_is_released_when_its_core_is_killed(
         assert not is_driven(chip)
 
 
+@pytest.mark.whole
 def test_a_stage_on_standby_drives_again_after_the_daemon_has_let_go_of_it() -> None:
     with daemon(next(board for board in BOARDS if board.standby is not None)) as (robot, pigpiod):
         drive(robot, pigpiod, SPEED_MPS)
