@@ -116,8 +116,9 @@ colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do
 CORES = $(shell nproc 2>/dev/null || echo 2)
 ONLY ?= tests
 # By files: the tests of one share a build folder, or a robot that goes through a tutorial.
-# $(call pytest,more): so many processes more than cores, for tests that wait for a robot.
-pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
+# In the order of the folders: the longest come first. $(call pytest,more): so many processes more than
+# cores, for tests that wait for a robot.
+pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --no-loadscope-reorder --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
 
 # The ROS node's tests run where PyPI has ROS 2; elsewhere the summary says that they were skipped.
 ros-if-available:

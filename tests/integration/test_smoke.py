@@ -39,7 +39,7 @@ ENDS = {
     "tune ROBOT --distance 0": errors.InvalidArgument.exit_code,
     "teleop ROBOT": errors.InvalidArgument.exit_code,
     "flash ROBOT --image NONE": errors.FlashFailed.exit_code,
-    "mcu --config NONE --listen NONE": errors.InvalidArgument.exit_code,
+    "mcu --config NONE --listen NONE": errors.ConfigurationError.exit_code,
     "sim --plant NONE": errors.ConfigurationError.exit_code,
 }
 """The commands, and how each ends."""
