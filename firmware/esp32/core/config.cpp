@@ -99,6 +99,7 @@ ControlConfig make_config(const Parameters& parameters) {
       .motors_swapped = parameters.is_on(kMotorsSwapped),
       .encoders_swapped = parameters.is_on(kEncodersSwapped),
       .stop_mode = static_cast<StopMode>(parameters.get(kStopMode)),
+      .estop_mode = static_cast<StopMode>(parameters.get(kEstopMode)),
       .brake_time_us = to_us(parameters.get(kBrakeTimeS)),
       .ttl_max_us = to_us(parameters.get(kTtlMaxS)),
       .rearm_gap_us = to_us(parameters.get(kRearmGapS)),

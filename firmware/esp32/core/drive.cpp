@@ -163,15 +163,12 @@ WheelPair Drive::corrected(const ControlConfig& config) {
   return scale_to_limit(correct_setpoint(slewed_, behind, config.path), greater(limit, present));
 }
 
-void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {
-  if (mode == StopMode::kConfigured) mode = config.stop_mode;
-  brake_until_us_ = mode == StopMode::kBrakeUntilDriven ? UINT64_MAX
-                    : mode == StopMode::kBrake          ? now_us + config.brake_time_us
-                                                        : now_us;
+void Drive::release() {
+  if (!following_) return;
   following_ = false;
   stop_began_ = true;
-  left_.coast();
-  right_.coast();
+  left_.release();
+  right_.release();
 }
 
 /// True in the first control step after a stop began. The stop may have come a moment before this
@@ -182,9 +179,9 @@ bool Drive::consume_stop_began() {
   return spent;
 }
 
-void Drive::keep_stopped(uint64_t now_us) {
+void Drive::keep_stopped(bool brakes) {
   if (consume_stop_began()) return;
-  if (now_us < brake_until_us_) {
+  if (brakes) {
     left_.brake();
     right_.brake();
   } else {

@@ -50,10 +50,10 @@ class Drive {
            (is_against(slewed_) || (mode_ == ControlMode::kVelocity && is_against(command_)));
   }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
-  /// that a bridge's inputs never switch while current flows.
-  void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
-  /// One control step of a stop: brakes as long as its mode says, then coasts.
-  void keep_stopped(uint64_t now_us);
+  /// that a bridge's inputs never switch while current flows. What is shorted stays so.
+  void release();
+  /// One control step without drive.
+  void keep_stopped(bool brakes);
 
   /// Call when the parameters have changed.
   void note_parameters(const ControlConfig& config);
@@ -82,7 +82,6 @@ class Drive {
     visit("direction", direction_);
     visit("battery_mv", battery_mv_);
     visit("supply_q12", supply_q12_);
-    visit("brake_until_us", brake_until_us_);
     visit("stop_began", stop_began_);
     const bool were_swapped = motors_swapped_;
     visit("motors_swapped", motors_swapped_);
@@ -105,8 +104,7 @@ class Drive {
   WheelPair command_{};    // The setpoint with the correction of the following error.
   WheelPair direction_{};  // Signs of the setpoint in the last step.
   uint16_t battery_mv_ = 0;
-  int32_t supply_q12_ = 0;  // 0: not computed yet
-  uint64_t brake_until_us_ = 0;
+  int32_t supply_q12_ = 0;   // 0: not computed yet
   bool stop_began_ = false;  // Since the last control step.
 };
 

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x5d587965;
+constexpr uint32_t kHash = 0x17643c32;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -197,7 +197,7 @@ constexpr uint32_t kGlitchFilter = 32;
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x5d587965;
+      return 0x17643c32;
     case Group::kBoard:
       return 0x4cd2f265;
     case Group::kRecorder:
@@ -2905,6 +2905,9 @@ enum class ParameterId : uint8_t {
                     ///< setpoint came, or none for this long. 0 switches the rule off. [s]
   kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
                              ///< down, is reported as ROLLING. [m/s]
+  kEstopMode = 44,  ///< What an e-stop does, by message or by its contact. 1: coast, for a robot
+                    ///< that falls over when it brakes. 2: brake for brake_time_s and until the
+                    ///< wheels are still, again whenever they turn; until driven if stop_mode is 3.
 };
 
 enum class ParameterKind : uint8_t {
@@ -2929,7 +2932,7 @@ struct ParameterSpec {
   float maximum;
 };
 
-constexpr size_t kParameterCount = 43;
+constexpr size_t kParameterCount = 44;
 constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
      1.0f},
@@ -3009,6 +3012,7 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kRearmGapS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.0f, 5.0f},
     {ParameterId::kRollingVelocityMps, ParameterKind::kReal, ParameterChanges::kAlways, 0.25f,
      0.02f, 10.0f},
+    {ParameterId::kEstopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 2.0f},
 };
 
 struct PlatformDefault {

@@ -27,8 +27,10 @@ void Robot::start(uint64_t now_us) {
   unarmed_ = before.unarmed;
   if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
   quiet_since_us_ = drove_us_ = now_us;
+  if (before.holds) stop_action_.begin(StopMode::kBrakeUntilDriven, false, now_us, 0);
   apply(SupervisorEvent::kStarted, now_us);
-  if (before.estop) apply(SupervisorEvent::kEstop, now_us);
+  // Also one that came by a message while the device started: only now it knows how to stop.
+  if (before.estop || supervisor_.state() == SupervisorState::kEstopped) estop(now_us);
   trip(0, now_us);
 }
 
@@ -59,9 +61,12 @@ void Robot::note_reflexes(uint8_t reflexes) {
 
 void Robot::finish_step(uint64_t now_us) {
   // Not by `check_contact`: each step would pay for the call.
-  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
-  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
+  const bool is_open = contact_is_open();
+  if (is_open != contact_open_) note_contact(is_open, now_us);
+  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us) {
+    begin_action(StopMode::kConfigured, false, now_us);
     apply(SupervisorEvent::kDeadline, now_us);
+  }
   actuate(now_us);
 }
 
@@ -105,7 +110,9 @@ uint32_t Robot::check_timing(uint64_t now_us) {
 }
 
 void Robot::latch_faults(uint32_t faults, uint64_t now_us) {
-  const bool is_new = (faults & ~faults_) != 0;
+  const uint32_t new_faults = faults & ~faults_;
+  const bool is_new = new_faults != 0;
+  if (is_new || !is_latched()) begin_action(mode_at(new_faults), false, now_us);
   faults_ |= faults;
   apply(SupervisorEvent::kFault, now_us);
   if (!is_new) return;
@@ -120,7 +127,14 @@ bool Robot::contact_is_open() {
 }
 
 void Robot::check_contact(uint64_t now_us) {
-  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
+  const bool is_open = contact_is_open();
+  if (is_open != contact_open_) note_contact(is_open, now_us);
+}
+
+/// The contact acts when it opens: as long as it is open, the e-stop is latched.
+void Robot::note_contact(bool is_open, uint64_t now_us) {
+  contact_open_ = is_open;
+  if (is_open) estop(now_us);
 }
 
 void Robot::actuate(uint64_t now_us) {
@@ -133,8 +147,8 @@ void Robot::actuate(uint64_t now_us) {
 /// already and the wheels still slew from one that is not.
 void Robot::actuate_within_reflexes(uint64_t now_us) {
   if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes()) return follow();
-  if (drive_.is_following()) drive_.begin_stop(StopMode::kConfigured, now_us, config_);
-  keep_stopped(now_us);
+  drive_.release();
+  keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
 }
 
 void Robot::follow() {
@@ -143,15 +157,17 @@ void Robot::follow() {
 }
 
 /// Nothing drives, so the robot may roll.
-void Robot::keep_stopped(uint64_t now_us) {
-  drive_.keep_stopped(now_us);
+void Robot::keep_stopped(bool brakes, uint64_t now_us) {
+  drive_.keep_stopped(brakes);
   const int32_t speed_umps = drive_.speed_umps();
   if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
     observer_.on_rolling(speed_umps, now_us);
 }
 
 void Robot::stand_still(uint64_t now_us) {
-  keep_stopped(now_us);
+  const bool estopped = supervisor_.state() == SupervisorState::kEstopped;
+  const bool brakes = stop_action_.brakes(now_us, drive_.is_still(), estopped);
+  keep_stopped(brakes && board_.may_brake(), now_us);
   sync_latches(now_us);
 }
 
@@ -165,22 +181,68 @@ void Robot::note_latches() {
   // Without a board nothing was driven: whether there is one now is for each start to find out.
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
                  .unarmed = unarmed_,
+                 .holds = stop_action_.holds(),
                  .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
                  .faults = faults_ & ~fault::kNoBoard});
 }
 
 /// The only place where the supervisor's state changes, so that leaving DRIVING always removes the
 /// drive.
-void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
+void Robot::apply(SupervisorEvent event, uint64_t now_us) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
-  if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
-  if (before == SupervisorState::kDriving) drove_us_ = now_us;
+  if (before == SupervisorState::kDriving) {
+    drive_.release();
+    drove_us_ = now_us;
+  }
+  if (supervisor_.may_drive()) change_action([this] { stop_action_.end(); });
   // The other latches are recorded where they change.
   if (before == SupervisorState::kEstopped || supervisor_.state() == SupervisorState::kEstopped)
     note_latches();
   if (recorder_ != nullptr) recorder_->note_transition(event, before, supervisor_.state(), faults_);
   observer_.on_transition({event, before, supervisor_.state()}, now_us);
+}
+
+// --- stops ---------------------------------------------------------------------------------------
+
+void Robot::stop(StopMode mode, bool by_session, uint64_t now_us) {
+  const bool may_weaken = by_session && mode != StopMode::kConfigured && !is_latched();
+  if (!by_session && mode < config_.stop_mode) mode = StopMode::kConfigured;
+  begin_action(mode, may_weaken, now_us);
+  apply(SupervisorEvent::kStop, now_us);
+}
+
+void Robot::estop(uint64_t now_us) {
+  if (supervisor_.state() != SupervisorState::kBoot)
+    change_action([&] { stop_action_.begin_estop(estop_mode(), now_us, config_.brake_time_us); });
+  apply(SupervisorEvent::kEstop, now_us);
+}
+
+/// At least as strong as any other stop, unless it is to coast.
+StopMode Robot::estop_mode() const {
+  if (config_.estop_mode == StopMode::kCoast) return StopMode::kCoast;
+  return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode : config_.estop_mode;
+}
+
+/// A power stage that reports a fault is to be switched off.
+StopMode Robot::mode_at(uint32_t new_faults) const {
+  const bool is_of_stage = new_faults == fault::kExternal && (reflexes_ & kStageTripped) != 0;
+  return is_of_stage ? StopMode::kCoast : StopMode::kConfigured;
+}
+
+/// A brake that lasts has to outlive a reset.
+template <typename Begin>
+void Robot::change_action(Begin begin) {
+  const bool held = stop_action_.holds();
+  begin();
+  if (stop_action_.holds() != held) note_latches();
+}
+
+/// In each state but BOOT, in which nothing was driven and no parameter is loaded.
+void Robot::begin_action(StopMode mode, bool may_weaken, uint64_t now_us) {
+  if (supervisor_.state() == SupervisorState::kBoot) return;
+  if (mode == StopMode::kConfigured) mode = config_.stop_mode;
+  change_action([&] { stop_action_.begin(mode, may_weaken, now_us, config_.brake_time_us); });
 }
 
 // --- setpoints -----------------------------------------------------------------------------------
@@ -237,6 +299,7 @@ void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
   trial_.end();
   setpoint_ = {};
   rolling_.reset();  // A new host has not heard of it.
+  begin_action(StopMode::kConfigured, false, now_us);
   apply(cause, now_us);
 }
 

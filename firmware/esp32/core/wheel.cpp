@@ -73,18 +73,25 @@ void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
 
 void Wheel::output(int32_t duty_q15, bool motor_inverted) {
   reverses_ = (duty_q15 < 0 && duty_q15_ > 0) || (duty_q15 > 0 && duty_q15_ < 0);
+  brakes_ = false;
   duty_q15_ = duty_q15;
   motor_->drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
 }
 
 void Wheel::brake() {
   rest();
+  brakes_ = true;
   motor_->brake();
 }
 
 void Wheel::coast() {
   rest();
+  brakes_ = false;
   motor_->coast();
+}
+
+void Wheel::release() {
+  if (!brakes_) coast();
 }
 
 void Wheel::exchange_motors(Wheel& other) {
