@@ -31,7 +31,7 @@ struct ControlConfig {
   StopMode estop_mode;
   uint32_t brake_time_us;
   uint32_t ttl_max_us;
-  uint32_t rearm_gap_us;
+  uint32_t rearm_gap_us;  ///< Not shorter than ttl_max_us.
   int32_t rolling_umps;
   uint32_t overrun_limit_us;
   bool estop_input_enabled;

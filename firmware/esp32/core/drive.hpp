@@ -13,13 +13,11 @@ WheelPair scale_to_limit(WheelPair target, int32_t limit);
 /// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.
 WheelPair approach(WheelPair from, WheelPair to, int32_t max_step);
 
-/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: driving
-/// towards a bumper, and turning on the spot, which would sweep it along the obstacle.
+/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: turning
+/// a wheel towards a bumper, be it one alone, which would sweep the robot along the obstacle.
 constexpr bool forbids(uint8_t reflexes, WheelPair wheels) {
-  if (reflexes == 0) return false;
-  const int64_t body = static_cast<int64_t>(wheels.left) + wheels.right;
-  return ((reflexes & reflex::kNoForward) != 0 && body >= 0) ||
-         ((reflexes & reflex::kNoReverse) != 0 && body <= 0);
+  return ((reflexes & reflex::kNoForward) != 0 && (wheels.left > 0 || wheels.right > 0)) ||
+         ((reflexes & reflex::kNoReverse) != 0 && (wheels.left < 0 || wheels.right < 0));
 }
 
 class Drive {
@@ -43,11 +41,12 @@ class Drive {
   /// Whether it still slews in a direction that the reflexes do not allow. Of a velocity the
   /// command counts, too: the correction of the following error makes it another one.
   bool goes_against_reflexes() const {
-    const auto is_against = [this](WheelPair wheels) {
-      return (wheels.left != 0 || wheels.right != 0) && forbids(reflexes_, wheels);
-    };
-    return following_ &&
-           (is_against(slewed_) || (mode_ == ControlMode::kVelocity && is_against(command_)));
+    return following_ && (forbids(reflexes_, slewed_) ||
+                          (mode_ == ControlMode::kVelocity && forbids(reflexes_, command_)));
+  }
+  /// Whether a wheel turns, driven or not, in a direction that the reflexes do not allow.
+  bool turns_against_reflexes() const {
+    return forbids(reflexes_, {left_.velocity_umps(), right_.velocity_umps()});
   }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows. What is shorted stays so.

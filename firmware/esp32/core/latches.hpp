@@ -1,5 +1,5 @@
-// What outlives a reset: the latched e-stop, the latched faults, that a clear must not restart
-// motion, and a battery that was empty.
+// What outlives a reset: the latched e-stop, the latched faults, a brake that was to last, and a
+// battery that was empty.
 #pragma once
 
 #include "hal.hpp"
@@ -15,8 +15,7 @@ constexpr uint8_t kStageTripped = 0x40;
 
 struct Latches {
   bool estop = false;
-  bool unarmed = false;  ///< A latch was cleared, and no zero setpoint or gap has followed.
-  bool holds = false;    ///< The robot brakes until it drives.
+  bool holds = false;  ///< The robot brakes until it drives.
   bool battery_at_stop = false;
   uint32_t faults = 0;  ///< Flags of `fault`.
 
@@ -25,7 +24,6 @@ struct Latches {
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("estop", estop);
-    visit("unarmed", unarmed);
     visit("holds", holds);
     visit("battery_at_stop", battery_at_stop);
     visit("faults", faults);

@@ -177,8 +177,13 @@ void MessageServer::on(const SetDuty& message, uint64_t now_us) {
 /// if it is refused afterwards: a repeat of it that comes after a ClearEstop, say, must not drive.
 template <typename Message>
 bool MessageServer::is_newest(const Message& message, uint64_t now_us) {
-  if (session_.matches(message.session_id)) return session_.take_command(message.command_seq);
-  refuse_setpoint(message, RefusalCode::kNoSession, now_us);
+  if (!session_.matches(message.session_id)) {
+    refuse_setpoint(message, RefusalCode::kNoSession, now_us);
+    return false;
+  }
+  if (session_.take_command(message.command_seq)) return true;
+  if (session_.is_spent(message.command_seq))
+    refuse_setpoint(message, RefusalCode::kCommandSeqSpent, now_us);
   return false;
 }
 

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x17643c32;
+constexpr uint32_t kHash = 0x045c3d98;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -67,9 +67,11 @@ enum class RefusalCode : uint8_t {
   kBoardUnconfirmed =
       23,  ///< Nobody has confirmed which board this device is on, so it drives nothing: confirm it
            ///< with `wheelwire board confirm`, or store another with `wheelwire board write`.
-  kUnarmed = 24,  ///< An e-stop or a fault was cleared: first send a zero setpoint, or none at all
-                  ///< for rearm_gap_s.
-  kContradiction = 25,  ///< Parameters contradict each other; `wheelwire info` lists which ones.
+  kUnarmed =
+      24,  ///< The device started, an e-stop or a fault was cleared, or a bumper held the robot
+           ///< off: first send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.
+  kContradiction = 25,    ///< Parameters contradict each other; `wheelwire info` lists which ones.
+  kCommandSeqSpent = 26,  ///< The session has used up its command numbers; open another one.
 };
 
 enum class Group : uint8_t {
@@ -197,7 +199,7 @@ constexpr uint32_t kGlitchFilter = 32;
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x17643c32;
+      return 0x045c3d98;
     case Group::kBoard:
       return 0x4cd2f265;
     case Group::kRecorder:
@@ -2901,8 +2903,9 @@ enum class ParameterId : uint8_t {
   kEncodersSwapped =
       41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
            ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
-  kRearmGapS = 42,  ///< After an e-stop or a fault was cleared the robot drives once a zero
-                    ///< setpoint came, or none for this long. 0 switches the rule off. [s]
+  kRearmGapS = 42,  ///< After a start, after an e-stop or a fault was cleared, and after a bumper
+                    ///< held it off, the robot drives once a zero setpoint came, or none for this
+                    ///< long and for ttl_max_s. [s]
   kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
                              ///< down, is reported as ROLLING. [m/s]
   kEstopMode = 44,  ///< What an e-stop does, by message or by its contact. 1: coast, for a robot

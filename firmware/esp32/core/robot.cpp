@@ -24,7 +24,6 @@ void Robot::start(uint64_t now_us) {
   last_step_us_ = now_us;
   const Latches before = latches_.start();
   faults_ = before.faults;
-  unarmed_ = before.unarmed;
   if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
   quiet_since_us_ = drove_us_ = now_us;
   if (before.holds) stop_action_.begin(StopMode::kBrakeUntilDriven, false, now_us, 0);
@@ -54,7 +53,7 @@ void Robot::note_reflexes(uint8_t reflexes) {
   if (reflexes == reflexes_) return;
   if (recorder_ != nullptr) recorder_->note_reflexes(reflexes);
   reflexes_ = reflexes;
-  drive_.note_reflexes(reflexes);
+  note_forbidden();
   target_ = limited(setpoint_);
   note_latches();
 }
@@ -139,16 +138,44 @@ void Robot::note_contact(bool is_open, uint64_t now_us) {
 
 void Robot::actuate(uint64_t now_us) {
   if (!supervisor_.may_drive()) return stand_still(now_us);
-  if (reflexes_ != 0) return actuate_within_reflexes(now_us);
+  if (forbidden() != 0) return actuate_within_reflexes(now_us);
   follow();
 }
 
-/// A reflex keeps the drive off although the robot is DRIVING: also while the setpoint is allowed
-/// already and the wheels still slew from one that is not.
+/// A wheel that is driven towards a bumper is released in this very step, also where the setpoint
+/// is allowed and the wheels still slew from one that is not. Then a setpoint towards the bumper
+/// counts as zero.
 void Robot::actuate_within_reflexes(uint64_t now_us) {
-  if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes()) return follow();
-  drive_.release();
-  keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
+  const bool is_held = forbids(forbidden(), target_);
+  if (is_held) hold_off(now_us);
+  if (drive_.goes_against_reflexes()) {
+    drive_.release();
+    bumped_until_us_ = now_us + config_.brake_time_us;
+  }
+  const bool is_zero = target_.left == 0 && target_.right == 0;
+  if (is_held || (is_zero && now_us < bumped_until_us_)) return hold_still(now_us);
+  follow();
+}
+
+/// By what a stop does for as long as the robot slides on towards the bumper, then as a setpoint of
+/// zero holds it. An open loop has nothing to hold it by.
+void Robot::hold_still(uint64_t now_us) {
+  const bool slides =
+      now_us < bumped_until_us_ && !drive_.is_following() && drive_.turns_against_reflexes();
+  if (slides || setpoint_.mode == ControlMode::kDuty)
+    return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
+  drive_.follow(ControlMode::kVelocity, {}, config_);
+  note_speed(now_us);
+}
+
+/// From now on the robot is to be armed before it goes towards the bumper.
+void Robot::hold_off(uint64_t now_us) {
+  const auto held_by = [this](uint32_t way) {
+    return forbids(static_cast<uint8_t>(forbidden() & way), target_) ? static_cast<uint8_t>(way)
+                                                                     : uint8_t{0};
+  };
+  const auto held = static_cast<uint8_t>(held_by(reflex::kNoForward) | held_by(reflex::kNoReverse));
+  if ((held & ~unarmed_) != 0) disarm(held, now_us);
 }
 
 void Robot::follow() {
@@ -159,28 +186,37 @@ void Robot::follow() {
 /// Nothing drives, so the robot may roll.
 void Robot::keep_stopped(bool brakes, uint64_t now_us) {
   drive_.keep_stopped(brakes);
+  note_speed(now_us);
+}
+
+void Robot::note_speed(uint64_t now_us) {
   const int32_t speed_umps = drive_.speed_umps();
+  if (speed_umps >= config_.rolling_umps || drive_.is_still()) not_slow_us_ = now_us;
   if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
     observer_.on_rolling(speed_umps, now_us);
 }
 
 void Robot::stand_still(uint64_t now_us) {
   const bool estopped = supervisor_.state() == SupervisorState::kEstopped;
-  const bool brakes = stop_action_.brakes(now_us, drive_.is_still(), estopped);
-  keep_stopped(brakes && board_.may_brake(), now_us);
-  sync_latches(now_us);
+  const bool brakes =
+      stop_action_.brakes(now_us, drive_.is_still(), estopped) && board_.may_brake();
+  keep_stopped(brakes, now_us);
+  sync_latches(brakes, now_us);
 }
 
-/// Never while a wheel turns: writing to flash stalls the chip.
-void Robot::sync_latches(uint64_t now_us) {
-  if (is_at_rest(now_us) && latches_.sync_at_rest(now_us)) note_write(!latches_.write_failed());
+/// Writing to flash stalls the chip. So the wheels stand, or they creep on a brake that an e-stop
+/// keeps on, and which holds meanwhile: on a slope they might never stand.
+void Robot::sync_latches(bool brakes, uint64_t now_us) {
+  const bool creeps = brakes && supervisor_.state() == SupervisorState::kEstopped &&
+                      now_us - drove_us_ >= kRunDownUs && now_us - not_slow_us_ >= kSlowUs;
+  if ((creeps || is_at_rest(now_us)) && latches_.sync_at_rest(now_us))
+    note_write(!latches_.write_failed());
 }
 
 /// So that a reset of the processor finds what was latched.
 void Robot::note_latches() {
   // Without a board nothing was driven: whether there is one now is for each start to find out.
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
-                 .unarmed = unarmed_,
                  .holds = stop_action_.holds(),
                  .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
                  .faults = faults_ & ~fault::kNoBoard});
@@ -255,7 +291,7 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   // The sensors' in one condition with it, for this is the path of each setpoint.
   if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
     return standing_refusal(now_us);
-  if (unarmed_ && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
+  if (unarmed_ != 0 && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
@@ -275,18 +311,26 @@ RefusalCode Robot::standing_refusal(uint64_t now_us) {
   return RefusalCode::kFault;
 }
 
-/// Whether the robot may drive again after a clear: a clear alone must not restart motion (ISO
-/// 13850), so a program that goes on sending has to ask for standstill first, or to pause.
+/// Whether the robot obeys the setpoint although it is unarmed: neither a clear alone nor a start
+/// may restart motion (ISO 13850), nor may a bumper that is free again. So a program that goes on
+/// sending has to ask for standstill first, or to pause; or to drive away from the bumper.
 bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
   const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
-  if (!is_zero && now_us - quiet_since_us_ < config_.rearm_gap_us) return false;
-  unarmed_ = false;
-  note_latches();
-  return true;
+  const bool is_away = (unarmed_ & kUnarmed) == 0 && !forbids(unarmed_, setpoint.wheels);
+  if (is_zero || is_away || now_us - quiet_since_us_ >= config_.rearm_gap_us) {
+    unarmed_ = 0;
+    note_forbidden();
+    return true;
+  }
+  // An open bumper holds it off, as it did before.
+  const bool is_held = (unarmed_ & kUnarmed) == 0 && forbids(reflexes_, setpoint.wheels);
+  if (is_held) quiet_since_us_ = now_us;
+  return is_held;
 }
 
-void Robot::disarm(uint64_t now_us) {
-  unarmed_ = true;
+void Robot::disarm(uint8_t unarmed, uint64_t now_us) {
+  unarmed_ |= unarmed;
+  note_forbidden();
   quiet_since_us_ = now_us;
 }
 
@@ -299,6 +343,7 @@ void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
   trial_.end();
   setpoint_ = {};
   rolling_.reset();  // A new host has not heard of it.
+  if (cause == SupervisorEvent::kSession) quiet_since_us_ = now_us;
   begin_action(StopMode::kConfigured, false, now_us);
   apply(cause, now_us);
 }
@@ -315,10 +360,10 @@ WheelPair Robot::limited(const Setpoint& setpoint) const {
 RefusalCode Robot::clear_estop(uint64_t now_us) {
   if (contact_is_open()) return RefusalCode::kCausePresent;
   if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
-  disarm(now_us);
+  disarm(kUnarmed, now_us);
   apply(SupervisorEvent::kClearEstop, now_us);
   trip(0, now_us);  // A fault that the e-stop hid is active again.
-  sync_latches(now_us);
+  sync_latches(false, now_us);
   return RefusalCode::kNone;
 }
 
@@ -327,7 +372,7 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
   const bool lasts =
       (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
-  if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
+  if (supervisor_.state() == SupervisorState::kFault) disarm(kUnarmed, now_us);
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
   note_latches();  // Also where an e-stop hides the state FAULT.

@@ -190,6 +190,8 @@ class Robot {
     visit("last_step_us", last_step_us_);
     visit("drove_us", drove_us_);
     visit("quiet_since_us", quiet_since_us_);
+    visit("not_slow_us", not_slow_us_);
+    visit("bumped_until_us", bumped_until_us_);
     visit("setpoint", setpoint_);
     visit("target", target_);
     visit("stop_action", stop_action_);
@@ -216,6 +218,9 @@ class Robot {
   void note_contact(bool is_open, uint64_t now_us);
   bool is_latched() const { return setpoint_refusal(supervisor_.state()) != RefusalCode::kNone; }
   void actuate_within_reflexes(uint64_t now_us);
+  void hold_off(uint64_t now_us);
+  void hold_still(uint64_t now_us);
+  void note_speed(uint64_t now_us);
   RefusalCode standing_refusal(uint64_t now_us);
   bool stopped_by_sensors() const { return (reflexes_ & reflex::kStop) != 0; }
   /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
@@ -225,9 +230,12 @@ class Robot {
   void follow();
   void keep_stopped(bool brakes, uint64_t now_us);
   void stand_still(uint64_t now_us);
-  void sync_latches(uint64_t now_us);
+  void sync_latches(bool brakes, uint64_t now_us);
   bool arm(const Setpoint& setpoint, uint64_t now_us);
-  void disarm(uint64_t now_us);
+  void disarm(uint8_t unarmed, uint64_t now_us);
+  void note_forbidden() { drive_.note_reflexes(forbidden()); }
+  /// What the sensors forbid, and which way the robot is not to go yet, as flags of `reflex`.
+  uint8_t forbidden() const { return reflexes_ | unarmed_; }
   void note_latches();
   StopMode estop_mode() const;
   StopMode mode_at(uint32_t new_faults) const;
@@ -245,6 +253,9 @@ class Robot {
   RefusalCode conclude_save(bool saved);
 
   static constexpr uint64_t kRunDownUs = 2'000'000;
+  static constexpr uint64_t kSlowUs = 500'000;
+  /// Beside the flags of `reflex` that stand for a direction.
+  static constexpr uint8_t kUnarmed = 0x80;
 
   // What each step uses comes first: RISC-V addresses only the first 2 KiB of an object directly.
   Hal hal_;
@@ -253,7 +264,9 @@ class Robot {
   BoardFacts board_;
   Supervisor supervisor_;
   bool parameters_changed_ = false;  // and not active yet
-  bool unarmed_ = false;  // A latch was cleared, and neither a zero setpoint nor a gap followed.
+  // Where the robot is not to go before a zero setpoint or a gap: towards a bumper that held the
+  // drive off, as flags of `reflex`, or nowhere, after each start and each clear.
+  uint8_t unarmed_ = kUnarmed;
   bool stalled_ = false;
   bool contact_open_ = false;  // When it was last looked at.
   uint8_t reflexes_ = 0;
@@ -265,10 +278,12 @@ class Robot {
   uint64_t last_step_us_ = 0;
   uint32_t late_steps_ = 0;
   uint32_t longest_interval_us_ = 0;
-  uint64_t drove_us_ = 0;        // When the drive was last removed, or the robot started.
-  uint64_t quiet_since_us_ = 0;  // A setpoint was last refused then, or a latch was cleared.
-  Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
-  WheelPair target_{};           // the setpoint's, within the limits and those of the reflexes
+  uint64_t drove_us_ = 0;         // When the drive was last removed, or the robot started.
+  uint64_t quiet_since_us_ = 0;   // No setpoint came in this session since then.
+  uint64_t not_slow_us_ = 0;     // When it last did anything but creep, without drive.
+  uint64_t bumped_until_us_ = 0;  // Until then it brakes because it goes towards a bumper.
+  Setpoint setpoint_{};           // with its expiry brought forward to what ttl_max allows
+  WheelPair target_{};            // the setpoint's, within the limits and those of the reflexes
   EncoderCounts counts_{};
   StopAction stop_action_;
   RollingMonitor rolling_;

@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"run", {"us"}},
     {"service", {}},
-    {"open", {"host"}},
+    {"open", {"host", "unarmed"}},
     {"hello", {"host", "fresh", "version_off", "hash_off"}},
     {"ping", {"host", "session"}},
     {"velocity", {"host", "left", "right", "life_us", "ahead", "session"}},

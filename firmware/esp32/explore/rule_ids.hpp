@@ -37,6 +37,9 @@ enum class Rule : uint8_t {
   kNotAgainstABumper,
   kExternalStops,
   kPeripheralsOfTheBoard,
+  kStartDoesNotDrive,
+  kReleaseDoesNotRestart,
+  kStopHolds,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

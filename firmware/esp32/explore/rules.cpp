@@ -44,6 +44,9 @@ constexpr RuleSpec kRules[] = {
     {Rule::kNotAgainstABumper, "S28", "not-against-a-bumper"},
     {Rule::kExternalStops, "S29", "external-stops"},
     {Rule::kPeripheralsOfTheBoard, "S30", "peripherals-of-the-board"},
+    {Rule::kStartDoesNotDrive, "S31", "start-does-not-drive"},
+    {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
+    {Rule::kStopHolds, "S33", "stop-holds"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -57,18 +60,25 @@ constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// Less than the firmware waits, by a control step at 100 Hz.
 constexpr uint64_t kStillUs = 480'000;
 constexpr uint64_t kRunDownUs = 1'980'000;
+/// An e-stop's brake goes on until the wheels have been still for half a second: so long for
+/// certain, and so long at most.
+constexpr uint64_t kSurelyTurnsUs = 430'000;
+constexpr uint64_t kSurelyStillUs = 650'000;
+/// The stage pauses first, where the drive was removed.
+constexpr int kPauseSteps = 4;
 /// What the firmware may take for the speed of a wheel that stopped a moment ago.
 constexpr double kMeasuredAtRestUmps = 20'000;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
 /// The rule that a setpoint broke which had to be refused.
-Rule rule_of(Codes denied) {
+Rule rule_of(Codes denied, bool unarmed_by_start) {
   if (denied.has(RefusalCode::kBoardUnconfirmed) || denied.has(RefusalCode::kBoardOnTrial))
     return Rule::kConfirmedBoardOnly;
   if (denied.has(RefusalCode::kEstopped) || denied.has(RefusalCode::kFault))
     return Rule::kLatchEndsByClear;
-  if (denied.has(RefusalCode::kUnarmed)) return Rule::kClearDoesNotRestart;
+  if (denied.has(RefusalCode::kUnarmed))
+    return unarmed_by_start ? Rule::kStartDoesNotDrive : Rule::kClearDoesNotRestart;
   if (denied.has(RefusalCode::kContradiction)) return Rule::kContradictionsNeverDrive;
   if (denied.has(RefusalCode::kExpired)) return Rule::kDeadlineStops;
   if (denied.has(RefusalCode::kNoTrial)) return Rule::kTrialEndsWithItsSession;
@@ -126,7 +136,7 @@ void Judge::deadline_stops() {
 /// S05, and what else a setpoint has to have: S03, S04, S10, S16.
 void Judge::driven_by_right() {
   if (simulator_.state() != SupervisorState::kDriving || witness_.granted()) return;
-  accuse({rule_of(witness_.denied()),
+  accuse({rule_of(witness_.denied(), witness_.unarmed_by_start()),
           "it drives without a setpoint that may; the last one had to be refused with " +
               (witness_.denied().empty() ? "nothing" : witness_.denied().text())});
 }
@@ -192,7 +202,8 @@ void Judge::wheel_fault_in_time() {
       supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
       simulator_.board.plant.model().supply_ohm == 0.0 && simulator_.board.wiring.is_right() &&
       !simulator_.board.plant.model().motors_swapped &&
-      world_us() > world_.disturbed_us + kAfterDisturbanceUs && witness_.perhaps_forbidden() == 0;
+      world_us() > world_.disturbed_us + kAfterDisturbanceUs && witness_.perhaps_forbidden() == 0 &&
+      witness_.perhaps_held_ways() == 0;
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const double wanted = target(side);
@@ -329,7 +340,8 @@ void Judge::slew_within_limit() {
   const auto& granted = witness_.granted();
   // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
-      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0)
+      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0 ||
+      witness_.perhaps_held_ways() != 0)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -452,38 +464,45 @@ void Judge::late_step_is_a_fault() {
 
 // --- sensors -------------------------------------------------------------------------------------
 
-/// S28, at the end of a control step.
+/// S28 and S32, at the end of a control step.
 void Judge::not_against_a_bumper() {
-  const uint8_t forbidden = witness_.forbidden();
+  constexpr uint8_t kWays = reflex::kNoForward | reflex::kNoReverse;
   const auto& granted = witness_.granted();
-  const bool applies = simulator_.state() == SupervisorState::kDriving && granted &&
-                       world_.wired_as_believed &&
-                       (forbidden & (reflex::kNoForward | reflex::kNoReverse)) != 0;
-  if (!applies) {
+  const uint8_t open = witness_.forbidden() & kWays;
+  const uint8_t forbidden = open | witness_.held_ways();
+  if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed ||
+      forbidden == 0) {
     memory_.against_steps = 0;
     return;
   }
-  const auto check_way = [&](uint8_t flag, double way, const char* name) {
-    if ((forbidden & flag) == 0) return;
-    const double asked = way * (granted->left + granted->right);
-    // A wheel that is too fast on the way back is braked by a duty forward.
-    double goes = 0.0;
-    for (const Side side : kSides) {
-      const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
-      const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
-      const double duty = simulator_.board.bridges()[side].signed_duty();
-      goes += way * (!granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty);
-    }
-    // Where one winding changes its direction its stage pauses, and the other one begins.
-    const bool is_against = goes > 2.0 / 32767.0;
-    memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
-    check(Rule::kNotAgainstABumper, !is_against || (granted->duty && memory_.against_steps <= 2),
-          std::string("it goes ") + name + " against a bumper");
-    check(Rule::kNotAgainstABumper, asked < 0.0 || !simulator_.board.drives(),
-          std::string("a winding is driven, and a bumper forbids to go ") + name);
+  const auto goes = [this, &granted](Side side) {
+    const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
+    const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
+    const double duty = simulator_.board.bridges()[side].signed_duty();
+    return !granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty;
   };
-  check_way(reflex::kNoForward, 1.0, "forward");
-  check_way(reflex::kNoReverse, -1.0, "backward");
+  bool is_against = false;
+  for (const uint32_t flag : {reflex::kNoForward, reflex::kNoReverse}) {
+    if ((forbidden & flag) == 0) continue;
+    const double way = flag == reflex::kNoForward ? 1.0 : -1.0;
+    const char* const name = way > 0.0 ? "forward" : "backward";
+    const Rule rule = (open & flag) != 0 ? Rule::kNotAgainstABumper : Rule::kReleaseDoesNotRestart;
+    for (const Side side : kSides) {
+      // Where a winding changes its direction its stage pauses, and the other one begins.
+      if (way * goes(side) <= 2.0 / 32767.0) continue;
+      is_against = true;
+      check(rule, granted->duty && memory_.against_steps < 2,
+            std::string("a wheel is to turn ") + name + " against a bumper");
+    }
+    // What holds it there is the velocity loop at zero; an open loop has none.
+    const bool is_held = (granted->ways & flag) != 0;
+    const bool stands = granted->duty ? !simulator_.board.drives()
+                                      : simulator_.commanded_umps(kLeft) == 0 &&
+                                            simulator_.commanded_umps(kRight) == 0;
+    check(rule, !is_held || stands,
+          std::string("a wheel is driven, and a bumper forbids to go ") + name);
+  }
+  memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
 }
 
 /// S29, at the end of a control step.
@@ -556,7 +575,10 @@ void Judge::peripherals_of_the_board() {
 /// S09: flash records an e-stop once the wheels stand, and its end.
 void Judge::estop_is_noted() {
   const bool estopped = simulator_.state() == SupervisorState::kEstopped;
-  const bool rests = simulator_.board.plant.stands_still() &&
+  // What the firmware measures of a wheel that hardly turns is not what it does.
+  if (!(estopped && creeps(0.5))) memory_.fast_us = now_us();
+  const bool is_slow = now_us() > memory_.fast_us + kMeasuredSlowUs + kRunDownUs;
+  const bool rests = (simulator_.board.plant.stands_still() || (estopped && is_slow)) &&
                      simulator_.state() != SupervisorState::kDriving &&
                      !simulator_.board.latch_store.failing && simulator_.board.flash.faults == 0;
   if (estopped == witness_.flash().estop || !rests) {
@@ -568,55 +590,168 @@ void Judge::estop_is_noted() {
         std::string(estopped ? "an e-stop" : "its end") + " was not recorded in flash");
 }
 
-/// S23.
-void Judge::stops_as_asked(bool stepped) {
+// --- what a stop does ----------------------------------------------------------------------------
+
+/// A stop in `mode`. Of one that is not `certain` only what it may do is known.
+void Judge::begin_action(StopMode mode, bool certain, bool weakens) {
+  const auto brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
+  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
+  const auto begin = [mode, weakens](Action& action, uint64_t until_us) {
+    if (mode < action.mode && !weakens) return;
+    if (mode < action.mode) action.guards = false;
+    action.until_us = mode == action.mode ? std::max(action.until_us, until_us) : until_us;
+    action.mode = mode;
+  };
+  const uint64_t at_least_us = now_us() + brake_us;
+  if (certain) begin(memory_.least, at_least_us - std::min(at_least_us, kSlackUs));
+  begin(memory_.most, at_least_us + 2 * period_us + kSlackUs);
+}
+
+void Judge::begin_estop(bool certain) {
+  const auto stop_mode = static_cast<StopMode>(value(kStopMode));
+  auto mode = static_cast<StopMode>(value(kEstopMode));
+  if (mode != StopMode::kCoast && stop_mode == StopMode::kBrakeUntilDriven) mode = stop_mode;
+  begin_action(mode, certain);
+  if (mode == StopMode::kCoast) return;
+  memory_.most.guards = true;
+  if (certain) memory_.least.guards = true;
+}
+
+/// One that only a power stage reports coasts.
+void Judge::begin_fault(uint32_t new_faults) {
+  const bool may_be_of_stage = (new_faults & fault::kExternal) != 0;
+  begin_action(static_cast<StopMode>(value(kStopMode)), !may_be_of_stage);
+}
+
+/// What the message that was just handled begins.
+void Judge::follow_message() {
+  const Task& task = *witness_.task();
+  const SupervisorState after = simulator_.state();
+  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const uint8_t id = task.message.id;
+  if (after == SupervisorState::kBoot) return;
+  if (id == Stop::kId) {
+    const auto stop = task.message.as<Stop>();
+    const bool by_session = witness_.is_open() && stop.session_id == witness_.session_id();
+    const bool is_named = stop.mode != StopMode::kConfigured &&
+                          stop.mode <= StopMode::kBrakeUntilDriven &&
+                          (by_session || stop.mode > configured);
+    const bool weakens = is_named && by_session && !is_latched(task.before);
+    begin_action(is_named ? stop.mode : configured, true, weakens);
+  } else if (id == Estop::kId) {
+    begin_estop(true);
+  } else if (id == Hello::kId && task.is_new && task.carried_out) {
+    begin_action(configured, true);
+  } else if (id == ParameterTrial::kId) {
+    begin_action(configured,
+                 task.before == SupervisorState::kDriving && after != SupervisorState::kDriving);
+  } else if (after == SupervisorState::kFault && task.before != after) {
+    begin_fault(simulator_.faults() & ~witness_.last_faults());
+  } else if (id == ParameterSet::kId || id == ParameterReset::kId) {
+    // One that notices the contact stops by the values before it, and may change them.
+    if (task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+  } else if (witness_.contact_open()) {
+    begin_estop(task.before != after);
+    memory_.contact_open = memory_.contact_open || task.before != after;
+  }
+  if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
+}
+
+/// What a control step begins.
+void Judge::follow_time() {
+  const SupervisorState before = witness_.last_state();
+  const SupervisorState after = simulator_.state();
+  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const uint32_t new_faults = simulator_.faults() & ~witness_.last_faults();
+  if (witness_.trial() == Trial::kExpired && memory_.trial == Trial::kRuns)
+    begin_action(configured, before == SupervisorState::kDriving);
+  memory_.trial = witness_.trial();
+  if (new_faults != 0 || (after == SupervisorState::kFault && before != after))
+    begin_fault(new_faults);
+  if (before == SupervisorState::kDriving && after == SupervisorState::kTimedOut)
+    begin_action(configured, true);
+  if (witness_.contact_open() && (!memory_.contact_open || after != before)) begin_estop(true);
+  memory_.contact_open = witness_.contact_open();
+  if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
+  // Once the e-stop is cleared its brake ends as soon as the wheels are still.
+  const uint64_t still_us = now_us() - memory_.turned_us;
+  const bool estopped = after == SupervisorState::kEstopped;
+  if (!estopped && still_us > kSurelyTurnsUs) memory_.least.guards = false;
+  if (!estopped && still_us > kSurelyStillUs) memory_.most.guards = false;
+}
+
+bool Judge::is_shorted() const {
+  const auto bridges = simulator_.board.bridges();
+  return bridges[kLeft].shorted() > 0.5 && bridges[kRight].shorted() > 0.5;
+}
+
+/// As far as its encoders show, with room for what is measured late.
+bool Judge::moves_slower_than(ParameterId limit) const {
+  const bool measures =
+      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
+      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution) &&
+      simulator_.board.wiring.is_right();
+  double speed = 0.0;
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    if (encoder.stuck != 0 || encoder.lost != 0.0 || encoder.dead) return true;
+    speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
+  }
+  return !measures || speed < 1.5 * static_cast<double>(value(limit)) + 0.05;
+}
+
+/// On the brake, at this share of rolling_velocity_mps at most, by encoders that show it.
+bool Judge::creeps(double share) const {
+  for (const ParameterId id : {kWheelRadius, kVelocityWindowUs})
+    if (value(id) != kParameters[index_of(id)].default_value) return false;
+  if (value(kCountsPerRevolution) != static_cast<float>(simulator_.board.counts_per_revolution))
+    return false;
+  const double most = share * static_cast<double>(value(kRollingVelocityMps));
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    if (encoder.stuck != 0 || encoder.lost != 0.0) return false;
+    if (std::abs(simulator_.board.plant.speed_mps(side)) > most) return false;
+  }
+  return world_.wired_as_believed && simulator_.board.wiring.is_right() && is_shorted();
+}
+
+/// S23 and S33, at the end of a control step.
+void Judge::stops_as_asked() {
   const SupervisorState state = simulator_.state();
-  if (state == SupervisorState::kDriving || state == SupervisorState::kBoot) {
-    memory_.steps_since_stop = -1;
+  if (state == SupervisorState::kDriving || state == SupervisorState::kBoot ||
+      !world_.wired_as_believed) {
+    memory_.braking_steps = memory_.coasting_steps = 0;
     return;
   }
-  if (witness_.last_state() == SupervisorState::kDriving && memory_.steps_since_stop < 0) {
-    memory_.steps_since_stop = 0;
-    memory_.stopped_us = now_us();
-    memory_.brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
-    memory_.stop_mode = static_cast<StopMode>(value(kStopMode));
-    if (witness_.task() && witness_.task()->message.id == Stop::kId) {
-      const StopMode asked = witness_.task()->message.as<Stop>().mode;
-      if (asked != StopMode::kConfigured && asked <= StopMode::kBrakeUntilDriven)
-        memory_.stop_mode = asked;
-    }
-  }
-  if (!stepped || memory_.steps_since_stop < 0 || !world_.wired_as_believed) return;
-  // The stage pauses first.
-  if (++memory_.steps_since_stop < 4) return;
-  const uint64_t since_us = now_us() - memory_.stopped_us;
-  const uint64_t brake_us = memory_.brake_us;
-  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
-  const bool brakes = memory_.stop_mode == StopMode::kBrakeUntilDriven ||
-                      (memory_.stop_mode == StopMode::kBrake && since_us + kSlackUs < brake_us);
-  const bool coasts =
-      memory_.stop_mode == StopMode::kCoast ||
-      (memory_.stop_mode == StopMode::kBrake && since_us > brake_us + 2 * period_us + kSlackUs);
-  const bool can_coast = kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  const bool may_brake = witness_.board_state() == BoardState::kStored;
+  const auto asks = [this](const Action& action, uint64_t turns_us) {
+    if (action.mode != StopMode::kBrake) return action.mode == StopMode::kBrakeUntilDriven;
+    return now_us() < action.until_us || (action.guards && now_us() - memory_.turned_us < turns_us);
+  };
+  const bool brakes = may_brake && asks(memory_.least, kSurelyTurnsUs);
+  const bool coasts = !may_brake || !asks(memory_.most, kSurelyStillUs);
+  memory_.braking_steps = brakes ? memory_.braking_steps + 1 : 0;
+  memory_.coasting_steps = coasts ? memory_.coasting_steps + 1 : 0;
+  const bool can_coast = witness_.board_state() != BoardState::kNone &&
+                         kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  const bool began = memory_.braking_steps == kPauseSteps;
   for (const Side side : kSides) {
     const double shorted = simulator_.board.bridges()[side].shorted();
-    if (brakes)
-      check(Rule::kStopsAsAsked, shorted > 0.5, "a winding is not braked after a stop that brakes");
-    if (coasts && can_coast)
-      check(Rule::kStopsAsAsked, shorted == 0.0, "a winding is braked after a stop that coasts");
+    if (memory_.braking_steps >= kPauseSteps)
+      check(began ? Rule::kStopsAsAsked : Rule::kStopHolds, shorted > 0.5,
+            began ? "a winding is not braked after a stop that brakes"
+                  : "a winding that a stop has shorted is open");
+    if (memory_.coasting_steps >= kPauseSteps && can_coast)
+      check(may_brake ? Rule::kStopsAsAsked : Rule::kConfirmedBoardOnly, shorted == 0.0,
+            may_brake ? "a winding is braked after a stop that coasts"
+                      : "a winding is braked on a board that nobody confirmed");
   }
 }
 
 /// A bumper keeps a robot in DRIVING from what its setpoint says.
 bool Judge::is_held_by_a_bumper() const {
   const auto& granted = witness_.granted();
-  if (!granted) return false;
-  const uint8_t forbidden = witness_.forbidden();
-  const double sum = granted->left + granted->right;
-  // A sum of a few um/s may become none in whole numbers.
-  const auto is_against = [sum](double way) { return sum == 0.0 || way * sum > 1e-3; };
-  return ((forbidden & reflex::kNoForward) != 0 && is_against(1.0)) ||
-         ((forbidden & reflex::kNoReverse) != 0 && is_against(-1.0));
+  return granted && ((witness_.forbidden() | witness_.held_ways()) & granted->ways) != 0;
 }
 
 /// S22.
@@ -658,11 +793,12 @@ void Judge::rolling_is_reported() {
 void Judge::on_event(const Event& event) {
   if (event.code != EventCode::kRolling) return;
   memory_.rolling_told = true;
-  const bool may_be_held =
-      (witness_.perhaps_forbidden() & (reflex::kNoForward | reflex::kNoReverse)) != 0;
+  const bool may_be_held = ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &
+                            (reflex::kNoForward | reflex::kNoReverse)) != 0;
   check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving || may_be_held,
         "ROLLING is reported while it drives");
-  const bool brakes = value(kStopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
+  const bool brakes =
+      value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
   const bool recently_reset = now_us() < 3'000'000;
   const bool measures =
       value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
@@ -738,11 +874,13 @@ void Judge::follow_motion() {
 }
 
 /// S27. A speed that is 0 for a moment is no standstill: a wheel turns back, or was just pushed.
-void Judge::flash_only_at_rest() {
+void Judge::flash_only_at_rest(bool creeping) {
   const auto ago = [this](uint64_t us) {
     return std::to_string((now_us() - us) / 1000) + " ms ago";
   };
-  check(Rule::kFlashOnlyAtRest, now_us() - memory_.turned_us >= kStillUs,
+  const bool is_slow = creeping && simulator_.state() == SupervisorState::kEstopped &&
+                       is_shorted() && moves_slower_than(kRollingVelocityMps);
+  check(Rule::kFlashOnlyAtRest, is_slow || now_us() - memory_.turned_us >= kStillUs,
         "it writes to flash, and a wheel turned " + ago(memory_.turned_us));
   check(Rule::kFlashOnlyAtRest, now_us() - memory_.drove_us >= kRunDownUs,
         "it writes to flash, and it drove or started " + ago(memory_.drove_us));
@@ -760,16 +898,13 @@ void Judge::after_message() {
   message_moves_the_state();
   stop_at_once();
   drive_only_in_driving();
-  // One that notices the contact stops by the values before it, and may change them.
-  const uint8_t id = witness_.task()->message.id;
-  const bool may_change_the_stop = id == ParameterSet::kId || id == ParameterReset::kId;
-  if (!may_change_the_stop || simulator_.state() == SupervisorState::kDriving)
-    stops_as_asked(false);
+  follow_message();
 }
 
 void Judge::after_call(bool stepped) {
   time_moves_the_state();
   if (stepped) follow_motion();
+  if (stepped) follow_time();
   drive_only_in_driving();
   confirmed_board_only();
   peripherals_of_the_board();
@@ -793,9 +928,9 @@ void Judge::after_call(bool stepped) {
     estop_is_noted();
     rolling_is_reported();
     follow_ticks();
+    stops_as_asked();
+    remember();
   }
-  stops_as_asked(stepped);
-  if (stepped) remember();
 }
 
 void Judge::remember() {
@@ -826,8 +961,17 @@ void Judge::remember() {
 
 void Judge::after_start() {
   const std::array<bool, 2> hides_tick = memory_.hides_tick;  // A start does not turn the wheel.
+  const auto outlives = [this](const Action& action) {
+    const bool holds = witness_.kept_memory() && action.mode == StopMode::kBrakeUntilDriven;
+    return holds ? Action{.mode = action.mode} : Action{};
+  };
+  const Action least = outlives(memory_.least);
+  const Action most = outlives(memory_.most);
   memory_ = {};
   memory_.hides_tick = hides_tick;
+  memory_.least = least;
+  memory_.most = most;
+  memory_.fast_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = memory_.highest = witness_.values();
@@ -837,6 +981,9 @@ void Judge::after_start() {
     memory_.ticks[wheel].shown = memory_.seen_ticks[wheel] =
         simulator_.board.encoders[wheel].shown_ticks();
   memory_.turned_us = memory_.drove_us = now_us();
+  if (memory_.state == SupervisorState::kEstopped) begin_estop(true);
+  if (memory_.state == SupervisorState::kFault)
+    begin_action(static_cast<StopMode>(value(kStopMode)), true);
   const bool contact_off =
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
   check(Rule::kContactInputOfItsBoard,

@@ -23,6 +23,13 @@ std::span<const RuleSpec> all_rules();
 const RuleSpec& spec_of(Rule rule);
 std::optional<Rule> rule_called(std::string_view code);
 
+/// What a stop does, by protocol/SPEC.md.
+struct Action {
+  StopMode mode = StopMode::kCoast;
+  uint64_t until_us = 0;  ///< Of kBrake.
+  bool guards = false;    ///< It goes on until the wheels are still.
+};
+
 /// What the rules remember from one look to the next.
 struct Memory {
   // As of the last look.
@@ -78,15 +85,21 @@ struct Memory {
   };
   std::array<Ticks, 2> ticks{};
 
-  // S22 and S23.
+  // S22.
   uint64_t rolling_since_us = 0;
   double rolled_mps = 0.0;
   bool rolling_told = false;
   uint64_t slow_since_us = 0;  ///< 0: it is not.
-  StopMode stop_mode = StopMode::kConfigured;
-  uint64_t stopped_us = 0;
-  uint64_t brake_us = 0;
-  int steps_since_stop = -1;  ///< -1: it has not stopped.
+
+  // S23 and S33.
+  Action least;  ///< What the stops that were seen have begun for certain.
+  Action most;   ///< What they may have begun.
+  bool contact_open = false;
+  Trial trial = Trial::kNone;
+  int braking_steps = 0;   ///< For how many it has had to brake.
+  int coasting_steps = 0;  ///< For how many it has had to coast.
+  // S09.
+  uint64_t fast_us = 0;  ///< When it last did anything but creep on its brake.
 };
 
 /// What hands and hardware do, as far as rules depend on it. The explorer writes it.
@@ -123,7 +136,8 @@ class Judge {
   void on_state(const WheelState& state);
   void on_event(const Event& event);
   /// The firmware writes to flash, and nobody asked for it.
-  void flash_only_at_rest();
+  /// `creeping`: also while it creeps on the brake of an e-stop.
+  void flash_only_at_rest(bool creeping);
 
  private:
   void check(Rule rule, bool holds, const std::string& otherwise) {
@@ -154,7 +168,15 @@ class Judge {
   void half_of_the_speed();
   void peripherals_of_the_board();
   void estop_is_noted();
-  void stops_as_asked(bool stepped);
+  void follow_message();
+  void follow_time();
+  void begin_action(StopMode mode, bool certain, bool weakens = false);
+  void begin_estop(bool certain);
+  void begin_fault(uint32_t new_faults);
+  void stops_as_asked();
+  bool is_shorted() const;
+  bool creeps(double share) const;
+  bool moves_slower_than(ParameterId limit) const;
   void rolling_is_reported();
   void follow_ticks();
   void follow_motion();

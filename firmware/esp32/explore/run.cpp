@@ -12,6 +12,7 @@ namespace wheelwire::explore {
 namespace {
 
 constexpr double kOpenUs = 3'000;
+constexpr uint64_t kArmingUs = 100'000;
 constexpr size_t kSides = 2;
 
 int16_t q15(double duty) {
@@ -97,6 +98,7 @@ void Run::call(bool stepped) {
   if (!started_) return;
   if (stepped) witness_.expires_trial();
   if (stepped) coverage_.battery(witness_.reads_sensors());
+  if (stepped) witness_.notes_hold();
   judge_.after_call(stepped);
   witness_.notes_stop();
   if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
@@ -211,7 +213,7 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
                                     ? Witness::Written::kPeripherals
                                     : Witness::Written::kLatch;
   world_.writes_flash = true;
-  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest();
+  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest(true);
   if (cut_in_ == 0) {
     cut_in_ = -1;
     dead_ = true;
@@ -226,7 +228,7 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
 void Run::on_flash() {
   if (dead_) return;
   world_.writes_flash = true;
-  judge_.flash_only_at_rest();
+  judge_.flash_only_at_rest(false);
 }
 
 // --- operations ----------------------------------------------------------------------------------
@@ -271,11 +273,18 @@ void Run::send_request(Host& host, Message message, int ahead, int session) {
   send(host.frame(message));
 }
 
-void Run::open(Host& host) {
+/// As a program that connects: a zero setpoint arms the robot, and a stop leaves its wheels free.
+/// Not as a library that reconnects by itself.
+void Run::open(Host& host, bool arms) {
   host.renew_nonce();
   send(host.frame(Hello{host.nonce(), schema::kVersion, schema::kHash}));
   run_for(kOpenUs);
   send(host.frame(Ping{host.session_id(), 1, 0}));
+  run_for(kOpenUs);
+  if (!arms) return;
+  const uint64_t expiry_us = simulator_.board.device_us() + kArmingUs;
+  send(host.frame(SetWheelVelocity{host.session_id(), host.command_seq(1), expiry_us, 0.0f, 0.0f}));
+  send(host.frame(Stop{host.session_id(), 1, host.command_seq(0), StopMode::kCoast}));
   run_for(kOpenUs);
 }
 
@@ -286,7 +295,7 @@ void Run::message(const Operation& operation) {
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(whole(values[i])); };
   switch (operation.kind) {
     case Kind::kOpen:
-      return open(host);
+      return open(host, values[1] == 0.0);
     case Kind::kHello:
       if (values[1] != 0.0) host.renew_nonce();
       return send(

@@ -167,8 +167,9 @@ TEST(a_brake_until_driven_is_recorded_until_the_robot_drives) {
   brake(first, kBrakeUntilDriven);
   RobotBench second;
   second.latches.record = first.latches.record;
-  second.open();
+  second.connect().run(5);
   CHECK(stays_shorted(second, 3000));
+  second.drive(0.0f, 0.0f);
   second.drive(0.2f, 0.2f);
   second.send(second.stop(kBrake));
   second.run(5);
