@@ -55,6 +55,8 @@ class Generator {
     scenario_.operations.push_back(operation);
     if (kind == Kind::kOpen) host_ = operation.values[0];
   }
+  /// A program that connects, or seldom a library that reconnects by itself.
+  void open() { add(Kind::kOpen, {0, chance(15) ? 1.0 : 0.0}); }
   void wait() {
     if (chance(60)) {
       add(Kind::kRun, {std::floor(spread(200, 20e3))});
@@ -85,7 +87,7 @@ class Generator {
     if (subject_ == Subject::kAnything && chance(30))
       add(Kind::kCounts, {std::floor(spread(20, 100e3))});
     add(Kind::kRun, {60e3});
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
   }
 
   void defect() {
@@ -231,7 +233,7 @@ class Generator {
     add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
     if (chance(80)) {
       add(Kind::kRun, {chance(80) ? 60e3 : 5e3});
-      if (chance(85)) add(Kind::kOpen, {0});
+      if (chance(85)) open();
     }
   }
 
@@ -454,7 +456,7 @@ class Generator {
     if (chance(85)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
     if (chance(20)) reset();
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
     if (chance(40)) setpoint(host_);
     if (chance(25)) contact_or_estop();
     if (chance(15)) add(Kind::kRun, {11e6});
@@ -633,7 +635,7 @@ class Generator {
     if (chance(85)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
     if (chance(15)) reset();
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
     if (chance(30)) setpoint(host_);
     if (chance(10)) add(Kind::kRun, {11e6});
     if (chance(85)) add(Kind::kPeripheralsConfirm, {host_, chance(90) ? 0.0 : 1.0});

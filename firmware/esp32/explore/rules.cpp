@@ -60,10 +60,6 @@ constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// Less than the firmware waits, by a control step at 100 Hz.
 constexpr uint64_t kStillUs = 480'000;
 constexpr uint64_t kRunDownUs = 1'980'000;
-/// An e-stop's brake goes on until the wheels have been still for half a second: so long for
-/// certain, and so long at most.
-constexpr uint64_t kSurelyTurnsUs = 430'000;
-constexpr uint64_t kSurelyStillUs = 650'000;
 /// The stage pauses first, where the drive was removed.
 constexpr int kPauseSteps = 4;
 /// What the firmware may take for the speed of a wheel that stopped a moment ago.
@@ -464,6 +460,28 @@ void Judge::late_step_is_a_fault() {
 
 // --- sensors -------------------------------------------------------------------------------------
 
+/// Whether what holds a robot at a bumper, the velocity loop, still commands a speed although it
+/// has had the time to bring it to rest from the speed that it had.
+bool Judge::is_to_stand() {
+  double commanded_umps = 0.0;
+  double rolls_umps = 0.0;
+  for (const Side side : kSides) {
+    commanded_umps =
+        std::max(commanded_umps, std::abs(static_cast<double>(simulator_.commanded_umps(side))));
+    rolls_umps = std::max(rolls_umps, 1.3e6 * std::abs(simulator_.board.plant.speed_mps(side)));
+  }
+  const bool changed =
+      value(kMaxAccelerationMps2) != memory_.values[index_of(kMaxAccelerationMps2)];
+  if (memory_.held_since_us == 0 || changed) {
+    memory_.held_since_us = now_us();
+    memory_.held_from_umps = std::max(commanded_umps, rolls_umps);
+  }
+  const double needed_s =
+      memory_.held_from_umps * 1e-6 / static_cast<double>(value(kMaxAccelerationMps2)) + 2.0;
+  const double held_s = static_cast<double>(now_us() - memory_.held_since_us) * 1e-6;
+  return held_s > needed_s && commanded_umps != 0.0;
+}
+
 /// S28 and S32, at the end of a control step.
 void Judge::not_against_a_bumper() {
   constexpr uint8_t kWays = reflex::kNoForward | reflex::kNoReverse;
@@ -473,6 +491,7 @@ void Judge::not_against_a_bumper() {
   if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed ||
       forbidden == 0) {
     memory_.against_steps = 0;
+    memory_.held_since_us = 0;
     return;
   }
   const auto goes = [this, &granted](Side side) {
@@ -482,6 +501,7 @@ void Judge::not_against_a_bumper() {
     return !granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty;
   };
   bool is_against = false;
+  bool is_held = false;
   for (const uint32_t flag : {reflex::kNoForward, reflex::kNoReverse}) {
     if ((forbidden & flag) == 0) continue;
     const double way = flag == reflex::kNoForward ? 1.0 : -1.0;
@@ -494,14 +514,15 @@ void Judge::not_against_a_bumper() {
       check(rule, granted->duty && memory_.against_steps < 2,
             std::string("a wheel is to turn ") + name + " against a bumper");
     }
-    // What holds it there is the velocity loop at zero; an open loop has none.
-    const bool is_held = (granted->ways & flag) != 0;
-    const bool stands = granted->duty ? !simulator_.board.drives()
-                                      : simulator_.commanded_umps(kLeft) == 0 &&
-                                            simulator_.commanded_umps(kRight) == 0;
-    check(rule, !is_held || stands,
-          std::string("a wheel is driven, and a bumper forbids to go ") + name);
+    if ((granted->ways & flag) == 0) continue;
+    is_held = true;
+    // An open loop cannot hold it there.
+    check(rule, !granted->duty || !simulator_.board.drives(),
+          std::string("a winding is driven, and a bumper forbids to go ") + name);
+    check(rule, granted->duty || !is_to_stand(),
+          std::string("it is to stand, as a bumper forbids to go ") + name);
   }
+  if (!is_held) memory_.held_since_us = 0;
   memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
 }
 
@@ -657,8 +678,8 @@ void Judge::follow_message() {
   if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
 }
 
-/// What a control step begins.
-void Judge::follow_time() {
+/// What begins as the state changes without a message.
+void Judge::follow_transition() {
   const SupervisorState before = witness_.last_state();
   const SupervisorState after = simulator_.state();
   const auto configured = static_cast<StopMode>(value(kStopMode));
@@ -670,14 +691,21 @@ void Judge::follow_time() {
     begin_fault(new_faults);
   if (before == SupervisorState::kDriving && after == SupervisorState::kTimedOut)
     begin_action(configured, true);
-  if (witness_.contact_open() && (!memory_.contact_open || after != before)) begin_estop(true);
+  if (before != SupervisorState::kEstopped && after == SupervisorState::kEstopped)
+    begin_estop(true);
+}
+
+/// What a control step begins, and ends.
+void Judge::follow_step() {
+  follow_transition();
+  const SupervisorState after = simulator_.state();
+  if (witness_.contact_open() && !memory_.contact_open) begin_estop(true);
   memory_.contact_open = witness_.contact_open();
   if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
   // Once the e-stop is cleared its brake ends as soon as the wheels are still.
-  const uint64_t still_us = now_us() - memory_.turned_us;
-  const bool estopped = after == SupervisorState::kEstopped;
-  if (!estopped && still_us > kSurelyTurnsUs) memory_.least.guards = false;
-  if (!estopped && still_us > kSurelyStillUs) memory_.most.guards = false;
+  if (after == SupervisorState::kEstopped) return;
+  if (!surely_turns()) memory_.least.guards = false;
+  if (surely_still() && now_us() >= memory_.most.until_us) memory_.most.guards = false;
 }
 
 bool Judge::is_shorted() const {
@@ -724,12 +752,12 @@ void Judge::stops_as_asked() {
     return;
   }
   const bool may_brake = witness_.board_state() == BoardState::kStored;
-  const auto asks = [this](const Action& action, uint64_t turns_us) {
+  const auto asks = [this](const Action& action, bool turns) {
     if (action.mode != StopMode::kBrake) return action.mode == StopMode::kBrakeUntilDriven;
-    return now_us() < action.until_us || (action.guards && now_us() - memory_.turned_us < turns_us);
+    return now_us() < action.until_us || (action.guards && turns);
   };
-  const bool brakes = may_brake && asks(memory_.least, kSurelyTurnsUs);
-  const bool coasts = !may_brake || !asks(memory_.most, kSurelyStillUs);
+  const bool brakes = may_brake && asks(memory_.least, surely_turns());
+  const bool coasts = !may_brake || !asks(memory_.most, !surely_still());
   memory_.braking_steps = brakes ? memory_.braking_steps + 1 : 0;
   memory_.coasting_steps = coasts ? memory_.coasting_steps + 1 : 0;
   const bool can_coast = witness_.board_state() != BoardState::kNone &&
@@ -860,13 +888,14 @@ void Judge::follow_motion() {
     const bool is_stuck = encoder.model.stuck != 0;
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
+    if (moved != 0 || is_stuck || was_stuck) memory_.perhaps_ticked_us = now_us();
     if (is_stuck) memory_.hides_tick[wheel] = true;
     // In the step in which a level comes back the wheel may have moved before that alone.
     if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
     const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
     memory_.hides_tick[wheel] = false;
-    if (is_seen && is_counted) memory_.turned_us = now_us();
+    if (is_seen && is_counted) memory_.turned_us = memory_.ticked_us = now_us();
   }
   // On a board that is wired otherwise, windings do what they do.
   const bool drives = world_.wired_as_believed && simulator_.board.drives();
@@ -904,7 +933,7 @@ void Judge::after_message() {
 void Judge::after_call(bool stepped) {
   time_moves_the_state();
   if (stepped) follow_motion();
-  if (stepped) follow_time();
+  if (stepped) follow_step();
   drive_only_in_driving();
   confirmed_board_only();
   peripherals_of_the_board();
@@ -939,6 +968,8 @@ void Judge::remember() {
   memory_.followed_duty = drives && granted->duty;
   memory_.followed_velocity = drives && !granted->duty;
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
+  // A bumper that held it off lets it begin anew.
+  if (witness_.perhaps_held_ways() != 0) memory_.restarting_steps = 2;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
@@ -980,7 +1011,7 @@ void Judge::after_start() {
   for (const Side wheel : kSides)
     memory_.ticks[wheel].shown = memory_.seen_ticks[wheel] =
         simulator_.board.encoders[wheel].shown_ticks();
-  memory_.turned_us = memory_.drove_us = now_us();
+  memory_.turned_us = memory_.drove_us = memory_.perhaps_ticked_us = now_us();
   if (memory_.state == SupervisorState::kEstopped) begin_estop(true);
   if (memory_.state == SupervisorState::kFault)
     begin_action(static_cast<StopMode>(value(kStopMode)), true);

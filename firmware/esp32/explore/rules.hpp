@@ -64,6 +64,9 @@ struct Memory {
   double limited_from_umps = 0.0;
   // S28. For how many steps windings have gone against a bumper, in an open loop.
   int against_steps = 0;
+  // S28 and S32. Since when a bumper has held it in DRIVING, and how fast it was then.
+  uint64_t held_since_us = 0;
+  double held_from_umps = 0.0;
 
   // S09.
   uint64_t latch_due_us = 0;
@@ -74,6 +77,8 @@ struct Memory {
   std::array<bool, 2> was_stuck{};   ///< A level was, at the end of the last step.
   std::array<bool, 2> hides_tick{};  ///< A level was stuck, and is behind the other one.
   uint64_t turned_us = 0;
+  uint64_t ticked_us = 0;          ///< As `turned_us`; 0: not since the start.
+  uint64_t perhaps_ticked_us = 0;  ///< A counter may have counted.
   uint64_t drove_us = 0;
 
   // S13.
@@ -102,6 +107,11 @@ struct Memory {
   uint64_t fast_us = 0;  ///< When it last did anything but creep on its brake.
 };
 
+/// An e-stop's brake goes on until the wheels have been still for half a second: so long for
+/// certain, and so long at most.
+constexpr uint64_t kSurelyTurnsUs = 430'000;
+constexpr uint64_t kSurelyStillUs = 650'000;
+
 /// What hands and hardware do, as far as rules depend on it. The explorer writes it.
 struct World {
   bool wired_as_believed = true;
@@ -128,7 +138,10 @@ class Judge {
     if (!finding.text.empty() && !excepted && !finding_) finding_ = finding;
   }
 
-  void before_message() { time_moves_the_state(); }
+  void before_message() {
+    time_moves_the_state();
+    follow_transition();
+  }
   void after_message();
   /// `stepped`: a control step has ended; otherwise the firmware only read the line.
   void after_call(bool stepped);
@@ -164,16 +177,22 @@ class Judge {
   void contradictions_never_drive();
   void late_step_is_a_fault();
   void not_against_a_bumper();
+  bool is_to_stand();
   void external_stops();
   void half_of_the_speed();
   void peripherals_of_the_board();
   void estop_is_noted();
   void follow_message();
-  void follow_time();
+  void follow_transition();
+  void follow_step();
   void begin_action(StopMode mode, bool certain, bool weakens = false);
   void begin_estop(bool certain);
   void begin_fault(uint32_t new_faults);
   void stops_as_asked();
+  bool surely_turns() const {
+    return memory_.ticked_us != 0 && now_us() - memory_.ticked_us < kSurelyTurnsUs;
+  }
+  bool surely_still() const { return now_us() - memory_.perhaps_ticked_us > kSurelyStillUs; }
   bool is_shorted() const;
   bool creeps(double share) const;
   bool moves_slower_than(ParameterId limit) const;
