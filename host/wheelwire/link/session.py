@@ -434,6 +434,7 @@ class Session:
         return (
             self.phase is not Phase.OPEN
             or self._requests.next_deadline_us is not None
+            or self.setpoints.awaits_fate
             or self._synchroniser.awaits_pong(now_us)
         )
 

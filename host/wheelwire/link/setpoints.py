@@ -76,6 +76,8 @@ class SetpointSender:
         rearm_gap_us: The pause after which a device that is unarmed drives again, as far as known.
         moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
         newest: The newest setpoint, and when it expires on the host's clock; None after a stop.
+        zero_seq: Number of the newest setpoint of this session that asked for standstill.
+        awaits_fate: Whether somebody waits for what becomes of a setpoint.
     """
 
     def __init__(
@@ -99,8 +101,11 @@ class SetpointSender:
         self._why_closed = why_closed
         self._tap = tap
         self._refusal: int | None = None
-        self._zero_seq = 0
-        """Number of the newest setpoint of this session that asked for standstill."""
+        self.zero_seq = 0
+        self.awaits_fate = False
+        self._obeyed_seq = 0
+        self._refused: tuple[int, int] | None = None
+        """Number of the newest setpoint that the device refused, and why."""
         self._unseen: _Unseen | None = None
 
     @property
@@ -114,7 +119,8 @@ class SetpointSender:
         # First, so that no other thread begins a frame of this session.
         self.opened = None
         self.clear()
-        self._zero_seq = 0
+        self.zero_seq = self._obeyed_seq = 0
+        self._refused = None
         self.take_rearm_gap(REARM_GAP.default)
 
     def take_rearm_gap(self, gap_s: float) -> None:
@@ -209,8 +215,25 @@ class SetpointSender:
             self._send(setpoint)
         self._forget(unseen)
 
+    def has_fate(self, command_seq: int) -> bool:
+        """Whether the device has obeyed or refused this setpoint."""
+        return self._obeyed_seq == command_seq or self.refusal_of(command_seq) is not None
+
+    def refusal_of(self, command_seq: int) -> int | None:
+        """Why the device refused this setpoint, if it was the last one that it refused."""
+        refused = self._refused
+        return refused[1] if refused is not None and refused[0] == command_seq else None
+
+    def forget_refusal(self) -> None:
+        """Do not report the newest refusal to whoever sends the next setpoint."""
+        self._refusal = None
+
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
+        self._obeyed_seq = command_seq
+        self._note_arrived(command_seq)
+
+    def _note_arrived(self, command_seq: int) -> None:
         unseen = self._unseen
         # An older one says nothing about the newest, which may be lost.
         if unseen is not None and unseen[0].command_seq == command_seq:
@@ -222,10 +245,11 @@ class SetpointSender:
             self.expired += 1  # no reason to keep back the next one, which may be in time
         else:
             self._refusal = refuse.code
+        self._refused = refuse.reference, refuse.code
         # It arrived, so it is not sent again.
-        self.on_obeyed(refuse.reference)
+        self._note_arrived(refuse.reference)
         # The zero that was sent since has armed the device, or is refused as well.
-        if refuse.code == RefusalCode.UNARMED and refuse.reference < self._zero_seq:
+        if refuse.code == RefusalCode.UNARMED and refuse.reference < self.zero_seq:
             self._refusal = None
 
     def _frame(
@@ -255,7 +279,7 @@ class SetpointSender:
         command_seq = next(opened.command_seqs)
         setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
         if not (left or right):
-            self._zero_seq = command_seq
+            self.zero_seq = command_seq
         if is_unarmed:
             # Sent all the same: a device that hears nothing would take the silence for a pause,
             # after which it drives, although whoever calls this never stopped asking for motion.
