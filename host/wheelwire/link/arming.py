@@ -7,6 +7,7 @@ from here. A link that comes back by itself never sends it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 
 from wheelwire_protocol.codes import RefusalCode
@@ -50,15 +51,25 @@ def arming(link: DeviceLink, session: Session) -> Opening:
         except (DeviceRefused, Expired, LinkClosed, LinkLost):
             break
         yield partial(_is_decided, results, setpoints, zero_seq), SEEN_S
+        refusal = setpoints.refusal_of(zero_seq)
+        if refusal is not None:
+            yield from _forget_refusal(link)
         if not setpoints.has_fate(zero_seq):
             lost += 1
-        elif setpoints.refusal_of(zero_seq) != RefusalCode.BOOTING:
+        elif refusal != RefusalCode.BOOTING:
             break
         else:
             booting += 1
             yield bool, BOOTING_PAUSE_S
     setpoints.awaits_fate = False
-    setpoints.forget_refusal()
+
+
+def _forget_refusal(link: DeviceLink) -> Opening:
+    """Stop once more: it would be reported to whoever sends the first setpoint."""
+    results: list[Answer | WheelwireError] = []
+    with suppress(LinkClosed, LinkLost):
+        link.post_stop(results.append)
+        yield partial(bool, results), SEEN_S
 
 
 def _is_decided(results: list[Answer | WheelwireError], zeros: SetpointSender, seq: int) -> bool:

@@ -116,7 +116,7 @@ from .liveness import Liveness
 from .news import Happening, News, StandingNews
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .sensor_stream import SensorStream as Sensors
-from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
+from .setpoints import REARM_GAP, SETPOINT_IDS, TTL_MAX, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
 from .tap import ESTOP, Kind, Tap, TapReader
 from .trial import HeldTrial
@@ -251,7 +251,13 @@ class Session:
         self._requests = RequestQueue(self._send)
         self._trial = HeldTrial()
         # The reason is replaced at each loss, so it is looked up when it is needed.
-        self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error, self.tap)
+        self.setpoints = SetpointSender(
+            self._send,
+            self._trial,
+            lambda: self.error,
+            self.tap,
+            lambda *words: self.warn(*words),
+        )
         self._state_stream = StateStream()
         self.sensors = Sensors()
         # It belongs to no session: `statistics` may be asked for before the first one.
@@ -603,6 +609,8 @@ class Session:
 
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
         """The device has opened a session: synchronise the clock, send preparing requests."""
+        if self.count and self._boots.is_new(device.boot_id):
+            self.setpoints.hold(now_us)
         self._boots.enter(device.boot_id)
         if self.device is None or self.device.board_id != device.board_id:
             self._latched = NO_FAULT
@@ -723,9 +731,10 @@ class Session:
                 return
             # The phase last: whoever sees it may send a setpoint at once.
             self._collect_watched()
-            self.setpoints.opened = OpenSession(
+            opened = OpenSession(
                 self.id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
+            self.setpoints.open(opened, now_us)
             self.phase = Phase.OPEN
             self.news.append((Happening.OPENED, self.device))
             self._join()
@@ -890,8 +899,8 @@ class Session:
 
     def _take_value(self, parameter: int, value: float) -> None:
         self.values[parameter] = value
-        if parameter == REARM_GAP.id:
-            self.setpoints.take_rearm_gap(value)
+        if parameter in (REARM_GAP.id, TTL_MAX.id):
+            self.setpoints.take_gap(parameter, value)
         if parameter in self._watched and self.phase is Phase.OPEN:
             self._collect_watched()
 
@@ -956,6 +965,7 @@ class Session:
             "hello": self._hello,
             "boots": self._boots.ids,
             "latched": self._latched,
+            "held": self.setpoints.held,
         }
         if self.phase is Phase.OPEN:
             liveness, stream = self._liveness, self._state_stream
@@ -1001,6 +1011,7 @@ class Session:
         self.phase, self._nonce = Phase[known["phase"]], known["nonce"]
         self.error = LinkLost(known["error"])
         self._latched = Fault(known["latched"])
+        self.setpoints.held = tuple(known.get("held", (None, None)))  # not of earlier releases
         for boot_id in known["boots"]:
             self._boots.enter(boot_id)
         if known["hello"] is None:
@@ -1030,8 +1041,9 @@ class Session:
         self.setpoints.opened = OpenSession(
             self.id, self._synchroniser.clock, self._command_seqs, self._encoder
         )
-        if REARM_GAP.id in self.values:
-            self.setpoints.take_rearm_gap(self.values[REARM_GAP.id])
+        for gap in (REARM_GAP.id, TTL_MAX.id):
+            if gap in self.values:
+                self.setpoints.take_gap(gap, self.values[gap])
         self._collect_watched()
 
     # --- sending -------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ def test_a_device_that_never_obeys_is_opened_all_the_same(tmp_path: Path) -> Non
 def test_a_reconnection_sends_no_zero(
     device: PtyDevice, robot: SerialDriver, happening: str
 ) -> None:
-    device.device.received.clear()
+    device.device.forget()
     opened = robot.sessions
     if happening == "reset":
         device.device.reset()
