@@ -104,6 +104,11 @@ class DeviceLink(Reporter, ABC):
         return self._session.rolling_mps
 
     @property
+    def is_unarmed(self) -> bool:
+        """As `SetpointSender.is_unarmed`."""
+        return self._session.setpoints.is_unarmed
+
+    @property
     def sensors(self) -> SensorStream:
         """What the sensors measure; another object after an attached link took the session over."""
         return self._session.sensors

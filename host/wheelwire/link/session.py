@@ -130,6 +130,7 @@ _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 _CONFIRMS = (BoardConfirm, PeripheralsConfirm)
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 _LOG = logging.getLogger("wheelwire")
+_LINK_LOG = logging.getLogger("wheelwire.link")
 
 
 class Phase(enum.Enum):
@@ -178,6 +179,7 @@ class Session:
         news: What has happened, in order; whoever serves the session takes it out.
         tap: Passes on what this session is given.
         warn: Takes what the user should know, as `logging.warning` does.
+        warn_held: The same for setpoints that are held; nobody is told of another session's.
     """
 
     def __init__(
@@ -207,6 +209,7 @@ class Session:
         self.news: deque[News] = deque()
         self.tap = Tap()
         self.warn: Callable[..., None] = _LOG.warning
+        self.warn_held: Callable[..., None] = _LINK_LOG.warning
 
         self._joining: list[TapReader] = []
         """The readers that listen as soon as the session is prepared."""
@@ -256,7 +259,7 @@ class Session:
             self._trial,
             lambda: self.error,
             self.tap,
-            lambda *words: self.warn(*words),
+            lambda *words: self.warn_held(*words),
         )
         self._state_stream = StateStream()
         self.sensors = Sensors()
@@ -1002,6 +1005,7 @@ class Session:
                 settings=dict(known["settings"]),
                 expected_board=None if expected is None else ExpectedBoard(*expected),
             )
+            session.warn_held = lambda *_: None
             session._resume(known)
         except (KeyError, TypeError) as error:
             raise ValueError(f"it is the start of no session of this release: {error!r}") from error

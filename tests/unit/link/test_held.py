@@ -25,7 +25,7 @@ class WarnedLine(VirtualLine):
         self.device.parameters.update(parameters)
         self.device.reset()
         self.warnings: list[str] = []
-        self.session.warn = lambda text, *of: self.warnings.append(text % of)
+        self.session.warn_held = lambda text, *of: self.warnings.append(text % of)
         self.open()
 
     def moved(self) -> bool:
