@@ -347,8 +347,11 @@ class AttachedLink(RerunLink):
         self._ask(message, done)
 
     def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
-        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched."""
-        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, mode), done)
+        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched.
+
+        Any other `mode` than None is the configured one: how that program's robot stops is its own.
+        """
+        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, StopMode.CONFIGURED), done)
 
     def withdraw(self, done: Done) -> None:
         """The caller no longer waits for `done`."""

@@ -294,6 +294,10 @@ class Link(DeviceLink):
                 self._loop.send(copy, host_clock_us())
         self._begin(partial(self._session.stop, mode), done)
 
+    def post_stop_for_attached(self, done: RequestDone) -> None:
+        """As `post_stop`, for programs that are attached; see `Session.stop_for_attached`."""
+        self._begin(self._session.stop_for_attached, done)
+
     def withdraw(self, done: RequestDone) -> None:
         """The caller of a request has given up: the link sends no copy of it from now on."""
         self._withdrawn.add(done)  # for a thread that has not begun it; the call below if it has

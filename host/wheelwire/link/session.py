@@ -118,9 +118,11 @@ from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subje
 from .sensor_stream import SensorStream as Sensors
 from .setpoints import REARM_GAP, SETPOINT_IDS, TTL_MAX, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
-from .tap import ESTOP, Kind, Tap, TapReader
+from .tap import ATTACHED, ESTOP, Kind, Tap, TapReader
 from .trial import HeldTrial
 
+NO_SESSION = 0
+"""The id in a message that belongs to no session."""
 HELLO_PERIOD_US = 30_000
 RETRY_US = 1_000_000
 """Until the next hello after the device opened a session but refused to be prepared."""
@@ -489,6 +491,21 @@ class Session:
             return
         # The device obeys a stop of anybody, so it is sent even while there is no session to
         # acknowledge it in; whether it arrived is then not known.
+        if self.phase is not Phase.CLOSED:
+            self._send(message)
+        done(self.error)
+
+    def stop_for_attached(self, done: Done, now_us: int) -> None:
+        """Stop in the configured mode, for a program that is attached; of no session.
+
+        So it replaces no stop of the session by a weaker one, and uses up no setpoint's number.
+        """
+        self.tap.put(Kind.STOP, now_us, bytes([ATTACHED]))
+        message = Stop(NO_SESSION, 0, 0, StopMode.CONFIGURED)
+        self.setpoints.void()  # what was sent before it is not to be repeated behind it
+        if self.phase is Phase.OPEN:
+            self._requests.submit(message, done, now_us)
+            return
         if self.phase is not Phase.CLOSED:
             self._send(message)
         done(self.error)
@@ -873,9 +890,13 @@ class Session:
             self._begin_after_trial(now_us)
 
     def _on_answer(self, answer: Answer, now_us: int) -> None:
-        if not self._is_ours(answer.session_id, now_us):
-            return
         request = self._requests.answered_by(answer)
+        # It repeats the session of its request, which is none for a stop of an attached program.
+        is_attached = isinstance(request, Stop) and request.session_id == NO_SESSION
+        if not (is_attached and answer.session_id == NO_SESSION) and (
+            is_attached or not self._is_ours(answer.session_id, now_us)
+        ):
+            return
         if request is None:
             # The copy of a stop is acknowledged as well; nobody waits for that.
             self._foreign += answer.request_id != COPY_ID
