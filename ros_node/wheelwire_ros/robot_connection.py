@@ -341,7 +341,7 @@ class RobotConnection:
             estops = self._estops
             self.robot.clear_estop()
             if estops == self._estops:
-                self.estopped = False
+                self.estopped = self._estop_unsent = False
                 self._limiter.rest()
             else:  # set again meanwhile, and nobody knows which of the two arrived first
                 self._send_estop()

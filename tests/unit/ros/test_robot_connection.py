@@ -558,3 +558,19 @@ def test_a_command_counts_until_the_end_of_its_life(
     clock.now_s += 0.1  # the older one ended meanwhile, and with it the drive
     obeyed = connection.command(Twist(0.5, 0.0), clock.now_s)
     assert obeyed.linear_mps == pytest.approx(0.5 if goes_on else FIRST_STEP_S)
+
+
+def test_an_estop_that_was_cleared_before_it_could_be_sent_again_holds_nobody(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.estop()
+    robot.sessions += 1
+    robot.error = LinkLost("the device no longer knows this session")
+    with pytest.raises(LinkLost):
+        connection.follow()
+    robot.error = None
+    connection.clear_estop()
+    connection.follow()
+    assert connection.is_prepared
+    connection.command(Twist(0.2, 0.0), time.monotonic())
+    assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
