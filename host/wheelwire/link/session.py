@@ -893,9 +893,8 @@ class Session:
         request = self._requests.answered_by(answer)
         # It repeats the session of its request, which is none for a stop of an attached program.
         is_attached = isinstance(request, Stop) and request.session_id == NO_SESSION
-        if not (is_attached and answer.session_id == NO_SESSION) and (
-            is_attached or not self._is_ours(answer.session_id, now_us)
-        ):
+        session_id = self.id if is_attached and not answer.session_id else answer.session_id
+        if not self._is_ours(session_id, now_us):
             return
         if request is None:
             # The copy of a stop is acknowledged as well; nobody waits for that.
