@@ -8,17 +8,20 @@ from pathlib import Path
 import pytest
 
 import wheelwire
+from support.command import run
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
+from wheelwire.cli.address import Address
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import opened_to_look
 from wheelwire.errors import DeviceRefused
+from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.types import AnyMessage, SetDuty, SetWheelVelocity
+from wheelwire_protocol.types import AnyMessage, Hello, Refuse, SetDuty, SetWheelVelocity
 
 
 def setpoints(device: PtyDevice) -> list[tuple[float, ...]]:
@@ -45,6 +48,23 @@ class Losing:
 
     def take_output(self) -> bytes:
         return self._device.take_output()
+
+
+class Refusing(Losing):
+    """The core behind what refuses the first setpoints in its place."""
+
+    def __init__(self, device: CoreDevice, code: RefusalCode, times: int) -> None:
+        super().__init__(device, SetWheelVelocity, times)
+        self._code = code
+
+    def feed(self, data: bytes, now_us: int) -> None:
+        for message in self._decoder.feed(data):
+            if isinstance(message, SetWheelVelocity) and self._losses:
+                self._losses -= 1
+                refused = message_id(SetWheelVelocity), self._code, message.command_seq
+                self._device.send(Refuse(message.session_id, *refused))
+            else:
+                self._device.feed(self._encoder.encode(message), now_us)
 
 
 def test_opening_sends_one_zero_setpoint_and_leaves_the_robot_in_idle(device: PtyDevice) -> None:
@@ -80,6 +100,44 @@ def test_a_zero_that_is_lost_is_sent_again(tmp_path: Path, losses: int) -> None:
     line = Losing(core, SetWheelVelocity, losses)
     with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
         assert [m[-2:] for m in core.obeyed] == [(0.0, 0.0)]
+
+
+def test_a_robot_whose_sensors_are_not_read_yet_is_armed_as_soon_as_they_are(
+    tmp_path: Path,
+) -> None:
+    core = CoreDevice()
+    line = Refusing(core, RefusalCode.BOOTING, 6)
+    with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
+        assert [m[-2:] for m in core.obeyed] == [(0.0, 0.0)]
+
+
+def test_a_zero_that_is_refused_is_sent_once_and_not_told_to_the_first_setpoint(
+    tmp_path: Path,
+) -> None:
+    core = CoreDevice()
+    line = Refusing(core, RefusalCode.BOARD_UNCONFIRMED, 1)
+    with (
+        PtyDevice(tmp_path / "port", core, before=line),
+        SerialDriver(str(tmp_path / "port")) as robot,
+    ):
+        assert core.obeyed == []
+        robot.set_wheel_velocity(0.1, 0.1)
+        wait_until(lambda: len(core.obeyed) == 1)
+
+
+def test_a_command_that_drives_nothing_arms_nothing(device: PtyDevice) -> None:
+    address = Address(str(device.path))
+    address.open().close()
+    address.open(bare=True).close()
+    address.open_to_look(as_json=True).close()
+    assert setpoints(device) == []
+    with address.open(drives=True):
+        assert setpoints(device) == [(0.0, 0.0)]
+    device.device.forget()
+    for command in (("info",), ("params", "list"), ("clear",), ("stop",)):
+        assert run(*command, str(device.path)).returncode == 0
+    assert device.device.count(Hello) >= 4
+    assert setpoints(device) == []
 
 
 def test_a_device_that_never_obeys_is_opened_all_the_same(tmp_path: Path) -> None:
