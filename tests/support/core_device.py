@@ -24,6 +24,7 @@ from wheelwire_protocol.types import (
 
 BOARD_ID = 0x240AC4123456
 SETPOINTS = message_id(SetWheelVelocity), message_id(SetDuty)
+UPTIME_US = 2_000_000
 Edits = dict[type[Any], dict[str, Any]]
 M = TypeVar("M")
 
@@ -118,6 +119,11 @@ class CoreDevice:
         """The messages of one type that have arrived, without their copies."""
         return list(dict.fromkeys(m for m in self.received if isinstance(m, kind)))
 
+    def forget(self) -> None:
+        """What has arrived until now, such as what a host sends when it opens the robot."""
+        self.received.clear()
+        self.obeyed.clear()
+
     def count(self, *kinds: type[AnyMessage]) -> int:
         """How many messages of these types have arrived, copies included."""
         return sum(isinstance(message, kinds) for message in self.received)
@@ -129,6 +135,10 @@ class CoreDevice:
     def value(self, name: str) -> float:
         """A parameter's value."""
         return self.core.value(PARAMETER_BY_NAME[name].id)
+
+    def start_before(self, now_us: int) -> None:
+        """It has been on for longer than the pause that arms it."""
+        self.advance(now_us - UPTIME_US)
 
     def feed(self, data: bytes, now_us: int) -> None:
         """Receive bytes from the line; they are answered at once."""

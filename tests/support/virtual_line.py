@@ -37,6 +37,7 @@ class VirtualLine(VirtualHost):
         self.to_device = Direction(to_device or GOOD, self.random)
         self.to_host = Direction(to_host or GOOD, self.random)
         self.now_us = 1_000_000
+        self.device.start_before(self.now_us)
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
 

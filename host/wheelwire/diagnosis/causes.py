@@ -161,7 +161,7 @@ CAUSES: dict[str, Cause] = {
     "board_on_trial": Cause("A board is on trial", "`wheelwire board confirm`"),
     "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
     "unarmed": Cause(
-        "After a clear the program went on with a speed at once",
+        "After a clear, a start of the chip or a bumper the program went on with a speed at once",
         "the program: it must send zero first, or pause",
     ),
     "clock_unsynchronised": Cause("The clock is not synchronised yet", "the program"),

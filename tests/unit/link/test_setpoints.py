@@ -318,7 +318,7 @@ def test_whoever_never_stops_asking_for_motion_after_a_clear_gets_none(period_s:
 def test_a_pause_arms_and_the_next_setpoint_neither_raises_nor_is_refused() -> None:
     line = unarmed_line()
     assert refusals(line, 0.05, 0.5)
-    line.run(0.5)
+    line.run(1.0)
     line.drive()
     line.run(0.05)
     assert len(line.device.obeyed) == 1
