@@ -11,6 +11,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
 
 from .host_samples import received
+from .raw import ARMING_MS
 from .virtual_host import VirtualHost
 
 STEP_US = 1000
@@ -47,6 +48,12 @@ class VirtualRobot(VirtualHost):
         self.sim = FwSim(seed, store)
         for name, value in settings.items():
             self.sim.set(name, value)
+
+    def open(self) -> VirtualRobot:
+        """As the base's; then it pauses for as long as it takes to be armed."""
+        super().open()
+        self.run(ARMING_MS / 1000)
+        return self
 
     def state(self) -> SupervisorState:
         """The supervisor's state in the newest sample."""

@@ -37,9 +37,14 @@ class VirtualLine(VirtualHost):
         self.to_device = Direction(to_device or GOOD, self.random)
         self.to_host = Direction(to_host or GOOD, self.random)
         self.now_us = 1_000_000
-        self.device.start_before(self.now_us)
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
+
+    def open(self) -> VirtualLine:
+        """As the base's; then it pauses for as long as it takes to be armed."""
+        super().open()
+        self.run(ARMING_MS / 1000)
+        return self
 
     def step(self) -> None:
         """Jump to the next event."""

@@ -115,7 +115,6 @@ def test_a_zero_that_is_refused_is_sent_once_and_not_told_to_the_first_setpoint(
     tmp_path: Path,
 ) -> None:
     core = CoreDevice()
-    core.start_before(time.monotonic_ns() // 1000)
     line = Refusing(core, RefusalCode.BOARD_UNCONFIRMED, 1)
     with (
         PtyDevice(tmp_path / "port", core, before=line),
