@@ -106,8 +106,8 @@ class RefusalCode(DocumentedEnum):
     )
     UNARMED = (
         24,
-        "The device started, an e-stop or a fault was cleared, or a bumper held the robot off: first "
-        "send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.",
+        "The device started, an e-stop or a fault was cleared, or a bumper held the robot off: "
+        "first send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.",
     )
     CONTRADICTION = (
         25,

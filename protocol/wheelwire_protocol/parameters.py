@@ -176,9 +176,9 @@ PARAMETERS: tuple[Parameter, ...] = (
           "A wheel that turns this fast without drive, and does not slow down, is reported as "
           "ROLLING."),
     _whole(44, "estop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
-           "What an e-stop does, by message or by its contact. 1: coast, for a robot that falls over "
-           "when it brakes. 2: brake for brake_time_s and until the wheels are still, again whenever "
-           "they turn; until driven if stop_mode is 3."),
+           "What an e-stop does, by message or by its contact. 1: coast, for a robot that falls "
+           "over when it brakes. 2: brake for brake_time_s and until the wheels are still, again "
+           "whenever they turn; until driven if stop_mode is 3."),
 )
 # fmt: on
 

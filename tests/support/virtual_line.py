@@ -43,7 +43,8 @@ class VirtualLine(VirtualHost):
     def open(self) -> VirtualLine:
         """As the base's; then it pauses for as long as it takes to be armed."""
         super().open()
-        self.run(ARMING_MS / 1000)
+        gap_s = max(self.device.value(name) for name in ("rearm_gap_s", "ttl_max_s"))
+        self.run(gap_s + 0.01)
         return self
 
     def step(self) -> None:

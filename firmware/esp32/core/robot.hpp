@@ -280,7 +280,7 @@ class Robot {
   uint32_t longest_interval_us_ = 0;
   uint64_t drove_us_ = 0;         // When the drive was last removed, or the robot started.
   uint64_t quiet_since_us_ = 0;   // No setpoint came in this session since then.
-  uint64_t not_slow_us_ = 0;     // When it last did anything but creep, without drive.
+  uint64_t not_slow_us_ = 0;      // When it last did anything but creep, without drive.
   uint64_t bumped_until_us_ = 0;  // Until then it brakes because it goes towards a bumper.
   Setpoint setpoint_{};           // with its expiry brought forward to what ttl_max allows
   WheelPair target_{};            // the setpoint's, within the limits and those of the reflexes

@@ -80,6 +80,7 @@ struct Bench {
     line.arrive(Hello{kNonce, schema::kVersion, schema::kHash});
     step();
     line.arrive(Ping{kSessionId, 1, now_us});
+    step();
     line.arrive(SetWheelVelocity{kSessionId, 1, now_us + kTtl_us, 0.0f, 0.0f});
     step();
   }

@@ -121,7 +121,7 @@ def test_a_zero_that_is_refused_is_sent_once_and_not_told_to_the_first_setpoint(
         SerialDriver(str(tmp_path / "port")) as robot,
     ):
         assert core.obeyed == []
-        robot.set_wheel_velocity(0.1, 0.1)
+        robot.set_wheel_velocity(0.0, 0.0)
         wait_until(lambda: len(core.obeyed) == 1)
 
 

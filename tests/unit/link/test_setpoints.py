@@ -190,6 +190,9 @@ def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
 def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
     line: VirtualLine,
 ) -> None:
+    line.drive(0.0, 0.0)
+    line.run(0.1)
+    line.device.forget()
     line.to_device.impairment.delay_us = 30_000
     line.drive(ttl_s=0.01)
     line.run(0.2)
