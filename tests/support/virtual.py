@@ -49,11 +49,9 @@ class VirtualRobot(VirtualHost):
         for name, value in settings.items():
             self.sim.set(name, value)
 
-    def open(self) -> VirtualRobot:
-        """As the base's; then it pauses for as long as it takes to be armed."""
-        super().open()
+    def arm(self) -> None:
+        """As the base's."""
         self.run(ARMING_MS / 1000)
-        return self
 
     def state(self) -> SupervisorState:
         """The supervisor's state in the newest sample."""

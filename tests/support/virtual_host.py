@@ -49,9 +49,14 @@ class VirtualHost(ABC):
         return self.samples[-1]
 
     def open(self: Self) -> Self:
-        """Connect, and wait until the session is open and a sample of it is here."""
+        """Connect, wait until the session is open and a sample of it is here, and be armed."""
         self.session.connect(self.now_us)
-        return self.wait_open()
+        self.wait_open()
+        self.arm()
+        return self
+
+    def arm(self) -> None:
+        """Pause for as long as the device asks for after its start."""
 
     def wait_open(self: Self) -> Self:
         """Wait for an open session and a further sample."""

@@ -40,12 +40,10 @@ class VirtualLine(VirtualHost):
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
 
-    def open(self) -> VirtualLine:
-        """As the base's; then it pauses for as long as it takes to be armed."""
-        super().open()
+    def arm(self) -> None:
+        """As the base's."""
         gap_s = max(self.device.value(name) for name in ("rearm_gap_s", "ttl_max_s"))
         self.run(gap_s + 0.01)
-        return self
 
     def step(self) -> None:
         """Jump to the next event."""
