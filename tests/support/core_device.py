@@ -24,7 +24,6 @@ from wheelwire_protocol.types import (
 
 BOARD_ID = 0x240AC4123456
 SETPOINTS = message_id(SetWheelVelocity), message_id(SetDuty)
-UPTIME_US = 2_000_000
 Edits = dict[type[Any], dict[str, Any]]
 M = TypeVar("M")
 
@@ -135,10 +134,6 @@ class CoreDevice:
     def value(self, name: str) -> float:
         """A parameter's value."""
         return self.core.value(PARAMETER_BY_NAME[name].id)
-
-    def start_before(self, now_us: int) -> None:
-        """It has been on for longer than the pause that arms it."""
-        self.advance(now_us - UPTIME_US)
 
     def feed(self, data: bytes, now_us: int) -> None:
         """Receive bytes from the line; they are answered at once."""

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import TypeVar
+
+from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Direction, Impairment
+from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage
+from wheelwire_protocol.types import AnyMessage, SetWheelVelocity, Stop
 
 from .core_device import CoreDevice
 from .host_samples import received
 from .virtual_host import VirtualHost
 
+Self = TypeVar("Self", bound="VirtualLine")
 STEP_US = 1_000
 """The longest jump of time."""
+ARMING_ATTEMPTS = 10
+ARMING_PERIOD_S = 0.02
+ARMING_TTL_S = 0.25
 GOOD = Impairment(delay_us=200)
 
 
@@ -37,9 +46,29 @@ class VirtualLine(VirtualHost):
         self.to_device = Direction(to_device or GOOD, self.random)
         self.to_host = Direction(to_host or GOOD, self.random)
         self.now_us = 1_000_000
-        self.device.start_before(self.now_us)
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
+
+    def open(self: Self) -> Self:
+        """As every host; and armed, as whoever opens a robot does."""
+        super().open()
+        self.arm()
+        return self
+
+    def arm(self) -> None:
+        """Have the device obey a zero setpoint, if it does; what was sent for that is forgotten."""
+        self.device.obeyed.clear()
+        results: list[object] = []
+        for _ in range(ARMING_ATTEMPTS):
+            with suppress(WheelwireError):
+                self.set_velocity(0.0, 0.0, ARMING_TTL_S)
+            self.run(ARMING_PERIOD_S)
+            if self.device.obeyed:
+                break
+        self.session.stop(StopMode.CONFIGURED, results.append, self.now_us)
+        self.run_until(lambda: bool(results))
+        self.device.forget()
+        self.sent = [m for m in self.sent if not isinstance(m, (SetWheelVelocity, Stop))]
 
     def step(self) -> None:
         """Jump to the next event."""

@@ -115,15 +115,15 @@ def test_a_zero_that_is_refused_is_sent_once_and_not_told_to_the_first_setpoint(
     tmp_path: Path,
 ) -> None:
     core = CoreDevice()
-    core.start_before(time.monotonic_ns() // 1000)
     line = Refusing(core, RefusalCode.BOARD_UNCONFIRMED, 1)
     with (
         PtyDevice(tmp_path / "port", core, before=line),
         SerialDriver(str(tmp_path / "port")) as robot,
     ):
         assert core.obeyed == []
+        robot.set_wheel_velocity(0.0, 0.0)
         robot.set_wheel_velocity(0.1, 0.1)
-        wait_until(lambda: len(core.obeyed) == 1)
+        wait_until(lambda: len(core.obeyed) == 2)
 
 
 def test_a_command_that_drives_nothing_arms_nothing(device: PtyDevice) -> None:

@@ -24,7 +24,6 @@ class WarnedLine(VirtualLine):
         super().__init__(watched=GAPS)
         self.device.parameters.update(parameters)
         self.device.reset()
-        self.device.start_before(self.now_us)
         self.warnings: list[str] = []
         self.session.warn_held = lambda text, *of: self.warnings.append(text % of)
         self.open()
