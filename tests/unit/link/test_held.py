@@ -12,7 +12,7 @@ from wheelwire.errors import DeviceRefused, LinkLost, WheelwireError
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import ClearEstop, SetWheelVelocity
+from wheelwire_protocol.types import ClearEstop, ParameterValue, SetWheelVelocity
 
 GAPS = tuple(PARAMETER_BY_NAME[name].id for name in ("rearm_gap_s", "ttl_max_s"))
 
@@ -42,7 +42,7 @@ class WarnedLine(VirtualLine):
                 self.drive()
             except DeviceRefused as refused:
                 codes.append(refused.code)
-            except LinkLost:
+            except WheelwireError:  # out of reach
                 codes.append(None)
             self.run(period_s)
         return codes
@@ -136,6 +136,17 @@ def test_a_session_that_is_lost_meanwhile_holds_on(warned: WarnedLine) -> None:
     assert RefusalCode.UNARMED in warned.publish(3.0)
     assert not warned.moved()
     assert len(warned.warnings) == 1
+
+
+def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) -> None:
+    warned.publish(0.2)
+    warned.device.lost.add(ParameterValue)
+    warned.device.reset()
+    warned.publish(3.0)
+    warned.device.forget()
+    warned.device.lost.clear()
+    assert warned.publish(3.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
 
 
 def test_the_next_reset_is_told_again(warned: WarnedLine) -> None:
