@@ -93,6 +93,27 @@ def test_a_zero_setpoint_ends_it_at_once(warned: WarnedLine) -> None:
     assert not warned.session.setpoints.is_unarmed
 
 
+@pytest.mark.parametrize("pair", [(0.1, 0.0), (0.0, -0.1), (0.1, -0.1)])
+def test_one_wheel_at_rest_is_no_zero_nor_is_a_duty_let_through(
+    warned: WarnedLine, pair: tuple[float, float]
+) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    for ask in (warned.set_velocity, warned.set_duty):
+        with pytest.raises(DeviceRefused):
+            ask(*pair)
+    warned.run(0.05)
+    assert not warned.moved()
+
+
+def test_a_stop_ends_it_not(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    warned.stop()
+    assert warned.publish(1.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
+
+
 def test_so_does_a_pause(warned: WarnedLine) -> None:
     warned.outage(3.0, reset=True)
     assert warned.publish(1.0)
