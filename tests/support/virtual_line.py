@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from typing import TypeVar
-
-from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Direction, Impairment
-from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage, SetWheelVelocity, Stop
+from wheelwire_protocol.types import AnyMessage
 
 from .core_device import CoreDevice
 from .host_samples import received
 from .virtual_host import VirtualHost
 
-Self = TypeVar("Self", bound="VirtualLine")
 STEP_US = 1_000
 """The longest jump of time."""
-ARMING_ATTEMPTS = 10
-ARMING_PERIOD_S = 0.02
-ARMING_TTL_S = 0.25
 GOOD = Impairment(delay_us=200)
 
 
@@ -49,26 +40,12 @@ class VirtualLine(VirtualHost):
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
 
-    def open(self: Self) -> Self:
-        """As every host; and armed, as whoever opens a robot does."""
+    def open(self) -> VirtualLine:
+        """As the base's; then it pauses for as long as it takes to be armed."""
         super().open()
-        self.arm()
+        gap_s = max(self.device.value(name) for name in ("rearm_gap_s", "ttl_max_s"))
+        self.run(gap_s + 0.01)
         return self
-
-    def arm(self) -> None:
-        """Have the device obey a zero setpoint, if it does; what was sent for that is forgotten."""
-        self.device.obeyed.clear()
-        results: list[object] = []
-        for _ in range(ARMING_ATTEMPTS):
-            with suppress(WheelwireError):
-                self.set_velocity(0.0, 0.0, ARMING_TTL_S)
-            self.run(ARMING_PERIOD_S)
-            if self.device.obeyed:
-                break
-        self.session.stop(StopMode.CONFIGURED, results.append, self.now_us)
-        self.run_until(lambda: bool(results))
-        self.device.forget()
-        self.sent = [m for m in self.sent if not isinstance(m, (SetWheelVelocity, Stop))]
 
     def step(self) -> None:
         """Jump to the next event."""
