@@ -99,7 +99,7 @@ def test_a_zero_that_is_lost_is_sent_again(tmp_path: Path, losses: int) -> None:
     core = CoreDevice()
     line = Losing(core, SetWheelVelocity, losses)
     with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
-        # On a busy computer one that arrived is taken for lost now and then.
+        # On a busy computer one that arrived is mistaken for a lost one now and then.
         assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
 
 
@@ -109,7 +109,7 @@ def test_a_robot_whose_sensors_are_not_read_yet_is_armed_as_soon_as_they_are(
     core = CoreDevice()
     line = Refusing(core, RefusalCode.BOOTING, 6)
     with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
-        # On a busy computer one that arrived is taken for lost now and then.
+        # On a busy computer one that arrived is mistaken for a lost one now and then.
         assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
 
 

@@ -18,7 +18,7 @@ GAPS = tuple(PARAMETER_BY_NAME[name].id for name in ("rearm_gap_s", "ttl_max_s")
 
 
 class WarnedLine(VirtualLine):
-    """A line whose session's warnings are kept."""
+    """A line that has its session's warnings."""
 
     def __init__(self, **parameters: float) -> None:
         super().__init__(watched=GAPS)
