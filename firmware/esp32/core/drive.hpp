@@ -1,6 +1,7 @@
 // Both wheels together: setpoints, slew limits that preserve the path, and stopping.
 #pragma once
 
+#include "overspeed.hpp"
 #include "wheel.hpp"
 
 namespace wheelwire {
@@ -49,6 +50,12 @@ class Drive {
     return following_ &&
            (is_against(slewed_) || (mode_ == ControlMode::kVelocity && is_against(command_)));
   }
+  /// Somebody has cleared a fault: what the wheels did before does not count any more.
+  void end_evidence() {
+    left_.end_evidence();
+    right_.end_evidence();
+    overspeed_.end_evidence();
+  }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows.
   void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
@@ -73,6 +80,7 @@ class Drive {
   void visit(Visitor& visit) {
     visit("left", left_);
     visit("right", right_);
+    visit("overspeed", overspeed_);
     visit("encoders_swapped", encoders_swapped_);
     visit("mode", mode_);
     visit("following", following_);
@@ -93,9 +101,11 @@ class Drive {
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair corrected(const ControlConfig& config);
   bool consume_stop_began();
+  bool is_too_fast(uint32_t sum_umps, const ControlConfig& config);
 
   Wheel left_;
   Wheel right_;
+  OverspeedMonitor overspeed_;
   bool motors_swapped_ = false;
   bool encoders_swapped_ = false;
   ControlMode mode_ = ControlMode::kVelocity;

@@ -107,7 +107,10 @@ uint32_t Robot::check_timing(uint64_t now_us) {
 void Robot::latch_faults(uint32_t faults, uint64_t now_us) {
   const bool is_new = (faults & ~faults_) != 0;
   faults_ |= faults;
-  apply(SupervisorEvent::kFault, now_us);
+  // One that is too fast is not left to roll on.
+  const bool is_too_fast = (faults & fault::kOverspeed) != 0;
+  apply(SupervisorEvent::kFault, now_us,
+        is_too_fast ? StopMode::kBrakeUntilDriven : StopMode::kConfigured);
   if (!is_new) return;
   ++faults_tripped_;
   note_latches();
@@ -265,6 +268,7 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
       (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
   if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
+  if (faults_ != 0) drive_.end_evidence();
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
   note_latches();  // Also where an e-stop hides the state FAULT.

@@ -31,6 +31,11 @@ class Wheel {
   void drive_duty(int32_t duty_q15, bool motor_inverted);
   void brake();
   void coast();
+  /// Somebody has cleared the fault: what was seen before does not count any more.
+  void end_evidence() {
+    monitor_.end_evidence();
+    plausibility_.end_evidence();
+  }
 
   // For a robot whose sides are wired to each other's pins.
   void exchange_motors(Wheel& other);
