@@ -50,7 +50,7 @@ class Evidence {
   }
 
   uint32_t us_ = 0;
-  uint32_t calm_us_ = 0;  // For how long the opposite has been seen without a gap.
+  uint32_t calm_us_ = 0;  // For how long the opposite was seen since then.
 };
 
 }  // namespace wheelwire

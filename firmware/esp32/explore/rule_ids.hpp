@@ -37,6 +37,7 @@ enum class Rule : uint8_t {
   kNotAgainstABumper,
   kExternalStops,
   kPeripheralsOfTheBoard,
+  kNotTooFast,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

@@ -53,6 +53,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   void message(const Operation& operation);
   void setpoint(const Operation& operation);
   void hold(const Operation& operation);
+  void drive_with_gaps(const Operation& operation);
   void open(Host& host);
   void write_board(const Operation& operation, Host& host);
   void change_robot(const Operation& operation);
