@@ -43,7 +43,7 @@ CLOCK_MODULUS = 1 << 32
 """Of the device's times in samples, in microseconds."""
 AHEAD_US = 1_000_000
 """A message may seem to come from so much later than the bound of the estimate allows: a clock was
-stepped. Taken for one of an hour ago, all that follow would be dropped."""
+stepped. If it counted as one of an hour ago, all that follow would be dropped."""
 
 
 def host_clock_us() -> int:

@@ -118,7 +118,7 @@ def test_samples_that_waited_for_a_stopped_program_hide_no_fresh_one(
     begin_us, stopped_us = 3_000_000, minutes * 60_000_000
     known.imu(begin_us)
     for t_us in (begin_us + 5_000, begin_us + stopped_us, begin_us + stopped_us + 5_000):
-        # All of them come at the end; the first one was kept by the line.
+        # All of them come at the end; the first one waited on the line.
         known.imu(t_us, now_us=begin_us + stopped_us + 10_000 - AHEAD_US)
     times = [sample.t_us for _, sample in known.sensed]  # type: ignore[attr-defined]
     assert times[-1] == begin_us + stopped_us + 5_000
