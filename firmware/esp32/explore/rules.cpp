@@ -232,7 +232,7 @@ void Judge::driven_hard_without_a_tick() {
     Memory::Wheel& wheel = memory_.wheels[side];
     const sim::Quadrature& encoder = simulator_.board.encoders[side];
     const bool counts = encoder.model.stuck != 0 || memory_.hides_tick[side] ||
-                        std::abs(encoder.shown_ticks() - wheel.anchor) > 1;
+                        encoder.shown_ticks() != wheel.anchor;
     // At a setpoint of zero the firmware yields to what may be a push.
     const bool yields = drives && !granted->duty && target(side) == 0.0;
     if (!applies || is_cleared || counts || yields) {
