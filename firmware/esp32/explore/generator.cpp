@@ -801,6 +801,21 @@ class Generator {
     }
     if (chance(60)) repair();
   }
+  /// Downhill, with less duty than it takes to hold the robot.
+  void run_away() {
+    repair();
+    set(ParameterId::kMaxDuty, between(0.15, 0.4));
+    const double rad = one_of({-0.4, -0.3, 0.3, 0.4});
+    make_ready();
+    add(Kind::kSlope, {rad});
+    const double speed = rad < 0.0 ? 0.1 : -0.1;
+    for (size_t i = 1 + below(3); i > 0; --i) {
+      add(Kind::kHold, {host_, speed, speed, std::floor(between(500e3, 4e6)), 50e3, 0});
+      if (chance(50)) add(Kind::kStop, {host_, 0, 1});
+    }
+    add(Kind::kRun, {std::floor(spread(100e3, 3e6))});
+    add(Kind::kSlope, {0});
+  }
   /// An encoder loses its edges in short gaps.
   void lose_in_gaps() {
     make_ready();
@@ -830,6 +845,7 @@ class Generator {
         add(Kind::kSlope, {0});
     }
     if (chance(20)) return burst();
+    if (chance(15)) return run_away();
     if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     drive(std::floor(spread(200e3, 3e6)));
     if (chance(50)) add(Kind::kStop, {host_, static_cast<double>(below(5)), 1});
