@@ -805,6 +805,7 @@ class Generator {
   void run_away() {
     repair();
     set(ParameterId::kMaxDuty, between(0.15, 0.4));
+    set(ParameterId::kMaxVelocityMps, between(0.03, 0.12));
     const double rad = one_of({-0.4, -0.3, 0.3, 0.4});
     make_ready();
     add(Kind::kSlope, {rad});
