@@ -255,6 +255,11 @@ class Fault(DocumentedFlag):
         4096,
         "An input of the board stopped the robot: remove what triggered it, then clear the fault.",
     )
+    OVERSPEED = (
+        8192,
+        "The robot rolled much faster than its limit and its setpoint for a second: "
+        "the slope is steeper than its motors hold, or somebody pushed it.",
+    )
 
 
 class Capability(DocumentedFlag):

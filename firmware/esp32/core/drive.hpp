@@ -1,6 +1,7 @@
 // Both wheels together: setpoints, slew limits that preserve the path, and stopping.
 #pragma once
 
+#include "overspeed.hpp"
 #include "wheel.hpp"
 
 namespace wheelwire {
@@ -48,6 +49,12 @@ class Drive {
   bool turns_against_reflexes() const {
     return forbids(reflexes_, {left_.velocity_umps(), right_.velocity_umps()});
   }
+  /// Somebody has cleared a fault: what the wheels did before does not count any more.
+  void end_evidence() {
+    left_.end_evidence();
+    right_.end_evidence();
+    overspeed_.end_evidence();
+  }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows. What is shorted stays so.
   void release();
@@ -72,6 +79,7 @@ class Drive {
   void visit(Visitor& visit) {
     visit("left", left_);
     visit("right", right_);
+    visit("overspeed", overspeed_);
     visit("encoders_swapped", encoders_swapped_);
     visit("mode", mode_);
     visit("following", following_);
@@ -91,9 +99,11 @@ class Drive {
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair corrected(const ControlConfig& config);
   bool consume_stop_began();
+  bool is_too_fast(uint32_t sum_umps, const ControlConfig& config);
 
   Wheel left_;
   Wheel right_;
+  OverspeedMonitor overspeed_;
   bool motors_swapped_ = false;
   bool encoders_swapped_ = false;
   ControlMode mode_ = ControlMode::kVelocity;

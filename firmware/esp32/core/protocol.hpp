@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x045c3d98;
+constexpr uint32_t kHash = 0x9cad6f10;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -160,6 +160,9 @@ constexpr uint32_t kStoreUnreadable = 1024;
 constexpr uint32_t kNoBoard = 2048;
 /// An input of the board stopped the robot: remove what triggered it, then clear the fault.
 constexpr uint32_t kExternal = 4096;
+/// The robot rolled much faster than its limit and its setpoint for a second: the slope is steeper
+/// than its motors hold, or somebody pushed it.
+constexpr uint32_t kOverspeed = 8192;
 }  // namespace fault
 
 namespace capability {
@@ -199,7 +202,7 @@ constexpr uint32_t kGlitchFilter = 32;
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x045c3d98;
+      return 0x9cad6f10;
     case Group::kBoard:
       return 0x4cd2f265;
     case Group::kRecorder:

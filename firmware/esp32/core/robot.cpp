@@ -260,8 +260,10 @@ StopMode Robot::estop_mode() const {
   return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode : config_.estop_mode;
 }
 
-/// A power stage that reports a fault is to be switched off.
+/// A robot that is too fast is not left to roll on. A power stage that reports a fault is to be
+/// switched off.
 StopMode Robot::mode_at(uint32_t new_faults) const {
+  if ((new_faults & fault::kOverspeed) != 0) return StopMode::kBrakeUntilDriven;
   const bool is_of_stage = new_faults == fault::kExternal && (reflexes_ & kStageTripped) != 0;
   return is_of_stage ? StopMode::kCoast : StopMode::kConfigured;
 }
@@ -373,6 +375,7 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
       (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
   if (supervisor_.state() == SupervisorState::kFault) disarm(kUnarmed, now_us);
+  if (faults_ != 0) drive_.end_evidence();
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
   note_latches();  // Also where an e-stop hides the state FAULT.

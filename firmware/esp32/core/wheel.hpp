@@ -33,6 +33,11 @@ class Wheel {
   void coast();
   /// Coasts, unless the windings are shorted: that is no drive.
   void release();
+  /// Somebody has cleared the fault: what was seen before does not count any more.
+  void end_evidence() {
+    monitor_.end_evidence();
+    plausibility_.end_evidence();
+  }
 
   // For a robot whose sides are wired to each other's pins.
   void exchange_motors(Wheel& other);

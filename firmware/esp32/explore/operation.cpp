@@ -74,6 +74,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"motor", {"side", "reversed", "open", "scale"}},
     {"encoder", {"side", "dead", "reversed", "stuck"}},
     {"lost_edges", {"side", "share", "error_ticks"}},
+    {"gaps", {"host", "speed", "for_us", "side", "lost_us", "of_us"}},
     {"swaps", {"motors", "encoders"}},
     {"counts", {"per_revolution"}},
 }};

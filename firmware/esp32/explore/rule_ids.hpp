@@ -40,6 +40,7 @@ enum class Rule : uint8_t {
   kStartDoesNotDrive,
   kReleaseDoesNotRestart,
   kStopHolds,
+  kNotTooFast,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

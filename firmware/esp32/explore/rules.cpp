@@ -47,6 +47,7 @@ constexpr RuleSpec kRules[] = {
     {Rule::kStartDoesNotDrive, "S31", "start-does-not-drive"},
     {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
     {Rule::kStopHolds, "S33", "stop-holds"},
+    {Rule::kNotTooFast, "S34", "not-too-fast"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -167,7 +168,7 @@ bool Judge::is_wrong(Side side) const {
   const bool is_level = plant.slope_rad == 0.0 && plant.wheels[kLeft].load_nm == 0.0 &&
                         plant.wheels[kRight].load_nm == 0.0;
   return encoder.dead || encoder.reversed != wheel.motor_reversed ||
-         (wheel.motor_open && is_level) || wheel.blocked;
+         (wheel.motor_open && is_level) || wheel.blocked || world_.loses_in_gaps[side];
 }
 
 /// All that a wheel's monitoring depends on is as it comes, but for the limits.
@@ -186,7 +187,7 @@ bool Judge::has_default_protection() const {
 /// Nothing but the firmware moves the robot, and nothing is broken.
 bool Judge::is_clean() const { return !world_.ever_disturbed; }
 
-/// S06.
+/// S06, of one drive.
 void Judge::wheel_fault_in_time() {
   const bool drives = simulator_.state() == SupervisorState::kDriving;
   if (drives && memory_.state != SupervisorState::kDriving)
@@ -196,25 +197,63 @@ void Judge::wheel_fault_in_time() {
   const bool applies =
       drives && memory_.started_at_rest && has_default_protection() && world_.wired_as_believed &&
       supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
-      simulator_.board.plant.model().supply_ohm == 0.0 && simulator_.board.wiring.is_right() &&
-      !simulator_.board.plant.model().motors_swapped &&
-      world_us() > world_.disturbed_us + kAfterDisturbanceUs && witness_.perhaps_forbidden() == 0 &&
-      witness_.perhaps_held_ways() == 0;
+      simulator_.board.wiring.is_right() && !simulator_.board.plant.model().motors_swapped &&
+      world_us() > world_.disturbed_us + kAfterDisturbanceUs &&
+      !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways());
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const double wanted = target(side);
     if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02 ||
         (wheel.slowest != 0.0 && sign_of(wanted) != sign_of(wheel.slowest))) {
-      wheel = {};
+      wheel.wrong_since_us = 0;
+      wheel.slowest = 0.0;
       if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02) continue;
     }
-    if (wheel.wrong_since_us == 0) wheel = {.wrong_since_us = now_us(), .slowest = wanted};
+    if (wheel.wrong_since_us == 0) {
+      wheel.wrong_since_us = now_us();
+      wheel.slowest = wanted;
+    }
     if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
     const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
     check(Rule::kWheelFaultInTime, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
           std::string(side == kLeft ? "the left" : "the right") +
               " wheel has not done what its setpoint says for " +
               text_of(static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6) + " s");
+  }
+}
+
+/// S06, of all drives since a tick or a clear, however short they are.
+void Judge::driven_hard_without_a_tick() {
+  // The defaults, and the time of a step or two.
+  constexpr double kHard = 0.455;
+  constexpr double kHardUs = 530'000.0;
+  const auto& granted = witness_.granted();
+  const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
+  const bool applies = has_default_protection() && world_.wired_as_believed &&
+                       simulator_.board.wiring.is_right() &&
+                       !simulator_.board.plant.model().motors_swapped && !world_.changed_encoders;
+  const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
+  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  for (const Side side : kSides) {
+    Memory::Wheel& wheel = memory_.wheels[side];
+    const sim::Quadrature& encoder = simulator_.board.encoders[side];
+    const bool counts = encoder.model.stuck != 0 || memory_.hides_tick[side] ||
+                        encoder.shown_ticks() != wheel.anchor;
+    // At a setpoint of zero the firmware yields to what may be a push.
+    const bool yields = drives && !granted->duty && target(side) == 0.0;
+    if (!applies || is_cleared || counts || yields) {
+      wheel.anchor = encoder.shown_ticks();
+      wheel.still_us = 0.0;
+      continue;
+    }
+    const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
+    if (drives && duty >= kHard)
+      wheel.still_us += period_us;
+    else
+      wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
+    check(Rule::kWheelFaultInTime, wheel.still_us <= kHardUs,
+          std::string(side == kLeft ? "the left" : "the right") +
+              " wheel was driven hard, and its encoder showed no tick");
   }
 }
 
@@ -225,7 +264,8 @@ void Judge::sound_robot_drives_on() {
   if (!is_clean() || !has_default_protection() || !world_.wired_as_believed) return;
   constexpr uint32_t kOfWheels = fault::kLeftNotCounting | fault::kRightNotCounting |
                                  fault::kLeftReversed | fault::kRightReversed |
-                                 fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible;
+                                 fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible |
+                                 fault::kOverspeed;
   check(Rule::kSoundRobotDrivesOn, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
         "a sound robot on a flat floor has the faults " + std::to_string(simulator_.faults()));
 }
@@ -451,8 +491,10 @@ void Judge::contradictions_never_drive() {
 void Judge::late_step_is_a_fault() {
   const bool was_driving = memory_.state == SupervisorState::kDriving;
   const uint64_t elapsed_us = now_us() - memory_.step_us;
+  // A trial that ends in this very step stops the robot before.
   const bool applies =
-      was_driving && !world_.handled && !world_.writes_flash && witness_.trial() == Trial::kNone &&
+      was_driving && !world_.handled && !world_.writes_flash &&
+      witness_.trial() != Trial::kExpired &&
       static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
   check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
         "a control step came after " + std::to_string(elapsed_us) + " us without a fault");
@@ -551,8 +593,14 @@ void Judge::half_of_the_speed() {
   const auto has_changed = [this](ParameterId id) {
     return value(id) != memory_.values[index_of(id)];
   };
-  if (memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
-      has_changed(kMaxAccelerationMps2)) {
+  const bool begins = memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
+                      has_changed(kMaxAccelerationMps2);
+  if (begins || has_changed(kMaxDuty)) {
+    for (const Side side : kSides)
+      memory_.limited_duty[side] =
+          std::max(memory_.limited_duty[side], std::abs(memory_.duty[side]));
+  }
+  if (begins) {
     memory_.limited_since_us = now_us();
     memory_.limited_from_umps = static_cast<double>(std::max(
         std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight])));
@@ -561,12 +609,17 @@ void Judge::half_of_the_speed() {
     return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
   };
   if (granted->duty) {
+    // It falls to half, at nearly the slew limit: of two wheels the slower one keeps their ratio.
+    const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
+    const double fall = 0.4 * static_cast<double>(value(kMaxDutyRatePerS)) * period_s;
     for (const Side side : kSides) {
-      const double before = std::abs(memory_.duty[side]);
       const double now = std::abs(simulator_.board.bridges()[side].signed_duty());
-      const double most = std::max(highest(kMaxDuty) / 2.0, before) + 2.0 / 32767.0;
-      check(Rule::kExternalStops, before == 0.0 || now <= most,
+      double& most = memory_.limited_duty[side];
+      // A step for what was on its way, and another one for the pause of the stage.
+      check(Rule::kExternalStops,
+            now <= std::max(highest(kMaxDuty) / 2.0, most) + 2.0 * fall + 2.0 / 32767.0,
             "a duty of " + text_of(now) + " with a low battery");
+      most = std::max(0.0, most - fall);
     }
     return;
   }
@@ -589,6 +642,41 @@ void Judge::peripherals_of_the_board() {
   if (state != PeripheralsState::kTrial && state != PeripheralsState::kUnusable) return;
   check(Rule::kPeripheralsOfTheBoard, simulator_.state() != SupervisorState::kDriving,
         "it is in DRIVING, and nobody confirmed the peripherals of this board");
+}
+
+/// S34: a mean of half as much again as it may, for a second in all, is a fault.
+void Judge::not_too_fast() {
+  // What the firmware measures lags, and is noisy.
+  constexpr double kMargin = 1.1;
+  constexpr double kTooFastUs = 1'150'000.0;
+  const auto& granted = witness_.granted();
+  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  bool applies =
+      simulator_.state() == SupervisorState::kDriving &&
+      memory_.state == SupervisorState::kDriving && granted && !granted->duty &&
+      !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &&
+      has_default_protection() && world_.wired_as_believed && simulator_.board.wiring.is_right() &&
+      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution);
+  double sum = 0.0;
+  double allowed = static_cast<double>(
+      std::max(value(kMaxVelocityMps), memory_.highest[index_of(kMaxVelocityMps)]));
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    applies = applies && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
+    sum += std::abs(simulator_.board.plant.speed_mps(side));
+    allowed =
+        std::max(allowed, std::abs(static_cast<double>(simulator_.commanded_umps(side))) * 1e-6);
+  }
+  const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
+  const bool obeys = applies && sum <= 2.0 * kMargin * allowed;
+  if (is_cleared || obeys)
+    memory_.too_fast_us = 0.0;
+  else if (applies && sum > 3.0 * kMargin * allowed)
+    memory_.too_fast_us += period_us;
+  else
+    memory_.too_fast_us = std::max(0.0, memory_.too_fast_us - period_us / 10.0);
+  check(Rule::kNotTooFast, memory_.too_fast_us <= kTooFastUs,
+        "it rolls at " + text_of(sum / 2.0) + " m/s, may do " + text_of(allowed) + ", and goes on");
 }
 
 // --- at rest -------------------------------------------------------------------------------------
@@ -638,8 +726,9 @@ void Judge::begin_estop(bool certain) {
   if (certain) memory_.least.guards = true;
 }
 
-/// One that only a power stage reports coasts.
+/// One that only a power stage reports coasts; at one of overspeed the brake lasts.
 void Judge::begin_fault(uint32_t new_faults) {
+  if ((new_faults & fault::kOverspeed) != 0) return begin_action(StopMode::kBrakeUntilDriven, true);
   const bool may_be_of_stage = (new_faults & fault::kExternal) != 0;
   begin_action(static_cast<StopMode>(value(kStopMode)), !may_be_of_stage);
 }
@@ -776,10 +865,9 @@ void Judge::stops_as_asked() {
   }
 }
 
-/// A bumper keeps a robot in DRIVING from what its setpoint says.
-bool Judge::is_held_by_a_bumper() const {
+bool Judge::is_held_by_a_bumper(uint32_t ways) const {
   const auto& granted = witness_.granted();
-  return granted && ((witness_.forbidden() | witness_.held_ways()) & granted->ways) != 0;
+  return granted && (ways & granted->ways) != 0;
 }
 
 /// S22.
@@ -796,7 +884,8 @@ void Judge::rolling_is_reported() {
     sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  const bool is_held = simulator_.state() != SupervisorState::kDriving || is_held_by_a_bumper();
+  const bool is_held = simulator_.state() != SupervisorState::kDriving ||
+                       is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways());
   const bool rolls =
       sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
   // It is reported once until it is slow: for long enough to be measured.
@@ -949,6 +1038,8 @@ void Judge::after_call(bool stepped) {
     half_of_the_speed();
     within_limits();
     wheel_fault_in_time();
+    driven_hard_without_a_tick();
+    not_too_fast();
     sound_robot_drives_on();
     slew_within_limit();
     begins_gently();
@@ -987,7 +1078,7 @@ void Judge::remember() {
   memory_.earlier_highest = memory_.highest;
   memory_.highest = memory_.values;
   memory_.hard_switches = simulator_.board.hard_switches();
-  world_.writes_flash = world_.handled = false;
+  world_.writes_flash = world_.handled = world_.changed_encoders = false;
 }
 
 void Judge::after_start() {

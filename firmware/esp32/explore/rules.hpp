@@ -54,14 +54,22 @@ struct Memory {
   struct Wheel {
     uint64_t wrong_since_us = 0;  ///< 0: it does what it should, or need not.
     double slowest = 0.0;         ///< Setpoint since then [m/s].
+    // Across stops: how long it was driven hard without a tick, leaking at a tenth of that pace,
+    // and the encoder's ticks at the last one.
+    double still_us = 0.0;
+    int64_t anchor = 0;
   };
   std::array<Wheel, 2> wheels{};
   bool started_at_rest = false;
 
-  // S29. Since when a low battery has limited the velocity that is driven; 0: it does not. And how
-  // fast the faster wheel was then.
+  // S29. Since when a low battery has limited what is driven; 0: it does not. And how fast the
+  // faster wheel was then; of duties, what each may be by now.
   uint64_t limited_since_us = 0;
   double limited_from_umps = 0.0;
+  std::array<double, 2> limited_duty{};
+
+  // S34. How long it has been too fast, leaking as above.
+  double too_fast_us = 0.0;
   // S28. For how many steps windings have gone against a bumper, in an open loop.
   int against_steps = 0;
   // S28 and S32. Since when a bumper has held it in DRIVING, and how fast it was then.
@@ -115,6 +123,8 @@ constexpr uint64_t kSurelyStillUs = 650'000;
 /// What hands and hardware do, as far as rules depend on it. The explorer writes it.
 struct World {
   bool wired_as_believed = true;
+  /// Which encoders lose their edges in gaps that S06 knows how to notice.
+  std::array<bool, 2> loses_in_gaps{};
   uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
   bool ever_disturbed = false;
   uint64_t turned_by_hand_us = 0;  ///< Simulated time at which a wheel was, last [us].
@@ -163,6 +173,7 @@ class Judge {
   void driven_by_right();
   void confirmed_board_only();
   void wheel_fault_in_time();
+  void driven_hard_without_a_tick();
   void sound_robot_drives_on();
   void time_moves_the_state();
   void message_moves_the_state();
@@ -181,6 +192,7 @@ class Judge {
   void external_stops();
   void half_of_the_speed();
   void peripherals_of_the_board();
+  void not_too_fast();
   void estop_is_noted();
   void follow_message();
   void follow_transition();
@@ -205,7 +217,8 @@ class Judge {
   bool is_wrong(sim::Side side) const;
   bool has_default_protection() const;
   bool is_clean() const;
-  bool is_held_by_a_bumper() const;
+  /// Whether a bumper keeps a robot in DRIVING from what its setpoint says, by flags of `reflex`.
+  bool is_held_by_a_bumper(uint32_t ways) const;
   uint64_t now_us() const { return simulator_.board.device_us(); }
   uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
   float value(ParameterId id) const { return witness_.value(id); }

@@ -247,6 +247,9 @@ bool Run::apply(const Operation& operation) {
     case Kind::kHold:
       hold(operation);
       break;
+    case Kind::kGaps:
+      drive_with_gaps(operation);
+      break;
     default:
       if (operation.kind >= Kind::kOpen && operation.kind <= Kind::kRepeat) {
         message(operation);
@@ -403,6 +406,37 @@ void Run::hold(const Operation& operation) {
               .values = {values[0], values[1], values[2], 2.5 * every_us, 1, 0}});
     run_for(std::min(every_us, left_us));
   }
+}
+
+/// As hold(), with an encoder that loses all edges for a while, again and again.
+void Run::drive_with_gaps(const Operation& operation) {
+  const auto& values = operation.values;
+  const size_t side = whole(values[3]) % kSides;
+  sim::EncoderModel& model = simulator_.board.encoders[side].model;
+  const double of_us = std::clamp(values[5], 1e3, 1e6);
+  const double lost_us = std::clamp(values[4], 0.0, of_us);
+  const sim::PlantModel& plant = simulator_.board.plant.model();
+  disturb();
+  // What the firmware is known to notice.
+  world_.loses_in_gaps[side] = lost_us >= 0.7 * of_us && of_us >= 10e3 && of_us <= 30e3 &&
+                               std::abs(values[1]) >= 0.2 && plant.bridge.supply_v == 7.4 &&
+                               plant.supply_ohm == 0.0 && plant.slope_rad == 0.0 &&
+                               witness_.value(ParameterId::kMaxDuty) == 1.0f;
+  double since_setpoint_us = 50e3;
+  for (double left_us = std::min(values[2], 20e6); left_us > 0.0 && !ended(); left_us -= of_us) {
+    if (since_setpoint_us >= 50e3) {
+      setpoint({.kind = Kind::kVelocity,
+                .values = {values[0], values[1], values[1], 50e3 + 3 * of_us, 1, 0}});
+      since_setpoint_us = 0.0;
+    }
+    model.lost = 1.0;
+    run_for(lost_us);
+    model.lost = 0.0;
+    run_for(of_us - lost_us);
+    since_setpoint_us += of_us;
+  }
+  world_.loses_in_gaps[side] = false;
+  disturb();
 }
 
 void Run::write_board(const Operation& operation, Host& host) {

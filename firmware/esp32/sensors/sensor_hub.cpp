@@ -223,7 +223,7 @@ void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_u
   } else if (now_us - battery.seen_us >= kZeroUs) {
     note_state(channel, SensorState::kZero, now_us);
   }
-  if (battery.state != SensorState::kOk) return battery_.forget_pending();
+  if (battery.state != SensorState::kOk) return battery_.rest(now_us);
   const uint16_t millivolts = is_divided ? divider_mv : power_.voltage_mv;
   // A divider's 0 mV that has not lasted yet is no voltage of a battery.
   if (millivolts == 0 || !guards_battery()) return;

@@ -65,6 +65,10 @@ CAUSES: dict[str, Cause] = {
     "driver_failed": Cause(
         "A motor or encoder peripheral did not start", "the pins in the wiring guide"
     ),
+    "overspeed": Cause(
+        "The robot rolled much faster than its limit and its setpoint for a second",
+        "the slope, or who pushed it; then the encoders and `max_velocity_mps`",
+    ),
     "store_full": Cause(
         "The flash of the saved parameters has no free page", "the flash: reset the parameters"
     ),
@@ -239,6 +243,7 @@ OTHER_FAULTS: dict[Fault, str] = {
     Fault.STORE_UNREADABLE: "store_unreadable",
     Fault.NO_BOARD: "no_board",
     Fault.EXTERNAL: "external_fault",
+    Fault.OVERSPEED: "overspeed",
 }
 
 RESETS: dict[ResetReason, str] = {
