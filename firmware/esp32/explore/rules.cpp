@@ -670,7 +670,8 @@ void Judge::follow_message() {
     begin_fault(simulator_.faults() & ~witness_.last_faults());
   } else if (id == ParameterSet::kId || id == ParameterReset::kId) {
     // One that notices the contact stops by the values before it, and may change them.
-    if (task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+    const bool is_noticed = witness_.contact_open() && !memory_.contact_open;
+    if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
   } else if (witness_.contact_open()) {
     begin_estop(task.before != after);
     memory_.contact_open = memory_.contact_open || task.before != after;
