@@ -256,9 +256,9 @@ def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None
     restart(robot)
     assert in_force(robot)[0] is BoardState.TRIAL
     boot = robot.sim.get("boot_id")
-    robot.run(TRIAL_S - 1.0)
+    robot.run(TRIAL_S - 2.0)
     assert robot.sim.get("boot_id") == boot
-    robot.run(2.0)
+    robot.run(3.0)
     assert robot.sim.get("boot_id") != boot
     assert in_force(robot) == (BoardState.STORED, "DRV8833")
 

@@ -311,13 +311,14 @@ def test_a_guarded_battery_that_nobody_measures_stops_the_robot() -> None:
 def test_a_robot_with_a_guarded_battery_waits_for_its_first_measurement() -> None:
     robot = PiRobot(IMU, POWER, LEVELS)
     robot.reads = False
-    robot.open()
+    robot.start().session.connect(robot.now_us)
+    robot.wait_open()
     robot.set_duty(0.3, 0.3)
     robot.step()
     with pytest.raises(DeviceRefused):  # of the first one
         robot.set_duty(0.3, 0.3)
     robot.reads = True
-    robot.run_ms(500)
+    robot.arm()
     drives(robot, 100)
 
 

@@ -20,7 +20,7 @@ from .setpoints import SetpointSender
 
 ZERO_TTL_US = 250_000
 """More than the error bound of the clock; the stop behind the zero ends it at once."""
-SEEN_S = 0.1
+SEEN_S = 0.25
 """How long a state frame or a refusal may take to show what became of the zero."""
 LOST_ATTEMPTS = 5
 BOOTING_ATTEMPTS = 50

@@ -181,7 +181,7 @@ class Session:
         news: What has happened, in order; whoever serves the session takes it out.
         tap: Passes on what this session is given.
         warn: Takes what the user should know, as `logging.warning` does.
-        warn_held: The same for setpoints that are held; nobody is told of another session's.
+        warn_held: The same for setpoints that are held; silent in a session that is followed.
     """
 
     def __init__(

@@ -12,13 +12,13 @@ from wheelwire.errors import DeviceRefused, LinkLost, WheelwireError
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import ClearEstop, SetWheelVelocity
+from wheelwire_protocol.types import ClearEstop, ParameterValue, SetWheelVelocity
 
 GAPS = tuple(PARAMETER_BY_NAME[name].id for name in ("rearm_gap_s", "ttl_max_s"))
 
 
 class WarnedLine(VirtualLine):
-    """A line whose session's warnings are kept."""
+    """A line that has its session's warnings."""
 
     def __init__(self, **parameters: float) -> None:
         super().__init__(watched=GAPS)
@@ -42,7 +42,7 @@ class WarnedLine(VirtualLine):
                 self.drive()
             except DeviceRefused as refused:
                 codes.append(refused.code)
-            except LinkLost:
+            except WheelwireError:  # out of reach
                 codes.append(None)
             self.run(period_s)
         return codes
@@ -93,6 +93,27 @@ def test_a_zero_setpoint_ends_it_at_once(warned: WarnedLine) -> None:
     assert not warned.session.setpoints.is_unarmed
 
 
+@pytest.mark.parametrize("pair", [(0.1, 0.0), (0.0, -0.1), (0.1, -0.1)])
+def test_one_wheel_at_rest_is_no_zero_nor_is_a_duty_let_through(
+    warned: WarnedLine, pair: tuple[float, float]
+) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    for ask in (warned.set_velocity, warned.set_duty):
+        with pytest.raises(DeviceRefused):
+            ask(*pair)
+    warned.run(0.05)
+    assert not warned.moved()
+
+
+def test_a_stop_ends_it_not(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    warned.stop()
+    assert warned.publish(1.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
+
+
 def test_so_does_a_pause(warned: WarnedLine) -> None:
     warned.outage(3.0, reset=True)
     assert warned.publish(1.0)
@@ -136,6 +157,17 @@ def test_a_session_that_is_lost_meanwhile_holds_on(warned: WarnedLine) -> None:
     assert RefusalCode.UNARMED in warned.publish(3.0)
     assert not warned.moved()
     assert len(warned.warnings) == 1
+
+
+def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) -> None:
+    warned.publish(0.2)
+    warned.device.lost.add(ParameterValue)
+    warned.device.reset()
+    warned.publish(3.0)
+    warned.device.forget()
+    warned.device.lost.clear()
+    assert warned.publish(3.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
 
 
 def test_the_next_reset_is_told_again(warned: WarnedLine) -> None:

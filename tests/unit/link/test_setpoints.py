@@ -135,6 +135,7 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
     line.device.lost.add(WheelState)
     line.drive()
     line.run(0.05)
+    (first,) = line.device.obeyed
     line.to_device.impairment.loss = 1.0
     line.drive()
     line.write()
@@ -143,9 +144,10 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
         line.device.send(line.device.state)
     else:
         ids = line.device.session_id, message_id(SetWheelVelocity)
-        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, 1))
+        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, first.command_seq))
     line.run(0.05)
-    assert [setpoint.command_seq for setpoint in line.device.obeyed] == [1, 2]
+    numbers = [setpoint.command_seq for setpoint in line.device.obeyed]
+    assert numbers == [first.command_seq, first.command_seq + 1]
 
 
 def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:

@@ -496,6 +496,8 @@ def test_a_device_that_has_started_anew_is_not_driven_by_who_goes_on_commanding(
         for _ in range(20):
             clock.now_s += 0.1
             assert ignored(connection, clock.now_s) is Ignored.UNARMED
+        with pytest.raises(CommandIgnored, match="held: unarmed"):
+            connection.command(Twist(0.0, 0.5), clock.now_s)  # on the spot is no standstill
         assert connection.is_held
         assert connection.holds == holds
         assert robot.told == []
