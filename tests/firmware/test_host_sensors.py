@@ -48,8 +48,12 @@ REPORTED_MS = 100
 
 
 def started(*peripherals: Peripheral) -> PiRobot:
-    """A robot whose sensors have been read for a while."""
-    robot = PiRobot(*peripherals).open()
+    """A robot whose sensors have been read for a while, and that may be driven."""
+    return streaming(PiRobot(*peripherals).open())
+
+
+def streaming(robot: PiRobot) -> PiRobot:
+    """Asks for samples, and reads them for a while."""
     robot.request(SensorStream(0, 0, 200))
     robot.run_ms(300)
     robot.messages.clear()
@@ -58,7 +62,9 @@ def started(*peripherals: Peripheral) -> PiRobot:
 
 @pytest.fixture
 def robot() -> Iterator[PiRobot]:
-    return started()  # type: ignore[return-value]
+    robot = PiRobot().start()
+    robot.session.connect(robot.now_us)
+    return streaming(robot.wait_open())  # type: ignore[return-value]
 
 
 def drives(robot: PiRobot, milliseconds: int) -> None:
@@ -172,6 +178,7 @@ def test_transfers_that_fail(robot: PiRobot, failure: TransferResult, state: Sen
 
 
 def test_a_transfer_that_does_not_end_delays_no_step(robot: PiRobot) -> None:
+    robot.arm()
     found: list[SensorState] = []
 
     def hang() -> None:
