@@ -337,7 +337,7 @@ void Judge::slew_within_limit() {
   // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
       memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0 ||
-      witness_.perhaps_held_ways() != 0)
+      witness_.perhaps_held_ways() != 0 || memory_.was_held)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -970,7 +970,7 @@ void Judge::remember() {
   memory_.followed_velocity = drives && !granted->duty;
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
   // A bumper that held it off lets it begin anew.
-  if (witness_.perhaps_held_ways() != 0) memory_.restarting_steps = 2;
+  memory_.was_held = witness_.perhaps_held_ways() != 0;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
