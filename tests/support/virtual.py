@@ -11,7 +11,6 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
 
 from .host_samples import received
-from .raw import ARMING_MS
 from .virtual_host import VirtualHost
 
 STEP_US = 1000
@@ -48,10 +47,6 @@ class VirtualRobot(VirtualHost):
         self.sim = FwSim(seed, store)
         for name, value in settings.items():
             self.sim.set(name, value)
-
-    def arm(self) -> None:
-        """As the base's."""
-        self.run(ARMING_MS / 1000)
 
     def state(self) -> SupervisorState:
         """The supervisor's state in the newest sample."""

@@ -15,6 +15,8 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import StopMode
 
 TIMEOUT_S = 5.0
+ARMING_S = 1.01
+"""More than rearm_gap_s and ttl_max_s by default."""
 Self = TypeVar("Self", bound="VirtualHost")
 
 
@@ -57,6 +59,7 @@ class VirtualHost(ABC):
 
     def arm(self) -> None:
         """Pause for as long as the device asks for after its start."""
+        self.run(ARMING_S)
 
     def wait_open(self: Self) -> Self:
         """Wait for an open session and a further sample."""

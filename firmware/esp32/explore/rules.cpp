@@ -377,7 +377,7 @@ void Judge::slew_within_limit() {
   // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
       memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0 ||
-      witness_.perhaps_held_ways() != 0)
+      witness_.perhaps_held_ways() != 0 || memory_.was_held)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -759,7 +759,8 @@ void Judge::follow_message() {
     begin_fault(simulator_.faults() & ~witness_.last_faults());
   } else if (id == ParameterSet::kId || id == ParameterReset::kId) {
     // One that notices the contact stops by the values before it, and may change them.
-    if (task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+    const bool is_noticed = witness_.contact_open() && !memory_.contact_open;
+    if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
   } else if (witness_.contact_open()) {
     begin_estop(task.before != after);
     memory_.contact_open = memory_.contact_open || task.before != after;
@@ -1060,7 +1061,7 @@ void Judge::remember() {
   memory_.followed_velocity = drives && !granted->duty;
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
   // A bumper that held it off lets it begin anew.
-  if (witness_.perhaps_held_ways() != 0) memory_.restarting_steps = 2;
+  memory_.was_held = witness_.perhaps_held_ways() != 0;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();

@@ -74,6 +74,7 @@ struct Memory {
   int against_steps = 0;
   // S28 and S32. Since when a bumper has held it in DRIVING, and how fast it was then.
   uint64_t held_since_us = 0;
+  bool was_held = false;  ///< At the end of the last step.
   double held_from_umps = 0.0;
 
   // S09.
