@@ -152,8 +152,7 @@ void Robot::actuate_within_reflexes(uint64_t now_us) {
     drive_.release();
     bumped_until_us_ = now_us + config_.brake_time_us;
   }
-  const bool is_zero = target_.left == 0 && target_.right == 0;
-  if (is_held || (is_zero && now_us < bumped_until_us_)) return hold_still(now_us);
+  if (is_held || (target_.is_zero() && now_us < bumped_until_us_)) return hold_still(now_us);
   follow();
 }
 
@@ -292,7 +291,7 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   // The sensors' in one condition with it, for this is the path of each setpoint.
   if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
-    return standing_refusal(now_us);
+    return standing_refusal(setpoint, now_us);
   if (unarmed_ != 0 && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
@@ -306,10 +305,11 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-RefusalCode Robot::standing_refusal(uint64_t now_us) {
+RefusalCode Robot::standing_refusal(const Setpoint& setpoint, uint64_t now_us) {
   if (contradictions_ != 0) return RefusalCode::kContradiction;
   if ((reflexes_ & reflex::kUnread) != 0) return RefusalCode::kBooting;
-  trip(fault::kExternal, now_us);
+  // One that is to stand does not try to drive: opening a link sends a zero.
+  if (!setpoint.wheels.is_zero()) trip(fault::kExternal, now_us);
   return RefusalCode::kFault;
 }
 
@@ -317,9 +317,8 @@ RefusalCode Robot::standing_refusal(uint64_t now_us) {
 /// may restart motion (ISO 13850), nor may a bumper that is free again. So a program that goes on
 /// sending has to ask for standstill first, or to pause; or to drive away from the bumper.
 bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
-  const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
   const bool is_away = (unarmed_ & kUnarmed) == 0 && !forbids(unarmed_, setpoint.wheels);
-  if (is_zero || is_away || now_us - quiet_since_us_ >= config_.rearm_gap_us) {
+  if (setpoint.wheels.is_zero() || is_away || now_us - quiet_since_us_ >= config_.rearm_gap_us) {
     unarmed_ = 0;
     note_forbidden();
     return true;

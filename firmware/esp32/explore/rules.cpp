@@ -332,9 +332,9 @@ void Judge::message_moves_the_state() {
       task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
                       id == BoardWrite::kId || id == BoardConfirm::kId ||
                       id == PeripheralsWrite::kId || id == PeripheralsConfirm::kId);
-  // A setpoint shows that a sensor has stopped the robot.
-  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && after == SupervisorState::kFault &&
-      (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
+  // A setpoint that is to drive shows that a sensor has stopped the robot.
+  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && !task.is_zero &&
+      after == SupervisorState::kFault && (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
       (simulator_.faults() & fault::kExternal) != 0)
     return;
   if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;

@@ -183,6 +183,7 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
     return value > 0.0 ? reflex::kNoForward : reflex::kNoReverse;
   };
   const auto ways = static_cast<uint8_t>(way_of(left) | way_of(right));
+  task_->is_zero = ways == 0;
   const bool may_arm = may_be_gap();
   if (!std::isfinite(left) || !std::isfinite(right)) {
     task_->codes = RefusalCode::kNotFinite;

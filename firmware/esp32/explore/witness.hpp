@@ -87,6 +87,7 @@ struct Task {
   Seen message;
   SupervisorState before{};
   bool is_new = false;     ///< Neither a repeat, nor too old, nor of another session.
+  bool is_zero = false;    ///< A setpoint that turns no wheel.
   bool is_repeat = false;  ///< Answered from the stored answers, and not carried out again.
   bool answers = false;    ///< An answer must come.
   bool answered = false;

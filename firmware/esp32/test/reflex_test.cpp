@@ -323,6 +323,11 @@ TEST(a_robot_that_is_lifted_is_in_no_fault_until_it_is_to_drive) {
   bench.run(20);
   CHECK(bench.state() == SupervisorState::kIdle);
   bench.received.clear();
+  bench.send(bench.velocity(0.0f, 0.0f));
+  bench.run(20);
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  CHECK(bench.state() == SupervisorState::kIdle && bench.device.faults() == 0);
+  bench.received.clear();
   bench.send(bench.velocity(0.1f, 0.1f));
   bench.step();
   CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
