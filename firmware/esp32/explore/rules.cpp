@@ -761,6 +761,7 @@ void Judge::follow_message() {
     // One that notices the contact stops by the values before it, and may change them.
     const bool is_noticed = witness_.contact_open() && !memory_.contact_open;
     if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+    memory_.contact_open = memory_.contact_open || is_noticed;
   } else if (witness_.contact_open()) {
     begin_estop(task.before != after);
     memory_.contact_open = memory_.contact_open || task.before != after;
