@@ -766,6 +766,8 @@ void Judge::follow_message() {
     begin_estop(task.before != after);
     memory_.contact_open = memory_.contact_open || task.before != after;
   }
+  // The next drive, maybe before the next control step, begins at what the wheels do then.
+  if (after != SupervisorState::kDriving) memory_.held_since_us = 0;
   if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
 }
 
