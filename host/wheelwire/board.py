@@ -31,7 +31,7 @@ from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
 from .errors import ConfigurationError, shown
-from .peripherals import CRC_SIZE, Peripheral, peripheral_problems, sealed
+from .peripherals import CRC_SIZE, Peripheral, peripheral_problems, sealed, silent_wires
 
 # Little-endian and without padding, as on the wire.
 PACKED = struct.Struct("<" + "".join(letters for _, letters in BOARD_LAYOUT))
@@ -173,7 +173,13 @@ class BoardDescription:
 
     def warnings(self) -> list[str]:
         """What is worth a look although it can be used, a sentence each; raises as `problems`."""
-        return self._sentences(warnings=True)
+        found = self._sentences(warnings=True)
+        if self.estop is not None and self.estop_contact is ContactKind.NORMALLY_OPEN:
+            found.append(
+                f"estop = {self.estop}: a normally open contact does nothing if its wire breaks, "
+                "and nobody notices: use a normally closed one"
+            )
+        return [*found, *silent_wires(self.peripherals)]
 
     def _sentences(self, *, warnings: bool) -> list[str]:
         return [

@@ -326,6 +326,29 @@ def unpacked_entry(data: bytes) -> Peripheral:
     return DigitalInput(kind, place, first, is_low, pull)
 
 
+def silent_wires(entries: Sequence[Peripheral]) -> list[str]:
+    """The digital inputs that a broken wire makes look safe for ever, a sentence each."""
+    held = {Pull.INTERNAL: ("high", False), Pull.DOWN: ("low", True)}
+    found = []
+    for entry in entries:
+        if not isinstance(entry, DigitalInput):
+            continue
+        name = channel_name(entry.kind, entry.place)
+        if entry.pull not in held:
+            found.append(
+                f"{name}: the board's own resistors decide what a broken wire reads as: pull the "
+                "wire off, and see that the robot stops"
+            )
+            continue
+        level, triggers = held[entry.pull]
+        if triggers != entry.triggered_low:
+            found.append(
+                f"{name}: a broken wire reads as {level}, which stops nothing: choose a sensor and "
+                "a `pull` for which it does, or pull the wire off now and then to try it"
+            )
+    return found
+
+
 def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
     """The bytes of a stored list; the last four, its checksum, are its fingerprint.
 

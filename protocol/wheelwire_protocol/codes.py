@@ -106,13 +106,14 @@ class RefusalCode(DocumentedEnum):
     )
     UNARMED = (
         24,
-        "An e-stop or a fault was cleared: first send a zero setpoint, "
-        "or none at all for rearm_gap_s.",
+        "The device started, an e-stop or a fault was cleared, or a bumper held the robot off: "
+        "first send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.",
     )
     CONTRADICTION = (
         25,
         "Parameters contradict each other; `wheelwire info` lists which ones.",
     )
+    COMMAND_SEQ_SPENT = 26, "The session has used up its command numbers; open another one."
 
 
 class Group(DocumentedEnum):
@@ -253,6 +254,11 @@ class Fault(DocumentedFlag):
     EXTERNAL = (
         4096,
         "An input of the board stopped the robot: remove what triggered it, then clear the fault.",
+    )
+    OVERSPEED = (
+        8192,
+        "The robot rolled much faster than its limit and its setpoint for a second: "
+        "the slope is steeper than its motors hold, or somebody pushed it.",
     )
 
 

@@ -170,11 +170,15 @@ PARAMETERS: tuple[Parameter, ...] = (
             "The left encoder's pins have the right wheel's encoder, and the right ones the left "
             "wheel's. left_encoder_inverted is always of the left wheel's encoder."),
     _real(42, "rearm_gap_s", _STOPPED, Unit.SECOND, 0.5, 0, 5,
-          "After an e-stop or a fault was cleared the robot drives once a zero setpoint came, or "
-          "none for this long. 0 switches the rule off."),
+          "After a start, after an e-stop or a fault was cleared, and after a bumper held it off, "
+          "the robot drives once a zero setpoint came, or none for this long and for ttl_max_s."),
     _real(43, "rolling_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.25, 0.02, 10,
           "A wheel that turns this fast without drive, and does not slow down, is reported as "
           "ROLLING."),
+    _whole(44, "estop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
+           "What an e-stop does, by message or by its contact. 1: coast, for a robot that falls "
+           "over when it brakes. 2: brake for brake_time_s and until the wheels are still, again "
+           "whenever they turn; until driven if stop_mode is 3."),
 )
 # fmt: on
 

@@ -1245,7 +1245,7 @@ PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
 """The fields of the packed peripheral, and their format characters."""
 
 GROUP_HASHES: dict[Group, int] = {
-    Group.BASE: 0x5D587965,
+    Group.BASE: 0x9CAD6F10,
     Group.BOARD: 0x4CD2F265,
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,

@@ -155,8 +155,8 @@ class CommandSubscriber:
         self._type = CommandType(type_name)
         self._subscription: Any = None
         self._pace = LogPace(LOG_PERIOD_S)
-        self._logged_clears = -1
-        """`RobotConnection.clears` when the log last said that the robot waits for a zero."""
+        self._logged_holds = 0
+        """`RobotConnection.holds` when the log last said that the robot waits for a zero."""
         self._topic = node.resolve_topic_name(TOPIC)
         self._frame = limited_frame
         self._limited = None
@@ -248,10 +248,10 @@ class CommandSubscriber:
 
     def _log(self, ignored: CommandIgnored) -> None:
         if ignored.reason is Ignored.UNARMED:
-            # Once for each clear. The node counts some of these commands as sent, because the
-            # robot reports their refusal only with the next one.
-            is_due = self._logged_clears != self._connection.clears
-            self._logged_clears = self._connection.clears
+            # Once. The node counts some of these commands as sent, because the robot reports their
+            # refusal only with the next one.
+            is_due = self._logged_holds != self._connection.holds
+            self._logged_holds = self._connection.holds
         else:
             is_due = self._pace.is_due(ignored.reason, time.monotonic())
         if is_due:

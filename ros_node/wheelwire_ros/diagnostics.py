@@ -209,6 +209,8 @@ def _commands(connection: RobotConnection, ignored_types: list[str]) -> Part:
     for reason, count in sorted(connection.ignored.items(), key=str):
         values[f"ignored_{reason.name.lower()}"] = count
     if not ignored_types:
+        if connection.is_held:
+            return WARN, connection.held_text, values
         return OK, f"{obeyed} obeyed, {ignored} ignored", values
     message = (
         f"the node ignores commands of type {', '.join(ignored_types)}: "

@@ -222,6 +222,10 @@ def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescrip
     return descriptor
 
 
+GAPS = "rearm_gap_s", "ttl_max_s"
+"""Parameters of the robot, the longer one of which is the pause that ends a hold."""
+
+
 def tuning(get: Get) -> Tuning:
     """The settings that can change while the robot is open."""
     max_rpm = get("max_rpm")
@@ -232,7 +236,7 @@ def tuning(get: Get) -> Tuning:
         separation_multiplier=get("wheel_separation_multiplier"),
         left_radius_multiplier=get("left_wheel_radius_multiplier"),
         right_radius_multiplier=get("right_wheel_radius_multiplier"),
-        rearm_gap_s=get("rearm_gap_s") or 0.0,  # None before the robot is open
+        rearm_gap_s=max(get(name) or 0.0 for name in GAPS),  # None before the robot is open
     )
 
 

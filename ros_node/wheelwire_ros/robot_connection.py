@@ -25,8 +25,6 @@ from wheelwire import (
 
 from .speed_limiter import NO_LIMITS, Limits, SpeedLimiter
 
-REPLACED = "another device was connected: waiting for a zero command, or for a pause"
-
 
 class Ignored(enum.Enum):
     """Why the node ignored a command."""
@@ -37,7 +35,7 @@ class Ignored(enum.Enum):
     BEFORE_RECONNECT = "it is older than the connection to the robot"
     INVALID = "it is not a finite velocity"
     REFUSED = "the robot refused it"
-    UNARMED = "an e-stop or a fault was cleared: waiting for a zero command, or for a pause"
+    UNARMED = "held: unarmed; waiting for a zero command, or for a pause"
     OUT_OF_REACH = "the robot cannot be reached"
 
 
@@ -60,8 +58,8 @@ class Tuning:
         separation_multiplier: Real wheel separation divided by the robot's, from calibration.
         left_radius_multiplier: The same for the left wheel's radius.
         right_radius_multiplier: The same for the right wheel's radius.
-        rearm_gap_s: The robot's parameter: while the node waits for a zero command, a pause of
-            this length between two commands serves as well. 0: the node does not wait.
+        rearm_gap_s: While the robot is held, a pause of this length between two commands serves as
+            well as a zero command.
     """
 
     timeout_s: float = 0.5
@@ -70,7 +68,7 @@ class Tuning:
     separation_multiplier: float = 1.0
     left_radius_multiplier: float = 1.0
     right_radius_multiplier: float = 1.0
-    rearm_gap_s: float = 0.0
+    rearm_gap_s: float = 1.0
 
     def calibrated(self, drive: DifferentialDrive) -> DifferentialDrive:
         """The robot's geometry, corrected by the calibration, with the limit of its wheels."""
@@ -121,13 +119,14 @@ class RobotConnection:
         """Whether this node has set the e-stop; a reset of the device does not change it."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
-        self.clears = 0
-        """How often an e-stop or a fault was cleared, or the device replaced: after each the robot
-        waits for a zero command."""
-        self._board_id: str | None = None
-        """Board id of the last session that was prepared."""
-        self._is_replaced = False
-        """Whether the node waits for a zero command, because another device was connected."""
+        self.is_held = False
+        """Whether the newest commands were ignored because the robot waits for a zero command."""
+        self.holds = 0
+        """How often that began."""
+        self._boot_id: int | None = None
+        """Boot id of the last session that was prepared."""
+        self._is_restarted = False
+        """Whether the node waits for a zero command, because the device has started anew."""
         self._moving_s = -math.inf
         """When the last command for motion came while the node waited."""
         self._limiter = SpeedLimiter()
@@ -191,13 +190,12 @@ class RobotConnection:
         # preparation: if the link was lost during it, the next call prepares the new session.
         self.connected_s = time.monotonic()
         self._limiter.rest()
-        board_id = _board_id(self.robot)
-        if self._board_id not in (None, board_id):
-            # Perhaps nobody has looked at this device: a sender that goes on commanding motion does
-            # not move it. A device that was cleared refuses by itself; this one knows of no clear.
-            self._is_replaced, self._moving_s = True, self.connected_s
-            self.clears += 1
-        self._board_id = board_id
+        boot_id = _boot_id(self.robot)
+        if self._boot_id not in (None, boot_id):
+            # A sender that goes on commanding motion does not move a device that has started anew,
+            # or another one. Such a device holds by itself, but not for as long as this took.
+            self._is_restarted, self._moving_s = True, self.connected_s
+        self._boot_id = boot_id
         self._session = session
 
     def command(self, twist: Twist, born_s: float) -> Twist:
@@ -223,11 +221,14 @@ class RobotConnection:
             # The refusal is of the command before this one, which the limiter counted as obeyed.
             self._limiter.rest()
             if error.code == RefusalCode.UNARMED:
-                raise CommandIgnored(Ignored.UNARMED) from error
+                raise self._held() from error
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         except WheelwireError as error:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.obeyed += 1
+        # The robot says only later that it refused what was sent; until then nothing has changed.
+        if self.is_held and not getattr(self.robot, "is_unarmed", False):
+            self.is_held = False
         return obeyed
 
     def _command(self, twist: Twist, born_s: float) -> Twist:
@@ -243,7 +244,7 @@ class RobotConnection:
         if born_s < self.connected_s:
             raise self._too_old(born_s)
         now_s = time.monotonic()
-        if self._is_replaced:
+        if self._is_restarted:
             self._wait_for_zero(twist, now_s)
         tuning, drive = self.tuning, self.drive
         limited = self._limiter.limit(twist, tuning.limits, now_s)
@@ -270,15 +271,25 @@ class RobotConnection:
     def _wait_for_zero(self, twist: Twist, now_s: float) -> None:
         before_s, self._moving_s = self._moving_s, now_s
         if twist != (0.0, 0.0) and now_s - before_s < self.tuning.rearm_gap_s:
-            raise CommandIgnored(Ignored.UNARMED, REPLACED)
-        self._is_replaced = False
+            raise self._held()
+        self._is_restarted = False
+
+    def _held(self) -> CommandIgnored:
+        if not self.is_held:
+            self.is_held = True
+            self.holds += 1
+        return CommandIgnored(Ignored.UNARMED, self.held_text)
+
+    @property
+    def held_text(self) -> str:
+        """What ends the hold, in words."""
+        return f"{Ignored.UNARMED.value} of {self.tuning.rearm_gap_s:g} s"
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
         # The e-stop and the parameters first: a robot without its faults may drive again.
         self.follow()
         self.robot.clear_fault()
-        self.clears += 1
         self._limiter.rest()
 
     def save_parameters(self) -> None:
@@ -329,9 +340,8 @@ class RobotConnection:
         with self._clearing:
             estops = self._estops
             self.robot.clear_estop()
-            self.clears += 1
             if estops == self._estops:
-                self.estopped = False
+                self.estopped = self._estop_unsent = False
                 self._limiter.rest()
             else:  # set again meanwhile, and nobody knows which of the two arrived first
                 self._send_estop()
@@ -342,6 +352,6 @@ class RobotConnection:
         self._estop_unsent = False
 
 
-def _board_id(robot: BaseDriver) -> str:
+def _boot_id(robot: BaseDriver) -> int:
     info = getattr(robot, "info", None)
-    return "" if info is None else str(info.device.board_id)
+    return 0 if info is None else int(info.device.boot_id)

@@ -73,6 +73,7 @@ def restart(robot: VirtualRobot) -> None:
     robot.run_until(lambda: robot.sim.get("boot_id") != boot)
     robot.samples.clear()
     robot.run_until(lambda: bool(robot.samples))
+    robot.arm()
 
 
 SLOT_AT, SLOT_SIZE = 4, 512
@@ -115,6 +116,7 @@ def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path
             robot.sim.reset(reason)
             robot.samples.clear()
             robot.run_until(lambda: bool(robot.samples))
+            robot.arm()
         with pytest.raises(DeviceRefused, match="wheelwire board confirm") as error:
             robot.drive(0.2, 0.2, 0.3)
         assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
@@ -134,6 +136,7 @@ def test_the_images_board_is_confirmed_by_its_fingerprint(tmp_path: Path) -> Non
     robot.samples.clear()
     robot.run_until(lambda: bool(robot.samples))
     assert in_force(robot) == (BoardState.STORED, "L298N, ESP32-DevKitC")
+    robot.arm()
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
     again = VirtualRobot(2, store, wheels_free=1, board_unwritten=1)
@@ -239,6 +242,7 @@ def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     assert robot.sim.get("left.duty") == 0.0
     robot.request(confirmation(load_board("tb6612")))
     assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
+    robot.arm()
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
     robot.sim.reset(ResetReason.POWER_ON)
@@ -252,9 +256,9 @@ def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None
     restart(robot)
     assert in_force(robot)[0] is BoardState.TRIAL
     boot = robot.sim.get("boot_id")
-    robot.run(TRIAL_S - 1.0)
+    robot.run(TRIAL_S - 2.0)
     assert robot.sim.get("boot_id") == boot
-    robot.run(2.0)
+    robot.run(3.0)
     assert robot.sim.get("boot_id") != boot
     assert in_force(robot) == (BoardState.STORED, "DRV8833")
 
@@ -385,6 +389,7 @@ def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path)
     assert "TB6612FNG, which nobody confirmed, not L298N" in str(robot.session.error)
     # It was only on trial: the expected one returns, and drives.
     robot.run_until(lambda: robot.session.phase is Phase.OPEN, timeout_s=15.0)
+    robot.arm()
     robot.drive(0.1, 0.1, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.1, abs=0.03)
 

@@ -57,6 +57,26 @@ def test_a_blocked_wheel_trips(side: str) -> None:
     check_stopped(robot)
 
 
+@pytest.mark.parametrize("end", ["stop", "zero", "silence"])
+@pytest.mark.parametrize("what", ["encoder_dead", "blocked", "motor_open"])
+def test_a_wheel_that_is_driven_in_bursts_trips_all_the_same(what: str, end: str) -> None:
+    """Bursts of 0.3 s, which are shorter than `stall_time_s`: duty 1.0 for a minute, and no end."""
+    robot = VirtualRobot(1, **{f"left.{what}": 1}).open()
+    bursts = 0
+    with suppress(DeviceRefused):
+        while bursts < 10 and not robot.sim.get("faults"):
+            bursts += 1
+            robot.drive(0.3, 0.3, 0.3)
+            if end == "stop":
+                robot.stop()
+            if end == "zero":
+                robot.drive(0.0, 0.0, 0.3)
+            else:
+                robot.run(0.8)
+    assert Fault(int(robot.sim.get("faults"))) == Fault.LEFT_NOT_COUNTING
+    assert bursts <= 4
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_setpoint_that_reverses_is_a_first_one_for_a_wheel_that_stands(side: str) -> None:
     robot = VirtualRobot(1, **{f"{side}.motor_open": 1, "supply_v": 11, "battery_v": 11}).open()

@@ -48,8 +48,12 @@ REPORTED_MS = 100
 
 
 def started(*peripherals: Peripheral) -> PiRobot:
-    """A robot whose sensors have been read for a while."""
-    robot = PiRobot(*peripherals).open()
+    """A robot whose sensors have been read for a while, and that may be driven."""
+    return streaming(PiRobot(*peripherals).open())
+
+
+def streaming(robot: PiRobot) -> PiRobot:
+    """Asks for samples, and reads them for a while."""
     robot.request(SensorStream(0, 0, 200))
     robot.run_ms(300)
     robot.messages.clear()
@@ -58,7 +62,9 @@ def started(*peripherals: Peripheral) -> PiRobot:
 
 @pytest.fixture
 def robot() -> Iterator[PiRobot]:
-    return started()  # type: ignore[return-value]
+    robot = PiRobot().start()
+    robot.session.connect(robot.now_us)
+    return streaming(robot.wait_open())  # type: ignore[return-value]
 
 
 def drives(robot: PiRobot, milliseconds: int) -> None:
@@ -172,6 +178,7 @@ def test_transfers_that_fail(robot: PiRobot, failure: TransferResult, state: Sen
 
 
 def test_a_transfer_that_does_not_end_delays_no_step(robot: PiRobot) -> None:
+    robot.arm()
     found: list[SensorState] = []
 
     def hang() -> None:
@@ -311,13 +318,14 @@ def test_a_guarded_battery_that_nobody_measures_stops_the_robot() -> None:
 def test_a_robot_with_a_guarded_battery_waits_for_its_first_measurement() -> None:
     robot = PiRobot(IMU, POWER, LEVELS)
     robot.reads = False
-    robot.open()
+    robot.start().session.connect(robot.now_us)
+    robot.wait_open()
     robot.set_duty(0.3, 0.3)
     robot.step()
     with pytest.raises(DeviceRefused):  # of the first one
         robot.set_duty(0.3, 0.3)
     robot.reads = True
-    robot.run_ms(500)
+    robot.arm()
     drives(robot, 100)
 
 

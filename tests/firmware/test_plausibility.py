@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import pytest
 
-from support.plausibility import fail, healthy
+from support.plausibility import fail, healthy, healthy_in_bursts
 from support.virtual import VirtualRobot
+from wheelwire.errors import DeviceRefused
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 SIDES = ("left", "right")
@@ -77,3 +80,30 @@ def test_a_battery_that_runs_down_is_measured_as_it_is() -> None:
 @pytest.mark.parametrize("battery_measured", [True, False])
 def test_ordinary_driving_is_plausible(battery_measured: bool) -> None:
     assert healthy(60.0, 1, battery_measured) == []
+
+
+def test_ordinary_starts_and_stops_are_plausible() -> None:
+    assert healthy_in_bursts(100.0, 1) == []
+
+
+@pytest.mark.parametrize("sides", [("left",), ("right",), SIDES])
+@pytest.mark.parametrize(("speed", "limit_s"), [(0.3, 1.0), (0.2, 1.0), (-0.3, 1.0), (0.1, 2.0)])
+def test_an_encoder_that_loses_its_edges_in_short_gaps_trips(
+    speed: float, limit_s: float, sides: tuple[str, ...]
+) -> None:
+    """14 ms of every 20, which a measured velocity sees as pauses of a wheel that is fast between
+    them: it drove at 0.47 m/s instead of 0.3."""
+    robot = VirtualRobot(1).open()
+    began_us = robot.now_us
+    with suppress(DeviceRefused):
+        while not robot.sim.get("faults") and robot.now_us < began_us + 4e6:
+            robot.set_velocity(speed, speed)
+            for lost, seconds in ((1.0, 0.014), (0.0, 0.006)):
+                for side in sides:
+                    robot.sim.set(f"{side}.encoder_lost", lost)
+                robot.run(seconds)
+    faults = Fault(int(robot.sim.get("faults")))
+    implausible = Fault.LEFT_ENCODER_IMPLAUSIBLE | Fault.RIGHT_ENCODER_IMPLAUSIBLE
+    assert faults
+    assert faults & ~implausible == 0
+    assert (robot.now_us - began_us) / 1e6 <= limit_s

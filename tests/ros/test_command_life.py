@@ -18,6 +18,7 @@ from support.ros_process import RobotNode
 from support.ros_rig import NODE, SPEED_MPS, TRUTH_HZ, Rig, open_rig, twist
 from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import SupervisorState
 
 DEFAULT_TTL_MAX_S = 1.0
 SAVED_S = 0.3
@@ -87,5 +88,10 @@ def test_a_robot_that_comes_back_with_a_lower_limit_is_not_driven_until_it_is_ri
                 diagnostics.wait("link", lambda s, _: s.level == DiagnosticStatus.ERROR)
                 assert not any(state.drive_on for state in simulator.take_states())
                 assert graph.set_parameter(NODE, "cmd_vel_timeout", SAVED_S).successful
+                wait(lambda: "held: unarmed" in node.errors(), "the hold after the reset")
+                assert not any(state.drive_on for state in simulator.take_states())
+            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.0)):
+                stop_host.wait(simulator, lambda state: state.state is SupervisorState.DRIVING)
+            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(SPEED_MPS)):
                 stop_host.wait(simulator, lambda state: state.drive_on)
                 diagnostics.wait("link", lambda s, _: s.level == DiagnosticStatus.OK)

@@ -39,6 +39,9 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         yield rig
 
 
+HELD = "held: unarmed; waiting for a zero command, or for a pause of 1 s"
+
+
 def longest_jump_m(rig: Rig) -> float:
     """Beyond what can be driven between two messages of odom, since it was cleared."""
     jumps = []
@@ -72,12 +75,23 @@ def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
     wait(lambda: abs(rig.x_m() - end.x_m) < 0.01, "odom where the robot is")
 
 
-def test_reset_it_goes_on_with_the_parameters_that_were_given(rig: Rig) -> None:
+def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: Rig) -> None:
     rig.odometry.clear()
     with rig.driving_stamped():
         rig.truth(lambda state: state.drive_on)
         boot_id = rig.simulator.reset()
-        rig.truth(lambda state: state.boot_id == boot_id and state.left_mps > LIMIT_MPS / 2)
+        rig.truth(lambda state: state.boot_id == boot_id)
+        rig.simulator.take_states()
+        held = rig.diagnostics.wait("commands", lambda status, _: HELD in status.message)
+        wait(lambda: HELD in rig.node.errors(), "the line")
+        # Longer than the pause, which starts anew with each command.
+        wait(lambda: rig.ignored("unarmed") > int(held["ignored_unarmed"]) + 30, "more of them")
+        assert not any(state.drive_on for state in rig.simulator.take_states())
+        assert rig.node.errors().count(HELD) == 1
+    rig.arm()
+    with rig.driving_stamped():
+        rig.truth(lambda state: state.left_mps > LIMIT_MPS / 2)
+        rig.diagnostics.wait("commands", lambda status, _: status.level == OK)
         rig.diagnostics.wait(
             "link",
             # The link knows of the reset first, the odometry with the next sample.

@@ -118,6 +118,11 @@ class CoreDevice:
         """The messages of one type that have arrived, without their copies."""
         return list(dict.fromkeys(m for m in self.received if isinstance(m, kind)))
 
+    def forget(self) -> None:
+        """What has arrived until now, such as what a host sends when it opens the robot."""
+        self.received.clear()
+        self.obeyed.clear()
+
     def count(self, *kinds: type[AnyMessage]) -> int:
         """How many messages of these types have arrived, copies included."""
         return sum(isinstance(message, kinds) for message in self.received)

@@ -90,6 +90,28 @@ def healthy(seconds: float, seed: int, battery_measured: bool) -> list[Trip]:
     return trips
 
 
+def healthy_in_bursts(seconds: float, seed: int) -> list[Trip]:
+    """As `healthy`, in starts and stops of some tenths of a second, on a supply that sags."""
+    random = Random(seed)
+    trips = []
+    for run in range(math.ceil(seconds / 12)):
+        settings = _conditions(random, True) | {"supply_ohm": random.choice((0.0, 0.3))}
+        robot = VirtualRobot(1, **settings).open()
+        longest_s, pause_s = random.choice((0.1, 0.3, 0.8)), random.choice((0.03, 0.3, 1.0))
+        with suppress(DeviceRefused):
+            while robot.now_us < 12e6 and not robot.sim.get("faults"):
+                linear = random.choice((0.02, 0.1, random.uniform(-0.4, 0.4)))
+                robot.drive(linear, linear, random.uniform(0.03, longest_s))
+                if random.random() < 0.5:
+                    robot.stop()
+                    robot.run(random.uniform(0.0, pause_s))
+                else:
+                    robot.drive(0.0, 0.0, random.uniform(0.0, pause_s))
+        if robot.sim.get("faults"):
+            trips.append(Trip(run, Fault(int(robot.sim.get("faults"))), settings))
+    return trips
+
+
 def _conditions(random: Random, battery_measured: bool) -> dict[str, float]:
     volts = random.uniform(5.5, 9.0)
     settings = {"supply_v": volts, "battery_v": volts if battery_measured else 0.0}

@@ -13,6 +13,8 @@ from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, Wheel
 
 M = TypeVar("M")
 NONCE = 0x12345678
+ARMING_MS = 1010
+"""More than rearm_gap_s and ttl_max_s by default."""
 
 
 class RawHost:
@@ -64,7 +66,13 @@ class RawHost:
         return self.ask(Hello(nonce, PROTOCOL_VERSION, schema_hash()), DeviceHello)
 
     def open(self) -> RawHost:
-        """Open a session and synchronise the clock."""
+        """Open a session, synchronise the clock, and pause for as long as it takes to be armed."""
+        self.connect()
+        self.run_ms(ARMING_MS)
+        return self
+
+    def connect(self) -> RawHost:
+        """As `open`, without the pause: what comes next must be a zero setpoint."""
         self.boot_id = self.hello().boot_id
         self.send(Ping(self.session_id, 1, 0))
         self.run_ms(5)

@@ -15,6 +15,8 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import StopMode
 
 TIMEOUT_S = 5.0
+ARMING_S = 1.01
+"""More than rearm_gap_s and ttl_max_s by default."""
 Self = TypeVar("Self", bound="VirtualHost")
 
 
@@ -49,9 +51,15 @@ class VirtualHost(ABC):
         return self.samples[-1]
 
     def open(self: Self) -> Self:
-        """Connect, and wait until the session is open and a sample of it is here."""
+        """Connect, wait until the session is open and a sample of it is here, and be armed."""
         self.session.connect(self.now_us)
-        return self.wait_open()
+        self.wait_open()
+        self.arm()
+        return self
+
+    def arm(self) -> None:
+        """Pause for as long as the device asks for after its start."""
+        self.run(ARMING_S)
 
     def wait_open(self: Self) -> Self:
         """Wait for an open session and a further sample."""

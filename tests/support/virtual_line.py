@@ -40,6 +40,11 @@ class VirtualLine(VirtualHost):
         self.sent: list[AnyMessage] = []
         self._tap = Decoder()
 
+    def arm(self) -> None:
+        """As the base's."""
+        gap_s = max(self.device.value(name) for name in ("rearm_gap_s", "ttl_max_s"))
+        self.run(gap_s + 0.01)
+
     def step(self) -> None:
         """Jump to the next event."""
         self.write()

@@ -14,7 +14,8 @@ TIMEOUT_S = 30.0
 
 
 def keep_driving(robot: BaseDriver) -> None:
-    """Drive for half a second."""
+    """Drive for half a second, also where the chip was started anew before."""
+    robot.set_velocity(0.0, 0.0)
     for _ in range(50):
         robot.set_velocity(0.1, 0.0)
         robot.read()

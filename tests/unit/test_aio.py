@@ -135,6 +135,7 @@ async def cancelled_after(iterations: int, awaitable: Awaitable[object]) -> bool
 
 async def test_setpoints_are_plain_methods_that_write_at_once(place: Place) -> None:
     async with place.opening() as robot:
+        place.device.forget()
         robot.set_velocity(0.2, 1.0, ttl=0.3)
         robot.set_wheel_velocity(0.1, 0.2)
         robot.set_duty(-1.0, 0.5)
@@ -754,6 +755,7 @@ async def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path)
             async for sample in samples:  # it has waited
                 if sample.boot_id == device.device.boot_id:
                     break
+            robot.set_velocity(0.0, 0.0)
             robot.set_velocity(0.1, 0.0)
 
 
@@ -774,6 +776,7 @@ async def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
 async def test_a_full_port_keeps_a_setpoint_and_refuses_many(place: Place) -> None:
     async with place.opening() as robot:
         place.accepts = False
+        place.device.forget()
         refused: list[str] = []
         while not refused:
             try:

@@ -27,6 +27,7 @@ from wheelwire.files.board import (
     shipped_boards,
     to_yaml,
 )
+from wheelwire.peripherals import DigitalInput, Pull, channel_name
 from wheelwire_protocol.board import (
     CHIPS,
     STAGES,
@@ -42,6 +43,7 @@ from wheelwire_protocol.board import (
 )
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.messages import BOARD, BOARD_SIZE
+from wheelwire_protocol.sensors import PeripheralKind, Place
 
 PINS = st.none() | st.integers(0, 127)
 WHEELS = st.builds(WheelPins, PINS, PINS, PINS, PINS, PINS, PINS, PINS)
@@ -283,6 +285,32 @@ def test_an_led_on_a_strap_is_a_warning(name: str, pin: int) -> None:
     assert board.problems() == []
     (warning,) = board.warnings()
     assert f"led = {pin}: the level of GPIO {pin} at reset" in warning
+
+
+def test_a_contact_that_fails_silently_is_a_warning() -> None:
+    assert parse_board(changed(ESP32, {})).warnings() == []
+    board = parse_board(changed(ESP32, {"estop.contact": "normally_open"}))
+    assert board.problems() == []
+    (warning,) = board.warnings()
+    assert "normally open" in warning
+    no_contact = replace(board, estop=None)
+    assert no_contact.warnings() == []
+
+
+@pytest.mark.parametrize("triggered_low", [False, True])
+@pytest.mark.parametrize("pull", list(Pull))
+@pytest.mark.parametrize("kind", [PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT])
+def test_an_input_whose_broken_wire_looks_safe_is_a_warning(
+    kind: PeripheralKind, pull: Pull, triggered_low: bool
+) -> None:
+    place = Place.FRONT if kind is PeripheralKind.CLIFF else Place.NONE
+    entry = DigitalInput(kind, place, 36, triggered_low, pull)
+    found = replace(parse_board(changed(ESP32, {})), peripherals=(entry,)).warnings()
+    safe = (pull, triggered_low) in ((Pull.INTERNAL, False), (Pull.DOWN, True))
+    assert len(found) == (0 if safe else 1)
+    if found:
+        assert channel_name(kind, place) in found[0]
+        assert ("resistors" in found[0]) == (pull is Pull.EXTERNAL)
 
 
 def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:

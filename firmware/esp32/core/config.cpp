@@ -8,6 +8,7 @@ using enum ParameterId;
 constexpr float kPi = 3.14159265f;
 
 uint32_t to_us(float seconds) { return static_cast<uint32_t>(to_fixed(seconds * 1e6f)); }
+uint32_t greater(uint32_t a, uint32_t b) { return a > b ? a : b; }
 
 /// A gain in duty per m/s as q15 duty per um/s, scaled by 2^fraction_bits.
 int32_t to_gain(float duty_per_mps, int fraction_bits) {
@@ -99,9 +100,10 @@ ControlConfig make_config(const Parameters& parameters) {
       .motors_swapped = parameters.is_on(kMotorsSwapped),
       .encoders_swapped = parameters.is_on(kEncodersSwapped),
       .stop_mode = static_cast<StopMode>(parameters.get(kStopMode)),
+      .estop_mode = static_cast<StopMode>(parameters.get(kEstopMode)),
       .brake_time_us = to_us(parameters.get(kBrakeTimeS)),
       .ttl_max_us = to_us(parameters.get(kTtlMaxS)),
-      .rearm_gap_us = to_us(parameters.get(kRearmGapS)),
+      .rearm_gap_us = greater(to_us(parameters.get(kRearmGapS)), to_us(parameters.get(kTtlMaxS))),
       .rolling_umps = to_umps(parameters.get(kRollingVelocityMps)),
       .overrun_limit_us = static_cast<uint32_t>(parameters.get(kOverrunLimitUs)),
       .estop_input_enabled = parameters.is_on(kEstopInputEnabled),

@@ -28,9 +28,10 @@ struct ControlConfig {
   bool motors_swapped;
   bool encoders_swapped;
   StopMode stop_mode;
+  StopMode estop_mode;
   uint32_t brake_time_us;
   uint32_t ttl_max_us;
-  uint32_t rearm_gap_us;
+  uint32_t rearm_gap_us;  ///< Not shorter than ttl_max_us.
   int32_t rolling_umps;
   uint32_t overrun_limit_us;
   bool estop_input_enabled;
@@ -55,6 +56,7 @@ struct ControlConfig {
     visit("motors_swapped", motors_swapped);
     visit("encoders_swapped", encoders_swapped);
     visit("stop_mode", stop_mode);
+    visit("estop_mode", estop_mode);
     visit("brake_time_us", brake_time_us);
     visit("ttl_max_us", ttl_max_us);
     visit("rearm_gap_us", rearm_gap_us);

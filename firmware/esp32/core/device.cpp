@@ -7,7 +7,8 @@ BoardFacts Device::facts_of(const BoardKeeper* keeper) {
   const StageTable* const stage = table_of(keeper->board().stage);
   return {.fingerprint = keeper->fingerprint(),
           .max_pwm_hz = keeper->is_confirmed() && stage != nullptr ? stage->max_frequency_hz : 0,
-          .is_confirmed = keeper->is_confirmed()};
+          .is_confirmed = keeper->is_confirmed(),
+          .on_trial = keeper->on_trial()};
 }
 
 void Device::start(uint64_t now_us) {

@@ -40,6 +40,18 @@ int32_t plausible(int32_t measured_umps) {
   return clamp<int32_t>(measured_umps, -INT32_MAX / 2, INT32_MAX / 2);
 }
 
+/// As flags of `fault`.
+uint32_t flags_of(WheelFault left, WheelFault right) {
+  uint32_t flags = 0;
+  if (left == WheelFault::kNotCounting) flags |= fault::kLeftNotCounting;
+  if (left == WheelFault::kReversed) flags |= fault::kLeftReversed;
+  if (right == WheelFault::kNotCounting) flags |= fault::kRightNotCounting;
+  if (right == WheelFault::kReversed) flags |= fault::kRightReversed;
+  if (left == WheelFault::kImplausible) flags |= fault::kLeftEncoderImplausible;
+  if (right == WheelFault::kImplausible) flags |= fault::kRightEncoderImplausible;
+  return flags;
+}
+
 }  // namespace
 
 WheelPair scale_to_limit(WheelPair target, int32_t limit) {
@@ -74,13 +86,24 @@ uint32_t Drive::latch(const EncoderCounts& counts, const ControlConfig& config) 
   const WheelFault right =
       right_.latch(counts.right, counts.t_us, config.right_encoder_inverted, supply_q12_, config);
   uint32_t flags = 0;
-  if (left == WheelFault::kNotCounting) flags |= fault::kLeftNotCounting;
-  if (left == WheelFault::kReversed) flags |= fault::kLeftReversed;
-  if (right == WheelFault::kNotCounting) flags |= fault::kRightNotCounting;
-  if (right == WheelFault::kReversed) flags |= fault::kRightReversed;
-  if (left == WheelFault::kImplausible) flags |= fault::kLeftEncoderImplausible;
-  if (right == WheelFault::kImplausible) flags |= fault::kRightEncoderImplausible;
+  if (left != WheelFault::kNone || right != WheelFault::kNone) flags = flags_of(left, right);
+  const uint32_t sum_umps = static_cast<uint32_t>(magnitude(left_.velocity_umps())) +
+                            static_cast<uint32_t>(magnitude(right_.velocity_umps()));
+  const auto limit_umps = static_cast<uint32_t>(config.max_velocity_umps);
+  if (!overspeed_.is_quiet(sum_umps, limit_umps) && is_too_fast(sum_umps, config))
+    flags |= fault::kOverspeed;
   return flags;
+}
+
+/// Out of line: it is hardly ever needed.
+bool Drive::is_too_fast(uint32_t sum_umps, const ControlConfig& config) {
+  if (!following_ || mode_ != ControlMode::kVelocity) {
+    overspeed_.rest(config.period_us);
+    return false;
+  }
+  const int32_t commanded = greater(magnitude(command_.left), magnitude(command_.right));
+  const int32_t allowed = greater(commanded, config.max_velocity_umps);
+  return overspeed_.update(sum_umps, static_cast<uint32_t>(allowed), config.period_us);
 }
 
 void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
@@ -163,15 +186,12 @@ WheelPair Drive::corrected(const ControlConfig& config) {
   return scale_to_limit(correct_setpoint(slewed_, behind, config.path), greater(limit, present));
 }
 
-void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {
-  if (mode == StopMode::kConfigured) mode = config.stop_mode;
-  brake_until_us_ = mode == StopMode::kBrakeUntilDriven ? UINT64_MAX
-                    : mode == StopMode::kBrake          ? now_us + config.brake_time_us
-                                                        : now_us;
+void Drive::release() {
+  if (!following_) return;
   following_ = false;
   stop_began_ = true;
-  left_.coast();
-  right_.coast();
+  left_.release();
+  right_.release();
 }
 
 /// True in the first control step after a stop began. The stop may have come a moment before this
@@ -182,9 +202,9 @@ bool Drive::consume_stop_began() {
   return spent;
 }
 
-void Drive::keep_stopped(uint64_t now_us) {
+void Drive::keep_stopped(bool brakes) {
   if (consume_stop_began()) return;
-  if (now_us < brake_until_us_) {
+  if (brakes) {
     left_.brake();
     right_.brake();
   } else {

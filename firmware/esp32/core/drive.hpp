@@ -1,6 +1,7 @@
 // Both wheels together: setpoints, slew limits that preserve the path, and stopping.
 #pragma once
 
+#include "overspeed.hpp"
 #include "wheel.hpp"
 
 namespace wheelwire {
@@ -13,13 +14,11 @@ WheelPair scale_to_limit(WheelPair target, int32_t limit);
 /// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.
 WheelPair approach(WheelPair from, WheelPair to, int32_t max_step);
 
-/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: driving
-/// towards a bumper, and turning on the spot, which would sweep it along the obstacle.
+/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: turning
+/// a wheel towards a bumper, be it one alone, which would sweep the robot along the obstacle.
 constexpr bool forbids(uint8_t reflexes, WheelPair wheels) {
-  if (reflexes == 0) return false;
-  const int64_t body = static_cast<int64_t>(wheels.left) + wheels.right;
-  return ((reflexes & reflex::kNoForward) != 0 && body >= 0) ||
-         ((reflexes & reflex::kNoReverse) != 0 && body <= 0);
+  return ((reflexes & reflex::kNoForward) != 0 && (wheels.left > 0 || wheels.right > 0)) ||
+         ((reflexes & reflex::kNoReverse) != 0 && (wheels.left < 0 || wheels.right < 0));
 }
 
 class Drive {
@@ -43,17 +42,24 @@ class Drive {
   /// Whether it still slews in a direction that the reflexes do not allow. Of a velocity the
   /// command counts, too: the correction of the following error makes it another one.
   bool goes_against_reflexes() const {
-    const auto is_against = [this](WheelPair wheels) {
-      return (wheels.left != 0 || wheels.right != 0) && forbids(reflexes_, wheels);
-    };
-    return following_ &&
-           (is_against(slewed_) || (mode_ == ControlMode::kVelocity && is_against(command_)));
+    return following_ && (forbids(reflexes_, slewed_) ||
+                          (mode_ == ControlMode::kVelocity && forbids(reflexes_, command_)));
+  }
+  /// Whether a wheel turns, driven or not, in a direction that the reflexes do not allow.
+  bool turns_against_reflexes() const {
+    return forbids(reflexes_, {left_.velocity_umps(), right_.velocity_umps()});
+  }
+  /// Somebody has cleared a fault: what the wheels did before does not count any more.
+  void end_evidence() {
+    left_.end_evidence();
+    right_.end_evidence();
+    overspeed_.end_evidence();
   }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
-  /// that a bridge's inputs never switch while current flows.
-  void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
-  /// One control step of a stop: brakes as long as its mode says, then coasts.
-  void keep_stopped(uint64_t now_us);
+  /// that a bridge's inputs never switch while current flows. What is shorted stays so.
+  void release();
+  /// One control step without drive.
+  void keep_stopped(bool brakes);
 
   /// Call when the parameters have changed.
   void note_parameters(const ControlConfig& config);
@@ -73,6 +79,7 @@ class Drive {
   void visit(Visitor& visit) {
     visit("left", left_);
     visit("right", right_);
+    visit("overspeed", overspeed_);
     visit("encoders_swapped", encoders_swapped_);
     visit("mode", mode_);
     visit("following", following_);
@@ -82,7 +89,6 @@ class Drive {
     visit("direction", direction_);
     visit("battery_mv", battery_mv_);
     visit("supply_q12", supply_q12_);
-    visit("brake_until_us", brake_until_us_);
     visit("stop_began", stop_began_);
     const bool were_swapped = motors_swapped_;
     visit("motors_swapped", motors_swapped_);
@@ -93,9 +99,11 @@ class Drive {
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair corrected(const ControlConfig& config);
   bool consume_stop_began();
+  bool is_too_fast(uint32_t sum_umps, const ControlConfig& config);
 
   Wheel left_;
   Wheel right_;
+  OverspeedMonitor overspeed_;
   bool motors_swapped_ = false;
   bool encoders_swapped_ = false;
   ControlMode mode_ = ControlMode::kVelocity;
@@ -105,8 +113,7 @@ class Drive {
   WheelPair command_{};    // The setpoint with the correction of the following error.
   WheelPair direction_{};  // Signs of the setpoint in the last step.
   uint16_t battery_mv_ = 0;
-  int32_t supply_q12_ = 0;  // 0: not computed yet
-  uint64_t brake_until_us_ = 0;
+  int32_t supply_q12_ = 0;   // 0: not computed yet
   bool stop_began_ = false;  // Since the last control step.
 };
 

@@ -9,39 +9,32 @@ namespace {
 constexpr int32_t kRestingTicks = 1;
 
 /// Just below the limit: a setpoint that changes moves the limit, and the duty follows it late.
-int32_t near(int32_t limit_q15) { return limit_q15 - limit_q15 / 16; }
+int32_t near(int32_t limit_q15) { return limit_q15 - (limit_q15 >> 4); }
 
 /// At a limit below stall_duty a heavy robot takes longer to start, so the time passes slower.
 uint32_t slowed(uint32_t us) { return us * 9 / 16; }
 
 int32_t lower(int32_t a, int32_t b) { return a < b ? a : b; }
 
-/// A stopwatch that runs back while its condition does not hold: a setpoint that varies takes the
-/// duty off the limit for moments.
-uint32_t passed(uint32_t us, bool holds, uint32_t period_us) {
-  if (holds) return us + period_us;
-  return us < period_us ? 0 : us - period_us;
-}
-
 }  // namespace
-
-void FaultMonitor::reset() {
-  still_us_ = 0;
-  against_ = false;
-  against_us_ = 0;
-}
 
 WheelFault FaultMonitor::update(const WheelOutput& output, int32_t ticks, int32_t measured_umps,
                                 uint32_t period_us, const FaultThresholds& thresholds) {
   const int32_t most_q15 = near(output.limit_q15);
   const int32_t least_q15 =
       lower(most_q15, lower(thresholds.stall_duty_q15, thresholds.reversal_duty_q15));
-  if ((still_us_ | against_us_) == 0 && magnitude(output.duty_q15) < least_q15) {
+  if (still_.is_none() && opposed_.is_none() && magnitude(output.duty_q15) < least_q15) {
     // Driven gently, as it mostly is.
     anchor_ticks_ = ticks;
     against_ = false;
     return WheelFault::kNone;
   }
+  return judge(output, most_q15, ticks, measured_umps, period_us, thresholds);
+}
+
+WheelFault FaultMonitor::judge(const WheelOutput& output, int32_t most_q15, int32_t ticks,
+                               int32_t measured_umps, uint32_t period_us,
+                               const FaultThresholds& thresholds) {
   if (not_counting(output.duty_q15, most_q15, ticks, period_us, thresholds))
     return WheelFault::kNotCounting;
   if (reversed(output, most_q15, measured_umps, period_us, thresholds))
@@ -58,11 +51,14 @@ bool FaultMonitor::not_counting(int32_t duty_q15, int32_t most_q15, int32_t tick
       static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(anchor_ticks_));
   if (travel > kRestingTicks || travel < -kRestingTicks) {
     anchor_ticks_ = ticks;
-    still_us_ = 0;
+    still_.end();
     return false;
   }
-  still_us_ = passed(still_us_, driven, hard ? period_us : slowed(period_us));
-  return still_us_ >= thresholds.stall_time_us;
+  const uint32_t pace_us = hard ? period_us : slowed(period_us);
+  if (driven) return still_.add(pace_us) >= thresholds.stall_time_us;
+  // Also where a setpoint that varies takes the duty off the limit for moments.
+  still_.leak(pace_us);
+  return false;
 }
 
 /// A decelerating wheel is driven against its motion, too, but its speed falls. With inverted
@@ -73,7 +69,12 @@ bool FaultMonitor::reversed(const WheelOutput& output, int32_t most_q15, int32_t
   const bool opposed = measured_umps != 0 && (output.duty_q15 ^ measured_umps) < 0;
   if (!opposed || output.duty_q15 == 0 || output.duty_q15 * output.direction < 0) {
     against_ = false;
-    against_us_ = 0;
+    // Counter-evidence is a wheel that turns as it is driven: not one that stands or is stopped.
+    const bool obeys = !opposed && output.duty_q15 != 0 && measured_umps != 0;
+    if (obeys)
+      opposed_.end();
+    else
+      opposed_.leak(period_us);
     return false;
   }
   const int32_t speed = magnitude(measured_umps);
@@ -83,11 +84,14 @@ bool FaultMonitor::reversed(const WheelOutput& output, int32_t most_q15, int32_t
     lowest_umps_ = speed;
   } else if (speed < lowest_umps_ - lowest_umps_ / 16) {
     lowest_umps_ = speed;
-    against_us_ = 0;
+    opposed_.end();
   }
   against_ = hard;
-  against_us_ = passed(against_us_, duty_q15 >= most_q15, period_us);
-  return against_us_ >= thresholds.stall_time_us ||
+  if (duty_q15 >= most_q15)
+    opposed_.add(period_us);
+  else
+    opposed_.leak(period_us);
+  return opposed_.us() >= thresholds.stall_time_us ||
          speed - lowest_umps_ >= thresholds.reversal_umps;
 }
 

@@ -2,7 +2,7 @@
 // wired the wrong way round).
 #pragma once
 
-#include <stdint.h>
+#include "evidence.hpp"
 
 namespace wheelwire {
 
@@ -40,28 +40,37 @@ class FaultMonitor {
   /// Call at every control step.
   WheelFault update(const WheelOutput& output, int32_t ticks, int32_t measured_umps,
                     uint32_t period_us, const FaultThresholds& thresholds);
-  void reset();
+  /// Somebody has cleared the fault, or what seemed to be one was none.
+  void end_evidence() {
+    still_.end();
+    opposed_.end();
+    against_ = false;
+  }
 
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("anchor_ticks", anchor_ticks_);
-    visit("still_us", still_us_);
+    visit("still", still_);
     visit("against", against_);
     visit("lowest_umps", lowest_umps_);
-    visit("against_us", against_us_);
+    visit("opposed", opposed_);
   }
 
  private:
+  // Out of line: what `update` does in most steps takes no stack then.
+  [[gnu::noinline]] WheelFault judge(const WheelOutput& output, int32_t most_q15, int32_t ticks,
+                                     int32_t measured_umps, uint32_t period_us,
+                                     const FaultThresholds&);
   bool not_counting(int32_t duty_q15, int32_t most_q15, int32_t ticks, uint32_t period_us,
                     const FaultThresholds&);
   bool reversed(const WheelOutput& output, int32_t most_q15, int32_t measured_umps,
                 uint32_t period_us, const FaultThresholds&);
 
   int32_t anchor_ticks_ = 0;
-  uint32_t still_us_ = 0;    // Driven hard without counting from anchor_ticks_.
+  Evidence still_;           // Driven hard without counting from anchor_ticks_.
   bool against_ = false;     // Driven hard against the measured motion,
   int32_t lowest_umps_ = 0;  // the lowest speed since then,
-  uint32_t against_us_ = 0;  // and for how long it has not fallen though driven at the limit.
+  Evidence opposed_;         // and for how long it has not fallen though driven at the limit.
 };
 
 }  // namespace wheelwire

@@ -8,16 +8,18 @@ namespace {
 
 constexpr uint16_t kMagic = 0x4c57;  // "WL"
 constexpr uint8_t kEstopFlag = 1;
-constexpr uint8_t kUnarmedFlag = 2;
-constexpr uint8_t kBatteryFlag = 4;  // Not set in records of releases that do not know it.
+// Not set in records of releases that do not know them.
+constexpr uint8_t kBatteryFlag = 4;
+constexpr uint8_t kHoldFlag = 8;
 
 }  // namespace
 
 void Latches::encode(uint8_t* out) const {
   uint8_t* at = out;
   wire::put(at, kMagic);
-  wire::put(at, static_cast<uint8_t>((estop ? kEstopFlag : 0) | (unarmed ? kUnarmedFlag : 0) |
-                                     (battery_at_stop ? kBatteryFlag : 0)));
+  wire::put(at,
+            static_cast<uint8_t>((estop ? kEstopFlag : 0) | (battery_at_stop ? kBatteryFlag : 0) |
+                                 (holds ? kHoldFlag : 0)));
   wire::put(at, uint8_t{0});
   wire::put(at, faults);
   wire::put(at, crc32(out, static_cast<size_t>(at - out)));
@@ -33,7 +35,7 @@ bool Latches::decode(const uint8_t* data, size_t size, Latches& out) {
   wire::get(data, unused);
   if (magic != kMagic) return false;
   out.estop = (flags & kEstopFlag) != 0;
-  out.unarmed = (flags & kUnarmedFlag) != 0;
+  out.holds = (flags & kHoldFlag) != 0;
   out.battery_at_stop = (flags & kBatteryFlag) != 0;
   wire::get(data, out.faults);
   return true;

@@ -1,5 +1,5 @@
-// What outlives a reset: the latched e-stop, the latched faults, that a clear must not restart
-// motion, and a battery that was empty.
+// What outlives a reset: the latched e-stop, the latched faults, a brake that was to last, and a
+// battery that was empty.
 #pragma once
 
 #include "hal.hpp"
@@ -10,9 +10,12 @@ namespace wheelwire {
 /// nothing by itself, but outlives a reset.
 constexpr uint8_t kBatteryAtStop = 0x80;
 
+/// Beside the flags of `reflex`: a power stage reports a fault, and nothing else stops the robot.
+constexpr uint8_t kStageTripped = 0x40;
+
 struct Latches {
   bool estop = false;
-  bool unarmed = false;  ///< A latch was cleared, and no zero setpoint or gap has followed.
+  bool holds = false;  ///< The robot brakes until it drives.
   bool battery_at_stop = false;
   uint32_t faults = 0;  ///< Flags of `fault`.
 
@@ -21,7 +24,7 @@ struct Latches {
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("estop", estop);
-    visit("unarmed", unarmed);
+    visit("holds", holds);
     visit("battery_at_stop", battery_at_stop);
     visit("faults", faults);
   }

@@ -146,9 +146,10 @@ void MessageServer::report_store() {
 // --- stops, with or without a session ------------------------------------------------------------
 
 void MessageServer::on(const Stop& stop, uint64_t now_us) {
-  if (session_.matches(stop.session_id)) session_.take_command(stop.command_seq);
+  const bool by_session = session_.matches(stop.session_id);
+  if (by_session) session_.take_command(stop.command_seq);
   const bool known_mode = stop.mode <= StopMode::kBrakeUntilDriven;
-  robot_.stop(known_mode ? stop.mode : StopMode::kConfigured, now_us);
+  robot_.stop(known_mode ? stop.mode : StopMode::kConfigured, by_session, now_us);
   link_.send(Ack{stop.session_id, stop.request_id, Stop::kId});
 }
 
@@ -176,8 +177,13 @@ void MessageServer::on(const SetDuty& message, uint64_t now_us) {
 /// if it is refused afterwards: a repeat of it that comes after a ClearEstop, say, must not drive.
 template <typename Message>
 bool MessageServer::is_newest(const Message& message, uint64_t now_us) {
-  if (session_.matches(message.session_id)) return session_.take_command(message.command_seq);
-  refuse_setpoint(message, RefusalCode::kNoSession, now_us);
+  if (!session_.matches(message.session_id)) {
+    refuse_setpoint(message, RefusalCode::kNoSession, now_us);
+    return false;
+  }
+  if (session_.take_command(message.command_seq)) return true;
+  if (session_.is_spent(message.command_seq))
+    refuse_setpoint(message, RefusalCode::kCommandSeqSpent, now_us);
   return false;
 }
 
@@ -475,6 +481,7 @@ void MessageServer::on(const BoardConfirm& request, uint64_t now_us) {
     refusal = keeper_->confirm(request.fingerprint);
     note_board_write(refusal);
   }
+  if (refusal == RefusalCode::kNone) robot_.note_board_confirmed();
   // Its pins are started as those of any board: when the device starts.
   if (refusal == RefusalCode::kNone && !keeper_->is_confirmed())
     restart_us_ = now_us + kRestartDelayUs;

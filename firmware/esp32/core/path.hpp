@@ -12,6 +12,8 @@ struct WheelPair {
   int32_t left;
   int32_t right;
 
+  constexpr bool is_zero() const { return left == 0 && right == 0; }
+
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("left", left);

@@ -22,6 +22,10 @@ constexpr int32_t kHeavy = 8;
 // the noise of an encoder that loses edges.
 constexpr int32_t kSetback_q4 = 75'000 * 16;
 
+// A speed that explains the duty for this long refutes what did not. An encoder that loses its
+// edges in short gaps explains it between them alone.
+constexpr uint32_t kRefuted_us = 100'000;
+
 constexpr int32_t kOne_q12 = 4096;
 
 }  // namespace
@@ -47,12 +51,6 @@ int32_t while_accelerating(int32_t limit_q15, int32_t change_umps, const Control
   return limit < gains.limit_q15 ? static_cast<int32_t>(limit) : gains.limit_q15;
 }
 
-void PlausibilityMonitor::reset() {
-  slow_umps_q4_ = 0;
-  silence_us_ = 0;
-  excess_us_ = 0;
-}
-
 bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool ticked,
                                  int32_t supply_q12, uint32_t period_us, uint32_t time_us,
                                  const ControllerGains& gains) {
@@ -68,7 +66,7 @@ bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool t
     return lasts(excess_q15, backward ? -change_q4 : change_q4, backward ? -speed_umps : speed_umps,
                  backward ? -slow_umps_q4_ : slow_umps_q4_, supply_q12, period_us, time_us, gains);
   }
-  reduce_excess(period_us);
+  excess_.refute(period_us, kRefuted_us);
   return false;
 }
 
@@ -80,7 +78,7 @@ bool PlausibilityMonitor::lasts(int32_t excess_q15, int32_t gain_q4, int32_t spe
     excess_q15 = saturate32(static_cast<int64_t>(excess_q15) -
                             multiply_shift(gains.acceleration_q24, gain_q4, 28));
   if (excess_q15 <= 0) {
-    reduce_excess(period_us);
+    excess_.refute(period_us, kRefuted_us);
     return false;
   }
   if (silence_us_ >= kStandstill_us) {
@@ -89,23 +87,18 @@ bool PlausibilityMonitor::lasts(int32_t excess_q15, int32_t gain_q4, int32_t spe
   }
   if (!gains_speed_like_a_heavy_robot(excess_q15, speed_umps, slow_q4, supply_q12, time_us,
                                       gains)) {
-    excess_us_ += period_us;
-    return excess_us_ >= time_us;
+    return excess_.add(period_us) >= time_us;
   }
   // The time stays just short of its end: once the speed grows no more, it is over.
-  if (excess_us_ + period_us < time_us) excess_us_ += period_us;
+  if (excess_.us() + period_us < time_us) excess_.add(period_us);
   return false;
 }
 
 /// A wheel that stood, met an obstacle or reversed gets half of the time to gain speed.
 void PlausibilityMonitor::begin_anew(int32_t slow_q4, uint32_t time_us) {
-  if (excess_us_ > time_us / 2) excess_us_ = time_us / 2;
+  excess_.shorten_to(time_us / 2);
   earlier_q4_ = slow_q4;
   impulse_q15_ = 0;
-}
-
-void PlausibilityMonitor::reduce_excess(uint32_t period_us) {
-  excess_us_ -= excess_us_ < period_us ? excess_us_ : period_us;
 }
 
 /// Whether the recent excess is no more than it would take a heavy robot to gain speed as this one
@@ -115,7 +108,7 @@ bool PlausibilityMonitor::gains_speed_like_a_heavy_robot(int32_t excess_q15, int
                                                          uint32_t time_us,
                                                          const ControllerGains& gains) {
   const int32_t memory_shift = gains.memory_shift - 1;
-  if (excess_us_ == 0 || slow_q4 < earlier_q4_ - kSetback_q4) begin_anew(slow_q4, time_us);
+  if (excess_.us() == 0 || slow_q4 < earlier_q4_ - kSetback_q4) begin_anew(slow_q4, time_us);
   impulse_q15_ += excess_q15 - (impulse_q15_ >> memory_shift);
   earlier_q4_ += (slow_q4 - earlier_q4_) >> memory_shift;
   // Ticks are overdue: perhaps an obstacle, of which the filtered speed does not know yet.

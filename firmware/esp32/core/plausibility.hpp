@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "controller.hpp"
+#include "evidence.hpp"
 
 namespace wheelwire {
 
@@ -43,13 +44,20 @@ class PlausibilityMonitor {
   /// it has exceeded what the speed and its growth can need for `time_us`.
   bool update(int32_t duty_q15, int32_t measured_umps, bool ticked, int32_t supply_q12,
               uint32_t period_us, uint32_t time_us, const ControllerGains& gains);
-  void reset();
+  /// Call it instead while no loop drives the wheel: what it did before is not forgotten.
+  void rest(uint32_t period_us) {
+    slow_umps_q4_ = 0;
+    silence_us_ = 0;
+    excess_.leak(period_us);
+  }
+  /// Somebody has cleared the fault, or what seemed to be one was none.
+  void end_evidence() { excess_.end(); }
 
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("slow_umps_q4", slow_umps_q4_);
     visit("silence_us", silence_us_);
-    visit("excess_us", excess_us_);
+    visit("excess", excess_);
     visit("earlier_q4", earlier_q4_);
     visit("impulse_q15", impulse_q15_);
   }
@@ -57,14 +65,13 @@ class PlausibilityMonitor {
  private:
   bool lasts(int32_t excess_q15, int32_t gain_q4, int32_t speed_umps, int32_t slow_q4,
              int32_t supply_q12, uint32_t period_us, uint32_t time_us, const ControllerGains&);
-  void reduce_excess(uint32_t period_us);
   bool gains_speed_like_a_heavy_robot(int32_t excess_q15, int32_t speed_umps, int32_t slow_q4,
                                       int32_t supply_q12, uint32_t time_us, const ControllerGains&);
   void begin_anew(int32_t slow_q4, uint32_t time_us);
 
   int32_t slow_umps_q4_ = 0;  // The speed, low-pass filtered.
   uint32_t silence_us_ = 0;
-  uint32_t excess_us_ = 0;
+  Evidence excess_;
   // While there is excess: the speed in the direction of the drive, low-pass filtered once more,
   // and the sum of the recent excess.
   int32_t earlier_q4_ = 0;

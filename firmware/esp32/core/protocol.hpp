@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x5d587965;
+constexpr uint32_t kHash = 0x9cad6f10;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -67,9 +67,11 @@ enum class RefusalCode : uint8_t {
   kBoardUnconfirmed =
       23,  ///< Nobody has confirmed which board this device is on, so it drives nothing: confirm it
            ///< with `wheelwire board confirm`, or store another with `wheelwire board write`.
-  kUnarmed = 24,  ///< An e-stop or a fault was cleared: first send a zero setpoint, or none at all
-                  ///< for rearm_gap_s.
-  kContradiction = 25,  ///< Parameters contradict each other; `wheelwire info` lists which ones.
+  kUnarmed =
+      24,  ///< The device started, an e-stop or a fault was cleared, or a bumper held the robot
+           ///< off: first send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.
+  kContradiction = 25,    ///< Parameters contradict each other; `wheelwire info` lists which ones.
+  kCommandSeqSpent = 26,  ///< The session has used up its command numbers; open another one.
 };
 
 enum class Group : uint8_t {
@@ -158,6 +160,9 @@ constexpr uint32_t kStoreUnreadable = 1024;
 constexpr uint32_t kNoBoard = 2048;
 /// An input of the board stopped the robot: remove what triggered it, then clear the fault.
 constexpr uint32_t kExternal = 4096;
+/// The robot rolled much faster than its limit and its setpoint for a second: the slope is steeper
+/// than its motors hold, or somebody pushed it.
+constexpr uint32_t kOverspeed = 8192;
 }  // namespace fault
 
 namespace capability {
@@ -197,7 +202,7 @@ constexpr uint32_t kGlitchFilter = 32;
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x5d587965;
+      return 0x9cad6f10;
     case Group::kBoard:
       return 0x4cd2f265;
     case Group::kRecorder:
@@ -2901,10 +2906,14 @@ enum class ParameterId : uint8_t {
   kEncodersSwapped =
       41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
            ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
-  kRearmGapS = 42,  ///< After an e-stop or a fault was cleared the robot drives once a zero
-                    ///< setpoint came, or none for this long. 0 switches the rule off. [s]
+  kRearmGapS = 42,  ///< After a start, after an e-stop or a fault was cleared, and after a bumper
+                    ///< held it off, the robot drives once a zero setpoint came, or none for this
+                    ///< long and for ttl_max_s. [s]
   kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
                              ///< down, is reported as ROLLING. [m/s]
+  kEstopMode = 44,  ///< What an e-stop does, by message or by its contact. 1: coast, for a robot
+                    ///< that falls over when it brakes. 2: brake for brake_time_s and until the
+                    ///< wheels are still, again whenever they turn; until driven if stop_mode is 3.
 };
 
 enum class ParameterKind : uint8_t {
@@ -2929,7 +2938,7 @@ struct ParameterSpec {
   float maximum;
 };
 
-constexpr size_t kParameterCount = 43;
+constexpr size_t kParameterCount = 44;
 constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
      1.0f},
@@ -3009,6 +3018,7 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kRearmGapS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.0f, 5.0f},
     {ParameterId::kRollingVelocityMps, ParameterKind::kReal, ParameterChanges::kAlways, 0.25f,
      0.02f, 10.0f},
+    {ParameterId::kEstopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 2.0f},
 };
 
 struct PlatformDefault {

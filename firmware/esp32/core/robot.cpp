@@ -24,11 +24,12 @@ void Robot::start(uint64_t now_us) {
   last_step_us_ = now_us;
   const Latches before = latches_.start();
   faults_ = before.faults;
-  unarmed_ = before.unarmed;
   if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
   quiet_since_us_ = drove_us_ = now_us;
+  if (before.holds) stop_action_.begin(StopMode::kBrakeUntilDriven, false, now_us, 0);
   apply(SupervisorEvent::kStarted, now_us);
-  if (before.estop) apply(SupervisorEvent::kEstop, now_us);
+  // Also one that came by a message while the device started: only now it knows how to stop.
+  if (before.estop || supervisor_.state() == SupervisorState::kEstopped) estop(now_us);
   trip(0, now_us);
 }
 
@@ -52,16 +53,19 @@ void Robot::note_reflexes(uint8_t reflexes) {
   if (reflexes == reflexes_) return;
   if (recorder_ != nullptr) recorder_->note_reflexes(reflexes);
   reflexes_ = reflexes;
-  drive_.note_reflexes(reflexes);
+  note_forbidden();
   target_ = limited(setpoint_);
   note_latches();
 }
 
 void Robot::finish_step(uint64_t now_us) {
   // Not by `check_contact`: each step would pay for the call.
-  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
-  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
+  const bool is_open = contact_is_open();
+  if (is_open != contact_open_) note_contact(is_open, now_us);
+  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us) {
+    begin_action(StopMode::kConfigured, false, now_us);
     apply(SupervisorEvent::kDeadline, now_us);
+  }
   actuate(now_us);
 }
 
@@ -105,7 +109,9 @@ uint32_t Robot::check_timing(uint64_t now_us) {
 }
 
 void Robot::latch_faults(uint32_t faults, uint64_t now_us) {
-  const bool is_new = (faults & ~faults_) != 0;
+  const uint32_t new_faults = faults & ~faults_;
+  const bool is_new = new_faults != 0;
+  if (is_new || !is_latched()) begin_action(mode_at(new_faults), false, now_us);
   faults_ |= faults;
   apply(SupervisorEvent::kFault, now_us);
   if (!is_new) return;
@@ -120,21 +126,55 @@ bool Robot::contact_is_open() {
 }
 
 void Robot::check_contact(uint64_t now_us) {
-  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
+  const bool is_open = contact_is_open();
+  if (is_open != contact_open_) note_contact(is_open, now_us);
+}
+
+/// The contact acts when it opens: as long as it is open, the e-stop is latched.
+void Robot::note_contact(bool is_open, uint64_t now_us) {
+  contact_open_ = is_open;
+  if (is_open) estop(now_us);
 }
 
 void Robot::actuate(uint64_t now_us) {
   if (!supervisor_.may_drive()) return stand_still(now_us);
-  if (reflexes_ != 0) return actuate_within_reflexes(now_us);
+  if (forbidden() != 0) return actuate_within_reflexes(now_us);
   follow();
 }
 
-/// A reflex keeps the drive off although the robot is DRIVING: also while the setpoint is allowed
-/// already and the wheels still slew from one that is not.
+/// A wheel that is driven towards a bumper is released in this very step, also where the setpoint
+/// is allowed and the wheels still slew from one that is not. Then a setpoint towards the bumper
+/// counts as zero.
 void Robot::actuate_within_reflexes(uint64_t now_us) {
-  if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes()) return follow();
-  if (drive_.is_following()) drive_.begin_stop(StopMode::kConfigured, now_us, config_);
-  keep_stopped(now_us);
+  const bool is_held = forbids(forbidden(), target_);
+  if (is_held) hold_off(now_us);
+  if (drive_.goes_against_reflexes()) {
+    drive_.release();
+    bumped_until_us_ = now_us + config_.brake_time_us;
+  }
+  if (is_held || (target_.is_zero() && now_us < bumped_until_us_)) return hold_still(now_us);
+  follow();
+}
+
+/// By what a stop does for as long as the robot slides on towards the bumper, then as a setpoint of
+/// zero holds it. An open loop has nothing to hold it by.
+void Robot::hold_still(uint64_t now_us) {
+  const bool slides =
+      now_us < bumped_until_us_ && !drive_.is_following() && drive_.turns_against_reflexes();
+  if (slides || setpoint_.mode == ControlMode::kDuty)
+    return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
+  drive_.follow(ControlMode::kVelocity, {}, config_);
+  note_speed(now_us);
+}
+
+/// From now on the robot is to be armed before it goes towards the bumper.
+void Robot::hold_off(uint64_t now_us) {
+  const auto held_by = [this](uint32_t way) {
+    return forbids(static_cast<uint8_t>(forbidden() & way), target_) ? static_cast<uint8_t>(way)
+                                                                     : uint8_t{0};
+  };
+  const auto held = static_cast<uint8_t>(held_by(reflex::kNoForward) | held_by(reflex::kNoReverse));
+  if ((held & ~unarmed_) != 0) disarm(held, now_us);
 }
 
 void Robot::follow() {
@@ -143,44 +183,103 @@ void Robot::follow() {
 }
 
 /// Nothing drives, so the robot may roll.
-void Robot::keep_stopped(uint64_t now_us) {
-  drive_.keep_stopped(now_us);
+void Robot::keep_stopped(bool brakes, uint64_t now_us) {
+  drive_.keep_stopped(brakes);
+  note_speed(now_us);
+}
+
+void Robot::note_speed(uint64_t now_us) {
   const int32_t speed_umps = drive_.speed_umps();
+  if (speed_umps >= config_.rolling_umps || drive_.is_still()) not_slow_us_ = now_us;
   if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
     observer_.on_rolling(speed_umps, now_us);
 }
 
 void Robot::stand_still(uint64_t now_us) {
-  keep_stopped(now_us);
-  sync_latches(now_us);
+  const bool estopped = supervisor_.state() == SupervisorState::kEstopped;
+  const bool brakes =
+      stop_action_.brakes(now_us, drive_.is_still(), estopped) && board_.may_brake();
+  keep_stopped(brakes, now_us);
+  sync_latches(brakes, now_us);
 }
 
-/// Never while a wheel turns: writing to flash stalls the chip.
-void Robot::sync_latches(uint64_t now_us) {
-  if (is_at_rest(now_us) && latches_.sync_at_rest(now_us)) note_write(!latches_.write_failed());
+/// Writing to flash stalls the chip. So the wheels stand, or they creep on a brake that an e-stop
+/// keeps on, and which holds meanwhile: on a slope they might never stand.
+void Robot::sync_latches(bool brakes, uint64_t now_us) {
+  const bool creeps = brakes && supervisor_.state() == SupervisorState::kEstopped &&
+                      now_us - drove_us_ >= kRunDownUs && now_us - not_slow_us_ >= kSlowUs;
+  if ((creeps || is_at_rest(now_us)) && latches_.sync_at_rest(now_us))
+    note_write(!latches_.write_failed());
 }
 
 /// So that a reset of the processor finds what was latched.
 void Robot::note_latches() {
   // Without a board nothing was driven: whether there is one now is for each start to find out.
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
-                 .unarmed = unarmed_,
+                 .holds = stop_action_.holds(),
                  .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
                  .faults = faults_ & ~fault::kNoBoard});
 }
 
 /// The only place where the supervisor's state changes, so that leaving DRIVING always removes the
 /// drive.
-void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
+void Robot::apply(SupervisorEvent event, uint64_t now_us) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
-  if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
-  if (before == SupervisorState::kDriving) drove_us_ = now_us;
+  if (before == SupervisorState::kDriving) {
+    drive_.release();
+    drove_us_ = now_us;
+  }
+  if (supervisor_.may_drive()) change_action([this] { stop_action_.end(); });
   // The other latches are recorded where they change.
   if (before == SupervisorState::kEstopped || supervisor_.state() == SupervisorState::kEstopped)
     note_latches();
   if (recorder_ != nullptr) recorder_->note_transition(event, before, supervisor_.state(), faults_);
   observer_.on_transition({event, before, supervisor_.state()}, now_us);
+}
+
+// --- stops ---------------------------------------------------------------------------------------
+
+void Robot::stop(StopMode mode, bool by_session, uint64_t now_us) {
+  const bool may_weaken = by_session && mode != StopMode::kConfigured && !is_latched();
+  if (!by_session && mode < config_.stop_mode) mode = StopMode::kConfigured;
+  begin_action(mode, may_weaken, now_us);
+  apply(SupervisorEvent::kStop, now_us);
+}
+
+void Robot::estop(uint64_t now_us) {
+  if (supervisor_.state() != SupervisorState::kBoot)
+    change_action([&] { stop_action_.begin_estop(estop_mode(), now_us, config_.brake_time_us); });
+  apply(SupervisorEvent::kEstop, now_us);
+}
+
+/// At least as strong as any other stop, unless it is to coast.
+StopMode Robot::estop_mode() const {
+  if (config_.estop_mode == StopMode::kCoast) return StopMode::kCoast;
+  return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode : config_.estop_mode;
+}
+
+/// A robot that is too fast is not left to roll on. A power stage that reports a fault is to be
+/// switched off.
+StopMode Robot::mode_at(uint32_t new_faults) const {
+  if ((new_faults & fault::kOverspeed) != 0) return StopMode::kBrakeUntilDriven;
+  const bool is_of_stage = new_faults == fault::kExternal && (reflexes_ & kStageTripped) != 0;
+  return is_of_stage ? StopMode::kCoast : StopMode::kConfigured;
+}
+
+/// A brake that lasts has to outlive a reset.
+template <typename Begin>
+void Robot::change_action(Begin begin) {
+  const bool held = stop_action_.holds();
+  begin();
+  if (stop_action_.holds() != held) note_latches();
+}
+
+/// In each state but BOOT, in which nothing was driven and no parameter is loaded.
+void Robot::begin_action(StopMode mode, bool may_weaken, uint64_t now_us) {
+  if (supervisor_.state() == SupervisorState::kBoot) return;
+  if (mode == StopMode::kConfigured) mode = config_.stop_mode;
+  change_action([&] { stop_action_.begin(mode, may_weaken, now_us, config_.brake_time_us); });
 }
 
 // --- setpoints -----------------------------------------------------------------------------------
@@ -192,8 +291,8 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   // The sensors' in one condition with it, for this is the path of each setpoint.
   if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
-    return standing_refusal(now_us);
-  if (unarmed_ && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
+    return standing_refusal(setpoint, now_us);
+  if (unarmed_ != 0 && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
@@ -206,25 +305,33 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-RefusalCode Robot::standing_refusal(uint64_t now_us) {
+RefusalCode Robot::standing_refusal(const Setpoint& setpoint, uint64_t now_us) {
   if (contradictions_ != 0) return RefusalCode::kContradiction;
   if ((reflexes_ & reflex::kUnread) != 0) return RefusalCode::kBooting;
-  trip(fault::kExternal, now_us);
+  // One that is to stand does not try to drive: opening a link sends a zero.
+  if (!setpoint.wheels.is_zero()) trip(fault::kExternal, now_us);
   return RefusalCode::kFault;
 }
 
-/// Whether the robot may drive again after a clear: a clear alone must not restart motion (ISO
-/// 13850), so a program that goes on sending has to ask for standstill first, or to pause.
+/// Whether the robot obeys the setpoint although it is unarmed: neither a clear alone nor a start
+/// may restart motion (ISO 13850), nor may a bumper that is free again. So a program that goes on
+/// sending has to ask for standstill first, or to pause; or to drive away from the bumper.
 bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
-  const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
-  if (!is_zero && now_us - quiet_since_us_ < config_.rearm_gap_us) return false;
-  unarmed_ = false;
-  note_latches();
-  return true;
+  const bool is_away = (unarmed_ & kUnarmed) == 0 && !forbids(unarmed_, setpoint.wheels);
+  if (setpoint.wheels.is_zero() || is_away || now_us - quiet_since_us_ >= config_.rearm_gap_us) {
+    unarmed_ = 0;
+    note_forbidden();
+    return true;
+  }
+  // An open bumper holds it off, as it did before.
+  const bool is_held = (unarmed_ & kUnarmed) == 0 && forbids(reflexes_, setpoint.wheels);
+  if (is_held) quiet_since_us_ = now_us;
+  return is_held;
 }
 
-void Robot::disarm(uint64_t now_us) {
-  unarmed_ = true;
+void Robot::disarm(uint8_t unarmed, uint64_t now_us) {
+  unarmed_ |= unarmed;
+  note_forbidden();
   quiet_since_us_ = now_us;
 }
 
@@ -237,6 +344,8 @@ void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
   trial_.end();
   setpoint_ = {};
   rolling_.reset();  // A new host has not heard of it.
+  if (cause == SupervisorEvent::kSession) quiet_since_us_ = now_us;
+  begin_action(StopMode::kConfigured, false, now_us);
   apply(cause, now_us);
 }
 
@@ -252,10 +361,10 @@ WheelPair Robot::limited(const Setpoint& setpoint) const {
 RefusalCode Robot::clear_estop(uint64_t now_us) {
   if (contact_is_open()) return RefusalCode::kCausePresent;
   if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
-  disarm(now_us);
+  disarm(kUnarmed, now_us);
   apply(SupervisorEvent::kClearEstop, now_us);
   trip(0, now_us);  // A fault that the e-stop hid is active again.
-  sync_latches(now_us);
+  sync_latches(false, now_us);
   return RefusalCode::kNone;
 }
 
@@ -264,7 +373,8 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
   const bool lasts =
       (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
-  if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
+  if (supervisor_.state() == SupervisorState::kFault) disarm(kUnarmed, now_us);
+  if (faults_ != 0) drive_.end_evidence();
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
   note_latches();  // Also where an e-stop hides the state FAULT.

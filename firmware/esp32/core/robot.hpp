@@ -11,6 +11,7 @@
 #include "protocol.hpp"
 #include "recorder.hpp"
 #include "rolling.hpp"
+#include "stop_action.hpp"
 #include "supervisor.hpp"
 #include "trial.hpp"
 
@@ -58,12 +59,17 @@ struct BoardFacts {
   uint32_t max_pwm_hz = 0;   ///< Of its power stage; 0: not known.
   /// Otherwise its inputs mean nothing, the e-stop contact among them.
   bool is_confirmed = true;
+  bool on_trial = false;
+
+  /// On another one the inputs of the power stage that brake may drive.
+  bool may_brake() const { return is_confirmed && !on_trial; }
 
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("fingerprint", fingerprint);
     visit("max_pwm_hz", max_pwm_hz);
     visit("is_confirmed", is_confirmed);
+    visit("on_trial", on_trial);
   }
 };
 
@@ -96,8 +102,12 @@ class Robot {
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
   /// Reverts a trial; nothing drives until the next setpoint.
   void end_session(SupervisorEvent cause, uint64_t now_us);
-  void stop(StopMode mode, uint64_t now_us) { apply(SupervisorEvent::kStop, now_us, mode); }
-  void estop(uint64_t now_us) { apply(SupervisorEvent::kEstop, now_us); }
+  /// `by_session`: it is the open session's. Only such a Stop makes a stop weaker, by a mode that
+  /// it names; another one stops as strongly as configured, or more.
+  void stop(StopMode mode, bool by_session, uint64_t now_us);
+  void estop(uint64_t now_us);
+  /// The board that was on trial is confirmed.
+  void note_board_confirmed() { board_.on_trial = false; }
 
   // Each returns kNone, or why it was refused.
   RefusalCode clear_estop(uint64_t now_us);
@@ -171,6 +181,7 @@ class Robot {
     visit("parameters_changed", parameters_changed_);
     visit("unarmed", unarmed_);
     visit("reflexes", reflexes_);
+    visit("contact_open", contact_open_);
     visit("stalled", stalled_);
     visit("failures", failures_);
     visit("store_faults", store_faults_);
@@ -179,8 +190,11 @@ class Robot {
     visit("last_step_us", last_step_us_);
     visit("drove_us", drove_us_);
     visit("quiet_since_us", quiet_since_us_);
+    visit("not_slow_us", not_slow_us_);
+    visit("bumped_until_us", bumped_until_us_);
     visit("setpoint", setpoint_);
     visit("target", target_);
+    visit("stop_action", stop_action_);
     visit("rolling", rolling_);
     visit("config", config_);
     visit("drive", drive_);
@@ -201,21 +215,34 @@ class Robot {
   void latch_faults(uint32_t faults, uint64_t now_us);
   bool contact_is_open();
   void check_contact(uint64_t now_us);
+  void note_contact(bool is_open, uint64_t now_us);
+  bool is_latched() const { return setpoint_refusal(supervisor_.state()) != RefusalCode::kNone; }
   void actuate_within_reflexes(uint64_t now_us);
-  RefusalCode standing_refusal(uint64_t now_us);
+  void hold_off(uint64_t now_us);
+  void hold_still(uint64_t now_us);
+  void note_speed(uint64_t now_us);
+  RefusalCode standing_refusal(const Setpoint& setpoint, uint64_t now_us);
   bool stopped_by_sensors() const { return (reflexes_ & reflex::kStop) != 0; }
   /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
   /// robot would drive in a way that nobody set up.
   uint32_t lasting_faults() const { return store_faults_ | failures_; }
   void actuate(uint64_t now_us);
   void follow();
-  void keep_stopped(uint64_t now_us);
+  void keep_stopped(bool brakes, uint64_t now_us);
   void stand_still(uint64_t now_us);
-  void sync_latches(uint64_t now_us);
+  void sync_latches(bool brakes, uint64_t now_us);
   bool arm(const Setpoint& setpoint, uint64_t now_us);
-  void disarm(uint64_t now_us);
+  void disarm(uint8_t unarmed, uint64_t now_us);
+  void note_forbidden() { drive_.note_reflexes(forbidden()); }
+  /// What the sensors forbid, and which way the robot is not to go yet, as flags of `reflex`.
+  uint8_t forbidden() const { return reflexes_ | unarmed_; }
   void note_latches();
-  void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
+  StopMode estop_mode() const;
+  StopMode mode_at(uint32_t new_faults) const;
+  template <typename Begin>
+  void change_action(Begin begin);
+  void begin_action(StopMode mode, bool may_weaken, uint64_t now_us);
+  void apply(SupervisorEvent event, uint64_t now_us);
   void apply_parameters();
   void check_trial(uint64_t now_us);
   RefusalCode keep_trial();
@@ -226,6 +253,9 @@ class Robot {
   RefusalCode conclude_save(bool saved);
 
   static constexpr uint64_t kRunDownUs = 2'000'000;
+  static constexpr uint64_t kSlowUs = 500'000;
+  /// Beside the flags of `reflex` that stand for a direction.
+  static constexpr uint8_t kUnarmed = 0x80;
 
   // What each step uses comes first: RISC-V addresses only the first 2 KiB of an object directly.
   Hal hal_;
@@ -234,8 +264,11 @@ class Robot {
   BoardFacts board_;
   Supervisor supervisor_;
   bool parameters_changed_ = false;  // and not active yet
-  bool unarmed_ = false;  // A latch was cleared, and neither a zero setpoint nor a gap followed.
+  // Where the robot is not to go before a zero setpoint or a gap: towards a bumper that held the
+  // drive off, as flags of `reflex`, or nowhere, after each start and each clear.
+  uint8_t unarmed_ = kUnarmed;
   bool stalled_ = false;
+  bool contact_open_ = false;  // When it was last looked at.
   uint8_t reflexes_ = 0;
   uint16_t faults_tripped_ = 0;
   uint32_t failures_ = 0;
@@ -245,11 +278,14 @@ class Robot {
   uint64_t last_step_us_ = 0;
   uint32_t late_steps_ = 0;
   uint32_t longest_interval_us_ = 0;
-  uint64_t drove_us_ = 0;        // When the drive was last removed, or the robot started.
-  uint64_t quiet_since_us_ = 0;  // A setpoint was last refused then, or a latch was cleared.
-  Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
-  WheelPair target_{};           // the setpoint's, within the limits and those of the reflexes
+  uint64_t drove_us_ = 0;         // When the drive was last removed, or the robot started.
+  uint64_t quiet_since_us_ = 0;   // No setpoint came in this session since then.
+  uint64_t not_slow_us_ = 0;      // When it last did anything but creep, without drive.
+  uint64_t bumped_until_us_ = 0;  // Until then it brakes because it goes towards a bumper.
+  Setpoint setpoint_{};           // with its expiry brought forward to what ttl_max allows
+  WheelPair target_{};            // the setpoint's, within the limits and those of the reflexes
   EncoderCounts counts_{};
+  StopAction stop_action_;
   RollingMonitor rolling_;
   ControlConfig config_;
   Drive drive_;

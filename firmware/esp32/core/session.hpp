@@ -35,6 +35,10 @@ class Session {
 
   /// True if the command is newer than all before it in this session; it then is the newest.
   bool take_command(uint32_t command_seq);
+  /// Whether no number is left, and the command does not repeat the one that was the last.
+  bool is_spent(uint32_t command_seq) const {
+    return newest_command_ == UINT32_MAX && command_seq != UINT32_MAX;
+  }
 
   /// kRepeat: already answered, with `answer`. kOld: its answer is gone; it must not be answered.
   Request classify(uint16_t request_id, const Answer*& answer) const;

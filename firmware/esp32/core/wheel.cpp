@@ -12,7 +12,10 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
   const int32_t limit_q15 = closed_loop_ ? controller_.steady_limit_q15() : WheelOutput::kNoLimit;
   WheelFault fault = monitor_.update({duty_q15_, limit_q15, direction_}, total_.ticks(),
                                      velocity_umps_, config.period_us, config.faults);
-  if (!closed_loop_) return fault;
+  if (!closed_loop_) {
+    plausibility_.rest(config.period_us);
+    return fault;
+  }
   // A duty against the setpoint brakes, or is what an obstacle left in the loop: soon over.
   const int32_t along_q15 = duty_q15_ * direction_ < 0 ? 0 : duty_q15_;
   if (fault == WheelFault::kNone &&
@@ -23,6 +26,7 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
   // Whoever pushes a robot whose setpoint is zero is no fault. Feedback that is inverted would help
   // the push, though: the wheel is braked instead of driven.
   yields_ = true;
+  end_evidence();
   return WheelFault::kNone;
 }
 
@@ -66,25 +70,31 @@ int32_t Wheel::error_umps(int32_t setpoint_umps, int32_t command_umps,
 void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
   following_.rest();
   direction_ = 0;
-  plausibility_.reset();
   closed_loop_ = false;
   output(duty_q15, motor_inverted);
 }
 
 void Wheel::output(int32_t duty_q15, bool motor_inverted) {
   reverses_ = (duty_q15 < 0 && duty_q15_ > 0) || (duty_q15 > 0 && duty_q15_ < 0);
+  brakes_ = false;
   duty_q15_ = duty_q15;
   motor_->drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
 }
 
 void Wheel::brake() {
   rest();
+  brakes_ = true;
   motor_->brake();
 }
 
 void Wheel::coast() {
   rest();
+  brakes_ = false;
   motor_->coast();
+}
+
+void Wheel::release() {
+  if (!brakes_) coast();
 }
 
 void Wheel::exchange_motors(Wheel& other) {
@@ -95,9 +105,7 @@ void Wheel::exchange_motors(Wheel& other) {
 
 void Wheel::rest() {
   controller_.reset(velocity_umps_);
-  monitor_.reset();
   following_.rest();
-  plausibility_.reset();
   closed_loop_ = false;
   direction_ = 0;
   duty_q15_ = 0;

@@ -31,6 +31,13 @@ class Wheel {
   void drive_duty(int32_t duty_q15, bool motor_inverted);
   void brake();
   void coast();
+  /// Coasts, unless the windings are shorted: that is no drive.
+  void release();
+  /// Somebody has cleared the fault: what was seen before does not count any more.
+  void end_evidence() {
+    monitor_.end_evidence();
+    plausibility_.end_evidence();
+  }
 
   // For a robot whose sides are wired to each other's pins.
   void exchange_motors(Wheel& other);
@@ -60,6 +67,7 @@ class Wheel {
     visit("closed_loop", closed_loop_);
     visit("reverses", reverses_);
     visit("yields", yields_);
+    visit("brakes", brakes_);
     visit("direction", direction_);
     visit("velocity_umps", velocity_umps_);
     visit("duty_q15", duty_q15_);
@@ -80,6 +88,7 @@ class Wheel {
   bool closed_loop_ = false;
   bool reverses_ = false;  // By the newest output.
   bool yields_ = false;    // At a setpoint of zero: to what seems to be a fault, or a push.
+  bool brakes_ = false;
   int32_t direction_ = 0;  // Of the setpoint.
   int32_t velocity_umps_ = 0;
   int32_t duty_q15_ = 0;

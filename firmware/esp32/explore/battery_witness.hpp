@@ -1,6 +1,7 @@
 // What a battery's levels forbid, by docs/sensors.md and the voltage that the chip can see.
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "peripherals.hpp"
@@ -33,7 +34,6 @@ class BatteryWitness {
   /// nullptr: nothing did.
   const char* reads(uint16_t millivolts, uint64_t now_us) {
     if (!is_guarded(levels_)) return nullptr;
-    read_us_ = now_us;
     if (first_us_ == kNever) first_us_ = seen_us_ = now_us;
     if (millivolts != 0) {
       const bool is_first = !is_read_;
@@ -41,14 +41,16 @@ class BatteryWitness {
       is_broken_ = false;
       seen_us_ = now_us;
       const char* const what = follow(millivolts, now_us);
+      read_us_ = now_us;
       return is_first && stopped_ == Stopped::kYes ? "reset STOP" : what;
     }
     if (is_broken_ || now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return nullptr;
     is_broken_ = true;
     const char* const ended = above_us_[kLow] != kNever && level_ != kGood ? "silent rising"
-                              : below_us_ != kNone                         ? "silent falling"
+                              : is_below_ != Flags{}                       ? "silent falling"
                                                                            : "silent steady";
-    below_us_ = above_us_ = kNone;
+    is_below_ = {};
+    above_us_ = kNone;
     return ended;
   }
 
@@ -57,7 +59,7 @@ class BatteryWitness {
   uint8_t forbids(uint16_t millivolts, uint64_t now_us) const {
     if (!is_guarded(levels_)) return 0;
     if (is_broken_ && millivolts == 0) return reflex::kStop;
-    if (!is_read_ || is_unsure() || level_after(now_us + kSlackUs) != level_) return 0;
+    if (!is_read_ || is_unsure() || is_about_to_change(now_us)) return 0;
     return of(level_);
   }
   /// What it may forbid.
@@ -65,8 +67,7 @@ class BatteryWitness {
     if (!is_guarded(levels_)) return 0;
     uint8_t forbidden = of(level_);
     if (is_broken_ || millivolts == 0 || is_unsure()) forbidden |= reflex::kStop;
-    if (level_after(now_us + kSlackUs) != level_ || !is_read_)
-      forbidden |= reflex::kStop | reflex::kLimit;
+    if (is_about_to_change(now_us) || !is_read_) forbidden |= reflex::kStop | reflex::kLimit;
     return forbidden;
   }
   /// Nobody knows it yet, and nothing drives.
@@ -75,7 +76,9 @@ class BatteryWitness {
 
  private:
   static constexpr uint64_t kNever = ~uint64_t{0};
-  static constexpr uint64_t kFallUs = 2'000'000;
+  static constexpr double kFallUs = 2e6;
+  /// Above WARN by a 32nd for so long it has not fallen.
+  static constexpr double kRestedUs = 250e3;
   static constexpr uint64_t kRiseUs = 10'000'000;
   static constexpr uint64_t kBrokenUs = 100'000;
   static constexpr uint64_t kMissingUs = 1'000'000;
@@ -86,6 +89,7 @@ class BatteryWitness {
   /// Since when the voltage has been beyond the bound of each level.
   using Since = std::array<uint64_t, kLevels>;
   static constexpr Since kNone = {kNever, kNever, kNever, kNever};
+  using Flags = std::array<bool, kLevels>;
 
   /// Whether it was at STOP when the chip was reset.
   enum class Stopped { kNo, kPerhaps, kYes };
@@ -96,8 +100,7 @@ class BatteryWitness {
   /// The step in which it was reset may have read a voltage that nobody else saw.
   Stopped stopped_at_reset() const {
     if (!is_guarded(levels_) || (!is_read_ && stopped_ == Stopped::kYes)) return stopped_;
-    if (!has_level_ || is_unsure() || level_after(read_us_ + kSlackUs) != level_)
-      return Stopped::kPerhaps;
+    if (!has_level_ || is_unsure() || is_about_to_change(read_us_)) return Stopped::kPerhaps;
     return level_ == kEmpty ? Stopped::kYes : Stopped::kNo;
   }
   bool is_unsure() const { return stopped_ == Stopped::kPerhaps; }
@@ -112,10 +115,38 @@ class BatteryWitness {
     const auto lasted = [now_us](uint64_t since_us, uint64_t needed_us) {
       return since_us != kNever && now_us >= since_us + needed_us;
     };
+    const auto since_us = static_cast<double>(now_us - read_us_);
     for (const Level lower : {kEmpty, kLimited, kLow})
-      if (lower > level_ && lasted(below_us_[lower], kFallUs)) return lower;
+      if (lower > level_ && fallen_us_[lower] + (is_below_[lower] ? since_us : 0.0) >= kFallUs)
+        return lower;
     if (lasted(above_us_[kLow], kRiseUs)) return kGood;
     return level_ == kLimited && lasted(above_us_[kLimited], kRiseUs) ? kLow : level_;
+  }
+
+  /// It has, or may have: what has leaked meanwhile is rounded.
+  bool is_about_to_change(uint64_t now_us) const {
+    for (const Level lower : {kEmpty, kLimited, kLow})
+      if (lower > level_ && fallen_us_[lower] > kFallUs - static_cast<double>(kSlackUs))
+        return true;
+    return level_after(now_us + kSlackUs) != level_ || now_us < changed_us_ + kSlackUs;
+  }
+
+  /// How long it was below the bound of a level in all, leaking at a tenth of that pace.
+  void follow_falling(Level level, uint16_t millivolts, uint64_t now_us) {
+    const auto since_us = static_cast<double>(now_us - read_us_);
+    const bool was_below = is_below_[level];
+    is_below_[level] = millivolts < bound_of(level);
+    if (level <= level_) {
+      fallen_us_[level] = 0.0;
+    } else if (is_below_[level]) {
+      if (was_below) fallen_us_[level] += since_us;
+    } else {
+      fallen_us_[level] = std::max(0.0, fallen_us_[level] - since_us / 10.0);
+    }
+    const bool is_rested = millivolts - millivolts / 32 >= bound_of(kLow);
+    if (is_below_[level]) rested_us_[level] = 0.0;
+    if (is_rested) rested_us_[level] += since_us;
+    if (rested_us_[level] >= kRestedUs) fallen_us_[level] = 0.0;
   }
 
   const char* follow(uint16_t millivolts, uint64_t now_us) {
@@ -125,13 +156,11 @@ class BatteryWitness {
         if (millivolts < bound_of(level)) level_ = level;
       return nullptr;
     }
-    const Since was_below = below_us_;
+    const Flags was_below = is_below_;
     const Since was_above = above_us_;
     for (const Level level : {kLow, kLimited, kEmpty}) {
-      const bool is_below = millivolts < bound_of(level);
+      follow_falling(level, millivolts, now_us);
       const bool is_above = millivolts - millivolts / 32 >= bound_of(level);
-      if (!is_below) below_us_[level] = kNever;
-      if (is_below && was_below[level] == kNever) below_us_[level] = now_us;
       if (!is_above) above_us_[level] = kNever;
       if (is_above && was_above[level] == kNever) above_us_[level] = now_us;
     }
@@ -140,16 +169,19 @@ class BatteryWitness {
     if (is_unsure() && above_us_[kLow] != kNever && now_us > above_us_[kLow] + kRiseUs + kSlackUs)
       stopped_ = Stopped::kNo;
     const Level before = level_;
+    const double fallen_us = fallen_us_[kEmpty];
+    read_us_ = now_us;
     level_ = level_after(now_us);
+    if (level_ != before) changed_us_ = now_us;
     if (level_ > before) return name_of_fall(level_);
     if (level_ == kGood && before != kGood)
       return before == kEmpty ? "rises from_STOP" : "rises OK";
     if (level_ < before)
       return crossed_us_ > above_us_[kLimited] ? "rises across_WARN" : "rises WARN";
     // It was below the lowest bound for a moment, and below a higher one for long.
-    const bool was_dip = was_below[kEmpty] != kNever && below_us_[kEmpty] == kNever;
+    const bool was_dip = was_below[kEmpty] && !is_below_[kEmpty];
     if (was_dip && before != kEmpty)
-      return was_below[kEmpty] > was_below[kLow] ? "dips in_a_sag" : "dips alone";
+      return fallen_us < fallen_us_[kLow] ? "dips in_a_sag" : "dips alone";
     return nullptr;
   }
   static const char* name_of_fall(Level level) {
@@ -165,7 +197,10 @@ class BatteryWitness {
   bool is_broken_ = false;
   bool has_level_ = false;
   Level level_ = kGood;
-  Since below_us_ = kNone;
+  Flags is_below_{};  ///< At the last reading.
+  std::array<double, kLevels> fallen_us_{};
+  std::array<double, kLevels> rested_us_{};  ///< Since it was last below that bound.
+  uint64_t changed_us_ = 0;
   Since above_us_ = kNone;   ///< By a 32nd.
   uint64_t crossed_us_ = 0;  ///< When it was last above WARN by a 32nd, or was not any more.
 };

@@ -24,7 +24,7 @@ class Generator {
     subject_ = static_cast<Subject>(below(static_cast<size_t>(Subject::kCount)));
     set_up();
     // On its own board, which measures its battery.
-    if (chance(15)) peripherals(kBatteryList);
+    if (chance(15)) peripherals(static_cast<size_t>(one_of({kBatteryList, kBatteryList, 6, 7})));
     const size_t phases = 6 + below(18);
     for (size_t i = 0; i < phases; ++i) phase();
     add(Kind::kRun, {2e6});
@@ -55,6 +55,8 @@ class Generator {
     scenario_.operations.push_back(operation);
     if (kind == Kind::kOpen) host_ = operation.values[0];
   }
+  /// A program that connects, or seldom a library that reconnects by itself.
+  void open() { add(Kind::kOpen, {0, chance(15) ? 1.0 : 0.0}); }
   void wait() {
     if (chance(60)) {
       add(Kind::kRun, {std::floor(spread(200, 20e3))});
@@ -85,7 +87,7 @@ class Generator {
     if (subject_ == Subject::kAnything && chance(30))
       add(Kind::kCounts, {std::floor(spread(20, 100e3))});
     add(Kind::kRun, {60e3});
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
   }
 
   void defect() {
@@ -231,7 +233,7 @@ class Generator {
     add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
     if (chance(80)) {
       add(Kind::kRun, {chance(80) ? 60e3 : 5e3});
-      if (chance(85)) add(Kind::kOpen, {0});
+      if (chance(85)) open();
     }
   }
 
@@ -454,7 +456,7 @@ class Generator {
     if (chance(85)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
     if (chance(20)) reset();
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
     if (chance(40)) setpoint(host_);
     if (chance(25)) contact_or_estop();
     if (chance(15)) add(Kind::kRun, {11e6});
@@ -475,6 +477,10 @@ class Generator {
     };
     if (list_ == 1) return of(Sensed::kFrontLeft, Sensed::kRear);
     if (list_ == 2) return of(Sensed::kCliff, Sensed::kStageFault);
+    if (list_ == 4) return of(Sensed::kFrontLeft, Sensed::kCliff);
+    if (list_ == 5) return of(Sensed::kFrontRight, Sensed::kStageFault);
+    if (list_ == 6) return of(Sensed::kRear, Sensed::kCliff);
+    if (list_ == 7) return of(Sensed::kFrontLeft, Sensed::kStageFault);
     return of(Sensed::kFrontLeft, Sensed::kFrontRight);
   }
 
@@ -597,7 +603,7 @@ class Generator {
 
   /// Something triggers while it drives, and perhaps it backs out.
   void bump() {
-    if (list_ == kBatteryList) return drain();
+    if (list_ == kBatteryList || (guards_battery(list_) && chance(50))) return drain();
     const double which = sensed();
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
@@ -633,7 +639,7 @@ class Generator {
     if (chance(85)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
     if (chance(15)) reset();
-    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(90)) open();
     if (chance(30)) setpoint(host_);
     if (chance(10)) add(Kind::kRun, {11e6});
     if (chance(85)) add(Kind::kPeripheralsConfirm, {host_, chance(90) ? 0.0 : 1.0});
@@ -773,11 +779,55 @@ class Generator {
       add(Kind::kClearFault, {host_, 1});
       add(Kind::kRun, {600e3});
     }
+    if (chance(40)) return burst();
     const double velocity = chance(50) ? spread(0.02, 0.1) : spread(0.1, 0.4);
     const double left = chance(50) ? velocity : -velocity;
     const double right = chance(70) ? left : chance(50) ? -left : 0.0;
     add(Kind::kHold, {host_, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
     if (chance(60)) repair();
+  }
+
+  /// Drives that are too short for what watches a wheel to be sure, with stops between them.
+  void burst() {
+    const double speed = one_of({0.2, 0.3, 0.4, -0.3});
+    const bool duty = chance(20);
+    const double for_us = std::floor(spread(100e3, 450e3));
+    const double pause_us = std::floor(spread(20e3, 1e6));
+    const size_t how = below(3);
+    for (size_t i = 6 + below(10); i > 0; --i) {
+      add(Kind::kHold, {host_, duty ? 2.0 * speed : speed, duty ? 2.0 * speed : speed, for_us, 50e3,
+                        duty ? 1.0 : 0.0});
+      if (how == 0) add(Kind::kStop, {host_, static_cast<double>(below(4)), 1});
+      if (how == 1) add(Kind::kHold, {host_, 0, 0, pause_us, 50e3, 0});
+      if (how != 1) add(Kind::kRun, {pause_us});
+    }
+    if (chance(60)) repair();
+  }
+  /// Downhill, with less duty than it takes to hold the robot.
+  void run_away() {
+    repair();
+    set(ParameterId::kMaxDuty, between(0.15, 0.4));
+    set(ParameterId::kMaxVelocityMps, between(0.03, 0.12));
+    const double rad = one_of({-0.4, -0.3, 0.3, 0.4});
+    make_ready();
+    add(Kind::kSlope, {rad});
+    const double speed = rad < 0.0 ? 0.1 : -0.1;
+    for (size_t i = 1 + below(3); i > 0; --i) {
+      add(Kind::kHold, {host_, speed, speed, std::floor(between(500e3, 4e6)), 50e3, 0});
+      if (chance(50)) add(Kind::kStop, {host_, 0, 1});
+    }
+    add(Kind::kRun, {std::floor(spread(100e3, 3e6))});
+    add(Kind::kSlope, {0});
+  }
+  /// An encoder loses its edges in short gaps.
+  void lose_in_gaps() {
+    make_ready();
+    const double of_us = std::floor(spread(5e3, 60e3));
+    add(Kind::kRun, {4e6});
+    add(Kind::kClearFault, {host_, 1});
+    rest();
+    add(Kind::kGaps, {host_, one_of({0.1, 0.2, 0.3, -0.3, 0.4}), std::floor(between(1e6, 8e6)),
+                      side(), std::floor(of_us * one_of({0.5, 0.7, 0.75, 0.9})), of_us});
   }
 
   void floor() {
@@ -797,6 +847,8 @@ class Generator {
       default:
         add(Kind::kSlope, {0});
     }
+    if (chance(20)) return burst();
+    if (chance(15)) return run_away();
     if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     drive(std::floor(spread(200e3, 3e6)));
     if (chance(50)) add(Kind::kStop, {host_, static_cast<double>(below(5)), 1});
@@ -930,7 +982,7 @@ class Generator {
     if (kind < 6 && is_about(Subject::kBoards)) return peripherals(below(kLists));
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();
-    if (kind < 8 && is_about(Subject::kDefects)) return wheels();
+    if (kind < 8 && is_about(Subject::kDefects)) return chance(15) ? lose_in_gaps() : wheels();
     if (kind < 13 && is_about(Subject::kDefects)) return floor();
     if (kind < 14 && subject_ != Subject::kSound) return bad_line();
     if (kind < 15 && chance(50)) return bump();

@@ -114,7 +114,8 @@ std::string name_of(RefusalCode code) {
                                                                     "NOT_SUPPORTED",
                                                                     "BOARD_UNCONFIRMED",
                                                                     "UNARMED",
-                                                                    "CONTRADICTION"};
+                                                                    "CONTRADICTION",
+                                                                    "COMMAND_SEQ_SPENT"};
   return look_up(kNames, code);
 }
 

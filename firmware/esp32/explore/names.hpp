@@ -23,7 +23,7 @@ std::string describe(const Seen& message);
 uint8_t answer_to(uint8_t id);
 std::string text_of(double value);
 
-constexpr size_t kRefusalCodes = static_cast<size_t>(RefusalCode::kContradiction) + 1;
+constexpr size_t kRefusalCodes = static_cast<size_t>(RefusalCode::kCommandSeqSpent) + 1;
 constexpr size_t kStates = static_cast<size_t>(SupervisorState::kFault) + 1;
 constexpr size_t kEvents = static_cast<size_t>(SupervisorEvent::kClearFault) + 1;
 constexpr size_t kBoardStates = static_cast<size_t>(BoardState::kTrial) + 1;

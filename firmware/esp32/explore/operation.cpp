@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"run", {"us"}},
     {"service", {}},
-    {"open", {"host"}},
+    {"open", {"host", "unarmed"}},
     {"hello", {"host", "fresh", "version_off", "hash_off"}},
     {"ping", {"host", "session"}},
     {"velocity", {"host", "left", "right", "life_us", "ahead", "session"}},
@@ -74,6 +74,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"motor", {"side", "reversed", "open", "scale"}},
     {"encoder", {"side", "dead", "reversed", "stuck"}},
     {"lost_edges", {"side", "share", "error_ticks"}},
+    {"gaps", {"host", "speed", "for_us", "side", "lost_us", "of_us"}},
     {"swaps", {"motors", "encoders"}},
     {"counts", {"per_revolution"}},
 }};

@@ -76,6 +76,7 @@ enum class Kind : uint8_t {
   kMotor,
   kEncoder,
   kLostEdges,
+  kGaps,
   kSwaps,
   kCounts,
   kCount,  // Not one.

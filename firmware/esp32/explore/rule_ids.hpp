@@ -37,6 +37,10 @@ enum class Rule : uint8_t {
   kNotAgainstABumper,
   kExternalStops,
   kPeripheralsOfTheBoard,
+  kStartDoesNotDrive,
+  kReleaseDoesNotRestart,
+  kStopHolds,
+  kNotTooFast,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

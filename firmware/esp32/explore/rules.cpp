@@ -44,6 +44,10 @@ constexpr RuleSpec kRules[] = {
     {Rule::kNotAgainstABumper, "S28", "not-against-a-bumper"},
     {Rule::kExternalStops, "S29", "external-stops"},
     {Rule::kPeripheralsOfTheBoard, "S30", "peripherals-of-the-board"},
+    {Rule::kStartDoesNotDrive, "S31", "start-does-not-drive"},
+    {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
+    {Rule::kStopHolds, "S33", "stop-holds"},
+    {Rule::kNotTooFast, "S34", "not-too-fast"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -57,18 +61,21 @@ constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// Less than the firmware waits, by a control step at 100 Hz.
 constexpr uint64_t kStillUs = 480'000;
 constexpr uint64_t kRunDownUs = 1'980'000;
+/// The stage pauses first, where the drive was removed.
+constexpr int kPauseSteps = 4;
 /// What the firmware may take for the speed of a wheel that stopped a moment ago.
 constexpr double kMeasuredAtRestUmps = 20'000;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
 /// The rule that a setpoint broke which had to be refused.
-Rule rule_of(Codes denied) {
+Rule rule_of(Codes denied, bool unarmed_by_start) {
   if (denied.has(RefusalCode::kBoardUnconfirmed) || denied.has(RefusalCode::kBoardOnTrial))
     return Rule::kConfirmedBoardOnly;
   if (denied.has(RefusalCode::kEstopped) || denied.has(RefusalCode::kFault))
     return Rule::kLatchEndsByClear;
-  if (denied.has(RefusalCode::kUnarmed)) return Rule::kClearDoesNotRestart;
+  if (denied.has(RefusalCode::kUnarmed))
+    return unarmed_by_start ? Rule::kStartDoesNotDrive : Rule::kClearDoesNotRestart;
   if (denied.has(RefusalCode::kContradiction)) return Rule::kContradictionsNeverDrive;
   if (denied.has(RefusalCode::kExpired)) return Rule::kDeadlineStops;
   if (denied.has(RefusalCode::kNoTrial)) return Rule::kTrialEndsWithItsSession;
@@ -126,7 +133,7 @@ void Judge::deadline_stops() {
 /// S05, and what else a setpoint has to have: S03, S04, S10, S16.
 void Judge::driven_by_right() {
   if (simulator_.state() != SupervisorState::kDriving || witness_.granted()) return;
-  accuse({rule_of(witness_.denied()),
+  accuse({rule_of(witness_.denied(), witness_.unarmed_by_start()),
           "it drives without a setpoint that may; the last one had to be refused with " +
               (witness_.denied().empty() ? "nothing" : witness_.denied().text())});
 }
@@ -161,7 +168,7 @@ bool Judge::is_wrong(Side side) const {
   const bool is_level = plant.slope_rad == 0.0 && plant.wheels[kLeft].load_nm == 0.0 &&
                         plant.wheels[kRight].load_nm == 0.0;
   return encoder.dead || encoder.reversed != wheel.motor_reversed ||
-         (wheel.motor_open && is_level) || wheel.blocked;
+         (wheel.motor_open && is_level) || wheel.blocked || world_.loses_in_gaps[side];
 }
 
 /// All that a wheel's monitoring depends on is as it comes, but for the limits.
@@ -180,7 +187,7 @@ bool Judge::has_default_protection() const {
 /// Nothing but the firmware moves the robot, and nothing is broken.
 bool Judge::is_clean() const { return !world_.ever_disturbed; }
 
-/// S06.
+/// S06, of one drive.
 void Judge::wheel_fault_in_time() {
   const bool drives = simulator_.state() == SupervisorState::kDriving;
   if (drives && memory_.state != SupervisorState::kDriving)
@@ -190,24 +197,63 @@ void Judge::wheel_fault_in_time() {
   const bool applies =
       drives && memory_.started_at_rest && has_default_protection() && world_.wired_as_believed &&
       supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
-      simulator_.board.plant.model().supply_ohm == 0.0 && simulator_.board.wiring.is_right() &&
-      !simulator_.board.plant.model().motors_swapped &&
-      world_us() > world_.disturbed_us + kAfterDisturbanceUs && witness_.perhaps_forbidden() == 0;
+      simulator_.board.wiring.is_right() && !simulator_.board.plant.model().motors_swapped &&
+      world_us() > world_.disturbed_us + kAfterDisturbanceUs &&
+      !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways());
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const double wanted = target(side);
     if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02 ||
         (wheel.slowest != 0.0 && sign_of(wanted) != sign_of(wheel.slowest))) {
-      wheel = {};
+      wheel.wrong_since_us = 0;
+      wheel.slowest = 0.0;
       if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02) continue;
     }
-    if (wheel.wrong_since_us == 0) wheel = {.wrong_since_us = now_us(), .slowest = wanted};
+    if (wheel.wrong_since_us == 0) {
+      wheel.wrong_since_us = now_us();
+      wheel.slowest = wanted;
+    }
     if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
     const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
     check(Rule::kWheelFaultInTime, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
           std::string(side == kLeft ? "the left" : "the right") +
               " wheel has not done what its setpoint says for " +
               text_of(static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6) + " s");
+  }
+}
+
+/// S06, of all drives since a tick or a clear, however short they are.
+void Judge::driven_hard_without_a_tick() {
+  // The defaults, and the time of a step or two.
+  constexpr double kHard = 0.455;
+  constexpr double kHardUs = 530'000.0;
+  const auto& granted = witness_.granted();
+  const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
+  const bool applies = has_default_protection() && world_.wired_as_believed &&
+                       simulator_.board.wiring.is_right() &&
+                       !simulator_.board.plant.model().motors_swapped && !world_.changed_encoders;
+  const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
+  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  for (const Side side : kSides) {
+    Memory::Wheel& wheel = memory_.wheels[side];
+    const sim::Quadrature& encoder = simulator_.board.encoders[side];
+    const bool counts = encoder.model.stuck != 0 || memory_.hides_tick[side] ||
+                        encoder.shown_ticks() != wheel.anchor;
+    // At a setpoint of zero the firmware yields to what may be a push.
+    const bool yields = drives && !granted->duty && target(side) == 0.0;
+    if (!applies || is_cleared || counts || yields) {
+      wheel.anchor = encoder.shown_ticks();
+      wheel.still_us = 0.0;
+      continue;
+    }
+    const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
+    if (drives && duty >= kHard)
+      wheel.still_us += period_us;
+    else
+      wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
+    check(Rule::kWheelFaultInTime, wheel.still_us <= kHardUs,
+          std::string(side == kLeft ? "the left" : "the right") +
+              " wheel was driven hard, and its encoder showed no tick");
   }
 }
 
@@ -218,7 +264,8 @@ void Judge::sound_robot_drives_on() {
   if (!is_clean() || !has_default_protection() || !world_.wired_as_believed) return;
   constexpr uint32_t kOfWheels = fault::kLeftNotCounting | fault::kRightNotCounting |
                                  fault::kLeftReversed | fault::kRightReversed |
-                                 fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible;
+                                 fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible |
+                                 fault::kOverspeed;
   check(Rule::kSoundRobotDrivesOn, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
         "a sound robot on a flat floor has the faults " + std::to_string(simulator_.faults()));
 }
@@ -285,9 +332,9 @@ void Judge::message_moves_the_state() {
       task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
                       id == BoardWrite::kId || id == BoardConfirm::kId ||
                       id == PeripheralsWrite::kId || id == PeripheralsConfirm::kId);
-  // A setpoint shows that a sensor has stopped the robot.
-  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && after == SupervisorState::kFault &&
-      (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
+  // A setpoint that is to drive shows that a sensor has stopped the robot.
+  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && !task.is_zero &&
+      after == SupervisorState::kFault && (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
       (simulator_.faults() & fault::kExternal) != 0)
     return;
   if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;
@@ -329,7 +376,8 @@ void Judge::slew_within_limit() {
   const auto& granted = witness_.granted();
   // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
-      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0)
+      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0 ||
+      witness_.perhaps_held_ways() != 0 || memory_.was_held)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -443,8 +491,10 @@ void Judge::contradictions_never_drive() {
 void Judge::late_step_is_a_fault() {
   const bool was_driving = memory_.state == SupervisorState::kDriving;
   const uint64_t elapsed_us = now_us() - memory_.step_us;
+  // A trial that ends in this very step stops the robot before.
   const bool applies =
-      was_driving && !world_.handled && !world_.writes_flash && witness_.trial() == Trial::kNone &&
+      was_driving && !world_.handled && !world_.writes_flash &&
+      witness_.trial() != Trial::kExpired &&
       static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
   check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
         "a control step came after " + std::to_string(elapsed_us) + " us without a fault");
@@ -452,38 +502,70 @@ void Judge::late_step_is_a_fault() {
 
 // --- sensors -------------------------------------------------------------------------------------
 
-/// S28, at the end of a control step.
+/// Whether what holds a robot at a bumper, the velocity loop, still commands a speed although it
+/// has had the time to bring it to rest from the speed that it had.
+bool Judge::is_to_stand() {
+  double commanded_umps = 0.0;
+  double rolls_umps = 0.0;
+  for (const Side side : kSides) {
+    commanded_umps =
+        std::max(commanded_umps, std::abs(static_cast<double>(simulator_.commanded_umps(side))));
+    rolls_umps = std::max(rolls_umps, 1.3e6 * std::abs(simulator_.board.plant.speed_mps(side)));
+  }
+  const bool changed =
+      value(kMaxAccelerationMps2) != memory_.values[index_of(kMaxAccelerationMps2)];
+  if (memory_.held_since_us == 0 || changed) {
+    memory_.held_since_us = now_us();
+    memory_.held_from_umps = std::max(commanded_umps, rolls_umps);
+  }
+  const double needed_s =
+      memory_.held_from_umps * 1e-6 / static_cast<double>(value(kMaxAccelerationMps2)) + 2.0;
+  const double held_s = static_cast<double>(now_us() - memory_.held_since_us) * 1e-6;
+  return held_s > needed_s && commanded_umps != 0.0;
+}
+
+/// S28 and S32, at the end of a control step.
 void Judge::not_against_a_bumper() {
-  const uint8_t forbidden = witness_.forbidden();
+  constexpr uint8_t kWays = reflex::kNoForward | reflex::kNoReverse;
   const auto& granted = witness_.granted();
-  const bool applies = simulator_.state() == SupervisorState::kDriving && granted &&
-                       world_.wired_as_believed &&
-                       (forbidden & (reflex::kNoForward | reflex::kNoReverse)) != 0;
-  if (!applies) {
+  const uint8_t open = witness_.forbidden() & kWays;
+  const uint8_t forbidden = open | witness_.held_ways();
+  if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed ||
+      forbidden == 0) {
     memory_.against_steps = 0;
+    memory_.held_since_us = 0;
     return;
   }
-  const auto check_way = [&](uint8_t flag, double way, const char* name) {
-    if ((forbidden & flag) == 0) return;
-    const double asked = way * (granted->left + granted->right);
-    // A wheel that is too fast on the way back is braked by a duty forward.
-    double goes = 0.0;
-    for (const Side side : kSides) {
-      const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
-      const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
-      const double duty = simulator_.board.bridges()[side].signed_duty();
-      goes += way * (!granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty);
-    }
-    // Where one winding changes its direction its stage pauses, and the other one begins.
-    const bool is_against = goes > 2.0 / 32767.0;
-    memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
-    check(Rule::kNotAgainstABumper, !is_against || (granted->duty && memory_.against_steps <= 2),
-          std::string("it goes ") + name + " against a bumper");
-    check(Rule::kNotAgainstABumper, asked < 0.0 || !simulator_.board.drives(),
-          std::string("a winding is driven, and a bumper forbids to go ") + name);
+  const auto goes = [this, &granted](Side side) {
+    const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
+    const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
+    const double duty = simulator_.board.bridges()[side].signed_duty();
+    return !granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty;
   };
-  check_way(reflex::kNoForward, 1.0, "forward");
-  check_way(reflex::kNoReverse, -1.0, "backward");
+  bool is_against = false;
+  bool is_held = false;
+  for (const uint32_t flag : {reflex::kNoForward, reflex::kNoReverse}) {
+    if ((forbidden & flag) == 0) continue;
+    const double way = flag == reflex::kNoForward ? 1.0 : -1.0;
+    const char* const name = way > 0.0 ? "forward" : "backward";
+    const Rule rule = (open & flag) != 0 ? Rule::kNotAgainstABumper : Rule::kReleaseDoesNotRestart;
+    for (const Side side : kSides) {
+      // Where a winding changes its direction its stage pauses, and the other one begins.
+      if (way * goes(side) <= 2.0 / 32767.0) continue;
+      is_against = true;
+      check(rule, granted->duty && memory_.against_steps < 2,
+            std::string("a wheel is to turn ") + name + " against a bumper");
+    }
+    if ((granted->ways & flag) == 0) continue;
+    is_held = true;
+    // An open loop cannot hold it there.
+    check(rule, !granted->duty || !simulator_.board.drives(),
+          std::string("a winding is driven, and a bumper forbids to go ") + name);
+    check(rule, granted->duty || !is_to_stand(),
+          std::string("it is to stand, as a bumper forbids to go ") + name);
+  }
+  if (!is_held) memory_.held_since_us = 0;
+  memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
 }
 
 /// S29, at the end of a control step.
@@ -511,8 +593,14 @@ void Judge::half_of_the_speed() {
   const auto has_changed = [this](ParameterId id) {
     return value(id) != memory_.values[index_of(id)];
   };
-  if (memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
-      has_changed(kMaxAccelerationMps2)) {
+  const bool begins = memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
+                      has_changed(kMaxAccelerationMps2);
+  if (begins || has_changed(kMaxDuty)) {
+    for (const Side side : kSides)
+      memory_.limited_duty[side] =
+          std::max(memory_.limited_duty[side], std::abs(memory_.duty[side]));
+  }
+  if (begins) {
     memory_.limited_since_us = now_us();
     memory_.limited_from_umps = static_cast<double>(std::max(
         std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight])));
@@ -521,12 +609,17 @@ void Judge::half_of_the_speed() {
     return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
   };
   if (granted->duty) {
+    // It falls to half, at nearly the slew limit: of two wheels the slower one keeps their ratio.
+    const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
+    const double fall = 0.4 * static_cast<double>(value(kMaxDutyRatePerS)) * period_s;
     for (const Side side : kSides) {
-      const double before = std::abs(memory_.duty[side]);
       const double now = std::abs(simulator_.board.bridges()[side].signed_duty());
-      const double most = std::max(highest(kMaxDuty) / 2.0, before) + 2.0 / 32767.0;
-      check(Rule::kExternalStops, before == 0.0 || now <= most,
+      double& most = memory_.limited_duty[side];
+      // A step for what was on its way, and another one for the pause of the stage.
+      check(Rule::kExternalStops,
+            now <= std::max(highest(kMaxDuty) / 2.0, most) + 2.0 * fall + 2.0 / 32767.0,
             "a duty of " + text_of(now) + " with a low battery");
+      most = std::max(0.0, most - fall);
     }
     return;
   }
@@ -551,12 +644,50 @@ void Judge::peripherals_of_the_board() {
         "it is in DRIVING, and nobody confirmed the peripherals of this board");
 }
 
+/// S34: a mean of half as much again as it may, for a second in all, is a fault.
+void Judge::not_too_fast() {
+  // What the firmware measures lags, and is noisy.
+  constexpr double kMargin = 1.1;
+  constexpr double kTooFastUs = 1'150'000.0;
+  const auto& granted = witness_.granted();
+  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  bool applies =
+      simulator_.state() == SupervisorState::kDriving &&
+      memory_.state == SupervisorState::kDriving && granted && !granted->duty &&
+      !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &&
+      has_default_protection() && world_.wired_as_believed && simulator_.board.wiring.is_right() &&
+      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution);
+  double sum = 0.0;
+  double allowed = static_cast<double>(
+      std::max(value(kMaxVelocityMps), memory_.highest[index_of(kMaxVelocityMps)]));
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    applies = applies && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
+    sum += std::abs(simulator_.board.plant.speed_mps(side));
+    allowed =
+        std::max(allowed, std::abs(static_cast<double>(simulator_.commanded_umps(side))) * 1e-6);
+  }
+  const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
+  const bool obeys = applies && sum <= 2.0 * kMargin * allowed;
+  if (is_cleared || obeys)
+    memory_.too_fast_us = 0.0;
+  else if (applies && sum > 3.0 * kMargin * allowed)
+    memory_.too_fast_us += period_us;
+  else
+    memory_.too_fast_us = std::max(0.0, memory_.too_fast_us - period_us / 10.0);
+  check(Rule::kNotTooFast, memory_.too_fast_us <= kTooFastUs,
+        "it rolls at " + text_of(sum / 2.0) + " m/s, may do " + text_of(allowed) + ", and goes on");
+}
+
 // --- at rest -------------------------------------------------------------------------------------
 
 /// S09: flash records an e-stop once the wheels stand, and its end.
 void Judge::estop_is_noted() {
   const bool estopped = simulator_.state() == SupervisorState::kEstopped;
-  const bool rests = simulator_.board.plant.stands_still() &&
+  // What the firmware measures of a wheel that hardly turns is not what it does.
+  if (!(estopped && creeps(0.5))) memory_.fast_us = now_us();
+  const bool is_slow = now_us() > memory_.fast_us + kMeasuredSlowUs + kRunDownUs;
+  const bool rests = (simulator_.board.plant.stands_still() || (estopped && is_slow)) &&
                      simulator_.state() != SupervisorState::kDriving &&
                      !simulator_.board.latch_store.failing && simulator_.board.flash.faults == 0;
   if (estopped == witness_.flash().estop || !rests) {
@@ -568,55 +699,179 @@ void Judge::estop_is_noted() {
         std::string(estopped ? "an e-stop" : "its end") + " was not recorded in flash");
 }
 
-/// S23.
-void Judge::stops_as_asked(bool stepped) {
+// --- what a stop does ----------------------------------------------------------------------------
+
+/// A stop in `mode`. Of one that is not `certain` only what it may do is known.
+void Judge::begin_action(StopMode mode, bool certain, bool weakens) {
+  const auto brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
+  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
+  const auto begin = [mode, weakens](Action& action, uint64_t until_us) {
+    if (mode < action.mode && !weakens) return;
+    if (mode < action.mode) action.guards = false;
+    action.until_us = mode == action.mode ? std::max(action.until_us, until_us) : until_us;
+    action.mode = mode;
+  };
+  const uint64_t at_least_us = now_us() + brake_us;
+  if (certain) begin(memory_.least, at_least_us - std::min(at_least_us, kSlackUs));
+  begin(memory_.most, at_least_us + 2 * period_us + kSlackUs);
+}
+
+void Judge::begin_estop(bool certain) {
+  const auto stop_mode = static_cast<StopMode>(value(kStopMode));
+  auto mode = static_cast<StopMode>(value(kEstopMode));
+  if (mode != StopMode::kCoast && stop_mode == StopMode::kBrakeUntilDriven) mode = stop_mode;
+  begin_action(mode, certain);
+  if (mode == StopMode::kCoast) return;
+  memory_.most.guards = true;
+  if (certain) memory_.least.guards = true;
+}
+
+/// One that only a power stage reports coasts; at one of overspeed the brake lasts.
+void Judge::begin_fault(uint32_t new_faults) {
+  if ((new_faults & fault::kOverspeed) != 0) return begin_action(StopMode::kBrakeUntilDriven, true);
+  const bool may_be_of_stage = (new_faults & fault::kExternal) != 0;
+  begin_action(static_cast<StopMode>(value(kStopMode)), !may_be_of_stage);
+}
+
+/// What the message that was just handled begins.
+void Judge::follow_message() {
+  const Task& task = *witness_.task();
+  const SupervisorState after = simulator_.state();
+  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const uint8_t id = task.message.id;
+  if (after == SupervisorState::kBoot) return;
+  if (id == Stop::kId) {
+    const auto stop = task.message.as<Stop>();
+    const bool by_session = witness_.is_open() && stop.session_id == witness_.session_id();
+    const bool is_named = stop.mode != StopMode::kConfigured &&
+                          stop.mode <= StopMode::kBrakeUntilDriven &&
+                          (by_session || stop.mode > configured);
+    const bool weakens = is_named && by_session && !is_latched(task.before);
+    begin_action(is_named ? stop.mode : configured, true, weakens);
+  } else if (id == Estop::kId) {
+    begin_estop(true);
+  } else if (id == Hello::kId && task.is_new && task.carried_out) {
+    begin_action(configured, true);
+  } else if (id == ParameterTrial::kId) {
+    begin_action(configured,
+                 task.before == SupervisorState::kDriving && after != SupervisorState::kDriving);
+  } else if (after == SupervisorState::kFault && task.before != after) {
+    begin_fault(simulator_.faults() & ~witness_.last_faults());
+  } else if (id == ParameterSet::kId || id == ParameterReset::kId) {
+    // One that notices the contact stops by the values before it, and may change them.
+    const bool is_noticed = witness_.contact_open() && !memory_.contact_open;
+    if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+    memory_.contact_open = memory_.contact_open || is_noticed;
+  } else if (witness_.contact_open()) {
+    begin_estop(task.before != after);
+    memory_.contact_open = memory_.contact_open || task.before != after;
+  }
+  // The next drive, maybe before the next control step, begins at what the wheels do then.
+  if (after != SupervisorState::kDriving) memory_.held_since_us = 0;
+  if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
+}
+
+/// What begins as the state changes without a message.
+void Judge::follow_transition() {
+  const SupervisorState before = witness_.last_state();
+  const SupervisorState after = simulator_.state();
+  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const uint32_t new_faults = simulator_.faults() & ~witness_.last_faults();
+  if (witness_.trial() == Trial::kExpired && memory_.trial == Trial::kRuns)
+    begin_action(configured, before == SupervisorState::kDriving);
+  memory_.trial = witness_.trial();
+  if (new_faults != 0 || (after == SupervisorState::kFault && before != after))
+    begin_fault(new_faults);
+  if (before == SupervisorState::kDriving && after == SupervisorState::kTimedOut)
+    begin_action(configured, true);
+  if (before != SupervisorState::kEstopped && after == SupervisorState::kEstopped)
+    begin_estop(true);
+}
+
+/// What a control step begins, and ends.
+void Judge::follow_step() {
+  follow_transition();
+  const SupervisorState after = simulator_.state();
+  if (witness_.contact_open() && !memory_.contact_open) begin_estop(true);
+  memory_.contact_open = witness_.contact_open();
+  if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
+  // Once the e-stop is cleared its brake ends as soon as the wheels are still.
+  if (after == SupervisorState::kEstopped) return;
+  if (!surely_turns()) memory_.least.guards = false;
+  if (surely_still() && now_us() >= memory_.most.until_us) memory_.most.guards = false;
+}
+
+bool Judge::is_shorted() const {
+  const auto bridges = simulator_.board.bridges();
+  return bridges[kLeft].shorted() > 0.5 && bridges[kRight].shorted() > 0.5;
+}
+
+/// As far as its encoders show, with room for what is measured late.
+bool Judge::moves_slower_than(ParameterId limit) const {
+  const bool measures =
+      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
+      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution) &&
+      simulator_.board.wiring.is_right();
+  double speed = 0.0;
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    if (encoder.stuck != 0 || encoder.lost != 0.0 || encoder.dead) return true;
+    speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
+  }
+  return !measures || speed < 1.5 * static_cast<double>(value(limit)) + 0.05;
+}
+
+/// On the brake, at this share of rolling_velocity_mps at most, by encoders that show it.
+bool Judge::creeps(double share) const {
+  for (const ParameterId id : {kWheelRadius, kVelocityWindowUs})
+    if (value(id) != kParameters[index_of(id)].default_value) return false;
+  if (value(kCountsPerRevolution) != static_cast<float>(simulator_.board.counts_per_revolution))
+    return false;
+  const double most = share * static_cast<double>(value(kRollingVelocityMps));
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    if (encoder.stuck != 0 || encoder.lost != 0.0) return false;
+    if (std::abs(simulator_.board.plant.speed_mps(side)) > most) return false;
+  }
+  return world_.wired_as_believed && simulator_.board.wiring.is_right() && is_shorted();
+}
+
+/// S23 and S33, at the end of a control step.
+void Judge::stops_as_asked() {
   const SupervisorState state = simulator_.state();
-  if (state == SupervisorState::kDriving || state == SupervisorState::kBoot) {
-    memory_.steps_since_stop = -1;
+  if (state == SupervisorState::kDriving || state == SupervisorState::kBoot ||
+      !world_.wired_as_believed) {
+    memory_.braking_steps = memory_.coasting_steps = 0;
     return;
   }
-  if (witness_.last_state() == SupervisorState::kDriving && memory_.steps_since_stop < 0) {
-    memory_.steps_since_stop = 0;
-    memory_.stopped_us = now_us();
-    memory_.brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
-    memory_.stop_mode = static_cast<StopMode>(value(kStopMode));
-    if (witness_.task() && witness_.task()->message.id == Stop::kId) {
-      const StopMode asked = witness_.task()->message.as<Stop>().mode;
-      if (asked != StopMode::kConfigured && asked <= StopMode::kBrakeUntilDriven)
-        memory_.stop_mode = asked;
-    }
-  }
-  if (!stepped || memory_.steps_since_stop < 0 || !world_.wired_as_believed) return;
-  // The stage pauses first.
-  if (++memory_.steps_since_stop < 4) return;
-  const uint64_t since_us = now_us() - memory_.stopped_us;
-  const uint64_t brake_us = memory_.brake_us;
-  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
-  const bool brakes = memory_.stop_mode == StopMode::kBrakeUntilDriven ||
-                      (memory_.stop_mode == StopMode::kBrake && since_us + kSlackUs < brake_us);
-  const bool coasts =
-      memory_.stop_mode == StopMode::kCoast ||
-      (memory_.stop_mode == StopMode::kBrake && since_us > brake_us + 2 * period_us + kSlackUs);
-  const bool can_coast = kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  const bool may_brake = witness_.board_state() == BoardState::kStored;
+  const auto asks = [this](const Action& action, bool turns) {
+    if (action.mode != StopMode::kBrake) return action.mode == StopMode::kBrakeUntilDriven;
+    return now_us() < action.until_us || (action.guards && turns);
+  };
+  const bool brakes = may_brake && asks(memory_.least, surely_turns());
+  const bool coasts = !may_brake || !asks(memory_.most, !surely_still());
+  memory_.braking_steps = brakes ? memory_.braking_steps + 1 : 0;
+  memory_.coasting_steps = coasts ? memory_.coasting_steps + 1 : 0;
+  const bool can_coast = witness_.board_state() != BoardState::kNone &&
+                         kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  const bool began = memory_.braking_steps == kPauseSteps;
   for (const Side side : kSides) {
     const double shorted = simulator_.board.bridges()[side].shorted();
-    if (brakes)
-      check(Rule::kStopsAsAsked, shorted > 0.5, "a winding is not braked after a stop that brakes");
-    if (coasts && can_coast)
-      check(Rule::kStopsAsAsked, shorted == 0.0, "a winding is braked after a stop that coasts");
+    if (memory_.braking_steps >= kPauseSteps)
+      check(began ? Rule::kStopsAsAsked : Rule::kStopHolds, shorted > 0.5,
+            began ? "a winding is not braked after a stop that brakes"
+                  : "a winding that a stop has shorted is open");
+    if (memory_.coasting_steps >= kPauseSteps && can_coast)
+      check(may_brake ? Rule::kStopsAsAsked : Rule::kConfirmedBoardOnly, shorted == 0.0,
+            may_brake ? "a winding is braked after a stop that coasts"
+                      : "a winding is braked on a board that nobody confirmed");
   }
 }
 
-/// A bumper keeps a robot in DRIVING from what its setpoint says.
-bool Judge::is_held_by_a_bumper() const {
+bool Judge::is_held_by_a_bumper(uint32_t ways) const {
   const auto& granted = witness_.granted();
-  if (!granted) return false;
-  const uint8_t forbidden = witness_.forbidden();
-  const double sum = granted->left + granted->right;
-  // A sum of a few um/s may become none in whole numbers.
-  const auto is_against = [sum](double way) { return sum == 0.0 || way * sum > 1e-3; };
-  return ((forbidden & reflex::kNoForward) != 0 && is_against(1.0)) ||
-         ((forbidden & reflex::kNoReverse) != 0 && is_against(-1.0));
+  return granted && (ways & granted->ways) != 0;
 }
 
 /// S22.
@@ -633,7 +888,8 @@ void Judge::rolling_is_reported() {
     sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  const bool is_held = simulator_.state() != SupervisorState::kDriving || is_held_by_a_bumper();
+  const bool is_held = simulator_.state() != SupervisorState::kDriving ||
+                       is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways());
   const bool rolls =
       sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
   // It is reported once until it is slow: for long enough to be measured.
@@ -658,11 +914,12 @@ void Judge::rolling_is_reported() {
 void Judge::on_event(const Event& event) {
   if (event.code != EventCode::kRolling) return;
   memory_.rolling_told = true;
-  const bool may_be_held =
-      (witness_.perhaps_forbidden() & (reflex::kNoForward | reflex::kNoReverse)) != 0;
+  const bool may_be_held = ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &
+                            (reflex::kNoForward | reflex::kNoReverse)) != 0;
   check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving || may_be_held,
         "ROLLING is reported while it drives");
-  const bool brakes = value(kStopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
+  const bool brakes =
+      value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
   const bool recently_reset = now_us() < 3'000'000;
   const bool measures =
       value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
@@ -724,13 +981,14 @@ void Judge::follow_motion() {
     const bool is_stuck = encoder.model.stuck != 0;
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
+    if (moved != 0 || is_stuck || was_stuck) memory_.perhaps_ticked_us = now_us();
     if (is_stuck) memory_.hides_tick[wheel] = true;
     // In the step in which a level comes back the wheel may have moved before that alone.
     if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
     const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
     memory_.hides_tick[wheel] = false;
-    if (is_seen && is_counted) memory_.turned_us = now_us();
+    if (is_seen && is_counted) memory_.turned_us = memory_.ticked_us = now_us();
   }
   // On a board that is wired otherwise, windings do what they do.
   const bool drives = world_.wired_as_believed && simulator_.board.drives();
@@ -738,11 +996,13 @@ void Judge::follow_motion() {
 }
 
 /// S27. A speed that is 0 for a moment is no standstill: a wheel turns back, or was just pushed.
-void Judge::flash_only_at_rest() {
+void Judge::flash_only_at_rest(bool creeping) {
   const auto ago = [this](uint64_t us) {
     return std::to_string((now_us() - us) / 1000) + " ms ago";
   };
-  check(Rule::kFlashOnlyAtRest, now_us() - memory_.turned_us >= kStillUs,
+  const bool is_slow = creeping && simulator_.state() == SupervisorState::kEstopped &&
+                       is_shorted() && moves_slower_than(kRollingVelocityMps);
+  check(Rule::kFlashOnlyAtRest, is_slow || now_us() - memory_.turned_us >= kStillUs,
         "it writes to flash, and a wheel turned " + ago(memory_.turned_us));
   check(Rule::kFlashOnlyAtRest, now_us() - memory_.drove_us >= kRunDownUs,
         "it writes to flash, and it drove or started " + ago(memory_.drove_us));
@@ -760,16 +1020,13 @@ void Judge::after_message() {
   message_moves_the_state();
   stop_at_once();
   drive_only_in_driving();
-  // One that notices the contact stops by the values before it, and may change them.
-  const uint8_t id = witness_.task()->message.id;
-  const bool may_change_the_stop = id == ParameterSet::kId || id == ParameterReset::kId;
-  if (!may_change_the_stop || simulator_.state() == SupervisorState::kDriving)
-    stops_as_asked(false);
+  follow_message();
 }
 
 void Judge::after_call(bool stepped) {
   time_moves_the_state();
   if (stepped) follow_motion();
+  if (stepped) follow_step();
   drive_only_in_driving();
   confirmed_board_only();
   peripherals_of_the_board();
@@ -785,6 +1042,8 @@ void Judge::after_call(bool stepped) {
     half_of_the_speed();
     within_limits();
     wheel_fault_in_time();
+    driven_hard_without_a_tick();
+    not_too_fast();
     sound_robot_drives_on();
     slew_within_limit();
     begins_gently();
@@ -793,9 +1052,9 @@ void Judge::after_call(bool stepped) {
     estop_is_noted();
     rolling_is_reported();
     follow_ticks();
+    stops_as_asked();
+    remember();
   }
-  stops_as_asked(stepped);
-  if (stepped) remember();
 }
 
 void Judge::remember() {
@@ -804,6 +1063,8 @@ void Judge::remember() {
   memory_.followed_duty = drives && granted->duty;
   memory_.followed_velocity = drives && !granted->duty;
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
+  // A bumper that held it off lets it begin anew.
+  memory_.was_held = witness_.perhaps_held_ways() != 0;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
@@ -821,13 +1082,22 @@ void Judge::remember() {
   memory_.earlier_highest = memory_.highest;
   memory_.highest = memory_.values;
   memory_.hard_switches = simulator_.board.hard_switches();
-  world_.writes_flash = world_.handled = false;
+  world_.writes_flash = world_.handled = world_.changed_encoders = false;
 }
 
 void Judge::after_start() {
   const std::array<bool, 2> hides_tick = memory_.hides_tick;  // A start does not turn the wheel.
+  const auto outlives = [this](const Action& action) {
+    const bool holds = witness_.kept_memory() && action.mode == StopMode::kBrakeUntilDriven;
+    return holds ? Action{.mode = action.mode} : Action{};
+  };
+  const Action least = outlives(memory_.least);
+  const Action most = outlives(memory_.most);
   memory_ = {};
   memory_.hides_tick = hides_tick;
+  memory_.least = least;
+  memory_.most = most;
+  memory_.fast_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = memory_.highest = witness_.values();
@@ -836,7 +1106,10 @@ void Judge::after_start() {
   for (const Side wheel : kSides)
     memory_.ticks[wheel].shown = memory_.seen_ticks[wheel] =
         simulator_.board.encoders[wheel].shown_ticks();
-  memory_.turned_us = memory_.drove_us = now_us();
+  memory_.turned_us = memory_.drove_us = memory_.perhaps_ticked_us = now_us();
+  if (memory_.state == SupervisorState::kEstopped) begin_estop(true);
+  if (memory_.state == SupervisorState::kFault)
+    begin_action(static_cast<StopMode>(value(kStopMode)), true);
   const bool contact_off =
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
   check(Rule::kContactInputOfItsBoard,

@@ -23,6 +23,13 @@ std::span<const RuleSpec> all_rules();
 const RuleSpec& spec_of(Rule rule);
 std::optional<Rule> rule_called(std::string_view code);
 
+/// What a stop does, by protocol/SPEC.md.
+struct Action {
+  StopMode mode = StopMode::kCoast;
+  uint64_t until_us = 0;  ///< Of kBrake.
+  bool guards = false;    ///< It goes on until the wheels are still.
+};
+
 /// What the rules remember from one look to the next.
 struct Memory {
   // As of the last look.
@@ -47,16 +54,28 @@ struct Memory {
   struct Wheel {
     uint64_t wrong_since_us = 0;  ///< 0: it does what it should, or need not.
     double slowest = 0.0;         ///< Setpoint since then [m/s].
+    // Across stops: how long it was driven hard without a tick, leaking at a tenth of that pace,
+    // and the encoder's ticks at the last one.
+    double still_us = 0.0;
+    int64_t anchor = 0;
   };
   std::array<Wheel, 2> wheels{};
   bool started_at_rest = false;
 
-  // S29. Since when a low battery has limited the velocity that is driven; 0: it does not. And how
-  // fast the faster wheel was then.
+  // S29. Since when a low battery has limited what is driven; 0: it does not. And how fast the
+  // faster wheel was then; of duties, what each may be by now.
   uint64_t limited_since_us = 0;
   double limited_from_umps = 0.0;
+  std::array<double, 2> limited_duty{};
+
+  // S34. How long it has been too fast, leaking as above.
+  double too_fast_us = 0.0;
   // S28. For how many steps windings have gone against a bumper, in an open loop.
   int against_steps = 0;
+  // S28 and S32. Since when a bumper has held it in DRIVING, and how fast it was then.
+  uint64_t held_since_us = 0;
+  bool was_held = false;  ///< At the end of the last step.
+  double held_from_umps = 0.0;
 
   // S09.
   uint64_t latch_due_us = 0;
@@ -67,6 +86,8 @@ struct Memory {
   std::array<bool, 2> was_stuck{};   ///< A level was, at the end of the last step.
   std::array<bool, 2> hides_tick{};  ///< A level was stuck, and is behind the other one.
   uint64_t turned_us = 0;
+  uint64_t ticked_us = 0;          ///< As `turned_us`; 0: not since the start.
+  uint64_t perhaps_ticked_us = 0;  ///< A counter may have counted.
   uint64_t drove_us = 0;
 
   // S13.
@@ -78,20 +99,33 @@ struct Memory {
   };
   std::array<Ticks, 2> ticks{};
 
-  // S22 and S23.
+  // S22.
   uint64_t rolling_since_us = 0;
   double rolled_mps = 0.0;
   bool rolling_told = false;
   uint64_t slow_since_us = 0;  ///< 0: it is not.
-  StopMode stop_mode = StopMode::kConfigured;
-  uint64_t stopped_us = 0;
-  uint64_t brake_us = 0;
-  int steps_since_stop = -1;  ///< -1: it has not stopped.
+
+  // S23 and S33.
+  Action least;  ///< What the stops that were seen have begun for certain.
+  Action most;   ///< What they may have begun.
+  bool contact_open = false;
+  Trial trial = Trial::kNone;
+  int braking_steps = 0;   ///< For how many it has had to brake.
+  int coasting_steps = 0;  ///< For how many it has had to coast.
+  // S09.
+  uint64_t fast_us = 0;  ///< When it last did anything but creep on its brake.
 };
+
+/// An e-stop's brake goes on until the wheels have been still for half a second: so long for
+/// certain, and so long at most.
+constexpr uint64_t kSurelyTurnsUs = 430'000;
+constexpr uint64_t kSurelyStillUs = 650'000;
 
 /// What hands and hardware do, as far as rules depend on it. The explorer writes it.
 struct World {
   bool wired_as_believed = true;
+  /// Which encoders lose their edges in gaps that S06 knows how to notice.
+  std::array<bool, 2> loses_in_gaps{};
   uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
   bool ever_disturbed = false;
   uint64_t turned_by_hand_us = 0;  ///< Simulated time at which a wheel was, last [us].
@@ -115,7 +149,10 @@ class Judge {
     if (!finding.text.empty() && !excepted && !finding_) finding_ = finding;
   }
 
-  void before_message() { time_moves_the_state(); }
+  void before_message() {
+    time_moves_the_state();
+    follow_transition();
+  }
   void after_message();
   /// `stepped`: a control step has ended; otherwise the firmware only read the line.
   void after_call(bool stepped);
@@ -123,7 +160,8 @@ class Judge {
   void on_state(const WheelState& state);
   void on_event(const Event& event);
   /// The firmware writes to flash, and nobody asked for it.
-  void flash_only_at_rest();
+  /// `creeping`: also while it creeps on the brake of an e-stop.
+  void flash_only_at_rest(bool creeping);
 
  private:
   void check(Rule rule, bool holds, const std::string& otherwise) {
@@ -136,6 +174,7 @@ class Judge {
   void driven_by_right();
   void confirmed_board_only();
   void wheel_fault_in_time();
+  void driven_hard_without_a_tick();
   void sound_robot_drives_on();
   void time_moves_the_state();
   void message_moves_the_state();
@@ -150,11 +189,26 @@ class Judge {
   void contradictions_never_drive();
   void late_step_is_a_fault();
   void not_against_a_bumper();
+  bool is_to_stand();
   void external_stops();
   void half_of_the_speed();
   void peripherals_of_the_board();
+  void not_too_fast();
   void estop_is_noted();
-  void stops_as_asked(bool stepped);
+  void follow_message();
+  void follow_transition();
+  void follow_step();
+  void begin_action(StopMode mode, bool certain, bool weakens = false);
+  void begin_estop(bool certain);
+  void begin_fault(uint32_t new_faults);
+  void stops_as_asked();
+  bool surely_turns() const {
+    return memory_.ticked_us != 0 && now_us() - memory_.ticked_us < kSurelyTurnsUs;
+  }
+  bool surely_still() const { return now_us() - memory_.perhaps_ticked_us > kSurelyStillUs; }
+  bool is_shorted() const;
+  bool creeps(double share) const;
+  bool moves_slower_than(ParameterId limit) const;
   void rolling_is_reported();
   void follow_ticks();
   void follow_motion();
@@ -164,7 +218,8 @@ class Judge {
   bool is_wrong(sim::Side side) const;
   bool has_default_protection() const;
   bool is_clean() const;
-  bool is_held_by_a_bumper() const;
+  /// Whether a bumper keeps a robot in DRIVING from what its setpoint says, by flags of `reflex`.
+  bool is_held_by_a_bumper(uint32_t ways) const;
   uint64_t now_us() const { return simulator_.board.device_us(); }
   uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
   float value(ParameterId id) const { return witness_.value(id); }

@@ -12,6 +12,7 @@ namespace wheelwire::explore {
 namespace {
 
 constexpr double kOpenUs = 3'000;
+constexpr uint64_t kArmingUs = 100'000;
 constexpr size_t kSides = 2;
 
 int16_t q15(double duty) {
@@ -97,6 +98,7 @@ void Run::call(bool stepped) {
   if (!started_) return;
   if (stepped) witness_.expires_trial();
   if (stepped) coverage_.battery(witness_.reads_sensors());
+  if (stepped) witness_.notes_hold();
   judge_.after_call(stepped);
   witness_.notes_stop();
   if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
@@ -211,7 +213,7 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
                                     ? Witness::Written::kPeripherals
                                     : Witness::Written::kLatch;
   world_.writes_flash = true;
-  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest();
+  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest(true);
   if (cut_in_ == 0) {
     cut_in_ = -1;
     dead_ = true;
@@ -226,7 +228,7 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
 void Run::on_flash() {
   if (dead_) return;
   world_.writes_flash = true;
-  judge_.flash_only_at_rest();
+  judge_.flash_only_at_rest(false);
 }
 
 // --- operations ----------------------------------------------------------------------------------
@@ -244,6 +246,9 @@ bool Run::apply(const Operation& operation) {
       break;
     case Kind::kHold:
       hold(operation);
+      break;
+    case Kind::kGaps:
+      drive_with_gaps(operation);
       break;
     default:
       if (operation.kind >= Kind::kOpen && operation.kind <= Kind::kRepeat) {
@@ -271,11 +276,18 @@ void Run::send_request(Host& host, Message message, int ahead, int session) {
   send(host.frame(message));
 }
 
-void Run::open(Host& host) {
+/// As a program that connects: a zero setpoint arms the robot, and a stop leaves its wheels free.
+/// Not as a library that reconnects by itself.
+void Run::open(Host& host, bool arms) {
   host.renew_nonce();
   send(host.frame(Hello{host.nonce(), schema::kVersion, schema::kHash}));
   run_for(kOpenUs);
   send(host.frame(Ping{host.session_id(), 1, 0}));
+  run_for(kOpenUs);
+  if (!arms) return;
+  const uint64_t expiry_us = simulator_.board.device_us() + kArmingUs;
+  send(host.frame(SetWheelVelocity{host.session_id(), host.command_seq(1), expiry_us, 0.0f, 0.0f}));
+  send(host.frame(Stop{host.session_id(), 1, host.command_seq(0), StopMode::kCoast}));
   run_for(kOpenUs);
 }
 
@@ -286,7 +298,7 @@ void Run::message(const Operation& operation) {
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(whole(values[i])); };
   switch (operation.kind) {
     case Kind::kOpen:
-      return open(host);
+      return open(host, values[1] == 0.0);
     case Kind::kHello:
       if (values[1] != 0.0) host.renew_nonce();
       return send(
@@ -394,6 +406,37 @@ void Run::hold(const Operation& operation) {
               .values = {values[0], values[1], values[2], 2.5 * every_us, 1, 0}});
     run_for(std::min(every_us, left_us));
   }
+}
+
+/// As hold(), with an encoder that loses all edges for a while, again and again.
+void Run::drive_with_gaps(const Operation& operation) {
+  const auto& values = operation.values;
+  const size_t side = whole(values[3]) % kSides;
+  sim::EncoderModel& model = simulator_.board.encoders[side].model;
+  const double of_us = std::clamp(values[5], 1e3, 1e6);
+  const double lost_us = std::clamp(values[4], 0.0, of_us);
+  const sim::PlantModel& plant = simulator_.board.plant.model();
+  disturb();
+  // What the firmware is known to notice.
+  world_.loses_in_gaps[side] = lost_us >= 0.7 * of_us && of_us >= 10e3 && of_us <= 30e3 &&
+                               std::abs(values[1]) >= 0.2 && plant.bridge.supply_v == 7.4 &&
+                               plant.supply_ohm == 0.0 && plant.slope_rad == 0.0 &&
+                               witness_.value(ParameterId::kMaxDuty) == 1.0f;
+  double since_setpoint_us = 50e3;
+  for (double left_us = std::min(values[2], 20e6); left_us > 0.0 && !ended(); left_us -= of_us) {
+    if (since_setpoint_us >= 50e3) {
+      setpoint({.kind = Kind::kVelocity,
+                .values = {values[0], values[1], values[1], 50e3 + 3 * of_us, 1, 0}});
+      since_setpoint_us = 0.0;
+    }
+    model.lost = 1.0;
+    run_for(lost_us);
+    model.lost = 0.0;
+    run_for(of_us - lost_us);
+    since_setpoint_us += of_us;
+  }
+  world_.loses_in_gaps[side] = false;
+  disturb();
 }
 
 void Run::write_board(const Operation& operation, Host& host) {

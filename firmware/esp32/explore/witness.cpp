@@ -166,16 +166,30 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
     setpoint_us_ = now_us();
     return;
   }
-  if (message.command_seq <= newest_command_) return;  // Dropped without an answer.
+  if (message.command_seq <= newest_command_) {
+    // Dropped without an answer, but where no number is left.
+    if (newest_command_ != UINT32_MAX || message.command_seq == UINT32_MAX) return;
+    task_->answers = true;
+    task_->codes = RefusalCode::kCommandSeqSpent;
+    denied_ = task_->codes;
+    setpoint_us_ = now_us();
+    return;
+  }
   newest_command_ = message.command_seq;
   task_->is_new = true;
+  // In the device's own resolution: a setpoint below it is zero.
+  const auto way_of = [duty](double value) -> uint32_t {
+    if (std::abs(value) < (duty ? 1e-9 : 0.5e-6)) return 0;
+    return value > 0.0 ? reflex::kNoForward : reflex::kNoReverse;
+  };
+  const auto ways = static_cast<uint8_t>(way_of(left) | way_of(right));
+  task_->is_zero = ways == 0;
+  const bool may_arm = may_be_gap();
   if (!std::isfinite(left) || !std::isfinite(right)) {
     task_->codes = RefusalCode::kNotFinite;
     setpoint_us_ = now_us();
   } else {
-    // In the device's own resolution: a setpoint below it is zero.
-    const auto is_zero = [duty](double value) { return std::abs(value) < (duty ? 1e-9 : 0.5e-6); };
-    task_->codes = setpoint_codes(message.expiry_us, is_zero(left) && is_zero(right));
+    task_->codes = setpoint_codes(message.expiry_us, ways == 0, ways);
   }
   task_->answers = !task_->codes.has(RefusalCode::kNone);
   if (task_->answers) denied_ = task_->codes;
@@ -184,22 +198,22 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
   wanted_ = Granted{.duty = duty,
                     .left = left,
                     .right = right,
+                    .ways = ways,
+                    .may_arm = may_arm,
                     .deadline_us = std::min(message.expiry_us, now_us() + ttl_us),
                     .command_seq = message.command_seq};
 }
 
 /// All reasons that apply; kNone among them if it must or may be obeyed.
-Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
+Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero, uint8_t ways) {
   Codes codes;
   const uint64_t now = now_us();
   if (board_state_ == BoardState::kBuiltIn) codes |= RefusalCode::kBoardUnconfirmed;
   if (board_state_ == BoardState::kTrial) codes |= RefusalCode::kBoardOnTrial;
   if (restarting_) codes |= RefusalCode::kBooting;
   if (!synchronised_) codes |= RefusalCode::kClockUnsynchronised;
-  const auto gap_us =
-      static_cast<uint64_t>(static_cast<double>(value(ParameterId::kRearmGapS)) * 1e6);
-  const bool is_gap = now >= setpoint_us_ + gap_us;
-  const bool may_be_gap = now + 1 >= setpoint_us_ + gap_us;
+  const bool is_gap = now >= setpoint_us_ + gap_us();
+  const bool perhaps_gap = may_be_gap();
   setpoint_us_ = now;
   if (expiry_us <= now) codes |= RefusalCode::kExpired;
   if (trial_ == Trial::kExpired) codes |= RefusalCode::kNoTrial;
@@ -211,7 +225,10 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   if (are_sensors_unread()) codes |= RefusalCode::kBooting;
   if ((forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kFault;
   const bool rests = unarmed_ && !is_zero;
-  if (rests && !may_be_gap) codes |= RefusalCode::kUnarmed;
+  if (rests && !perhaps_gap) codes |= RefusalCode::kUnarmed;
+  // Towards a bumper that is open it is obeyed, and held off.
+  const bool is_free = ((forbidden() | perhaps_forbidden()) & ways) == 0;
+  if ((held_ways_ & ways) != 0 && is_free && !perhaps_gap) codes |= RefusalCode::kUnarmed;
   const bool perhaps_stopped = (perhaps_forbidden() & reflex::kStop) != 0;
   if (battery_.may_be_unread()) {
     if (codes.empty()) codes |= RefusalCode::kNone;
@@ -223,9 +240,16 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   }
   codes |= RefusalCode::kNone;
   if (rests && !is_gap) codes |= RefusalCode::kUnarmed;
+  if ((perhaps_held_ways_ & ways) != 0) codes |= RefusalCode::kUnarmed;
   if (doubtful_contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
   if (perhaps_stopped) codes |= RefusalCode::kFault;
   return codes;
+}
+
+uint64_t Witness::gap_us() const {
+  return static_cast<uint64_t>(
+      static_cast<double>(std::max(value(ParameterId::kRearmGapS), value(ParameterId::kTtlMaxS))) *
+      1e6);
 }
 
 void Witness::read_request(uint32_t session_id, uint16_t request_id) {
@@ -437,6 +461,13 @@ const char* Witness::reads_sensors() {
   return battery_.reads(simulator_.board.battery.millivolts(), now_us());
 }
 
+void Witness::notes_hold() {
+  if (simulator_.state() != SupervisorState::kDriving || !granted_) return;
+  constexpr uint32_t kWays = reflex::kNoForward | reflex::kNoReverse;
+  held_ways_ |= static_cast<uint8_t>(forbidden() & granted_->ways & kWays);
+  perhaps_held_ways_ |= static_cast<uint8_t>(perhaps_forbidden() & granted_->ways & kWays);
+}
+
 void Witness::notes_touch() {
   touched_us_ = now_us();
   touched_ |= triggered();
@@ -571,6 +602,7 @@ Finding Witness::opens(const DeviceHello& hello) {
   nonce_ = hello.nonce;
   session_id_ = hello.nonce ^ simulator_.boot_id();
   synchronised_ = false;
+  setpoint_us_ = now_us();
   newest_command_ = 0;
   newest_request_ = 0;
   kept_.clear();
@@ -613,7 +645,7 @@ void Witness::acts(const Seen& message) {
       const SupervisorState latched =
           message.id == ClearEstop::kId ? SupervisorState::kEstopped : SupervisorState::kFault;
       if (task_->before != latched) return;
-      unarmed_ = true;
+      unarmed_ = cleared_ = true;
       setpoint_us_ = now_us();
       return;
     }
@@ -759,6 +791,11 @@ Finding Witness::settles() {
     task_->carried_out = true;
     granted_ = wanted_;
     unarmed_ = false;
+    // It may only have been obeyed because a bumper holds it off.
+    if ((perhaps_held_ways_ & granted_->ways) == 0)
+      held_ways_ = perhaps_held_ways_ = 0;
+    else if (granted_->may_arm)
+      held_ways_ = 0;
   }
   return problem;
 }
@@ -855,7 +892,6 @@ void Witness::resets(bool loses_memory) {
   if (last_state_ != SupervisorState::kBoot) {
     state_before_reset_ = last_state_;
     faults_before_reset_ = last_faults_;
-    unarmed_before_reset_ = unarmed_;
     memory_kept_ = true;
   }
   if (loses_memory) memory_kept_ = false;
@@ -974,8 +1010,10 @@ Finding Witness::starts() {
     flash_.list.is_single = start.list_single;
   }
   note_state();
+  kept_memory_ = memory_kept_;
   memory_kept_ = false;
   setpoint_us_ = now_us();
+  held_ways_ = perhaps_held_ways_ = 0;
   return problem;
 }
 
@@ -1021,7 +1059,8 @@ Finding Witness::starts_from(const Flash& flash) {
   const bool noted = flash.estop || simulator_.board.flash.faults != 0;
   const bool estop = memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : noted;
   const uint32_t faults = lasting_ | (memory_kept_ ? faults_before_reset_ & ~fault::kNoBoard : 0U);
-  unarmed_ = memory_kept_ && unarmed_before_reset_;
+  unarmed_ = true;
+  cleared_ = false;
   const SupervisorState state = estop         ? SupervisorState::kEstopped
                                 : faults != 0 ? SupervisorState::kFault
                                               : SupervisorState::kIdle;

@@ -45,6 +45,8 @@ struct Granted {
   bool duty = false;
   double left = 0.0;  ///< m/s or -1..1, by `duty`.
   double right = 0.0;
+  uint8_t ways = 0;      ///< Which way its wheels turn, as flags of `reflex`; 0: it is zero.
+  bool may_arm = false;  ///< It came after a pause, perhaps.
   uint64_t deadline_us = 0;
   uint32_t command_seq = 0;
 };
@@ -85,6 +87,7 @@ struct Task {
   Seen message;
   SupervisorState before{};
   bool is_new = false;     ///< Neither a repeat, nor too old, nor of another session.
+  bool is_zero = false;    ///< A setpoint that turns no wheel.
   bool is_repeat = false;  ///< Answered from the stored answers, and not carried out again.
   bool answers = false;    ///< An answer must come.
   bool answered = false;
@@ -159,7 +162,16 @@ class Witness {
   const char* reads_sensors();
   /// Somebody touched one.
   void notes_touch();
-  bool unarmed() const { return unarmed_; }
+  /// Whether a start, not a clear, was what disarmed it.
+  bool unarmed_by_start() const { return unarmed_ && !cleared_; }
+  /// Which way a bumper held it off, as flags of `reflex`: it is not to go there until it is armed.
+  uint8_t held_ways() const { return held_ways_; }
+  /// Which way it may not go.
+  uint8_t perhaps_held_ways() const { return perhaps_held_ways_; }
+  /// A control step has ended, in DRIVING: what it did not do because of a bumper.
+  void notes_hold();
+  /// Memory that outlives a reset of the processor was not lost before this start.
+  bool kept_memory() const { return kept_memory_; }
   uint32_t lasting_faults() const { return lasting_; }
   SupervisorState last_state() const { return last_state_; }
   uint32_t last_faults() const { return last_faults_; }
@@ -188,7 +200,9 @@ class Witness {
   void read_setpoint(const Setpoint& message, bool duty, double left, double right);
   void read_hello(const Hello& hello);
   void read_request(uint32_t session_id, uint16_t request_id);
-  Codes setpoint_codes(uint64_t expiry_us, bool is_zero);
+  Codes setpoint_codes(uint64_t expiry_us, bool is_zero, uint8_t ways);
+  bool may_be_gap() const { return now_us() + 1 >= setpoint_us_ + gap_us(); }
+  uint64_t gap_us() const;
   void remembers(const std::optional<Seen>& answer);
   Codes request_codes(const Seen& message) const;
   Codes codes(const ParameterSet& request) const;
@@ -254,8 +268,12 @@ class Witness {
   std::optional<Task> task_;
 
   bool restarting_ = false;
-  bool unarmed_ = false;
-  uint64_t setpoint_us_ = 0;  ///< When the last one arrived, or a latch was cleared.
+  bool unarmed_ = true;
+  bool cleared_ = false;  ///< Since the start.
+  uint64_t setpoint_us_ =
+      0;  ///< When the last one arrived, a session opened or a latch was cleared.
+  uint8_t held_ways_ = 0;
+  uint8_t perhaps_held_ways_ = 0;
 
   Values values_{};
   Values before_trial_{};
@@ -285,9 +303,9 @@ class Witness {
   SupervisorState last_state_ = SupervisorState::kBoot;
   uint32_t last_faults_ = 0;
   bool memory_kept_ = false;
+  bool kept_memory_ = false;
   SupervisorState state_before_reset_ = SupervisorState::kBoot;
   uint32_t faults_before_reset_ = 0;
-  bool unarmed_before_reset_ = false;
   bool lost_track_ = false;
 };
 

@@ -14,6 +14,7 @@ void OtaTrial::start() {
 
 void OtaTrial::step(const Device& device, uint64_t now_us) {
   if (!on_trial_) return;
+  if (!device.is_at_rest(now_us)) return;
   if (!has_proved_itself(now_us, device.has_session(), device.state(), device.faults())) return;
   on_trial_ = false;  // Tried once: if flash cannot be written, it would fail at every step.
   const SlowOperation flash_write;

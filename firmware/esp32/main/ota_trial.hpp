@@ -8,7 +8,8 @@ namespace wheelwire {
 class OtaTrial {
  public:
   void start();
-  /// Call after each control step, from the control task: nothing can drive while it writes flash.
+  /// Call after each control step, from the control task: nothing can drive while it writes flash,
+  /// which it does at rest only.
   void step(const Device& device, uint64_t now_us);
 
  private:

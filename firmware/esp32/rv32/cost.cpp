@@ -81,12 +81,14 @@ struct Bench {
     step();
     line.arrive(Ping{kSessionId, 1, now_us});
     step();
+    line.arrive(SetWheelVelocity{kSessionId, 1, now_us + kTtl_us, 0.0f, 0.0f});
+    step();
   }
 };
 
 SetWheelVelocity setpoint(uint32_t step, uint64_t now_us) {
   const auto& target = kTargets_mps[step * kTargetCount / kSteps];
-  return {kSessionId, step + 1, now_us + kTtl_us, target[0], target[1]};
+  return {kSessionId, step + 2, now_us + kTtl_us, target[0], target[1]};
 }
 
 /// The link alone, with the run's own messages.

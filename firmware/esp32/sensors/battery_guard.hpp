@@ -1,17 +1,20 @@
 // The battery's level, by its voltage.
 #pragma once
 
+#include "evidence.hpp"
 #include "sensor_tables.hpp"
 
 namespace wheelwire {
 
 /// Each bound has fallen once the voltage was below it for kSagUs: a motor that starts pulls it
-/// down for less. It has risen again once the voltage was a 32nd above it for kRecoverUs; that of
-/// STOP with that of WARN alone: without the load that emptied it a battery's voltage rises by
-/// itself. The level is that of the lowest bound that has fallen.
+/// down for less. Stops do not end that time, since without the load that emptied it a battery's
+/// voltage rises by itself: it leaks, and a voltage a 32nd above WARN for kRestUs ends it. A bound
+/// has risen again once the voltage was a 32nd above it for kRecoverUs; that of STOP with that of
+/// WARN alone. The level is that of the lowest bound that has fallen.
 class BatteryGuard {
  public:
-  static constexpr uint64_t kSagUs = 2'000'000;
+  static constexpr uint32_t kSagUs = 2'000'000;
+  static constexpr uint32_t kRestUs = 250'000;
   static constexpr uint64_t kRecoverUs = 10'000'000;
 
   void start(const Peripheral& entry) {
@@ -30,26 +33,32 @@ class BatteryGuard {
   bool update(uint16_t millivolts, uint64_t now_us) {
     // The first one decides at once: an empty battery does not drive for the first two seconds.
     const bool is_first = level_ == BatteryLevel::kUnknown;
+    const auto elapsed_us = static_cast<uint32_t>(now_us - read_us_);
+    read_us_ = now_us;
     for (size_t i = 0; i < kBounds; ++i) {
       Bound& bound = bounds_[i];
+      const bool was_pending = bound.is_pending;
+      bound.is_pending = !is_first && is_beyond(i, millivolts);
       if (is_first) {
         bound.has_fallen = millivolts < bound.millivolts;
-      } else if (!is_beyond(i, millivolts)) {
-        bound.is_pending = false;
-      } else if (!bound.is_pending) {
-        bound.is_pending = true;
-        bound.since_us = now_us;
-      } else if (now_us - bound.since_us >= (bound.has_fallen ? kRecoverUs : kSagUs)) {
-        bound.is_pending = false;
-        bound.has_fallen = !bound.has_fallen;
+      } else if (bound.has_fallen) {
+        if (!was_pending) bound.since_us = now_us;
+        if (bound.is_pending && now_us - bound.since_us >= kRecoverUs) turn(bound);
+      } else if (bound.is_pending) {
+        if (bound.low.add(was_pending ? elapsed_us : 0) >= kSagUs) turn(bound);
+      } else if (is_above(kWarn, millivolts)) {
+        bound.low.refute(elapsed_us, kRestUs);
+      } else {
+        bound.low.leak(elapsed_us);
       }
     }
     const BatteryLevel before = level_;
     level_ = lowest();
     return level_ != before;
   }
-  /// There is no voltage: the next one begins anew to last.
-  void forget_pending() {
+  /// There is no voltage: for the next one no time has passed.
+  void rest(uint64_t now_us) {
+    read_us_ = now_us;
     for (Bound& bound : bounds_) bound.is_pending = false;
   }
 
@@ -59,14 +68,23 @@ class BatteryGuard {
   struct Bound {
     uint16_t millivolts = 0;
     bool has_fallen = false;
-    bool is_pending = false;  // The voltage is beyond it, since then, but not for long enough.
-    uint64_t since_us = 0;
+    bool is_pending = false;  // The voltage is beyond it, but not for long enough.
+    Evidence low;             // That it falls,
+    uint64_t since_us = 0;    // and since when it rises.
   };
 
+  static void turn(Bound& bound) {
+    bound.has_fallen = !bound.has_fallen;
+    bound.is_pending = false;
+    bound.low.end();
+  }
+  bool is_above(size_t which, uint16_t millivolts) const {
+    return millivolts - millivolts / 32 >= bounds_[which].millivolts;
+  }
   bool is_beyond(size_t which, uint16_t millivolts) const {
     const Bound& bound = bounds_[which];
     if (!bound.has_fallen) return millivolts < bound.millivolts;
-    return millivolts - millivolts / 32 >= bounds_[which == kStop ? kWarn : which].millivolts;
+    return is_above(which == kStop ? kWarn : which, millivolts);
   }
   BatteryLevel lowest() const {
     if (bounds_[kStop].has_fallen) return BatteryLevel::kStop;
@@ -77,6 +95,7 @@ class BatteryGuard {
 
   Bound bounds_[kBounds];
   BatteryLevel level_ = BatteryLevel::kUnknown;
+  uint64_t read_us_ = 0;
 };
 
 }  // namespace wheelwire

@@ -69,8 +69,14 @@ uint8_t SensorHub::update(uint16_t divider_mv, uint64_t now_us) {
   if (battery_channel_ >= 0)
     read_battery(static_cast<size_t>(battery_channel_), divider_mv, now_us);
   uint8_t forbidden = 0;
-  for (size_t i = 0; i < list_->count; ++i)
-    if (triggered_ & bit(i)) forbidden |= reflex_of(list_->entries[i]);
+  bool is_stage_tripped = false;
+  for (size_t i = 0; i < list_->count; ++i) {
+    if (!(triggered_ & bit(i))) continue;
+    if (list_->entries[i].kind == PeripheralKind::kStageFault)
+      is_stage_tripped = true;
+    else
+      forbidden |= reflex_of(list_->entries[i]);
+  }
   if (guards_battery()) {
     is_at_stop_ = battery_level() == BatteryLevel::kStop;
     const SensorState state = channels_[battery_channel_].state;
@@ -82,8 +88,13 @@ uint8_t SensorHub::update(uint16_t divider_mv, uint64_t now_us) {
       forbidden |= reflex::kLimit;
     }
   }
+  uint8_t beside = is_at_stop_ ? kBatteryAtStop : uint8_t{0};
+  if (is_stage_tripped && (forbidden & reflex::kStop) == 0) {
+    forbidden |= reflex::kStop;
+    beside |= kStageTripped;
+  }
   reflexes_ = forbidden;
-  return static_cast<uint8_t>(is_at_stop_ ? forbidden | kBatteryAtStop : forbidden);
+  return forbidden | beside;
 }
 
 uint8_t SensorHub::reflex_of(const Peripheral& entry) const {
@@ -212,7 +223,7 @@ void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_u
   } else if (now_us - battery.seen_us >= kZeroUs) {
     note_state(channel, SensorState::kZero, now_us);
   }
-  if (battery.state != SensorState::kOk) return battery_.forget_pending();
+  if (battery.state != SensorState::kOk) return battery_.rest(now_us);
   const uint16_t millivolts = is_divided ? divider_mv : power_.voltage_mv;
   // A divider's 0 mV that has not lasted yet is no voltage of a battery.
   if (millivolts == 0 || !guards_battery()) return;

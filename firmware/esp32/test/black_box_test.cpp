@@ -32,6 +32,7 @@ struct Recorded {
     bench.step();
     bench.send(RobotBench::hello(RobotBench::kNonce));
     bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.arm();
     bench.step();
   }
 
@@ -72,7 +73,7 @@ TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
   CHECK(last.step.left_counter == robot.bench.encoders.counts.left);
   CHECK(last.step.right_counter == robot.bench.encoders.counts.right);
   CHECK(last.step.battery_mv == 7400);
-  CHECK(robot.count(Kind::kMessage) == 3);
+  CHECK(robot.count(Kind::kMessage) == 5);
   Rerun rerun(robot.memory.data());
   CHECK(rerun.run() == Outcome::kSame);
   CHECK(rerun.steps() == 102 && rerun.last_us() == robot.bench.now_us);
@@ -92,6 +93,7 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
     bench.step();
     bench.send(RobotBench::hello(RobotBench::kNonce));
     bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.arm();
     bench.step();
     bench.drive_on(0.2f, 0.2f, 60);
     bench.refusal(PeripheralSet{.channel = 1, .kind = PeripheralKind::kBumper});
@@ -363,7 +365,7 @@ TEST(a_state_that_is_not_what_the_re_run_computes_names_its_field) {
   Rerun rerun(robot.memory.data());
   CHECK(rerun.run() == Outcome::kDiffers);
   CHECK(std::strcmp(rerun.difference().field, "session.newest_request") == 0);
-  CHECK(rerun.difference().recorded == 2 && rerun.difference().computed == 0);
+  CHECK(rerun.difference().recorded == 3 && rerun.difference().computed == 0);
 }
 
 TEST(what_a_reset_damaged_is_missing_with_all_before_it) {

@@ -68,6 +68,7 @@ struct Recorded {
     run(1);
     bench.send(RobotBench::hello(RobotBench::kNonce));
     bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.arm();
     run(1);
   }
   void run(int steps) {

@@ -96,6 +96,7 @@ TEST(saved_values_that_contradict_each_other_do_not_drive) {
   // Another value may still change, and each one that ends it.
   CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
   CHECK(bench.set(kOverrunLimitUs, 20'000) == RefusalCode::kNone);
+  bench.arm();
   bench.drive(0.1f, 0.1f);
   CHECK(bench.driven());
 }

@@ -25,10 +25,10 @@ class DriveBench {
     drive.follow(ControlMode::kVelocity, umps, config);
   }
   void stop() {
-    drive.begin_stop(StopMode::kCoast, counts.t_us, config);
+    drive.release();
     for (int step = 0; step < 300; ++step) {
       latch(0, 0);
-      drive.keep_stopped(counts.t_us);
+      drive.keep_stopped(false);
     }
   }
 

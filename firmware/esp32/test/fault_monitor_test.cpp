@@ -71,6 +71,41 @@ TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
   CHECK(fault == WheelFault::kNotCounting);
 }
 
+TEST(a_wheel_that_is_driven_in_bursts_trips_all_the_same) {
+  constexpr WheelOutput kRest{.duty_q15 = 0, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
+  // Of a wheel that stands, and of one that turns back at its limit.
+  for (const int32_t umps : {0, -60'000}) {
+    Bench bench;
+    WheelFault fault = WheelFault::kNone;
+    int bursts = 0;
+    for (; bursts < 10 && fault == WheelFault::kNone; ++bursts) {
+      for (int i = 0; i < 200 && fault == WheelFault::kNone; ++i) {
+        if (umps != 0) bench.ticks -= i % 2;
+        fault = bench.step(at_limit(32'767), umps);
+      }
+      for (int i = 0; i < 300 && fault == WheelFault::kNone; ++i) fault = bench.step(kRest, 0);
+    }
+    CHECK(fault == (umps == 0 ? WheelFault::kNotCounting : WheelFault::kReversed));
+    CHECK(bursts == 3);
+  }
+}
+
+TEST(a_wheel_that_turns_as_it_is_driven_ends_what_was_seen_and_so_does_a_clear) {
+  for (const bool is_cleared : {false, true}) {
+    Bench bench;
+    for (int i = 0; i < 400; ++i) bench.step(at_limit(32'767), 0);
+    if (is_cleared)
+      bench.monitor.end_evidence();
+    else
+      bench.ticks += 2;
+    CHECK(bench.steps_to(WheelFault::kNotCounting, at_limit(32'767)) >= 499);
+  }
+  Bench bench;
+  for (int i = 0; i < 400; ++i) bench.step(at_limit(32'767), -60'000);
+  bench.step(at_limit(32'767), 60'000);
+  CHECK(bench.steps_to(WheelFault::kReversed, at_limit(32'767), -60'000) == 500);
+}
+
 TEST(a_wheel_that_crawls_at_its_limit_counts) {
   Bench bench;
   for (int i = 0; i < 5000; ++i) {
@@ -143,6 +178,27 @@ TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
   turn_for(bench, 1000, 0, 0);
   turn_for(bench, 200, 0, 0.1f);
   CHECK(bench.left.duty() > 0);
+}
+
+TEST(a_clear_ends_what_the_wheels_have_shown) {
+  RobotBench bench;
+  bench.open();
+  const auto steps_to_fault = [&] {
+    int steps = 0;
+    while (steps < 3000 && bench.state() != SupervisorState::kFault) {
+      if (steps % 100 == 0) bench.send(bench.velocity(0.3f, 0.3f));
+      bench.step();
+      ++steps;
+    }
+    return steps;
+  };
+  const int first = steps_to_fault();
+  CHECK(first < 1000);
+  bench.run(300);
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+  bench.send(bench.velocity(0, 0));
+  bench.step();
+  CHECK(steps_to_fault() >= first - 5);
 }
 
 TEST(the_same_motion_against_a_setpoint_is_a_fault) {

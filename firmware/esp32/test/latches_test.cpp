@@ -34,7 +34,7 @@ TEST(latches_come_back_as_they_were) {
   for (const bool estop : {false, true}) {
     for (const uint32_t faults : {0u, 1u, 0xffffu}) {
       const Latches latches{
-          .estop = estop, .unarmed = !estop, .battery_at_stop = faults == 1, .faults = faults};
+          .estop = estop, .holds = !estop, .battery_at_stop = faults == 1, .faults = faults};
       uint8_t record[Latches::kSize];
       latches.encode(record);
       Latches found;
@@ -49,14 +49,14 @@ TEST(latches_come_back_as_they_were) {
   }
 }
 
-/// As releases wrote it that kept nothing of the battery.
+/// As releases wrote it that kept nothing of the battery, but whether the robot was armed.
 TEST(an_older_record_is_read_as_it_was_meant) {
   uint8_t record[] = {0x57, 0x4c, 3, 0, 5, 0, 0, 0, 0, 0, 0, 0};
   const uint32_t crc = crc32(record, 8);
   for (size_t i = 0; i < 4; ++i) record[8 + i] = static_cast<uint8_t>(crc >> 8 * i);
   Latches found;
   CHECK(Latches::decode(record, sizeof record, found));
-  CHECK((found == Latches{.estop = true, .unarmed = true, .faults = 5}));
+  CHECK((found == Latches{.estop = true, .faults = 5}));
 }
 
 TEST(an_estop_survives_a_reset_until_it_is_cleared) {
@@ -167,18 +167,43 @@ TEST(a_wheel_whose_encoder_is_dead_has_time_to_run_down) {
 
 TEST(an_estop_that_chatters_wears_no_flash) {
   RobotBench bench;
-  bench.open();
-  int writes = 0;
-  std::vector<uint8_t> block;
-  for (int i = 0; i < 1000; ++i) {
-    bench.send(Estop{});
+  bench.open().run(3000);
+  for (int i = 0; i < 3000; ++i) {
+    bench.contact.open = true;
     bench.run(5);
-    bench.clear_estop();
+    bench.contact.open = false;
+    CHECK(bench.clear_estop() == RefusalCode::kNone);
     bench.run(5);
-    if (bench.latch_store.block != block) ++writes;
-    block = bench.latch_store.block;
   }
-  CHECK(writes <= 2);  // 10 s: one note and its removal.
+  CHECK(bench.latch_store.saves >= 2 && bench.latch_store.saves <= 6);  // 30 s.
+}
+
+/// On a slope the wheels may turn for ever, at less than what counts as rolling.
+TEST(an_estop_is_in_flash_although_the_robot_creeps_on_its_brake) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.send(Estop{});
+  for (int ms = 0; ms < 15'000; ++ms) {
+    if (ms % 4 == 0) bench.turn(1, 1);  // 0.144 m/s
+    bench.step();
+    if (ms < 1900) CHECK(bench.latch_store.block.empty());
+  }
+  CHECK(!bench.latch_store.block.empty());
+}
+
+TEST(an_estop_is_not_in_flash_while_the_robot_rolls_or_coasts) {
+  for (const bool coasts : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    if (coasts) CHECK(bench.set(kEstopMode, 1) == RefusalCode::kNone);
+    bench.drive(0.2f, 0.2f);
+    bench.send(Estop{});
+    for (int ms = 0; ms < 15'000; ++ms) {
+      if (ms % (coasts ? 4 : 2) == 0) bench.turn(1, 1);  // 0.144 or 0.288 m/s
+      bench.step();
+    }
+    CHECK(bench.latch_store.block.empty());
+  }
 }
 
 TEST(a_flash_that_cannot_be_written_is_not_tried_at_every_step) {
@@ -266,13 +291,13 @@ TEST(a_zero_duty_arms_and_an_expired_zero_does_not) {
 TEST(a_gap_arms_and_starts_at_the_latest_setpoint) {
   RobotBench bench;
   clear_under_a_program(bench);
-  bench.run(400);
+  bench.run(900);
   bench.drive(0.2f, 0.2f, 1);
   CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
-  bench.run(498);
+  bench.run(998);
   bench.drive(0.2f, 0.2f, 1);
   CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
-  bench.run(499);
+  bench.run(999);
   bench.drive(0.2f, 0.2f);
   CHECK(bench.driven());
 }
@@ -307,11 +332,13 @@ TEST(neither_a_stop_nor_a_new_session_arms) {
   bench.send(bench.stop());
   bench.drive(0.2f, 0.2f);
   CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
-  RobotBench next;
-  survive(bench, next);
-  next.open();
-  next.drive(0.2f, 0.2f);
-  CHECK(!next.driven() && last_refusal(next) == RefusalCode::kUnarmed);
+  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  bench.send(Ping{(RobotBench::kNonce + 1) ^ RobotBench::kBootId, 1, 0});
+  SetWheelVelocity setpoint = bench.velocity(0.2f, 0.2f);
+  setpoint.session_id = (RobotBench::kNonce + 1) ^ RobotBench::kBootId;
+  bench.send(setpoint);
+  bench.run(20);
+  CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
 }
 
 TEST(a_clear_with_nothing_to_clear_disarms_nothing) {
@@ -322,14 +349,89 @@ TEST(a_clear_with_nothing_to_clear_disarms_nothing) {
   CHECK(bench.driven());
 }
 
-TEST(a_gap_of_zero_switches_the_rule_off) {
+/// As long as a setpoint may live the program may still be driving.
+TEST(no_program_drives_on_by_itself_whatever_the_gap_is) {
+  for (const float gap_s : {0.0f, 0.5f}) {
+    for (const int period_ms : {20, 550, 600, 700, 800, 900, 990}) {
+      RobotBench bench;
+      bench.open();
+      CHECK(bench.set(kRearmGapS, gap_s) == RefusalCode::kNone);
+      bench.drive(0.2f, 0.2f);
+      bench.send(Estop{});
+      bench.step();
+      CHECK(bench.clear_estop() == RefusalCode::kNone);
+      for (int i = 0; i < 5; ++i) {
+        bench.drive(0.2f, 0.2f, period_ms);
+        CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+      }
+    }
+  }
+}
+
+TEST(a_longer_gap_counts_as_it_is) {
   RobotBench bench;
   bench.open();
-  CHECK(bench.set(kRearmGapS, 0.0f) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
+  CHECK(bench.set(kRearmGapS, 2.0f) == RefusalCode::kNone);
   bench.send(Estop{});
   bench.step();
   CHECK(bench.clear_estop() == RefusalCode::kNone);
+  bench.run(1990);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+}
+
+TEST(turning_about_one_wheel_does_not_arm) {
+  for (const float left_mps : {0.0f, 0.2f, -0.2f}) {
+    RobotBench bench;
+    clear_under_a_program(bench);
+    bench.drive(left_mps, left_mps == 0.0f ? 0.2f : 0.0f);
+    CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+    bench.send(bench.duty(left_mps == 0.0f ? int16_t{0} : int16_t{9000},
+                          left_mps == 0.0f ? int16_t{9000} : int16_t{0}));
+    bench.run(20);
+    CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+  }
+}
+
+// --- after a start -------------------------------------------------------------------------------
+
+TEST(a_program_that_drove_before_a_start_does_not_drive_after_it) {
+  for (const bool keeps_memory : {false, true}) {
+    RobotBench first;
+    first.open().drive(0.2f, 0.2f);
+    CHECK(first.driven());
+    RobotBench second;
+    if (keeps_memory) survive(first, second);
+    second.connect();
+    for (int i = 0; i < 100; ++i) {
+      second.drive(0.2f, 0.2f);
+      CHECK(!second.driven() && last_refusal(second) == RefusalCode::kUnarmed);
+    }
+    second.drive(0.0f, 0.0f);
+    second.drive(0.2f, 0.2f);
+    CHECK(second.driven());
+  }
+}
+
+/// It takes a while until a library has found the chip again: that is no pause of the program.
+TEST(the_time_before_a_session_is_no_gap) {
+  RobotBench bench;
+  bench.start();
+  bench.run(3000);
+  bench.send(RobotBench::hello(RobotBench::kNonce));
+  bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+  bench.drive(0.2f, 0.2f);
+  CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+}
+
+TEST(a_stop_and_a_deadline_do_not_disarm) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.send(bench.stop());
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+  bench.run(400);
+  CHECK(bench.state() == SupervisorState::kTimedOut);
   bench.drive(0.2f, 0.2f);
   CHECK(bench.driven());
 }

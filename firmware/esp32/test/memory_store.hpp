@@ -15,6 +15,7 @@ class MemoryStore final : public ParameterStore {
     return block.size();
   }
   bool save(const uint8_t* data, size_t size) override {
+    ++saves;
     if (!failing) block.assign(data, data + size);
     return !failing;
   }
@@ -24,6 +25,7 @@ class MemoryStore final : public ParameterStore {
   }
 
   std::vector<uint8_t> block;
+  int saves = 0;
   bool failing = false;  ///< Saving and erasing fail, and change nothing.
 };
 

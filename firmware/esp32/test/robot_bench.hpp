@@ -117,14 +117,27 @@ class RobotBench {
   RobotBench(ParameterStore& parameters, ParameterStore& latched)
       : now_us(1'000'000), parameter_store_(parameters), latched_store_(latched) {}
 
-  /// Powers up, opens a session and synchronises the clock.
+  /// Powers up, opens a session, synchronises the clock, and arms the robot.
   RobotBench& open() {
+    connect();
+    arm();
+    received.clear();
+    return *this;
+  }
+  /// As `open`, but as a program does whose library reconnects by itself: nothing arms.
+  RobotBench& connect() {
     start();
     send(hello(kNonce));
     send(Ping{session_id(), ++request_id, 0});
     step();
     received.clear();
     return *this;
+  }
+  /// A zero setpoint, and a stop that leaves the windings open, before the next step.
+  void arm() {
+    send(velocity(0.0f, 0.0f));
+    send(stop(StopMode::kCoast));
+    service();
   }
   void start() {
     device.start(now_us);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Collection, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -85,19 +86,25 @@ class Address:
 
     text: str
 
-    def open(self, baud_rate: int | None = None, *, bare: bool = False) -> BaseDriver:
+    def open(
+        self, baud_rate: int | None = None, *, bare: bool = False, drives: bool = False
+    ) -> BaseDriver:
         """Open the robot.
 
         Args:
             baud_rate: Baud rate of a port; None: the default.
             bare: See `wheelwire.config.driver_at`.
+            drives: The command drives, so the robot is to obey its first setpoint.
 
         Raises:
             InvalidArgument: A baud rate was given, but the address is not a port.
             WheelwireError: As `open_driver` and `open_robot`.
         """
+        from wheelwire.drivers.transport_driver import opened_to_look
+
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
-        return open_driver(name, **options)
+        with nullcontext() if drives else opened_to_look():
+            return open_driver(name, **options)
 
     def open_to_look(
         self, baud_rate: int | None = None, *, as_json: bool, listens: bool = True
@@ -116,9 +123,11 @@ class Address:
             WheelwireError: As `open`.
         """
         from wheelwire.drivers.attached import AttachedDriver, open_or_attach
+        from wheelwire.drivers.transport_driver import opened_to_look
 
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=True)
-        driver = open_or_attach(name, options, listens=listens)
+        with opened_to_look():
+            driver = open_or_attach(name, options, listens=listens)
         if isinstance(driver, AttachedDriver):
             holder = driver.holder
             print_note(

@@ -37,6 +37,7 @@ def flash(
     """Write the firmware to a board and connect to it. Saved parameters stay."""
     from wheelwire import flash as flasher  # here, so that other commands start faster
     from wheelwire.drivers.factory import open_driver
+    from wheelwire.drivers.transport_driver import opened_to_look
     from wheelwire.files.board import checked_board
 
     _check_is_no_image(robot)
@@ -69,7 +70,7 @@ def flash(
     device = flasher.verify(port, chip)
     # Only a firmware that runs can store a board.
     if pins is not None:
-        with open_driver("serial", port=port) as driver:
+        with opened_to_look(), open_driver("serial", port=port) as driver:
             driver.board.take_up(pins)
     if as_json:
         erased = [{"name": p.name, "offset": p.offset, "size": len(p.content)} for p in plan.erased]

@@ -176,7 +176,7 @@ def drive(
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate) as driver,
+        address.open(baud_rate, drives=True) as driver,
         ending.stops(driver),
         ended_by_a_loss(),
     ):

@@ -45,7 +45,7 @@ def teleop(
     address = resolve(robot, moves=True, yes=yes)
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate) as driver,
+        address.open(baud_rate, drives=True) as driver,
         ending.stops(driver, lambda: _what_remains(driver, address.text)),
     ):
         device = driver.info.device if isinstance(driver, DeviceDriver) else None

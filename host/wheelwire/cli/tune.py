@@ -119,7 +119,7 @@ def tune(
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate) as driver,
+        address.open(baud_rate, drives=True) as driver,
         ending.stops(driver, lambda: _REVERTED if tried else ""),
         ended_by_a_loss(),
     ):

@@ -180,7 +180,7 @@ def follow_duty(
 
 
 def arm(robot: BaseDriver) -> None:
-    """Ask for standstill until the robot has obeyed, after a clear, which restarts nothing.
+    """Ask for standstill until the robot has obeyed: after a clear or a start nothing else drives.
 
     Raises:
         DeviceRefused: An e-stop or a fault is latched.

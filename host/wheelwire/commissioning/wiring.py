@@ -268,7 +268,6 @@ def clear(robot: BaseDriver) -> None:
         CommissioningFailed: A fault lasts.
     """
     sample = fresh(robot)
-    was_latched = sample.state in (SupervisorState.ESTOPPED, SupervisorState.FAULT)
     try:
         if sample.state is SupervisorState.ESTOPPED:
             robot.clear_estop()
@@ -276,8 +275,8 @@ def clear(robot: BaseDriver) -> None:
         # A fault that the e-stop hid is active again once that is cleared.
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
-        if was_latched:
-            arm(robot)
+        # Also where nothing was latched: a board that was chosen before has restarted the robot.
+        arm(robot)
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
             raise

@@ -65,6 +65,10 @@ CAUSES: dict[str, Cause] = {
     "driver_failed": Cause(
         "A motor or encoder peripheral did not start", "the pins in the wiring guide"
     ),
+    "overspeed": Cause(
+        "The robot rolled much faster than its limit and its setpoint for a second",
+        "the slope, or who pushed it; then the encoders and `max_velocity_mps`",
+    ),
     "store_full": Cause(
         "The flash of the saved parameters has no free page", "the flash: reset the parameters"
     ),
@@ -161,7 +165,7 @@ CAUSES: dict[str, Cause] = {
     "board_on_trial": Cause("A board is on trial", "`wheelwire board confirm`"),
     "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
     "unarmed": Cause(
-        "After a clear the program went on with a speed at once",
+        "After a clear, a start of the chip or a bumper the program went on with a speed at once",
         "the program: it must send zero first, or pause",
     ),
     "clock_unsynchronised": Cause("The clock is not synchronised yet", "the program"),
@@ -239,6 +243,7 @@ OTHER_FAULTS: dict[Fault, str] = {
     Fault.STORE_UNREADABLE: "store_unreadable",
     Fault.NO_BOARD: "no_board",
     Fault.EXTERNAL: "external_fault",
+    Fault.OVERSPEED: "overspeed",
 }
 
 RESETS: dict[ResetReason, str] = {

@@ -279,6 +279,8 @@ class Diagnosis:
         state, t_us = measurement.supervisor, measurement.state.t_us
         if self._state_t_us is not None and tick_difference(t_us, self._state_t_us) < 0:
             return  # measured before what an event has said
+        # Later samples are newer, too: after half an hour 32 bits of time could not tell.
+        self._state_t_us = None
         at_us = measurement.arrived_us
         self._change(self._state, state, measurement.faults, at_us, at_us)
         self._faults = measurement.faults

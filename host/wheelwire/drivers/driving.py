@@ -171,7 +171,8 @@ class Driving(ABC):
     def on_opened(self) -> Callable[[DeviceInfo], object] | None:
         """Called with the device when a session was opened again; see `on_lost`.
 
-        If the device was reset, its parameters have the values that it has saved.
+        If the device was reset, its parameters have the values that it has saved, and it drives
+        nothing before a zero setpoint or a pause.
         """
         return self._callbacks.get(Happening.OPENED)
 

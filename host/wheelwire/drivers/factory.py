@@ -63,6 +63,9 @@ def open_driver(
 ) -> BaseDriver:
     """Open a robot by the name of its driver.
 
+    The built-in drivers send it a zero setpoint and a stop, so that it obeys the first motion that
+    is asked for.
+
     Args:
         name: A built-in driver, or one that an installed package offers as an entry point in the
             group `wheelwire.drivers`.

@@ -132,6 +132,15 @@ class LinkedRobot(Driving):
         return self._link.rolling_mps
 
     @property
+    def is_unarmed(self) -> bool:
+        """Whether setpoints are refused until a zero one or a pause. Never waits.
+
+        After a clear, a start of the chip and a bumper that held the robot. Known once a setpoint
+        was refused; False again once the robot obeys one.
+        """
+        return self._link.is_unarmed
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences: what of its board keeps the device from driving, or makes it less safe.
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ..recording.recorder import Recorder
 
 _opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
+_only_looks: ContextVar[bool] = ContextVar("only_looks", default=False)
 
 
 @contextmanager
@@ -42,6 +43,16 @@ def opened_later() -> Iterator[None]:
         yield
     finally:
         _opened_later.reset(before)
+
+
+@contextmanager
+def opened_to_look() -> Iterator[None]:
+    """A driver that is made inside this does not arm its robot: whoever made it drives nothing."""
+    before = _only_looks.set(True)
+    try:
+        yield
+    finally:
+        _only_looks.reset(before)
 
 
 class DeviceDriver(LinkedRobot, BaseDriver):
@@ -55,6 +66,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def __init__(self, make_link: Callable[[LatestSample], DeviceLink]) -> None:
         BaseDriver.__init__(self)
         link = make_link(self._latest_sample)
+        link.arms = not _only_looks.get()
         LinkedRobot.__init__(self, Requests(link))
         if link.in_virtual_time:
             self._callbacks = InlineCallbacks()

@@ -2,6 +2,7 @@
 
 session.py      hello, preparation, dispatch; no I/O in this, requests, setpoints and clock
 requests.py     what is answered: repeats and time-outs; setpoints.py: what expires instead
+arming.py       the zero setpoint that comes before a program's first one
 clock.py        device time to host time, and its error
 state_stream.py state frames to samples; latest_sample.py: where the newest one waits for `read`
 port_loop.py    the thread that reads and writes; shared_thread.py: one for several ports;

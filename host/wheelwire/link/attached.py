@@ -37,7 +37,7 @@ from .port_list import absolute_port
 from .requests import Answer, Done, RequestMessage
 from .rerun_link import RerunLink
 from .tap import Kind, Record, Tap, TapReader
-from .tap_directory import SUFFIX, tap_directory
+from .tap_directory import SUFFIX, tap_directories
 from .tap_wire import (
     VERSION,
     MessageReader,
@@ -100,10 +100,10 @@ def _holders(board_id: str) -> Iterator[Holder]:
 
     Those that answer first come first, so that a suspended one does not hide the others.
     """
-    try:
-        paths = sorted(tap_directory().path.glob(f"{board_id}*{SUFFIX}"))
-    except (OSError, WheelwireError):
-        return
+    paths: list[Path] = []
+    for folder in tap_directories():
+        with suppress(OSError):  # it has just been removed
+            paths += sorted(folder.path.glob(f"{board_id}*{SUFFIX}"))
     connections = [one for one in map(_connect, paths) if one is not None]
     asked = {one.fileno(): one for one in connections}
     poller = select.poll()
@@ -347,8 +347,11 @@ class AttachedLink(RerunLink):
         self._ask(message, done)
 
     def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
-        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched."""
-        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, mode), done)
+        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched.
+
+        Any other `mode` than None is the configured one: how that program's robot stops is its own.
+        """
+        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, StopMode.CONFIGURED), done)
 
     def withdraw(self, done: Done) -> None:
         """The caller no longer waits for `done`."""

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 from wheelwire_protocol.types import Ping, Pong
 
-from ..samples import tick_difference
 from .requests import ID_MODULUS
 
 WINDOW = 64
@@ -40,6 +39,11 @@ DRIFT_CHANGE = 2e-6
 """How far the drift can depart from the fit since the last exchange, due to temperature."""
 RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
+CLOCK_MODULUS = 1 << 32
+"""Of the device's times in samples, in microseconds."""
+AHEAD_US = 1_000_000
+"""A message may seem to come from so much later than the bound of the estimate allows: a clock was
+stepped. If it counted as one of an hour ago, all that follow would be dropped."""
 
 
 def host_clock_us() -> int:
@@ -236,13 +240,13 @@ class ClockEstimator:
         self.conversion = Conversion(lines)  # other threads convert meanwhile
 
     def unwrap(self, t_us: int, host_us: int) -> int:
-        """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
-        conversion = self.conversion
-        conversion.check()
-        # Any line is close enough to choose between multiples of 71.6 min.
-        line = conversion.lines[0]
-        near = host_us + line.base_us + round(line.offset_us(host_us))
-        return near + tick_difference(t_us, near)
+        """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`.
+
+        The latest that is possible: a message may have waited for long, but it comes from the past.
+        """
+        device_us, error_us = self.conversion.host_to_device(host_us)
+        latest_us = device_us + math.ceil(error_us) + AHEAD_US
+        return latest_us - (latest_us - t_us) % CLOCK_MODULUS
 
 
 def _constant_offset(readings: Sequence[_Reading]) -> _Line:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from secrets import randbits
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, cast
 
 from wheelwire_protocol.codes import StopMode
 
@@ -29,8 +29,9 @@ from ..errors import (
     RequestTimeout,
     WheelwireError,
 )
+from .arming import arming
 from .clock import host_clock_us
-from .device_link import DeviceLink
+from .device_link import DeviceLink, Opening
 from .info import ExpectedBoard, LinkInfo, LinkStatistics
 from .latest_sample import LatestSample
 from .news import Happening, Listener, StandingNews
@@ -45,10 +46,6 @@ from .waiting import Notifier, start_without_waiting
 if TYPE_CHECKING:
     from .tap_server import TapServer
     from .transports import Transport
-
-Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
-"""The conditions that a caller waits for while a link opens, one after the other, each with its
-time limit [s]."""
 
 CONNECT_TIMEOUT_S = 5.0
 """How long to look for the device, unless the application says otherwise."""
@@ -184,6 +181,8 @@ class Link(DeviceLink):
             lambda: session.knows_device or session.phase is not Phase.OPEN or loop.end is not None,
             self._options.connect_timeout_s,
         )
+        if self.arms:
+            yield from arming(self, session)
         if self._options.tap:
             from .tap_server import offer  # here, for what it imports opens ports
 
@@ -294,6 +293,10 @@ class Link(DeviceLink):
             with suppress(LinkLost):  # what follows the copy tells
                 self._loop.send(copy, host_clock_us())
         self._begin(partial(self._session.stop, mode), done)
+
+    def post_stop_for_attached(self, done: RequestDone) -> None:
+        """As `post_stop`, for programs that are attached; see `Session.stop_for_attached`."""
+        self._begin(self._session.stop_for_attached, done)
 
     def withdraw(self, done: RequestDone) -> None:
         """The caller of a request has given up: the link sends no copy of it from now on."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.types import SetDuty
@@ -21,6 +21,10 @@ from .sensor_stream import SensorStream
 from .state_stream import DUTY_SCALE
 from .tap import Tap, TapReader
 
+Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
+"""The conditions that a caller waits for while a link opens, one after the other, each with its
+time limit [s]."""
+
 CALL_TIMEOUT_S = 5.0
 """A request times out after about one second, and others may be queued before it."""
 
@@ -33,6 +37,9 @@ class DeviceLink(Reporter, ABC):
 
     in_virtual_time: bool = False
     """Whether time passes only in its `advance`."""
+    arms: bool = False
+    """Whether opening it sends a zero setpoint, so that the robot obeys the program's first one.
+    A link that drives nothing, such as a recording, sends none."""
 
     # --- opening and closing -------------------------------------------------------------------
 
@@ -95,6 +102,11 @@ class DeviceLink(Reporter, ABC):
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
         return self._session.rolling_mps
+
+    @property
+    def is_unarmed(self) -> bool:
+        """As `SetpointSender.is_unarmed`."""
+        return self._session.setpoints.is_unarmed
 
     @property
     def sensors(self) -> SensorStream:

@@ -14,7 +14,7 @@ from .requests import Answer
 from .session import Session
 from .setpoints import ASKED
 from .state_stream import Measurement
-from .tap import ESTOP, Kind, Record
+from .tap import ATTACHED, ESTOP, Kind, Record
 
 
 class Rerun:
@@ -36,7 +36,7 @@ class Rerun:
             Kind.NONCE: lambda session, record: session.use_nonce(_u32s(record)[0]),
             Kind.ADVANCED: lambda session, record: session.advance(record.host_us),
             Kind.REQUEST: _request,
-            Kind.STOP: lambda session, record: session.stop(_mode(record), _nobody, record.host_us),
+            Kind.STOP: _stop,
             Kind.STOP_COPY: lambda session, record: session.setpoints.stop_copy(_mode(record)),
             Kind.VELOCITY: lambda session, record: session.setpoints.velocity_frame(
                 *_asked(record)
@@ -85,6 +85,13 @@ def _request(session: Session, record: Record) -> None:
             """Takes an answer for which nobody waits."""
 
         session.request(message, done, record.host_us)  # type: ignore[arg-type]
+
+
+def _stop(session: Session, record: Record) -> None:
+    if record.data[0] == ATTACHED:
+        session.stop_for_attached(_nobody, record.host_us)
+    else:
+        session.stop(_mode(record), _nobody, record.host_us)
 
 
 def _nobody(_: Answer | WheelwireError) -> None:

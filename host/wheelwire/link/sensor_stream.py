@@ -25,7 +25,6 @@ from wheelwire_protocol.sensors import (
 )
 
 from ..peripherals import DIGITAL_INPUTS, channel_name
-from ..samples import tick_difference
 from ..sensors import (
     ImuSample,
     InputReading,
@@ -38,7 +37,7 @@ from ..sensors import (
     sentence_of_event,
 )
 from .clock import ClockEstimator, Conversion
-from .state_stream import UNWRAP_US
+from .device_time import DeviceTime
 
 WAITING = 4096
 """Samples and events that wait for whoever passes them on; nobody does in a session of a re-run."""
@@ -235,8 +234,7 @@ class SensorStream:
         """The newest inputs, while not all channels have said what they are."""
         self._early_events: list[tuple[wire.SensorEvent, int, Conversion, int]] = []
         """Those of channels that have not said what they are, with the device's time."""
-        self._t_us: int | None = None
-        self._arrived_us = 0
+        self._time = DeviceTime()
 
     def forget(self) -> None:
         """A session ends: nothing of it is known to be true from now on."""
@@ -248,7 +246,7 @@ class SensorStream:
         self.due_us = None
         self._attempts = 0
         self._outdated = frozenset()
-        self._t_us = None
+        self._time = DeviceTime()
 
     def is_complete(self, size: int | None) -> bool:
         """Whether all channels are known; `size`: of the device's list, None: not known."""
@@ -407,7 +405,7 @@ class SensorStream:
             "rate_hz": self.rate_hz,
             "infos": [channel.message for channel in self._channels.values()],
             "states": list(self.states.items()),
-            "clock": [self._t_us, self._arrived_us],
+            "clock": list(self._time.snapshot()),
             "asking": [self._attempts, self.due_us],
             "outdated": sorted(self._outdated),
         }
@@ -418,7 +416,7 @@ class SensorStream:
         for fields in known["infos"]:
             self.take_info(wire.SensorInfo(*fields))
         self.states = {number: SensorState(state) for number, state in known["states"]}
-        self._t_us, self._arrived_us = known["clock"]
+        self._time.resume(*known["clock"])
         self._attempts, self.due_us = known["asking"]
         self._outdated = frozenset(known.get("outdated", ()))  # not of earlier releases
 
@@ -458,12 +456,8 @@ class SensorStream:
 
     def _unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
         # As of state frames; those of several channels may be a little out of order.
-        former_us = self._t_us
-        if former_us is not None and now_us < self._arrived_us + UNWRAP_US:
-            found_us = former_us + tick_difference(t_us, former_us)
-        else:
-            found_us = clock.unwrap(t_us, now_us)
-        self._t_us, self._arrived_us = found_us, now_us
+        found_us = self._time.unwrapped(t_us, clock, now_us)
+        self._time.follow(found_us, clock, now_us)
         return found_us
 
 

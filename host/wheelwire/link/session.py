@@ -116,11 +116,13 @@ from .liveness import Liveness
 from .news import Happening, News, StandingNews
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .sensor_stream import SensorStream as Sensors
-from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
+from .setpoints import REARM_GAP, SETPOINT_IDS, TTL_MAX, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
-from .tap import ESTOP, Kind, Tap, TapReader
+from .tap import ATTACHED, ESTOP, Kind, Tap, TapReader
 from .trial import HeldTrial
 
+NO_SESSION = 0
+"""The id in a message that belongs to no session."""
 HELLO_PERIOD_US = 30_000
 RETRY_US = 1_000_000
 """Until the next hello after the device opened a session but refused to be prepared."""
@@ -130,6 +132,7 @@ _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 _CONFIRMS = (BoardConfirm, PeripheralsConfirm)
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 _LOG = logging.getLogger("wheelwire")
+_LINK_LOG = logging.getLogger("wheelwire.link")
 
 
 class Phase(enum.Enum):
@@ -178,6 +181,7 @@ class Session:
         news: What has happened, in order; whoever serves the session takes it out.
         tap: Passes on what this session is given.
         warn: Takes what the user should know, as `logging.warning` does.
+        warn_held: The same for setpoints that are held; silent in a session that is followed.
     """
 
     def __init__(
@@ -207,6 +211,7 @@ class Session:
         self.news: deque[News] = deque()
         self.tap = Tap()
         self.warn: Callable[..., None] = _LOG.warning
+        self.warn_held: Callable[..., None] = _LINK_LOG.warning
 
         self._joining: list[TapReader] = []
         """The readers that listen as soon as the session is prepared."""
@@ -251,7 +256,13 @@ class Session:
         self._requests = RequestQueue(self._send)
         self._trial = HeldTrial()
         # The reason is replaced at each loss, so it is looked up when it is needed.
-        self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error, self.tap)
+        self.setpoints = SetpointSender(
+            self._send,
+            self._trial,
+            lambda: self.error,
+            self.tap,
+            lambda *words: self.warn_held(*words),
+        )
         self._state_stream = StateStream()
         self.sensors = Sensors()
         # It belongs to no session: `statistics` may be asked for before the first one.
@@ -434,6 +445,7 @@ class Session:
         return (
             self.phase is not Phase.OPEN
             or self._requests.next_deadline_us is not None
+            or self.setpoints.awaits_fate
             or self._synchroniser.awaits_pong(now_us)
         )
 
@@ -479,6 +491,21 @@ class Session:
             return
         # The device obeys a stop of anybody, so it is sent even while there is no session to
         # acknowledge it in; whether it arrived is then not known.
+        if self.phase is not Phase.CLOSED:
+            self._send(message)
+        done(self.error)
+
+    def stop_for_attached(self, done: Done, now_us: int) -> None:
+        """Stop in the configured mode, for a program that is attached; of no session.
+
+        So it replaces no stop of the session by a weaker one, and uses up no setpoint's number.
+        """
+        self.tap.put(Kind.STOP, now_us, bytes([ATTACHED]))
+        message = Stop(NO_SESSION, 0, 0, StopMode.CONFIGURED)
+        self.setpoints.void()  # what was sent before it is not to be repeated behind it
+        if self.phase is Phase.OPEN:
+            self._requests.submit(message, done, now_us)
+            return
         if self.phase is not Phase.CLOSED:
             self._send(message)
         done(self.error)
@@ -602,6 +629,8 @@ class Session:
 
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
         """The device has opened a session: synchronise the clock, send preparing requests."""
+        if self.count and self._boots.is_new(device.boot_id):
+            self.setpoints.hold(now_us)
         self._boots.enter(device.boot_id)
         if self.device is None or self.device.board_id != device.board_id:
             self._latched = NO_FAULT
@@ -722,9 +751,10 @@ class Session:
                 return
             # The phase last: whoever sees it may send a setpoint at once.
             self._collect_watched()
-            self.setpoints.opened = OpenSession(
+            opened = OpenSession(
                 self.id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
+            self.setpoints.open(opened, now_us)
             self.phase = Phase.OPEN
             self.news.append((Happening.OPENED, self.device))
             self._join()
@@ -860,9 +890,12 @@ class Session:
             self._begin_after_trial(now_us)
 
     def _on_answer(self, answer: Answer, now_us: int) -> None:
-        if not self._is_ours(answer.session_id, now_us):
-            return
         request = self._requests.answered_by(answer)
+        # It repeats the session of its request, which is none for a stop of an attached program.
+        is_attached = isinstance(request, Stop) and request.session_id == NO_SESSION
+        session_id = self.id if is_attached and not answer.session_id else answer.session_id
+        if not self._is_ours(session_id, now_us):
+            return
         if request is None:
             # The copy of a stop is acknowledged as well; nobody waits for that.
             self._foreign += answer.request_id != COPY_ID
@@ -889,8 +922,8 @@ class Session:
 
     def _take_value(self, parameter: int, value: float) -> None:
         self.values[parameter] = value
-        if parameter == REARM_GAP.id:
-            self.setpoints.take_rearm_gap(value)
+        if parameter in (REARM_GAP.id, TTL_MAX.id):
+            self.setpoints.take_gap(parameter, value)
         if parameter in self._watched and self.phase is Phase.OPEN:
             self._collect_watched()
 
@@ -955,6 +988,7 @@ class Session:
             "hello": self._hello,
             "boots": self._boots.ids,
             "latched": self._latched,
+            "held": self.setpoints.held,
         }
         if self.phase is Phase.OPEN:
             liveness, stream = self._liveness, self._state_stream
@@ -991,6 +1025,7 @@ class Session:
                 settings=dict(known["settings"]),
                 expected_board=None if expected is None else ExpectedBoard(*expected),
             )
+            session.warn_held = lambda *_: None
             session._resume(known)
         except (KeyError, TypeError) as error:
             raise ValueError(f"it is the start of no session of this release: {error!r}") from error
@@ -1000,6 +1035,7 @@ class Session:
         self.phase, self._nonce = Phase[known["phase"]], known["nonce"]
         self.error = LinkLost(known["error"])
         self._latched = Fault(known["latched"])
+        self.setpoints.held = tuple(known.get("held", (None, None)))  # not of earlier releases
         for boot_id in known["boots"]:
             self._boots.enter(boot_id)
         if known["hello"] is None:
@@ -1029,8 +1065,9 @@ class Session:
         self.setpoints.opened = OpenSession(
             self.id, self._synchroniser.clock, self._command_seqs, self._encoder
         )
-        if REARM_GAP.id in self.values:
-            self.setpoints.take_rearm_gap(self.values[REARM_GAP.id])
+        for gap in (REARM_GAP.id, TTL_MAX.id):
+            if gap in self.values:
+                self.setpoints.take_gap(gap, self.values[gap])
         self._collect_watched()
 
     # --- sending -------------------------------------------------------------------------------

@@ -28,6 +28,10 @@ from .trial import HeldTrial
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
 REARM_GAP = PARAMETER_BY_NAME["rearm_gap_s"]
+TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"]
+HELD = (
+    "the robot is held: unarmed; send a zero setpoint (robot.set_velocity(0, 0)) or pause for %g s"
+)
 
 ASKED = struct.Struct("<ddq")
 """Left, right and expiry of a setpoint, as the application asked for it."""
@@ -40,6 +44,7 @@ _Unseen: TypeAlias = tuple[Setpoint, int, int]
 """Sent, and no state frame has shown yet that the device obeys it: the setpoint, when it expires on
 the host's clock, and when it is to be repeated."""
 
+_DEFAULT_GAPS_US = {one.id: round(one.default * 1e6) for one in (REARM_GAP, TTL_MAX)}
 _ESTOPPED, _FAULT = SupervisorState.ESTOPPED, SupervisorState.FAULT
 _LATCHED = {
     SupervisorState.ESTOPPED: RefusalCode.ESTOPPED,
@@ -65,6 +70,7 @@ class SetpointSender:
         trial: The trial of parameters; no setpoint goes out once it is lost.
         why_closed: Gives the reason why no session is open.
         tap: Passes on what is asked for.
+        warn: Takes what the user should know, as `logging.warning` does.
 
     Attributes:
         opened: The open session; None while there is none. Replaced as a whole.
@@ -73,9 +79,10 @@ class SetpointSender:
         supervisor: The newest known; None when it is about to change, or no session is open.
         faults: The newest known to be latched.
         refused_us: When the last refusal came.
-        rearm_gap_us: The pause after which a device that is unarmed drives again, as far as known.
         moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
         newest: The newest setpoint, and when it expires on the host's clock; None after a stop.
+        zero_seq: Number of the newest setpoint of this session that asked for standstill.
+        awaits_fate: Whether somebody waits for what becomes of a setpoint.
     """
 
     def __init__(
@@ -84,6 +91,7 @@ class SetpointSender:
         trial: HeldTrial,
         why_closed: Callable[[], WheelwireError],
         tap: Tap,
+        warn: Callable[..., None],
     ) -> None:
         self.opened: OpenSession | None = None
         self.repeated = 0
@@ -91,16 +99,25 @@ class SetpointSender:
         self.supervisor: SupervisorState | None = None
         self.faults = NO_FAULT
         self.refused_us = 0
-        self.rearm_gap_us = round(REARM_GAP.default * 1e6)
         self.moves_until_us = 0
         self.newest: tuple[Setpoint, int] | None = None
         self._send = send
         self._trial = trial
         self._why_closed = why_closed
         self._tap = tap
+        self._warn = warn
+        self._gaps_us = _DEFAULT_GAPS_US
+        self._quiet_since_us: int | None = None
+        """Since when no motion was asked for, while setpoints are held; else None."""
+        self._unarmed_seq: int | None = None
+        """The newest setpoint that was known when one was refused as unarmed; None once the device
+        obeys a newer one."""
         self._refusal: int | None = None
-        self._zero_seq = 0
-        """Number of the newest setpoint of this session that asked for standstill."""
+        self.zero_seq = 0
+        self.awaits_fate = False
+        self._obeyed_seq = 0
+        self._refused: tuple[int, int] | None = None
+        """Number of the newest setpoint that the device refused, and why."""
         self._unseen: _Unseen | None = None
 
     @property
@@ -114,12 +131,48 @@ class SetpointSender:
         # First, so that no other thread begins a frame of this session.
         self.opened = None
         self.clear()
-        self._zero_seq = 0
-        self.take_rearm_gap(REARM_GAP.default)
+        self.zero_seq = self._obeyed_seq = 0
+        self._refused = None
+        if self._unarmed_seq is not None:
+            self._unarmed_seq = 0  # numbers begin anew
+        self._gaps_us = _DEFAULT_GAPS_US
 
-    def take_rearm_gap(self, gap_s: float) -> None:
-        """What the device says of its parameter `rearm_gap_s`."""
-        self.rearm_gap_us = round(gap_s * 1e6)
+    def take_gap(self, parameter: int, value_s: float) -> None:
+        """What the device says of one of the parameters `REARM_GAP` and `TTL_MAX`."""
+        self._gaps_us = {**self._gaps_us, parameter: round(value_s * 1e6)}
+
+    @property
+    def gap_us(self) -> int:
+        """The pause after which a robot that is unarmed drives again, as far as known."""
+        return max(self._gaps_us.values())
+
+    @property
+    def is_unarmed(self) -> bool:
+        """Whether setpoints are refused until a zero one, or a pause. Known once one was."""
+        return self._unarmed_seq is not None
+
+    def hold(self, now_us: int) -> None:
+        """The device has started anew: send no motion before a zero setpoint, or a pause.
+
+        The device does the same from its start on. But whoever went on asking was refused here
+        until the session was open, which may have taken longer than that pause.
+        """
+        self._quiet_since_us = now_us
+
+    def open(self, opened: OpenSession, now_us: int) -> None:
+        """A session is open."""
+        if self._quiet_since_us is not None:
+            self._quiet_since_us = now_us  # nobody could ask before
+        self.opened = opened
+
+    @property
+    def held(self) -> tuple[int | None, int | None]:
+        """What a session that goes on from this one's state needs of `hold` and `is_unarmed`."""
+        return self._quiet_since_us, self._unarmed_seq
+
+    @held.setter
+    def held(self, known: tuple[int | None, int | None]) -> None:
+        self._quiet_since_us, self._unarmed_seq = known
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
@@ -209,8 +262,23 @@ class SetpointSender:
             self._send(setpoint)
         self._forget(unseen)
 
+    def has_fate(self, command_seq: int) -> bool:
+        """Whether the device has obeyed or refused this setpoint."""
+        return self._obeyed_seq == command_seq or self.refusal_of(command_seq) is not None
+
+    def refusal_of(self, command_seq: int) -> int | None:
+        """Why the device refused this setpoint, if it was the last one that it refused."""
+        refused = self._refused
+        return refused[1] if refused is not None and refused[0] == command_seq else None
+
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
+        self._obeyed_seq = command_seq
+        if self._unarmed_seq is not None and command_seq > self._unarmed_seq:
+            self._unarmed_seq = None
+        self._note_arrived(command_seq)
+
+    def _note_arrived(self, command_seq: int) -> None:
         unseen = self._unseen
         # An older one says nothing about the newest, which may be lost.
         if unseen is not None and unseen[0].command_seq == command_seq:
@@ -222,11 +290,15 @@ class SetpointSender:
             self.expired += 1  # no reason to keep back the next one, which may be in time
         else:
             self._refusal = refuse.code
+        self._refused = refuse.reference, refuse.code
         # It arrived, so it is not sent again.
-        self.on_obeyed(refuse.reference)
+        self._note_arrived(refuse.reference)
         # The zero that was sent since has armed the device, or is refused as well.
-        if refuse.code == RefusalCode.UNARMED and refuse.reference < self._zero_seq:
-            self._refusal = None
+        if refuse.code == RefusalCode.UNARMED:
+            if refuse.reference < self.zero_seq:
+                self._refusal = None
+            else:
+                self._note_unarmed(refuse.reference)
 
     def _frame(
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
@@ -251,11 +323,13 @@ class SetpointSender:
                 f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
                 f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
             )
+        if self._quiet_since_us is not None:
+            self._end_hold(is_zero=not (left or right), now_us=now_us)
         # Two threads never get the same number: next() of a count is atomic in CPython.
         command_seq = next(opened.command_seqs)
         setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
         if not (left or right):
-            self._zero_seq = command_seq
+            self.zero_seq = command_seq
         if is_unarmed:
             # Sent all the same: a device that hears nothing would take the silence for a pause,
             # after which it drives, although whoever calls this never stopped asking for motion.
@@ -273,7 +347,23 @@ class SetpointSender:
             return False
         self._refusal = None
         # Zero is what the device waits for, and so is a pause.
-        return not is_zero and now_us - self.refused_us < self.rearm_gap_us
+        return not is_zero and now_us - self.refused_us < self.gap_us
+
+    def _end_hold(self, *, is_zero: bool, now_us: int) -> None:
+        """End it by a zero setpoint or a pause; raises `DeviceRefused` for anything else."""
+        since_us = self._quiet_since_us
+        if since_us is None or is_zero or now_us - since_us >= self.gap_us:
+            self._quiet_since_us = None
+            return
+        self._quiet_since_us = now_us
+        self._note_unarmed(0)
+        raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+
+    def _note_unarmed(self, command_seq: int) -> None:
+        """A setpoint was refused; say so once, and not at each of those that follow."""
+        was_unarmed, self._unarmed_seq = self.is_unarmed, command_seq
+        if not was_unarmed:
+            self._warn(HELD, self.gap_us / 1e6)
 
     def _forget(self, unseen: _Unseen) -> None:
         # Another thread may have sent the next one meanwhile. In the instant between the two

@@ -8,12 +8,11 @@ from functools import cache
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState
 
-from ..samples import WheelSample, tick_difference
+from ..samples import WheelSample
 from .clock import ClockEstimator, Conversion
+from .device_time import DeviceTime
 
 DUTY_SCALE = 32767
-UNWRAP_US = 60_000_000
-"""Frames closer to each other than this need no estimate of the clock: 32 bits wrap in 71 min."""
 
 # By a dictionary, in a seventh of the time: this is done for each state frame.
 _supervisor_state = cache(SupervisorState)
@@ -81,16 +80,16 @@ class StateStream:
         self.new = 0
         """Frames that were new."""
         self._boot_id: int | None = None
-        self._t_us = 0
-        self._arrived_us = 0
+        self._time = DeviceTime()
 
     def snapshot(self) -> tuple[int | None, int, int]:
-        """What `resume` takes: the newest frame's boot, its latch and its arrival."""
-        return self._boot_id, self._t_us, self._arrived_us
+        """What `resume` takes: the newest frame's boot, and its latch by both clocks."""
+        return self._boot_id, *self._time.snapshot()
 
-    def resume(self, boot_id: int | None, t_us: int, arrived_us: int) -> None:
+    def resume(self, boot_id: int | None, t_us: int, host_us: int) -> None:
         """Go on behind the frame of a snapshot."""
-        self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, arrived_us
+        self._boot_id = boot_id
+        self._time.resume(t_us, host_us)
 
     def newest(
         self, states: Iterable[WheelState], clock: ClockEstimator, now_us: int
@@ -102,23 +101,21 @@ class StateStream:
         Raises:
             ValueError: A code in it means nothing.
         """
-        newest = None
+        newest, time = None, self._time
         for state in states:
-            boot_id, former_us = state.boot_id, self._t_us
-            # From the frame before, for nearly every frame; the estimate is for the first one, and
-            # for one that comes after a pause in which 32 bits may have wrapped.
-            if boot_id == self._boot_id and now_us < self._arrived_us + UNWRAP_US:
-                t_us = former_us + tick_difference(state.t_us, former_us)
-            else:
-                t_us = clock.unwrap(state.t_us, now_us)
+            boot_id = state.boot_id
+            if boot_id != self._boot_id:
+                time = DeviceTime()
+            t_us = time.unwrapped(state.t_us, clock, now_us)
             # The same latch time: a frame that the line has doubled.
-            if boot_id == self._boot_id and t_us <= former_us:
+            if time is self._time and t_us <= time.t_us:
                 self.stale += 1
             else:
-                self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, now_us
+                time.follow(t_us, clock, now_us)
+                self._boot_id, self._time = boot_id, time
                 self.new += 1
                 newest = state
         if newest is None:
             return None
         # The estimate of this moment: later exchanges must not move a sample that is made later.
-        return Measurement(newest, self._t_us, clock.conversion, now_us)
+        return Measurement(newest, time.t_us, clock.conversion, now_us)

@@ -26,6 +26,8 @@ STOP_ASKED = "stop_asked"
 
 ESTOP = 255
 """The mode of an e-stop."""
+ATTACHED = 254
+"""The mode of a stop that attached programs asked for."""
 
 
 class Kind(enum.IntEnum):
@@ -52,7 +54,7 @@ class Kind(enum.IntEnum):
     REQUEST = 9
     """The application's request: an encoded frame, its ids not filled in."""
     STOP = 10
-    """The application stops: mode, u8; `ESTOP` for an e-stop."""
+    """The application stops: mode, u8; `ESTOP` for an e-stop, `ATTACHED` for attached programs."""
     STOP_COPY = 11
     """As STOP: its copy, which the calling thread writes at once."""
     VELOCITY = 12

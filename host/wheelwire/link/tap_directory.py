@@ -8,7 +8,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,10 @@ from ..errors import ConfigurationError
 DIRECTORY_VARIABLE = "WHEELWIRE_TAP_DIR"
 GROUP_VARIABLE = "WHEELWIRE_TAP_GROUP"
 SUFFIX = ".tap"
+TEMPORARY = "/tmp"  # noqa: S108 - it is only looked into, if it is this user's alone
+"""The temporary folder of a program without TMPDIR."""
+SESSIONS = "/run/user"
+"""Where systemd has the folders that XDG_RUNTIME_DIR names."""
 
 
 class TapDirectory(NamedTuple):
@@ -47,12 +51,29 @@ def tap_directory(*, make: bool = False) -> TapDirectory:
         ConfigurationError: Others than this user, and the group if one was named, can get into it.
         OSError: It is missing, or cannot be made.
     """
-    path, group = _path(), _group()
+    path, group = _paths()[0], _group()
     if make and not path.is_dir():
         path.mkdir(mode=0o700, exist_ok=True)
         if group is not None:
             os.chown(path, -1, group)
             path.chmod(0o750)
+    return _checked(path, group)
+
+
+def tap_directories() -> list[TapDirectory]:
+    """All folders in which whoever holds a port may offer it to whoever runs this.
+
+    A service, or a program that cron or ssh has started, commonly has no XDG_RUNTIME_DIR, and so
+    offers its link in another folder than a program of the same user's desktop would.
+    """
+    found = []
+    for path in _paths():
+        with suppress(OSError, ConfigurationError):
+            found.append(_checked(path, _group()))
+    return found
+
+
+def _checked(path: Path, group: int | None) -> TapDirectory:
     found = path.lstat()
     is_private = found.st_uid == os.getuid() and not found.st_mode & 0o077
     is_the_groups = found.st_gid == group and not found.st_mode & 0o007
@@ -66,13 +87,16 @@ def tap_directory(*, make: bool = False) -> TapDirectory:
     return TapDirectory(path, group)
 
 
-def _path() -> Path:
+def _paths() -> list[Path]:
+    """The folder of this program, and then those of others of the same user."""
     if named := os.environ.get(DIRECTORY_VARIABLE):
         # Resolved: systemd makes links to a service's folders.
-        return Path(named).resolve()
+        return [Path(named).resolve()]
+    user = os.getuid()
+    paths = [Path(folder) / f"wheelwire-{user}" for folder in (tempfile.gettempdir(), TEMPORARY)]
     if session := os.environ.get("XDG_RUNTIME_DIR"):
-        return Path(session) / "wheelwire"
-    return Path(tempfile.gettempdir()) / f"wheelwire-{os.getuid()}"
+        paths.insert(0, Path(session) / "wheelwire")
+    return list(dict.fromkeys([*paths, Path(SESSIONS) / str(user) / "wheelwire"]))
 
 
 def _group() -> int | None:

@@ -21,14 +21,14 @@ import weakref
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import (
+    AnyMessage,
     BoardGet,
     BoxGet,
     BoxRead,
@@ -45,7 +45,8 @@ from wheelwire_protocol.types import (
     UnsavedGet,
 )
 
-from ..errors import InvalidCommand, WheelwireError
+from ..errors import InvalidCommand, LinkLost, WheelwireError
+from .attached_stops import AttachedStops
 from .clock import host_clock_us
 from .forking import abandon_in_child
 from .port_list import absolute_port
@@ -93,6 +94,9 @@ MAX_PROGRAMS = 16
 MAX_REQUESTS = 4
 """Unanswered requests of one program at most: the owner's requests wait behind them."""
 LONGEST_REQUEST = 1024
+MANY = 32
+"""Requests that came together: a program that sends more is given a rest."""
+LONGEST_REST_S = 0.02
 BACKLOG = 1 << 20
 """Bytes that wait for a program that does not read them; with more it is cut off."""
 NAMES = 8
@@ -119,6 +123,9 @@ class TapServer:
         self._programs: dict[int, _Program] = {}
         """By the descriptor of its connection."""
         self._look_s = 0.0
+        self._stops = AttachedStops(self._post_stop, self._wake_up.wake)
+        self._askers: list[str] = []
+        """Who has asked for a stop that was not sent yet."""
         self._poller = select.poll()
         self._poller.register(self._wake_up, select.POLLIN)
         self._thread = threading.Thread(target=self._run, name="wheelwire tap", daemon=True)
@@ -179,6 +186,9 @@ class TapServer:
         # By the clock, not woken by the link: its thread has no time for others.
         is_copying = self._finishing or any(one.is_busy for one in self._programs.values())
         wait_s = COPY_S if is_copying else max(0.0, self._look_s - now_s)
+        stop_due_s = self._stops.due_s()
+        if stop_due_s is not None:
+            wait_s = min(wait_s, max(0.0, stop_due_s - now_s))
         ready = [descriptor for descriptor, _ in self._poller.poll(wait_s * 1000)]
         if self._wake_up.fileno() in ready:
             self._wake_up.drain()
@@ -192,11 +202,17 @@ class TapServer:
         # First: what crosses the link before its end is passed on below.
         has_ended = link.has_ended
         # First of all what was asked: it may be an e-stop.
+        begin_s, asked = time.monotonic(), 0
         for descriptor in ready:
             program = self._programs.get(descriptor)
-            if program is not None and not program.read(link):
+            if program is None:
+                continue
+            before = program.asked
+            if not program.read(link, self._ask_to_stop):
                 self._drop(program, link)
+            asked = max(asked, program.asked - before)
         now_s = time.monotonic()
+        self._stops.advance(now_s)
         is_second = now_s >= self._look_s
         if is_second:
             self._look_s = now_s + LOOK_S
@@ -206,7 +222,22 @@ class TapServer:
         for program in list(self._programs.values()):
             if not program.write(link, with_status=is_second):
                 self._drop(program, link)
+        if asked > MANY:
+            # The owner's threads share the interpreter with this one, and need it to drive.
+            time.sleep(min(LONGEST_REST_S, 2 * (time.monotonic() - begin_s)))
         return not has_ended
+
+    def _ask_to_stop(self, name: str, done: Done) -> None:
+        if name not in self._askers:
+            self._askers.append(name)
+        self._stops.ask(done)
+
+    def _post_stop(self, done: Done) -> None:
+        link, askers, self._askers = self._link(), self._askers, []
+        if link is None:
+            raise LinkLost("the link has ended")
+        link.post_stop_for_attached(done)
+        _note_asked(link, " and ".join(askers))
 
     def _look(self, link: Link) -> None:
         """Offer the link under its board's name, again if the file is gone."""
@@ -379,6 +410,8 @@ class _Program:
         self._name = f"{_name_of(pid)}, process {pid}"
         self._wake = wake
         self._reader = MessageReader(LONGEST_REQUEST)
+        self.asked = 0
+        """How many requests have come."""
         greeting = {
             "board_id": link.info.device.board_id,
             "identity": absolute_port(link.identity),
@@ -400,13 +433,17 @@ class _Program:
         """Whether there will soon be something to write though nothing comes."""
         return self._records is not None or bool(self._output)
 
-    def read(self, link: Link) -> bool:
-        """Read and do what it asks for; False once it is gone, or talks nonsense."""
+    def read(self, link: Link, stop: Callable[[str, Done], None]) -> bool:
+        """Read and do what it asks for; False once it is gone, or talks nonsense.
+
+        `stop` takes a stop, with the name of who asks, to be merged with those of others.
+        """
         try:
             data = self.connection.recv(4096)
             for kind, payload in self._reader.feed(data):
                 if kind is Say.ASK:
-                    self._ask(link, *take_tag(payload))
+                    self.asked += 1
+                    self._ask(link, stop, *take_tag(payload))
                 elif kind is Say.LISTEN:
                     self._listen(link)
                     self._say_status(link)
@@ -418,19 +455,19 @@ class _Program:
             return False
         return bool(data)
 
-    def _ask(self, link: Link, tag: int, frame: bytes) -> None:
-        done = partial(self._take_result, tag)
-        messages = Decoder().feed(frame)
-        if len(messages) != 1:
-            raise ValueError("a request that is not one frame")
+    def _ask(self, link: Link, stop: Callable[[str, Done], None], tag: int, frame: bytes) -> None:
         if tag in self._waiting:  # its requests are counted by their tags
             raise ValueError("a tag that is under way")
-        asked = messages[0]
+        asked = _decoded(frame)
+        done = partial(self._take_result, tag)
         try:
-            if isinstance(asked, (Stop, Estop)):
-                link.post_stop(done, None if isinstance(asked, Estop) else StopMode(asked.mode))
-                # After the stop, which is not to wait: `wheelwire why` names who asked.
-                link.note({STOP_ASKED: {"by": self._name, "host_us": host_clock_us()}})
+            if isinstance(asked, Stop):
+                # Its mode is the owner's affair. The result comes in this thread.
+                stop(self._name, partial(self._keep_result, tag))
+            elif isinstance(asked, Estop):
+                link.post_stop(done, None)
+                # After the e-stop, which is not to wait.
+                _note_asked(link, self._name)
             elif not isinstance(asked, READ_ONLY):
                 raise InvalidCommand(
                     f"{type(asked).__name__}: a program that is attached reads, stops and "
@@ -447,8 +484,11 @@ class _Program:
 
     def _take_result(self, tag: int, result: Answer | WheelwireError) -> None:
         """Called by the link's thread."""
-        self._results.append((tag, result))
+        self._keep_result(tag, result)
         self._wake()
+
+    def _keep_result(self, tag: int, result: Answer | WheelwireError) -> None:
+        self._results.append((tag, result))
 
     def _listen(self, link: Link) -> None:
         """Begin, or begin again, with the session as it is now."""
@@ -473,13 +513,13 @@ class _Program:
 
     def write(self, link: Link, *, with_status: bool) -> bool:
         """Write what it takes of what there is; False once it is gone, or reads nothing."""
+        former: Answer | WheelwireError | None = None
         while self._results:
             tag, result = self._results.popleft()
             self._waiting.pop(tag, None)
-            if isinstance(result, WheelwireError):
-                self._output += tagged(Say.FAILURE, tag, encoded_error(result))
-            else:
-                self._output += tagged(Say.ANSWER, tag, encode_frame(result, 0))
+            if result is not former:  # stops that were merged have the same one
+                former, (kind, data) = result, _encoded(result)
+            self._output += tagged(kind, tag, data)
         # While it has not read what it was given, its records wait where the oldest fall out.
         if self._records is not None and not self._output:
             self._copy(link, self._records)
@@ -510,6 +550,26 @@ class _Program:
         self._end_listening(link)
         for done in self._waiting.values():
             link.withdraw(done)
+
+
+@lru_cache(maxsize=64)
+def _decoded(frame: bytes) -> AnyMessage:
+    """The one message in a frame; of a flood each is the same."""
+    messages = Decoder().feed(frame)
+    if len(messages) != 1:
+        raise ValueError("a request that is not one frame")
+    return messages[0]
+
+
+def _encoded(result: Answer | WheelwireError) -> tuple[Say, bytes]:
+    if isinstance(result, WheelwireError):
+        return Say.FAILURE, encoded_error(result)
+    return Say.ANSWER, encode_frame(result, 0)
+
+
+def _note_asked(link: Link, by: str) -> None:
+    """`wheelwire why` names who asked for a stop."""
+    link.note({STOP_ASKED: {"by": by, "host_us": host_clock_us()}})
 
 
 def _credentials(connection: socket.socket) -> tuple[int, int]:

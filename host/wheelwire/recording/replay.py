@@ -38,7 +38,7 @@ from wheelwire_protocol.types import (
 
 from ..errors import InvalidCommand, LinkClosed, RecordingError, WheelwireError
 from ..link.clock import host_clock_us
-from ..link.connection import Opening
+from ..link.device_link import Opening
 from ..link.info import LinkStatistics
 from ..link.inline_link import STEP_S, InlineLink
 from ..link.latest_sample import LatestSample

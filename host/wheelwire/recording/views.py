@@ -73,7 +73,7 @@ class Views:
         if session is None:
             return
         if record.kind is Kind.START:
-            session.warn = self._warn
+            session.warn = session.warn_held = self._warn
         time_ns = record.host_us * 1000 + self._offset_ns
         for measurement in measured:
             self._note_state(measurement)

@@ -11,6 +11,7 @@ from secrets import randbits
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout
+from ..link.arming import arming
 from ..link.info import LinkStatistics
 from ..link.inline_link import InlineLink
 from ..link.latest_sample import LatestSample
@@ -59,6 +60,9 @@ class VirtualLink(InlineLink):
                 "the simulated robot does not answer: install one release of all parts"
             )
         self._check_alive()
+        if self.arms:
+            for ready, timeout_s in arming(self, self._session):
+                self.wait_for(ready, timeout_s)
 
     # --- time and the cable --------------------------------------------------------------------
 

@@ -37,7 +37,7 @@ HELP = """\
   space              stop           q or Ctrl-C     quit: stops, too
   e                  e-stop         c               clear an e-stop or a fault"""
 
-RELEASE_FIRST = "an e-stop or a fault was cleared: release the keys, then drive"
+RELEASE_FIRST = "the robot is held: unarmed; release the keys, then drive"
 
 _FASTER, _SLOWER = ("+", "="), ("-", "_")
 

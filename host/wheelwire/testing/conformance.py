@@ -378,6 +378,7 @@ class LifecycleTests:
             harness.driver.get_encoder_ticks()
         bench.restore_link()
         assert harness.recovers()
+        harness.driver.set_velocity(0.0, 0.0)  # one that was started anew waits for it
         harness.drive_until(SPEED_MPS, 0.0, turning)
 
     def test_a_loss_and_the_return_are_told_in_order(

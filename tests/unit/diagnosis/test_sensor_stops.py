@@ -144,6 +144,7 @@ def stopped_by_a_cliff(delay_ms: int) -> list[Record]:
         robot.board.take_up(replace(load_board("l298n"), peripherals=(cliff,)))
         robot.sensors.start()
         robot._link.listen_to_tap(reader)
+        robot.set_velocity(0.0, 0.0)  # the board has taken a restart
         for _ in range(100):
             robot.set_velocity(0.1, 0.0, ttl=0.5)
             robot.advance(0.01)

@@ -49,9 +49,12 @@ class Reports:
 def drive(robot: DeviceDriver) -> None:
     began_s = time.monotonic()
     while True:
-        # Out of reach while the session after a reset is opened.
+        # Out of reach while the session after a reset is opened, and held until the zero.
         with suppress(LinkLost):
-            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if robot.is_unarmed:
+                robot.set_velocity(0.0, 0.0)
+            with suppress(DeviceRefused):
+                robot.set_velocity(0.2, 0.0, ttl=0.5)
             if drives_since(began_s, robot.read(PATIENCE_S)):
                 return
 

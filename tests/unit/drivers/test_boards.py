@@ -24,7 +24,7 @@ def robot(tmp_path: Path) -> Iterator[PtyDevice]:
 
 def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
     try:
-        driver.set_velocity(0.1, 0.0)
+        driver.set_velocity(0.0, 0.0)
     except errors.WheelwireError as error:
         return error
     return None

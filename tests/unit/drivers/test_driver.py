@@ -43,6 +43,7 @@ def robot(tmp_path: Path) -> Iterator[PtyDevice]:
 @pytest.fixture
 def driver(robot: PtyDevice) -> Iterator[SerialDriver]:
     with SerialDriver(str(robot.path)) as driver:
+        robot.device.forget()
         yield driver
 
 
@@ -165,6 +166,7 @@ def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
         assert driver.geometry.wheel_radius == 0.033
         driver.parameters.set("max_velocity_mps", 0.15)
         assert driver.geometry.max_velocity_mps == 0.15
+        device.forget()
         driver.set_velocity(0.3, 0.0)
         wait_until(lambda: bool(device.obeyed))
         assert isinstance(device.obeyed[0], SetWheelVelocity)

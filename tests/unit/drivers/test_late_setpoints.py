@@ -37,6 +37,7 @@ def refuse_what_is_too_old(robot: Any) -> None:
 def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(
     device: PtyDevice, robot: SerialDriver
 ) -> None:
+    device.device.forget()
     refuse_what_is_too_old(robot)
     assert device.device.count(SetWheelVelocity, SetDuty) == 0
     for command in COMMANDS:
@@ -47,6 +48,7 @@ def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(
 
 async def test_the_same_with_asyncio(device: PtyDevice) -> None:
     async with aio.connect(device.path) as robot:
+        device.device.forget()
         refuse_what_is_too_old(robot)
         assert device.device.count(SetWheelVelocity, SetDuty) == 0
         for command in COMMANDS:

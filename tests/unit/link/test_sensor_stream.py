@@ -110,6 +110,21 @@ def test_the_devices_clock_wraps(known: Stream) -> None:
     assert after.stamp - before.stamp == pytest.approx(0.005, abs=1e-5)
 
 
+@pytest.mark.parametrize("minutes", [1, 36, 50, 70])
+def test_samples_that_waited_for_a_stopped_program_hide_no_fresh_one(
+    known: Stream, minutes: int
+) -> None:
+    begin_us, stopped_us = 3_000_000, minutes * 60_000_000
+    known.imu(begin_us)
+    for t_us in (begin_us + 5_000, begin_us + stopped_us, begin_us + stopped_us + 5_000):
+        # All of them come at the end; the first one waited on the line.
+        known.imu(t_us, now_us=begin_us + stopped_us + 10_000 - AHEAD_US)
+    times = [sample.t_us for _, sample in known.sensed]  # type: ignore[attr-defined]
+    assert times[-1] == begin_us + stopped_us + 5_000
+    assert times == sorted(times)
+    assert len(times) == 4
+
+
 def test_the_supply_by_a_divider_has_no_current(known: Stream) -> None:
     message = Power(BOOT, 2_000_000, 1, 7400, 0, 0.0, BatteryLevel.OK)
     known.stream.take_power(message, known.clock, AHEAD_US)

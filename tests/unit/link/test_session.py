@@ -115,7 +115,7 @@ def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile(outcomes: list[
     assert line.samples[-1].boot_id == line.device.boot_id
     statistics = line.session.statistics(line.now_us)
     assert (statistics.sessions, statistics.device_resets) == (2, 1)
-    line.drive()
+    line.drive(0.0, 0.0)
     line.run(0.05)
     assert line.device.obeyed[-1].command_seq == 1
 
@@ -278,6 +278,7 @@ def test_an_event_of_a_former_boot_keeps_nobody_from_driving(line: VirtualLine) 
     line.run(0.05)
     line.device.send(late)
     line.run(0.005)
+    line.drive(0.0, 0.0)
     line.drive()
 
 

@@ -135,6 +135,7 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
     line.device.lost.add(WheelState)
     line.drive()
     line.run(0.05)
+    (first,) = line.device.obeyed
     line.to_device.impairment.loss = 1.0
     line.drive()
     line.write()
@@ -143,9 +144,10 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
         line.device.send(line.device.state)
     else:
         ids = line.device.session_id, message_id(SetWheelVelocity)
-        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, 1))
+        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, first.command_seq))
     line.run(0.05)
-    assert [setpoint.command_seq for setpoint in line.device.obeyed] == [1, 2]
+    numbers = [setpoint.command_seq for setpoint in line.device.obeyed]
+    assert numbers == [first.command_seq, first.command_seq + 1]
 
 
 def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
@@ -190,6 +192,9 @@ def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
 def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
     line: VirtualLine,
 ) -> None:
+    line.drive(0.0, 0.0)
+    line.run(0.1)
+    line.device.forget()
     line.to_device.impairment.delay_us = 30_000
     line.drive(ttl_s=0.01)
     line.run(0.2)
@@ -318,7 +323,7 @@ def test_whoever_never_stops_asking_for_motion_after_a_clear_gets_none(period_s:
 def test_a_pause_arms_and_the_next_setpoint_neither_raises_nor_is_refused() -> None:
     line = unarmed_line()
     assert refusals(line, 0.05, 0.5)
-    line.run(0.5)
+    line.run(1.0)
     line.drive()
     line.run(0.05)
     assert len(line.device.obeyed) == 1

@@ -124,9 +124,10 @@ def test_a_port_is_lost_and_opened_again_while_the_other_is_served(
 def test_each_robot_is_stopped_when_its_link_is_closed(robots: tuple[Robot, Robot]) -> None:
     first, second = robots
     for robot in robots:
-        robot.link.drive_velocity(0.2, 0.2, robot.link.clock_us() + 4_000_000)
+        for speed_mps in (0.0, 0.2):
+            robot.link.drive_velocity(speed_mps, speed_mps, robot.link.clock_us() + 4_000_000)
         assert robot.works()
-        assert robot.device.obeyed
+        assert len(robot.device.obeyed) == 2
     first.link.close()
     assert isinstance(first.ports[0].messages()[-1], Stop)
     assert first.ports[0].fileno() < 0

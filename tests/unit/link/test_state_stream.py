@@ -91,3 +91,48 @@ def test_a_reset_device_begins_with_its_own_time() -> None:
     measured = stream.newest([state(7_000, boot_id=2)], in_step(-13_000), 20_000)
     assert measured is not None
     assert measured.t_us == 7_000
+
+
+@pytest.mark.parametrize("minutes", [1, 35, 36, 50, 70, 71, 72, 100])
+def test_frames_that_waited_for_a_stopped_program_hide_no_fresh_one(minutes: int) -> None:
+    """It was stopped by Ctrl-Z: its clock went on, and the line kept what came at first."""
+    offset_us = 12_345
+    clock, stream = in_step(offset_us), StateStream()
+    stream.newest([state(offset_us)], clock, 0)
+    pause_us = minutes * MINUTE_US
+    for old_us in (5_000, 10_000):
+        stream.newest([state(offset_us + old_us)], clock, pause_us)
+    seen = []
+    for since_us in range(0, 5_000_000, 100_000):
+        host_us = pause_us + since_us
+        measured = stream.newest([state(offset_us + host_us)], clock, host_us)
+        if measured is not None:
+            assert measured.t_us == offset_us + host_us
+            seen.append(since_us)
+    assert seen[0] <= 4_000_000
+    assert seen == list(range(seen[0], 5_000_000, 100_000))
+
+
+@pytest.mark.parametrize("minutes", [1, 36, 50, 71])
+def test_after_a_sleep_the_first_frame_of_the_new_session_is_fresh(minutes: int) -> None:
+    """The computer's clock stood still meanwhile."""
+    stream = StateStream()
+    stream.newest([state(0)], in_step(0), 0)
+    slept_us = minutes * MINUTE_US
+    measured = stream.newest([state(slept_us + 20_000)], in_step(slept_us), 20_000)
+    assert measured is not None
+    assert measured.t_us == slept_us + 20_000
+
+
+def test_clocks_that_drift_apart_for_days_lose_no_frame() -> None:
+    for drift in (-400e-6, 400e-6):
+        stream, clock = StateStream(), ClockEstimator()
+        for hour in range(0, 72, 1):
+            host_us = hour * 60 * MINUTE_US
+            device_us = 10 * MINUTE_US + round(host_us * (1 + drift))
+            clock.add(Exchange(host_us, device_us, device_us, host_us))
+            for since_us in (0, 30_000_000, 70_000_000):
+                t_us = device_us + round(since_us * (1 + drift))
+                measured = stream.newest([state(t_us)], clock, host_us + since_us)
+                assert measured is not None
+                assert measured.t_us == t_us

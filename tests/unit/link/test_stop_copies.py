@@ -28,6 +28,7 @@ def test_the_caller_writes_a_copy_before_the_one_that_is_acknowledged(
         getattr(robot, method)()
         return threading.get_ident() in writers
 
+    device.device.forget()  # opening the robot stops it, too
     wait_until(stop)
     ids = [m.request_id for m in device.device.received if isinstance(m, kind)]
     assert ids[0] == COPY_ID
@@ -37,6 +38,7 @@ def test_the_caller_writes_a_copy_before_the_one_that_is_acknowledged(
 def test_a_stops_copy_takes_a_number_of_its_own_among_the_setpoints(
     robot: SerialDriver, device: PtyDevice
 ) -> None:
+    device.device.forget()  # opening the robot sends a zero and a stop
     robot.set_duty(0.0, 0.1, ttl=5.0)
     robot.stop()
     robot.set_duty(0.0, 0.1, ttl=5.0)
@@ -59,6 +61,7 @@ def test_no_acknowledged_stop_has_the_copies_id(
     robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(requests, "ID_MODULUS", 3)
+    device.device.forget()
     for _ in range(5):
         robot.stop()
     received = [m.request_id for m in device.device.received if isinstance(m, Stop)]

@@ -526,6 +526,7 @@ class TestRefusals:
     )
     @pytest.mark.usefixtures("robot")
     def test_a_setpoint(self, device: PtyDevice, setpoint: SetWheelVelocity) -> None:
+        device.device.forget()
         with peer_at(offered()) as peer:
             peer.sendall(VERSION + tagged(Say.ASK, 7, encode_frame(setpoint, 0)))
             data = b""
@@ -535,6 +536,7 @@ class TestRefusals:
         assert not device.device.obeyed
 
     def test_driving(self, attached: AttachedDriver, device: PtyDevice) -> None:
+        device.device.forget()
         for drive in (attached.set_velocity, attached.set_duty):
             with pytest.raises(errors.InvalidCommand, match="alone drives"):
                 drive(0.1, 0.0, ttl=0.3)

@@ -31,3 +31,11 @@ def test_a_prefix_can_be_switched_off() -> None:
         "base_frame_id": "base_link",
     }
     assert parameters.frames(values.__getitem__) == ("odom", "base_link")
+
+
+@pytest.mark.parametrize(("rearm_gap_s", "ttl_max_s", "gap_s"), [(0.5, 1.0, 1.0), (2.0, 1.0, 2.0)])
+def test_the_pause_that_ends_a_hold_is_the_longer_of_the_robots_two(
+    rearm_gap_s: float, ttl_max_s: float, gap_s: float
+) -> None:
+    values = {"rearm_gap_s": rearm_gap_s, "ttl_max_s": ttl_max_s}
+    assert parameters.tuning(lambda name: values.get(name, 0.1)).rearm_gap_s == gap_s

@@ -40,7 +40,8 @@ class RecordingRobot:
         self.ttl_max_s: float | None = None
         self.error: Exception | None = None
         self.parameters = self
-        self.info: Any = None
+        self.info: Any = SimpleNamespace(device=SimpleNamespace(boot_id=0))
+        self.is_unarmed = False
 
     def __getitem__(self, name: str) -> float:
         if self.error is not None:
@@ -478,26 +479,27 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return clock
 
 
-def test_another_device_is_not_driven_by_who_goes_on_commanding(
+def test_a_device_that_has_started_anew_is_not_driven_by_who_goes_on_commanding(
     clock: Clock, connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
 
-    def another(board_id: str) -> None:
-        robot.info = SimpleNamespace(device=SimpleNamespace(board_id=board_id))
+    def begin(boot_id: int) -> None:
+        robot.info = SimpleNamespace(device=SimpleNamespace(boot_id=boot_id))
         robot.sessions += 1
         connection.follow()
         robot.told.clear()
 
-    another("01")
     connection.connected_s = 0.0
-    for ends in ("zero", "gap"):
-        clears = connection.clears
-        another(f"02 {ends}")
-        assert connection.clears == clears + 1
+    for holds, ends in enumerate(("zero", "gap"), 1):
+        begin(holds)
         for _ in range(20):
             clock.now_s += 0.1
             assert ignored(connection, clock.now_s) is Ignored.UNARMED
+        with pytest.raises(CommandIgnored, match="held: unarmed"):
+            connection.command(Twist(0.0, 0.5), clock.now_s)  # on the spot is no standstill
+        assert connection.is_held
+        assert connection.holds == holds
         assert robot.told == []
         if ends == "zero":
             connection.command(Twist(0.0, 0.0), clock.now_s)
@@ -505,6 +507,22 @@ def test_another_device_is_not_driven_by_who_goes_on_commanding(
             clock.now_s += 0.6
         connection.command(Twist(0.2, 0.0), clock.now_s)
         assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+        assert not connection.is_held
+
+
+def test_a_hold_lasts_until_the_robot_says_that_it_obeys(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+    robot.is_unarmed = True
+    assert ignored(connection) is Ignored.UNARMED
+    robot.error = None
+    connection.command(Twist(0.2, 0.0), time.monotonic())  # its refusal is still on its way
+    assert connection.is_held
+    robot.is_unarmed = False
+    connection.command(Twist(0.0, 0.0), time.monotonic())
+    assert not connection.is_held
+    assert connection.holds == 1
 
 
 def test_the_same_device_is_driven_on_in_its_next_session(
@@ -542,3 +560,19 @@ def test_a_command_counts_until_the_end_of_its_life(
     clock.now_s += 0.1  # the older one ended meanwhile, and with it the drive
     obeyed = connection.command(Twist(0.5, 0.0), clock.now_s)
     assert obeyed.linear_mps == pytest.approx(0.5 if goes_on else FIRST_STEP_S)
+
+
+def test_an_estop_that_was_cleared_before_it_could_be_sent_again_holds_nobody(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.estop()
+    robot.sessions += 1
+    robot.error = LinkLost("the device no longer knows this session")
+    with pytest.raises(LinkLost):
+        connection.follow()
+    robot.error = None
+    connection.clear_estop()
+    connection.follow()
+    assert connection.is_prepared
+    connection.command(Twist(0.2, 0.0), time.monotonic())
+    assert robot.told[-1][:3] == ("drive", 0.2, 0.2)

@@ -12,8 +12,8 @@ namespace {
 
 using Bytes = std::vector<uint8_t>;
 
-constexpr Latches kEstop{.estop = true, .unarmed = false, .faults = 0};
-constexpr Latches kFault{.estop = false, .unarmed = true, .faults = 0x15};
+constexpr Latches kEstop{.estop = true, .faults = 0};
+constexpr Latches kFault{.estop = false, .holds = true, .faults = 0x15};
 
 /// The chip's memory that no start-up code touches.
 Bytes rtc_memory() { return {__start_fake_rtc_noinit, __stop_fake_rtc_noinit}; }

@@ -1,0 +1,180 @@
+#include "stop_action.hpp"
+
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using test::RobotBench;
+using enum StopMode;
+
+namespace {
+
+constexpr uint32_t kBrakeUs = 1'000'000;
+
+/// Whether nothing opens the short from here on, for so many steps.
+bool stays_shorted(RobotBench& bench, int steps) {
+  for (int i = 0; i < steps; ++i) {
+    bench.step();
+    if (!bench.left.brakes() || !bench.right.brakes()) return false;
+  }
+  return true;
+}
+
+/// A robot that brakes after a stop of its session.
+void brake(RobotBench& bench, StopMode mode = kBrake) {
+  bench.open().drive(0.2f, 0.2f);
+  bench.send(bench.stop(mode));
+  bench.run(5);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+}
+
+}  // namespace
+
+TEST(a_weaker_stop_replaces_only_where_it_may) {
+  for (const StopMode first : {kCoast, kBrake, kBrakeUntilDriven}) {
+    for (const StopMode second : {kCoast, kBrake, kBrakeUntilDriven}) {
+      for (const bool may_weaken : {false, true}) {
+        StopAction action;
+        action.begin(first, false, 0, kBrakeUs);
+        action.begin(second, may_weaken, 0, kBrakeUs);
+        const StopMode expected = second > first || may_weaken ? second : first;
+        CHECK(action.brakes(kBrakeUs - 1, true, false) == (expected != kCoast));
+        CHECK(action.brakes(kBrakeUs, true, false) == (expected == kBrakeUntilDriven));
+      }
+    }
+  }
+}
+
+TEST(an_equal_stop_brakes_for_longer_and_never_for_less) {
+  StopAction action;
+  action.begin(kBrake, false, 0, kBrakeUs);
+  action.begin(kBrake, false, 100, kBrakeUs / 2);
+  CHECK(action.brakes(kBrakeUs - 1, true, false));
+  action.begin(kBrake, false, kBrakeUs - 1, kBrakeUs);
+  CHECK(action.brakes(2 * kBrakeUs - 2, true, false));
+  CHECK(!action.brakes(2 * kBrakeUs - 1, true, false));
+}
+
+TEST(an_estop_brakes_until_the_wheels_are_still_and_again_while_it_is_latched) {
+  StopAction action;
+  action.begin_estop(kBrake, 0, kBrakeUs);
+  CHECK(action.brakes(10 * kBrakeUs, false, true));
+  CHECK(!action.brakes(11 * kBrakeUs, true, true));
+  CHECK(action.brakes(12 * kBrakeUs, false, true));
+  // Once it is cleared it ends the next time that they are still.
+  CHECK(action.brakes(13 * kBrakeUs, false, false));
+  CHECK(!action.brakes(14 * kBrakeUs, true, false));
+  CHECK(!action.brakes(15 * kBrakeUs, false, false));
+}
+
+TEST(a_stop_that_follows_an_estop_leaves_it_as_it_is) {
+  StopAction action;
+  action.begin_estop(kBrake, 0, kBrakeUs);
+  action.begin(kBrake, false, kBrakeUs, kBrakeUs);
+  CHECK(action.brakes(3 * kBrakeUs, false, true));
+}
+
+// --- at the robot's pins -------------------------------------------------------------------------
+
+TEST(a_flood_of_stops_never_opens_the_short) {
+  RobotBench bench;
+  brake(bench);
+  for (int i = 0; i < 500; ++i) {
+    Stop stop = bench.stop(i % 3 == 0 ? kBrake : kConfigured);
+    if (i % 2 == 0) stop.session_id ^= 1;
+    bench.send(stop);
+    if (i % 5 == 0) bench.send(Estop{});
+    CHECK(stays_shorted(bench, 1));
+  }
+}
+
+TEST(a_contact_that_stays_open_never_opens_the_short) {
+  RobotBench bench;
+  brake(bench);
+  bench.contact.open = true;
+  CHECK(stays_shorted(bench, 900));
+}
+
+TEST(a_stop_at_a_setpoint_of_zero_does_not_open_the_short) {
+  RobotBench bench;
+  bench.open().drive(0.0f, 0.0f);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  bench.send(bench.stop(kBrake));
+  CHECK(stays_shorted(bench, 500));
+}
+
+TEST(only_a_stop_of_the_session_that_names_a_mode_ends_a_brake) {
+  RobotBench bench;
+  brake(bench, kBrakeUntilDriven);
+  Stop stranger = bench.stop(kCoast);
+  stranger.session_id ^= 1;
+  bench.send(stranger);
+  bench.send(bench.stop(kConfigured));
+  CHECK(stays_shorted(bench, 3000));
+  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  CHECK(stays_shorted(bench, 3000));
+  Stop own = bench.stop(kCoast);
+  own.session_id = (RobotBench::kNonce + 1) ^ RobotBench::kBootId;
+  bench.send(own);
+  bench.step();
+  CHECK(bench.left.enable == 0 && bench.right.enable == 0);
+}
+
+TEST(nothing_weaker_replaces_a_brake_while_an_estop_or_a_fault_is_latched) {
+  for (const bool fault : {false, true}) {
+    RobotBench bench;
+    bench.open().drive(0.2f, 0.2f);
+    if (fault)
+      bench.step(50'000);
+    else
+      bench.send(Estop{});
+    bench.run(5);
+    CHECK(bench.left.brakes());
+    bench.send(bench.stop(kCoast));
+    CHECK(stays_shorted(bench, 500));
+  }
+}
+
+TEST(an_estop_whose_mode_is_to_coast_coasts) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(ParameterId::kEstopMode, 1) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  bench.send(Estop{});
+  for (int i = 0; i < 100; ++i) {
+    bench.step();
+    CHECK(!bench.left.brakes() && !bench.right.brakes());
+  }
+}
+
+TEST(the_end_of_a_session_and_a_fault_brake_a_robot_that_coasts) {
+  for (const int how : {0, 1, 2}) {
+    RobotBench bench;
+    bench.open().drive(0.2f, 0.2f);
+    bench.send(bench.stop(kCoast));
+    bench.run(100);
+    CHECK(!bench.left.brakes());
+    if (how == 0) bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+    if (how == 1) bench.device.hang_up(bench.now_us);
+    if (how == 2) bench.device.report_driver_failure();
+    bench.run(2);
+    CHECK(bench.left.brakes() && bench.right.brakes());
+  }
+}
+
+TEST(a_brake_until_driven_is_recorded_until_the_robot_drives) {
+  RobotBench first;
+  brake(first, kBrakeUntilDriven);
+  RobotBench second;
+  second.latches.record = first.latches.record;
+  second.connect().run(5);
+  CHECK(stays_shorted(second, 3000));
+  second.drive(0.0f, 0.0f);
+  second.drive(0.2f, 0.2f);
+  second.send(second.stop(kBrake));
+  second.run(5);
+  RobotBench third;
+  third.latches.record = second.latches.record;
+  third.open().run(1100);
+  CHECK(!third.left.brakes());
+}

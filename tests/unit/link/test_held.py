@@ -1,0 +1,221 @@
+"""After the chip has started anew, a program that never stopped asking for motion gets none."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+
+import pytest
+
+from support.virtual_line import VirtualLine
+from wheelwire.errors import DeviceRefused, LinkLost, WheelwireError
+from wheelwire.link.session import Phase, Session
+from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import ClearEstop, ParameterValue, SetWheelVelocity
+
+GAPS = tuple(PARAMETER_BY_NAME[name].id for name in ("rearm_gap_s", "ttl_max_s"))
+
+
+class WarnedLine(VirtualLine):
+    """A line that has its session's warnings."""
+
+    def __init__(self, **parameters: float) -> None:
+        super().__init__(watched=GAPS)
+        self.device.parameters.update(parameters)
+        self.device.reset()
+        self.warnings: list[str] = []
+        self.session.warn_held = lambda text, *of: self.warnings.append(text % of)
+        self.open()
+
+    def moved(self) -> bool:
+        """Whether the device has obeyed a setpoint that moves it since the last call."""
+        obeyed = [m for m in self.device.obeyed if m[-2:] != (0.0, 0.0)]
+        self.device.forget()
+        return bool(obeyed)
+
+    def publish(self, seconds: float, period_s: float = 0.05) -> list[int | None]:
+        """Ask for motion, as a program that handles each error; what each call came to."""
+        codes: list[int | None] = []
+        for _ in range(round(seconds / period_s)):
+            try:
+                self.drive()
+            except DeviceRefused as refused:
+                codes.append(refused.code)
+            except WheelwireError:  # out of reach
+                codes.append(None)
+            self.run(period_s)
+        return codes
+
+    def outage(self, seconds: float, *, reset: bool) -> None:
+        """The line is cut for this time, and the program goes on publishing."""
+        self.publish(0.2)
+        assert self.moved()
+        if reset:
+            self.device.reset()
+        losses = self.to_host.impairment, self.to_device.impairment
+        for one in losses:
+            one.loss = 1.0
+        self.publish(seconds)
+        for one in losses:
+            one.loss = 0.0
+        self.device.forget()
+
+
+@pytest.fixture
+def warned() -> WarnedLine:
+    return WarnedLine()
+
+
+@pytest.mark.parametrize("outage_s", [0.3, 3.0])
+@pytest.mark.parametrize("period_s", [0.02, 0.3, 0.55, 0.9])
+def test_whoever_publishes_through_a_reset_is_held_and_told_once(
+    warned: WarnedLine, outage_s: float, period_s: float
+) -> None:
+    warned.outage(outage_s, reset=True)
+    codes = warned.publish(6.0, period_s)
+    assert not warned.moved()
+    assert set(codes) <= {None, RefusalCode.UNARMED}
+    assert codes[-1] == RefusalCode.UNARMED
+    assert warned.session.setpoints.is_unarmed
+    assert warned.warnings == [
+        "the robot is held: unarmed; send a zero setpoint (robot.set_velocity(0, 0)) or pause for "
+        "1 s"
+    ]
+
+
+def test_a_zero_setpoint_ends_it_at_once(warned: WarnedLine) -> None:
+    warned.outage(3.0, reset=True)
+    warned.publish(1.0)
+    warned.drive(0.0, 0.0)
+    assert set(warned.publish(0.2)) == set()
+    assert warned.moved()
+    assert not warned.session.setpoints.is_unarmed
+
+
+@pytest.mark.parametrize("pair", [(0.1, 0.0), (0.0, -0.1), (0.1, -0.1)])
+def test_one_wheel_at_rest_is_no_zero_nor_is_a_duty_let_through(
+    warned: WarnedLine, pair: tuple[float, float]
+) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    for ask in (warned.set_velocity, warned.set_duty):
+        with pytest.raises(DeviceRefused):
+            ask(*pair)
+    warned.run(0.05)
+    assert not warned.moved()
+
+
+def test_a_stop_ends_it_not(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    warned.stop()
+    assert warned.publish(1.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
+
+
+def test_so_does_a_pause(warned: WarnedLine) -> None:
+    warned.outage(3.0, reset=True)
+    assert warned.publish(1.0)
+    warned.run(1.01)
+    assert warned.publish(0.2) == []
+    assert warned.moved()
+
+
+@pytest.mark.parametrize(
+    ("gap", "gap_s"), [("rearm_gap_s", 2.0), ("ttl_max_s", 2.0), ("rearm_gap_s", 0.0)]
+)
+def test_the_pause_is_the_longer_one_of_the_devices_two_times(gap: str, gap_s: float) -> None:
+    warned = WarnedLine(**{gap: gap_s})
+    warned.outage(0.3, reset=True)
+    pause_s = max(gap_s, 1.0)
+    assert warned.publish(3 * pause_s, pause_s - 0.05)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
+    assert f"pause for {pause_s:g} s" in warned.warnings[0]
+    warned.run(0.1)
+    assert warned.publish(0.2) == []
+
+
+def test_a_lost_link_without_a_reset_holds_nobody(warned: WarnedLine) -> None:
+    warned.outage(3.0, reset=False)
+    warned.run_until(lambda: warned.session.phase is Phase.OPEN)
+    assert warned.publish(0.2) == []
+    assert warned.moved()
+    assert warned.warnings == []
+
+
+def test_the_first_session_holds_nobody(warned: WarnedLine) -> None:
+    assert warned.publish(0.2) == []
+    assert warned.moved()
+    assert warned.warnings == []
+
+
+def test_a_session_that_is_lost_meanwhile_holds_on(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    assert warned.publish(1.0)
+    warned.session.renew(LinkLost("the computer was suspended"), warned.now_us)
+    assert RefusalCode.UNARMED in warned.publish(3.0)
+    assert not warned.moved()
+    assert len(warned.warnings) == 1
+
+
+def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) -> None:
+    warned.publish(0.2)
+    warned.device.lost.add(ParameterValue)
+    warned.device.reset()
+    warned.publish(3.0)
+    warned.device.forget()
+    warned.device.lost.clear()
+    assert warned.publish(3.0)[-1] == RefusalCode.UNARMED
+    assert not warned.moved()
+
+
+def test_the_next_reset_is_told_again(warned: WarnedLine) -> None:
+    for times in (1, 2):
+        warned.outage(0.3, reset=True)
+        warned.publish(0.5)
+        assert len(warned.warnings) == times
+        warned.drive(0.0, 0.0)
+        warned.publish(0.1)
+
+
+def test_a_zero_that_has_expired_ends_nothing(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    with pytest.raises(WheelwireError, match="ttl"):
+        warned.drive(0.0, 0.0, ttl_s=0.0)
+    assert warned.publish(0.5)
+    assert not warned.moved()
+
+
+def test_nothing_is_sent_while_it_is_held(warned: WarnedLine) -> None:
+    """The device may have been quiet for longer than its pause already, and would obey."""
+    warned.outage(3.0, reset=True)
+    warned.run_until(lambda: warned.session.phase is Phase.OPEN)
+    warned.device.forget()
+    warned.publish(2.0)
+    assert warned.device.count(SetWheelVelocity) == 0
+
+
+def test_who_follows_the_session_knows_of_it(warned: WarnedLine) -> None:
+    warned.outage(0.3, reset=True)
+    warned.publish(1.0)
+    resumed = Session.resumed(json.dumps(warned.session._snapshot()).encode(), lambda: 0)
+    assert resumed.setpoints.held == warned.session.setpoints.held
+    assert resumed.setpoints.is_unarmed
+    with pytest.raises(DeviceRefused):
+        resumed.setpoints.velocity_frame(0.1, 0.1, warned.now_us + 500_000, warned.now_us)
+
+
+def test_a_refusal_by_the_device_is_told_as_well(warned: WarnedLine) -> None:
+    warned.estop()
+    warned.run(0.05)
+    warned.request(ClearEstop(0, 0))
+    assert warned.publish(1.0)
+    assert not warned.moved()
+    assert len(warned.warnings) == 1
+    warned.drive(0.0, 0.0)
+    with suppress(DeviceRefused):
+        warned.publish(0.1)
+    assert warned.moved()
+    assert not warned.session.setpoints.is_unarmed
