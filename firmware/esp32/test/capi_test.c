@@ -55,11 +55,13 @@ int main(void) {
   check(outputs.state != idle, "an e-stop between two steps");
   inputs.now_us = 11000;
   wheelwire_core_step(core, &inputs, &outputs);
-  check(outputs.left.enable_q15 == 0 && outputs.right.enable_q15 == 0, "EN low in an e-stop");
+  check(outputs.left.enable_q15 == 32767 && outputs.right.enable_q15 == 32767, "a brake at once");
+  check(outputs.left.in1_q15 == outputs.left.in2_q15, "by both inputs alike");
   check(written == 0, "nothing is written soon after a start");
   for (; inputs.now_us < 15000000; inputs.now_us += 10000) {
     wheelwire_core_step(core, &inputs, &outputs);
   }
+  check(outputs.left.enable_q15 == 0 && outputs.right.enable_q15 == 0, "EN low at rest");
   check(written >= WHEELWIRE_BOX_SIZE, "the e-stop's black box at rest");
   wheelwire_core_destroy(core);
 

@@ -164,6 +164,10 @@ CAUSES: dict[str, Cause] = {
     ),
     "board_on_trial": Cause("A board is on trial", "`wheelwire board confirm`"),
     "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
+    "command_numbers_spent": Cause(
+        "The session has used up its 4294967295 command numbers, so no setpoint of it is obeyed",
+        "the program: opening the robot anew begins at 1",
+    ),
     "unarmed": Cause(
         "After a clear, a start of the chip or a bumper the program went on with a speed at once",
         "the program: it must send zero first, or pause",
@@ -268,6 +272,7 @@ REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.BOARD_ON_TRIAL: "board_on_trial",
     RefusalCode.CONTRADICTION: "contradiction",
     RefusalCode.UNARMED: "unarmed",
+    RefusalCode.COMMAND_SEQ_SPENT: "command_numbers_spent",
     RefusalCode.CLOCK_UNSYNCHRONISED: "clock_unsynchronised",
     RefusalCode.NO_SESSION: "no_session",
     RefusalCode.NO_TRIAL: "trial_expired",

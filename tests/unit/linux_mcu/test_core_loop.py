@@ -28,6 +28,7 @@ from wheelwire_protocol.types import (
     ParameterSet,
     Ping,
     SetDuty,
+    Stop,
 )
 
 PERIOD_US = 10_000
@@ -38,6 +39,8 @@ HOST, SIGNAL = 10, 11
 NONCE = 5
 STOP_MODE = PARAMETER_BY_NAME["stop_mode"].id
 FOREVER_US = 10_000_000
+ARMED = (SupervisorEvent.STOP, 2600)
+"""What ends the zero setpoint that arms the robot, and when."""
 
 
 class Wires(StagePins):
@@ -143,9 +146,11 @@ class World:
         self.at(us, lambda: self.encoder.encode(message()))
 
     def open(self) -> None:
-        """A session whose clock is synchronised."""
+        """A session whose clock is synchronised, of a robot that is armed and coasts."""
         self.send(1000, lambda: Hello(NONCE, PROTOCOL_VERSION, schema_hash()))
         self.send(2000, lambda: Ping(self.session, 1, 0))
+        self.send(2500, lambda: SetDuty(self.session, 1, 60_000, 0, 0))
+        self.send(ARMED[1], lambda: Stop(self.session, 3, 2, StopMode.COAST))
 
     def drive(self, us: int, life_us: int) -> None:
         """Both wheels, for a life from now."""
@@ -230,7 +235,7 @@ def test_at_its_deadline_a_setpoint_ends_by_a_step_of_its_own(
     world.end(100_000)
     world.run()
     assert world.changes()[:2] == [(40_000, "drive"), (deadline_us, "coast")]
-    assert stopped(world) == [(SupervisorEvent.DEADLINE, deadline_us)]
+    assert stopped(world) == [ARMED, (SupervisorEvent.DEADLINE, deadline_us)]
     # The regular steps stay where they were.
     first = [us for us in world.steps_us if us < 100_000]
     assert first == sorted([*range(0, 100_000, PERIOD_US), deadline_us])
