@@ -28,6 +28,8 @@ BAD = Impairment(delay_us=300, jitter_us=4000, loss=0.05, flip=0.02, repeat=0.02
 WHEEL_RADIUS = 1
 GAIN = 10
 ASKED_GAIN = 0.75
+ARMED_AFTER_S = 1.1
+"""The day begins with the pause that arms the robot."""
 
 
 @dataclass
@@ -145,7 +147,7 @@ def test_a_lost_cable_is_reported_as_on_the_day(day: Day) -> None:
 
 def test_setpoints_are_compared_with_those_of_the_day(day: Day) -> None:
     link, _ = replay(day)
-    link.advance(0.2)
+    link.advance(ARMED_AFTER_S + 0.2)
     link.drive_velocity(*day.setpoints[0], expiry_us=0)
     link.drive_velocity(*day.setpoints[1], expiry_us=0)
     assert (link.comparison.compared, link.comparison.different) == (2, 0)
@@ -165,7 +167,7 @@ def test_setpoints_that_come_first_wait_for_the_recorded_ones(day: Day) -> None:
     for setpoint in day.setpoints[:10]:
         link.drive_velocity(*setpoint, expiry_us=0)
     assert link.comparison.compared < 5
-    link.advance(1.0)
+    link.advance(ARMED_AFTER_S + 1.0)
     assert (link.comparison.compared, link.comparison.different) == (10, 0)
 
 
