@@ -87,7 +87,8 @@ def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
         if number == 70:
             device.reset()
         try:
-            line.drive(ttl_s=0.3)
+            speed_mps = 0.0 if number % 20 == 0 else 0.1  # zero arms, also after the reset
+            line.drive(speed_mps, speed_mps, ttl_s=0.3)
             if number % 10 == 0:
                 value = 0.1 + number / 1000
                 message = ParameterSet(0, 0, 6, value)
