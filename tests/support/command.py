@@ -42,7 +42,7 @@ def run(*arguments: str, **environment: str) -> Result:
             code: Any = app.run()
         except SystemExit as ended:
             code = ended.code or 0
-    texts = [stream.buffer.getvalue().decode() for stream in (out, err)]  # type: ignore[attr-defined]
+    texts = [stream.buffer.getvalue().decode() for stream in (out, err)]
     return subprocess.CompletedProcess(arguments, code, *texts)
 
 
