@@ -177,6 +177,8 @@ def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_p
             simulator.set("bumper.front_left", 1)
             wait_until(lambda: robot.inputs.read().triggered == ("bumper.front_left",))
             simulator.set("bumper.front_left", 0)
+            # A drive that begins before the robot knows is held off, and then has to begin anew.
+            wait_until(lambda: robot.inputs.read().triggered == ())
             keep_driving(robot)
         simulator.reset()
 

@@ -31,6 +31,8 @@ TIMEOUT_S = 30.0
 NONCE = 7
 PINGS = 20
 DUTY_Q15 = 9000
+ARMING_US = 1_000_000
+"""Life of the zero setpoint: it is not to run out on the way on a busy test machine."""
 
 
 def now_us() -> int:
@@ -82,7 +84,7 @@ class McuProcess:
         return bool(select.select([self._ours], [], [], timeout_s)[0])
 
     def open(self) -> McuProcess:
-        """Wait for the start, open a session and compare the clocks."""
+        """Wait for the start, open a session, compare the clocks, and arm by a zero setpoint."""
         line = b""
         while not line.endswith(b"\n"):
             assert self.answers(TIMEOUT_S), "no answer to the start"
@@ -98,13 +100,14 @@ class McuProcess:
             trips.append((trip_us, sent_us + trip_us // 2 - pong.received_us))
         trip_us, self.offset_us = min(trips)
         self.error_us = trip_us // 2 + 1
+        self.drive(ARMING_US, duty_q15=0)
         return self
 
-    def drive(self, life_us: int) -> int:
+    def drive(self, life_us: int, duty_q15: int = DUTY_Q15) -> int:
         """Drive both wheels; returns the deadline on the monotonic clock."""
         self._command_seq += 1
         expiry_us = now_us() - self.offset_us + life_us
-        self._send(SetDuty(self._session, self._command_seq, expiry_us, DUTY_Q15, DUTY_Q15))
+        self._send(SetDuty(self._session, self._command_seq, expiry_us, duty_q15, duty_q15))
         return expiry_us + self.offset_us
 
     def hang_up(self) -> None:
