@@ -182,6 +182,10 @@ class RobotConnection:
             for name, value in dict(self._given).items():
                 self.robot.parameters.set(name, value)
             self._on_session()
+        except (LinkClosed, LinkLost):
+            # No problem of the session, which may not be open yet: told on, it would outlive the
+            # loss, of which the samples tell.
+            raise
         except WheelwireError as error:
             self.problem = error
             raise

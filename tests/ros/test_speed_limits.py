@@ -22,8 +22,8 @@ from support.stop_host import stopped
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S
 
 CMD_VEL_TIMEOUT_S, LONG_S = 0.5, 5.0
-REARMED_S = 0.6
-"""After a clear: longer than rearm_gap_s."""
+REARMED_S = LONG_S + 0.5
+"""A longer pause than the one that arms the robot, which is its ttl_max_s."""
 HARDLY = 0.001
 """With a deceleration of this, a robot would not stop within the test."""
 LIMITED: dict[str, Any] = {
@@ -94,7 +94,7 @@ def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
     stop_by_estop(rig)  # from here on the next command starts a motion
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
     rig.truth(stopped)
-    time.sleep(REARMED_S)  # a zero command would be the beginning of the motion
+    rig.arm_at_rest()
     obeyed.clear()
 
 
@@ -108,7 +108,7 @@ def test_a_motion_after_one_that_was_refused_starts_from_rest(rig: Rig, obeyed: 
         stop_by_estop(rig)
         assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
         assert rig.ignored("unarmed") > 0
-    time.sleep(REARMED_S)
+    time.sleep(REARMED_S)  # a zero command would be the beginning of the motion
     obeyed.clear()
     rig.commands.publish(twist(0.3))
     wait(lambda: obeyed, "a command")

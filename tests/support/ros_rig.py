@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import Trigger
 
 from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
@@ -109,6 +110,14 @@ class Rig:
         zero = (lambda: self.stamped(0.0)) if self._is_stamped else (lambda: twist(0.0))
         with Repeater(self.commands, zero):
             self.truth(lambda state: state.state is SupervisorState.DRIVING)
+
+    def arm_at_rest(self) -> None:
+        """After a clear: arm by one zero command and end that, so that the next begins a motion."""
+        # One, and seen through: another that is still on its way would follow the stop.
+        self.commands.publish(self.stamped(0.0) if self._is_stamped else twist(0.0))
+        self.diagnostics.wait("robot", lambda _, values: values["state"] == "DRIVING")
+        wait(lambda: self.graph.call(Trigger, f"{NODE}/stop").success, "the stop")
+        self.diagnostics.wait("robot", lambda _, values: values["state"] == "IDLE")
 
     def x_m(self) -> float:
         """The robot's x in odom."""

@@ -196,6 +196,21 @@ def test_a_robot_that_does_not_take_its_parameters_is_not_driven(
     assert connection.problem is None
 
 
+def test_a_loss_during_the_preparation_is_no_problem_of_the_session(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.sessions += 1
+    robot.error = LinkLost("the device has not answered yet")
+    with pytest.raises(LinkLost):
+        connection.follow()
+    assert connection.problem is None
+    assert ignored(connection) is Ignored.BEFORE_RECONNECT
+    assert robot.told == []
+    robot.error = None
+    connection.follow()
+    drive(connection, Twist(0.4, 0.0))
+
+
 def test_a_robot_that_waits_for_a_zero_command_is_a_reason_of_its_own(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
