@@ -161,7 +161,7 @@ class Teleop:
             self._sent = None
             self._robot.stop()
         if released and self._waits_for_release:
-            # Where releases are not reported, a pause of half a second does.
+            # Where releases are not reported, a pause does.
             self._waits_for_release = False
             self._robot.set_velocity(0.0, 0.0, self._longest_s)
 
