@@ -11,7 +11,7 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
-from wheelwire import aio
+from wheelwire import aio, errors
 from wheelwire_protocol.codes import Chip, SupervisorState
 
 PATIENCE_S = 30.0
@@ -77,6 +77,10 @@ async def test_a_simulated_robot_and_its_loss() -> None:
         robot.plug()
         while robot.sessions == first:
             await robot.read(PATIENCE_S)
+        # The simulator was started anew, so its robot is held.
+        with pytest.raises(errors.DeviceRefused):
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+        robot.set_velocity(0.0, 0.0)
         await drive(robot)
 
 

@@ -89,7 +89,10 @@ async def use_every_verb(simulator: Simulator) -> None:
         await sample_that(robot, lambda s: s.boot_id != boot_id, nothing)
         assert robot.parameters["integral_gain"] == 7.5
         assert robot.sessions >= 2  # one more where the computer stalled
-        await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
+        with pytest.raises(errors.DeviceRefused):
+            await sample_that(robot, lambda _: False, forward)
+        await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, rest)
+        await sample_that(robot, lambda s: min(s.left_mps, s.right_mps) > 0.1, forward)
 
 
 def test_every_verb(line: str) -> None:

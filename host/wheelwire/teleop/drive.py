@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
@@ -79,6 +80,16 @@ class Teleop:
         linear_mps = geometry.max_velocity_mps * self.speed / SPEEDS
         return Twist(linear_mps, linear_mps / geometry.wheel_separation)
 
+    def arm(self) -> None:
+        """Have the robot obey the first key, where it was opened only to look at it.
+
+        As when a robot is opened to drive it: it is left stopped, and what it refuses is no error
+        here, for it refuses the first key for the same reason.
+        """
+        with suppress(WheelwireError):
+            self._robot.set_velocity(0.0, 0.0, self._longest_s)
+            self._robot.stop()
+
     def take(self, event: KeyEvent, now: float, *, stale: bool = False) -> None:
         """Carry out a key. `stale`: it waited, and must not start a motion.
 
@@ -150,7 +161,7 @@ class Teleop:
             self._sent = None
             self._robot.stop()
         if released and self._waits_for_release:
-            # Where releases are not reported, the pause that arms the robot does.
+            # Where releases are not reported, a pause does.
             self._waits_for_release = False
             self._robot.set_velocity(0.0, 0.0, self._longest_s)
 

@@ -60,6 +60,7 @@ class Hand:
 
     def _run(self) -> None:
         try:
+            self.teleop.arm()
             while self._take_keys():
                 self.teleop.command(time.monotonic())
         finally:  # whatever ends it, the wheels stop

@@ -152,7 +152,7 @@ def test_a_key_that_is_held_over_a_clear_drives_nothing_until_it_is_let_go(hand:
         hand.wait(REPEAT_S)
         assert hand.true("drive_on") == 0
     assert hand.said == [RELEASE_FIRST]
-    hand.wait(1.1)  # more than ttl_max_s without a setpoint arms the robot
+    hand.wait(1.1)  # longer than ttl_max_s
     hand.key("w", TYPED)
     hand.wait(0.1)
     assert hand.state() is SupervisorState.DRIVING
