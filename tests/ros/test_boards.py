@@ -18,6 +18,7 @@ from support.pty_device import PtyDevice
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, twist
+from wheelwire_protocol.types import SetWheelVelocity
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
@@ -25,7 +26,8 @@ FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
 
 def is_driven(device: CoreDevice) -> bool:
     """Whether it has obeyed motion: opening it sends a zero setpoint, too."""
-    return any(setpoint.left_mps for setpoint in tuple(device.obeyed))
+    obeyed = tuple(device.obeyed)
+    return any(isinstance(one, SetWheelVelocity) and one.left_mps for one in obeyed)
 
 
 def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> None:
