@@ -183,8 +183,8 @@ class RobotConnection:
                 self.robot.parameters.set(name, value)
             self._on_session()
         except (LinkClosed, LinkLost):
-            # No problem of the session, which may not be open yet: told on, it would outlive the
-            # loss, of which the samples tell.
+            # No problem of the session, which may not be open yet: a stored one would be logged
+            # after the loss is over. The samples report the loss.
             raise
         except WheelwireError as error:
             self.problem = error
