@@ -486,14 +486,7 @@ class Session:
             message = Stop(self.id, 0, next(self._command_seqs), mode)
         # First, so that no repeat of an earlier setpoint goes out behind the stop.
         self.setpoints.on_stop()
-        if self.phase is Phase.OPEN:
-            self._requests.submit(message, done, now_us)
-            return
-        # The device obeys a stop of anybody, so it is sent even while there is no session to
-        # acknowledge it in; whether it arrived is then not known.
-        if self.phase is not Phase.CLOSED:
-            self._send(message)
-        done(self.error)
+        self._send_stop(message, done, now_us)
 
     def stop_for_attached(self, done: Done, now_us: int) -> None:
         """Stop in the configured mode, for a program that is attached; of no session.
@@ -503,9 +496,14 @@ class Session:
         self.tap.put(Kind.STOP, now_us, bytes([ATTACHED]))
         message = Stop(NO_SESSION, 0, 0, StopMode.CONFIGURED)
         self.setpoints.void()  # what was sent before it is not to be repeated behind it
+        self._send_stop(message, done, now_us)
+
+    def _send_stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
         if self.phase is Phase.OPEN:
             self._requests.submit(message, done, now_us)
             return
+        # The device obeys a stop of anybody, so it is sent even while there is no session to
+        # acknowledge it in; whether it arrived is then not known.
         if self.phase is not Phase.CLOSED:
             self._send(message)
         done(self.error)
