@@ -59,6 +59,9 @@ def test_one_publication_drives(tmp_path: Path, graph: Graph, type_: Any) -> Non
         graph.wait_active()
         wait(lambda: taken(graph) == [PLAIN], "a subscriber")
         publisher = graph.publisher(type_, "cmd_vel")
+        # Nothing sends the only message again, if the subscription meets its publisher after it.
+        graph.wait_found("/hardware_robot")
+        wait(lambda: taken(graph) == [f"geometry_msgs/msg/{type_.__name__}"], "its type")
         simulator.take_states()
         publisher.publish(message_of(type_))
         stop_host.wait(simulator, lambda state: state.drive_on)

@@ -110,7 +110,7 @@ class Graph:
         return messages[0]
 
     def publisher(self, type_: Any, topic: str) -> Any:
-        """A publisher that has found its subscriber."""
+        """A publisher that has found its subscriber, which may still have to find the publisher."""
         publisher = self.node.create_publisher(type_, topic, 1)
         wait(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
@@ -133,10 +133,16 @@ class Graph:
     def client(self, type_: Any, name: str) -> Iterator[Any]:
         """A client of a service, whose node has found it: an answer to any other is dropped."""
         with self._new_client(type_, name) as client:
-            # A node finds clients in the order in which they were made: when it answers a later
-            # one, it knows this one.
-            self._ask(GetParameters, f"{name.rpartition('/')[0]}/get_parameters")
+            self.wait_found(name.rpartition("/")[0])
             yield client
+
+    def wait_found(self, node: str) -> None:
+        """Wait until a node has found each publisher and client that was made before.
+
+        It finds them in the order in which they were made: when it answers a later one, it knows
+        the earlier ones.
+        """
+        self._ask(GetParameters, f"{node}/get_parameters")
 
     def _ask(self, type_: Any, name: str, **fields: Any) -> Any:
         """As `call`, for a question that changes nothing: it is asked again if it must be."""
