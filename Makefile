@@ -13,6 +13,8 @@ MD_FILES = $(filter-out protocol/MESSAGES.md,$(shell git ls-files '*.md'))
 PYTHON_FOLDERS := host protocol ros_node tests bench docs/conf.py examples tools
 MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
+# Otherwise each of the tests' processes compiles the project anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help gen gen-check format lint type docs docs-links sim cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean

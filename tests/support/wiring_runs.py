@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 from wheelwire.commissioning.questions import Question, SimulatedPerson
@@ -157,6 +158,7 @@ def between_corners(seed: int, count: int) -> Iterator[Case]:
         yield Case(wired, plant, drawn.choice((*RESOLUTIONS, _counts_of(plant))), condition)
 
 
+@cache
 def _counts_of(plant: str) -> int:
     return round(load_plant(plant).values["counts_per_revolution"].value)
 
