@@ -112,22 +112,21 @@ void Judge::drive_only_in_driving() {
   const bool trusted = world_.wired_as_believed || !witness_.board_confirmed();
   check(Rule::kDriveOnlyInDriving,
         !trusted || !simulator_.board.drives() || simulator_.state() == SupervisorState::kDriving,
-        "a winding is driven in " + name_of(simulator_.state()));
+        "a winding is driven in ", name_of(simulator_.state()));
 }
 
 /// S02, at the end of a control step.
 void Judge::contact_stops() {
   if (!witness_.contact_open()) return;
   check(Rule::kContactStops, simulator_.state() == SupervisorState::kEstopped,
-        "the contact is open, and the robot is in " + name_of(simulator_.state()));
+        "the contact is open, and the robot is in ", name_of(simulator_.state()));
 }
 
 /// S03, at the end of a control step.
 void Judge::deadline_stops() {
   if (simulator_.state() != SupervisorState::kDriving || !witness_.granted()) return;
-  check(Rule::kDeadlineStops, now_us() < witness_.granted()->deadline_us,
-        "it drives " + std::to_string(now_us() - witness_.granted()->deadline_us) +
-            " us after its setpoint's deadline");
+  check(Rule::kDeadlineStops, now_us() < witness_.granted()->deadline_us, "it drives ",
+        now_us() - witness_.granted()->deadline_us, " us after its setpoint's deadline");
 }
 
 /// S05, and what else a setpoint has to have: S03, S04, S10, S16.
@@ -216,9 +215,9 @@ void Judge::wheel_fault_in_time() {
     if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
     const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
     check(Rule::kWheelFaultInTime, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
-          std::string(side == kLeft ? "the left" : "the right") +
-              " wheel has not done what its setpoint says for " +
-              text_of(static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6) + " s");
+          side == kLeft ? "the left" : "the right",
+          " wheel has not done what its setpoint says for ",
+          static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6, " s");
   }
 }
 
@@ -252,8 +251,8 @@ void Judge::driven_hard_without_a_tick() {
     else
       wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
     check(Rule::kWheelFaultInTime, wheel.still_us <= kHardUs,
-          std::string(side == kLeft ? "the left" : "the right") +
-              " wheel was driven hard, and its encoder showed no tick");
+          side == kLeft ? "the left" : "the right",
+          " wheel was driven hard, and its encoder showed no tick");
   }
 }
 
@@ -267,7 +266,7 @@ void Judge::sound_robot_drives_on() {
                                  fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible |
                                  fault::kOverspeed;
   check(Rule::kSoundRobotDrivesOn, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
-        "a sound robot on a flat floor has the faults " + std::to_string(simulator_.faults()));
+        "a sound robot on a flat floor has the faults ", simulator_.faults());
 }
 
 // --- states --------------------------------------------------------------------------------------
@@ -353,7 +352,7 @@ void Judge::stop_at_once() {
   const uint8_t id = witness_.task()->message.id;
   if (id != Stop::kId && id != Estop::kId) return;
   check(Rule::kStopAtOnce, !world_.wired_as_believed || !simulator_.board.drives(),
-        "a winding is driven after " + describe(witness_.task()->message));
+        "a winding is driven after ", describe(witness_.task()->message));
 }
 
 /// S26.
@@ -366,7 +365,7 @@ void Judge::board_stays_while_estopped() {
   const bool estopped = task.before == SupervisorState::kEstopped || witness_.contact_open();
   check(Rule::kBoardStaysWhileEstopped,
         !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
-        describe(task.message) + " is carried out with an e-stop");
+        describe(task.message), " is carried out with an e-stop");
 }
 
 // --- limits --------------------------------------------------------------------------------------
@@ -393,7 +392,7 @@ void Judge::slew_within_limit() {
       const bool pauses = before == 0.0 || sign_of(before) != sign_of(now);
       const double growth = pauses ? std::abs(now) : std::abs(now) - std::abs(before);
       check(Rule::kSlewWithinLimit, !world_.wired_as_believed || growth <= step * (pauses ? 2 : 1),
-            "a duty goes from " + text_of(before) + " to " + text_of(now) + " in one step");
+            "a duty goes from ", before, " to ", now, " in one step");
     }
   }
   if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
@@ -403,9 +402,8 @@ void Judge::slew_within_limit() {
   for (const Side side : kSides) {
     const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
                                    memory_.commanded_umps[side]);
-    check(Rule::kSlewWithinLimit, change <= 1.3 * step_umps + 2.0,
-          "a wheel's command changes by " + text_of(change) + " um/s in a step of " +
-              text_of(step_umps));
+    check(Rule::kSlewWithinLimit, change <= 1.3 * step_umps + 2.0, "a wheel's command changes by ",
+          change, " um/s in a step of ", step_umps);
   }
 }
 
@@ -426,8 +424,7 @@ void Judge::begins_gently() {
   for (const Side side : kSides) {
     const double commanded = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
     check(Rule::kSlewWithinLimit, commanded <= 1.3 * 2.0 * step_umps + kMeasuredAtRestUmps,
-          "a wheel that stands is commanded at " + text_of(commanded) + " um/s in a step of " +
-              text_of(step_umps));
+          "a wheel that stands is commanded at ", commanded, " um/s in a step of ", step_umps);
   }
 }
 
@@ -440,8 +437,8 @@ void Judge::within_limits() {
     const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
     // A limit that was lowered takes effect within the slew limit.
     const bool falls = duty < std::abs(memory_.duty[side]);
-    check(Rule::kWithinLimits, duty <= limit + 2.0 / 32767.0 || falls,
-          "a duty of " + text_of(duty) + " of " + text_of(limit));
+    check(Rule::kWithinLimits, duty <= limit + 2.0 / 32767.0 || falls, "a duty of ", duty, " of ",
+          limit);
   }
 }
 
@@ -497,7 +494,7 @@ void Judge::late_step_is_a_fault() {
       witness_.trial() != Trial::kExpired &&
       static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
   check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
-        "a control step came after " + std::to_string(elapsed_us) + " us without a fault");
+        "a control step came after ", elapsed_us, " us without a fault");
 }
 
 // --- sensors -------------------------------------------------------------------------------------
@@ -553,16 +550,16 @@ void Judge::not_against_a_bumper() {
       // Where a winding changes its direction its stage pauses, and the other one begins.
       if (way * goes(side) <= 2.0 / 32767.0) continue;
       is_against = true;
-      check(rule, granted->duty && memory_.against_steps < 2,
-            std::string("a wheel is to turn ") + name + " against a bumper");
+      check(rule, granted->duty && memory_.against_steps < 2, "a wheel is to turn ", name,
+            " against a bumper");
     }
     if ((granted->ways & flag) == 0) continue;
     is_held = true;
     // An open loop cannot hold it there.
     check(rule, !granted->duty || !simulator_.board.drives(),
-          std::string("a winding is driven, and a bumper forbids to go ") + name);
-    check(rule, granted->duty || !is_to_stand(),
-          std::string("it is to stand, as a bumper forbids to go ") + name);
+          "a winding is driven, and a bumper forbids to go ", name);
+    check(rule, granted->duty || !is_to_stand(), "it is to stand, as a bumper forbids to go ",
+          name);
   }
   if (!is_held) memory_.held_since_us = 0;
   memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
@@ -618,7 +615,7 @@ void Judge::half_of_the_speed() {
       // A step for what was on its way, and another one for the pause of the stage.
       check(Rule::kExternalStops,
             now <= std::max(highest(kMaxDuty) / 2.0, most) + 2.0 * fall + 2.0 / 32767.0,
-            "a duty of " + text_of(now) + " with a low battery");
+            "a duty of ", now, " with a low battery");
       most = std::max(0.0, most - fall);
     }
     return;
@@ -631,8 +628,8 @@ void Judge::half_of_the_speed() {
   if (static_cast<double>(now_us() - memory_.limited_since_us) * 1e-6 <= falls_s) return;
   for (const Side side : kSides) {
     const double now = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
-    check(Rule::kExternalStops, now <= 1.001 * half_umps + 10.0,
-          "a wheel is commanded at " + text_of(now) + " um/s with a low battery");
+    check(Rule::kExternalStops, now <= 1.001 * half_umps + 10.0, "a wheel is commanded at ", now,
+          " um/s with a low battery");
   }
 }
 
@@ -675,8 +672,8 @@ void Judge::not_too_fast() {
     memory_.too_fast_us += period_us;
   else
     memory_.too_fast_us = std::max(0.0, memory_.too_fast_us - period_us / 10.0);
-  check(Rule::kNotTooFast, memory_.too_fast_us <= kTooFastUs,
-        "it rolls at " + text_of(sum / 2.0) + " m/s, may do " + text_of(allowed) + ", and goes on");
+  check(Rule::kNotTooFast, memory_.too_fast_us <= kTooFastUs, "it rolls at ", sum / 2.0,
+        " m/s, may do ", allowed, ", and goes on");
 }
 
 // --- at rest -------------------------------------------------------------------------------------
@@ -696,7 +693,7 @@ void Judge::estop_is_noted() {
   }
   if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
   check(Rule::kEstopSurvivesPowerLoss, now_us() <= memory_.latch_due_us,
-        std::string(estopped ? "an e-stop" : "its end") + " was not recorded in flash");
+        estopped ? "an e-stop" : "its end", " was not recorded in flash");
 }
 
 // --- what a stop does ----------------------------------------------------------------------------
@@ -907,8 +904,8 @@ void Judge::rolling_is_reported() {
   memory_.rolled_mps = speed;
   if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
   check(Rule::kRollingIsReported,
-        memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs,
-        "it rolls at " + text_of(speed) + " m/s without drive, and nobody reports it");
+        memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs, "it rolls at ",
+        speed, " m/s without drive, and nobody reports it");
 }
 
 void Judge::on_event(const Event& event) {
@@ -960,9 +957,8 @@ void Judge::on_state(const WheelState& state) {
     const auto reported =
         static_cast<uint32_t>(wheel == kLeft ? state.left_ticks : state.right_ticks);
     check(Rule::kTicksConserved, !ticks.known || ticks.expected == reported,
-          std::string(wheel == kLeft ? "left" : "right") + " ticks are " +
-              std::to_string(static_cast<int32_t>(reported)) + ", the encoder's levels make " +
-              std::to_string(static_cast<int32_t>(ticks.expected)));
+          wheel == kLeft ? "left" : "right", " ticks are ", static_cast<int32_t>(reported),
+          ", the encoder's levels make ", static_cast<int32_t>(ticks.expected));
     ticks.known = ticks.countable;
     ticks.expected = reported;
   }
@@ -1003,9 +999,9 @@ void Judge::flash_only_at_rest(bool creeping) {
   const bool is_slow = creeping && simulator_.state() == SupervisorState::kEstopped &&
                        is_shorted() && moves_slower_than(kRollingVelocityMps);
   check(Rule::kFlashOnlyAtRest, is_slow || now_us() - memory_.turned_us >= kStillUs,
-        "it writes to flash, and a wheel turned " + ago(memory_.turned_us));
+        "it writes to flash, and a wheel turned ", ago(memory_.turned_us));
   check(Rule::kFlashOnlyAtRest, now_us() - memory_.drove_us >= kRunDownUs,
-        "it writes to flash, and it drove or started " + ago(memory_.drove_us));
+        "it writes to flash, and it drove or started ", ago(memory_.drove_us));
 }
 
 // --- in order ------------------------------------------------------------------------------------

@@ -7,7 +7,9 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
+#include "names.hpp"
 #include "rule_ids.hpp"
 #include "witness.hpp"
 
@@ -164,8 +166,20 @@ class Judge {
   void flash_only_at_rest(bool creeping);
 
  private:
-  void check(Rule rule, bool holds, const std::string& otherwise) {
-    if (!holds) accuse({rule, otherwise});
+  /// `otherwise`: the parts of what to say, put together only then.
+  template <typename... Parts>
+  void check(Rule rule, bool holds, const Parts&... otherwise) {
+    if (holds) return;
+    std::string text;
+    (append(text, otherwise), ...);
+    accuse({rule, text});
+  }
+  template <typename Part>
+  static void append(std::string& text, const Part& part) {
+    if constexpr (std::is_arithmetic_v<Part>)
+      text += text_of(static_cast<double>(part));
+    else
+      text += part;
   }
 
   void drive_only_in_driving();

@@ -2,6 +2,7 @@
 // under test.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <vector>
@@ -44,7 +45,8 @@ class WireDecoder {
  private:
   bool decode(Seen& out) {
     if (chunk_.empty() || chunk_.size() > kMaxPayload + 1) return false;
-    std::vector<uint8_t> payload;
+    std::vector<uint8_t>& payload = payload_;
+    payload.clear();
     for (size_t at = 0; at < chunk_.size();) {
       const size_t next = at + chunk_[at];
       if (next > chunk_.size()) return false;
@@ -55,11 +57,8 @@ class WireDecoder {
     }
     if (payload.size() < 7) return false;
     uint32_t remainder = 0xffffffff;
-    for (size_t i = 0; i + 4 < payload.size(); ++i) {
-      remainder ^= payload[i];
-      for (int bit = 0; bit < 8; ++bit)
-        remainder = remainder >> 1 ^ ((remainder & 1) != 0 ? 0xedb88320U : 0U);
-    }
+    for (size_t i = 0; i + 4 < payload.size(); ++i)
+      remainder = remainder >> 8 ^ kRemainders[(remainder ^ payload[i]) & 0xff];
     uint32_t crc = 0;
     for (size_t i = 0; i < 4; ++i)
       crc |= static_cast<uint32_t>(payload[payload.size() - 4 + i]) << 8 * i;
@@ -70,7 +69,20 @@ class WireDecoder {
     return body_size(out.id) == static_cast<int>(out.body.size());
   }
 
+  /// Of each byte, by CRC-32's polynomial: the firmware's own table is what is judged.
+  static constexpr auto kRemainders = [] {
+    std::array<uint32_t, 256> remainders{};
+    for (uint32_t byte = 0; byte < remainders.size(); ++byte) {
+      uint32_t remainder = byte;
+      for (int bit = 0; bit < 8; ++bit)
+        remainder = remainder >> 1 ^ ((remainder & 1) != 0 ? 0xedb88320U : 0U);
+      remainders[byte] = remainder;
+    }
+    return remainders;
+  }();
+
   std::vector<uint8_t> chunk_;
+  std::vector<uint8_t> payload_;
 };
 
 }  // namespace wheelwire::explore
