@@ -16,6 +16,7 @@ from wheelwire.simulation.bad_line import LineProfile
 
 from .host_samples import remeasured
 from .impaired_robot import ImpairedVirtualRobot
+from .virtual import STEP_US
 
 STATE_HZ = 1000
 COMMAND_MS = 20
@@ -113,10 +114,10 @@ class EnduranceRun(ImpairedVirtualRobot):
         self.plug()
         self.wait_open()
 
-    def step(self) -> None:
+    def step(self, most_us: int = STEP_US) -> None:
         """Advance one millisecond and process its samples."""
         known = len(self.samples)
-        super().step()
+        super().step(most_us)
         moment = int(self.sim.get("boot_id")), int(self.sim.get("device_us"))
         self._truth[moment] = self._true_ticks()
         while len(self._truth) > TRUTH_KEPT:

@@ -28,7 +28,7 @@ class ImpairedVirtualRobot(VirtualRobot):
         self.unplugs = 0
         self._plugged = True
 
-    def step(self) -> None:
+    def step(self, most_us: int = STEP_US) -> None:  # noqa: ARG002 - the line moves at any time
         """Advance one millisecond: the line first, then the host, then the device."""
         for event in self.line.advance(self.now_us):
             self._obey(event)

@@ -27,7 +27,7 @@ from wheelwire_protocol.types import (
 )
 from wheelwire_protocol.types import Stop as StopRequest
 
-from .virtual import VirtualRobot
+from .virtual import STEP_US, VirtualRobot
 
 SUPPLY = {"supply_ohm": 0.4}
 """One that sags."""
@@ -46,16 +46,17 @@ class StagedRobot(VirtualRobot):
         self.delay_us = 0
         self._delayed: deque[tuple[int, bytes]] = deque()
 
-    def step(self) -> None:
+    def step(self, most_us: int = STEP_US) -> None:
         """As the base's, with what the port's thread reports."""
         if not self.cable:
             self.session.advance(self.now_us)
             self.session.take_output()
-            self.sim.advance_us(1000)
+            self.sim.advance_us(STEP_US)
             self.sim.read()
-            self.now_us += 1000
+            self.now_us += STEP_US
             return
-        super().step()
+        # What is delayed may be due at any time.
+        super().step(STEP_US if self.delay_us else most_us)
 
     def write(self, setpoint: bytes = b"") -> None:
         """As the base's, over the cable."""

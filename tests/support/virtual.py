@@ -52,13 +52,23 @@ class VirtualRobot(VirtualHost):
         """The supervisor's state in the newest sample."""
         return self.sample.state
 
-    def step(self) -> None:
-        """Advance one millisecond: the host first, then the device."""
-        self.session.advance(self.now_us)
+    def step(self, most_us: int = STEP_US) -> None:
+        """Advance to the next whole millisecond in which something happens: host, then device."""
+        due_us = self.session.next_deadline_us
+        if due_us is not None and self.now_us >= due_us:
+            self.session.advance(self.now_us)
+            due_us = self.session.next_deadline_us
         self.write()
-        self.sim.advance_us(STEP_US)
-        self.now_us += STEP_US
+        if due_us is not None:
+            most_us = min(most_us, due_us - self.now_us)
+        self.now_us += self.sim.advance_to_bytes(STEP_US, most_us)
         self.samples += received(self.session, self.sim.read(), self.now_us)
+
+    def run(self, seconds: float) -> None:
+        """As the base's."""
+        end_us = self.now_us + round(seconds * 1e6)
+        while self.now_us < end_us:
+            self.step(end_us - self.now_us)
 
     def write(self, setpoint: bytes = b"") -> None:
         """As the base's."""

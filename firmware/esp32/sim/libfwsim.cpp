@@ -96,6 +96,20 @@ int fwsim_advance_us(fwsim* sim, int64_t duration_us) {
   });
 }
 
+int fwsim_advance_to_bytes(fwsim* sim, int64_t step_us, int64_t count, int64_t* done) {
+  if (sim == nullptr || done == nullptr || step_us < 1 || step_us > kLongestAdvanceUs ||
+      count < 1) {
+    return FWSIM_BAD_ARGUMENT;
+  }
+  return guarded([&] {
+    *done = 0;
+    do {
+      sim->simulator.advance(step_us * kMicrosecond);
+    } while (++*done < count && sim->simulator.board.line.host_waiting() == 0);
+    return FWSIM_OK;
+  });
+}
+
 int fwsim_write(fwsim* sim, const uint8_t* data, size_t size) {
   if (sim == nullptr || (data == nullptr && size > 0)) return FWSIM_BAD_ARGUMENT;
   return guarded([&] {

@@ -53,6 +53,9 @@ FWSIM_EXPORT int fwsim_get(const fwsim* sim, const char* name, double* value);
 
 /* Runs the device and the world for this long [us]. */
 FWSIM_EXPORT int fwsim_advance_us(fwsim* sim, int64_t duration_us);
+/* Runs them in steps until a step brings bytes to the host, or for `count` steps; *done is set to
+   how many. */
+FWSIM_EXPORT int fwsim_advance_to_bytes(fwsim* sim, int64_t step_us, int64_t count, int64_t* done);
 
 /* Bytes from the host onto the line. */
 FWSIM_EXPORT int fwsim_write(fwsim* sim, const uint8_t* data, size_t size);

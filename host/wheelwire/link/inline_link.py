@@ -35,11 +35,11 @@ class InlineLink(DeviceLink):
         while not ready():
             if self.now_us >= end_us:
                 return False
-            self._pass()
+            self._pass(end_us - self.now_us)
         return True
 
-    def _pass(self) -> None:
-        """Let time pass until something may have changed."""
+    def _pass(self, most_us: int) -> None:  # noqa: ARG002 - it looks more often
+        """Let time pass until something may have changed, at most so long."""
         self.advance(STEP_S)
 
     def clock_us(self) -> int:

@@ -228,7 +228,7 @@ class ReplayLink(RerunLink, InlineLink):
         if self._next is None:
             self._finish(LinkClosed(ENDED))
 
-    def _pass(self) -> None:
+    def _pass(self, most_us: int) -> None:  # noqa: ARG002 - a gap is skipped whole
         # Nothing changes before the next record, which may be hours away.
         ahead_us = 0 if self._next is None else self._next.host_us - self._played_us
         self.advance(max(STEP_S, ahead_us / 1e6))

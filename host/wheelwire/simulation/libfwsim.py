@@ -74,6 +74,10 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_double)),
     ),
     "fwsim_advance_us": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int64)),
+    "fwsim_advance_to_bytes": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)),
+    ),
     "fwsim_write": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t)),
     "fwsim_read": (
         ctypes.c_int,
@@ -120,6 +124,7 @@ class FwSim:
         if not self._handle:
             raise MemoryError
         self._buffer = ctypes.create_string_buffer(READ_SIZE)
+        self._done = ctypes.c_int64()
         if store:
             status = self._library.fwsim_use_store(self._handle, os.fsencode(store))
             self._check(status, str(store))
@@ -172,6 +177,23 @@ class FwSim:
     def advance(self, seconds: float) -> None:
         """Run device and world for this long."""
         self.advance_us(round(seconds * 1e6))
+
+    def advance_to_bytes(self, step_us: int, most_us: int) -> int:
+        """Run device and world in steps until one of them brings bytes to the host.
+
+        Args:
+            step_us: The length of a step.
+            most_us: After which the step in which it ends is the last one.
+
+        Returns:
+            The time that has passed, in microseconds: of at least one step.
+        """
+        count = max(1, -(-most_us // step_us))
+        status = self._library.fwsim_advance_to_bytes(
+            self._handle, step_us, count, ctypes.byref(self._done)
+        )
+        self._check(status, "advance")
+        return step_us * self._done.value
 
     def write(self, data: bytes) -> None:
         """Send bytes from the host."""

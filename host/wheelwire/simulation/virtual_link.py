@@ -70,7 +70,7 @@ class VirtualLink(InlineLink):
         """Let time pass."""
         end_us = self.now_us + round(seconds * 1e6)
         while self.now_us < end_us:
-            self._step()
+            self._step(end_us - self.now_us)
 
     def unplug(self) -> None:
         """Pull the cable: the device keeps running."""
@@ -86,6 +86,9 @@ class VirtualLink(InlineLink):
         self._plugged = True
         self._reconnects += 1
         self._session.connect(self.now_us)
+
+    def _pass(self, most_us: int) -> None:
+        self._step(most_us)
 
     # --- as for every link ------------------------------------------------------------------------
 
@@ -148,19 +151,24 @@ class VirtualLink(InlineLink):
 
     # -------------------------------------------------------------------------------------------
 
-    def _step(self) -> None:
-        """Advance one millisecond: the host first, then the device."""
+    def _step(self, most_us: int = STEP_US) -> None:
+        """Advance to the next whole millisecond in which something happens: host, then device."""
         self._check_alive()
-        self._session.advance(self.now_us)
+        due_us = self._session.next_deadline_us
+        if due_us is None or self.now_us >= due_us:
+            self._session.advance(self.now_us)
+            due_us = self._session.next_deadline_us
         self._flush()
-        self._sim.advance_us(STEP_US)
-        self.now_us += STEP_US
+        if due_us is not None:
+            most_us = min(most_us, due_us - self.now_us)
+        self.now_us += self._sim.advance_to_bytes(STEP_US, most_us)
         # Taken while the cable is unplugged, too: what the device sends then is lost.
         arrived = self._sim.read()
         if self._plugged:
-            for measurement in self._session.receive(arrived, self.now_us):
-                self._latest_sample.put(measurement)
-            self._latest_sample.sensors.take(self.name, self._session.sensors.sensed)
+            if arrived:
+                for measurement in self._session.receive(arrived, self.now_us):
+                    self._latest_sample.put(measurement)
+                self._latest_sample.sensors.take(self.name, self._session.sensors.sensed)
             if self._session.phase is not Phase.OPEN:
                 self._latest_sample.interrupt()  # the device was reset, or has fallen silent
             self._latest_sample.notify_all()
