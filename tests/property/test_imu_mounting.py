@@ -22,10 +22,12 @@ from wheelwire.sensors import Vector
 from wheelwire_protocol.sensors import Axis
 
 MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
-LIFTS_DEG = st.floats(15.5, 59.5)
 ASKEW_DEG = st.floats(-6, 6)
 NOISE_MPS2 = 0.05
-"""Noise of the mean of half a second: ten times that of the noisiest chip."""
+"""Noise of the mean of half a second, on each axis: ten times that of the noisiest chip."""
+UNSURE_DEG = math.degrees(2 * math.sqrt(3) * NOISE_MPS2 / GRAVITY_MPS2)
+"""How far such noise of both measurements can turn a lift."""
+LIFTS_DEG = st.floats(15 + UNSURE_DEG, 60 - UNSURE_DEG)
 
 
 class Robot(NamedTuple):
