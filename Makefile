@@ -129,7 +129,7 @@ ifeq ($(shell uname -sm),Linux x86_64)
 endif
 
 test: cpp-tests ros-if-available  ## What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
-	$(call pytest,1) -m "not whole" --hypothesis-profile=quick $(ONLY)
+	$(call pytest,2) -m "not whole" --hypothesis-profile=quick $(ONLY)
 
 test-all: cpp-tests sanitized ros-if-available  ## Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
 ifeq ($(ONLY),tests)

@@ -30,7 +30,7 @@ os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests i
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("wheelwire", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-# The same examples each time: `make test` fails for what has changed. `make test-all` draws new ones.
+# The same examples each time: `make test` fails for a change. `make test-all` draws new ones.
 settings.register_profile(
     "quick", settings.get_profile("wheelwire"), max_examples=20, derandomize=True
 )

@@ -71,6 +71,7 @@ def test_the_wheels_track_better_as_proved_and_on_the_floor_in_truth(
     assert found.true_ratio < 1
 
 
+@pytest.mark.whole
 def test_tracking_errors_are_halved_in_the_median() -> None:
     outcomes = [outcome(*robot) for robot in ROBOTS]
     assert median(found.ratio for found in outcomes) < 0.5

@@ -9,7 +9,7 @@ from support.virtual import VirtualRobot
 MINUTE_US = 60_000_000
 
 
-@pytest.mark.parametrize("minutes", [37, 70])
+@pytest.mark.parametrize("minutes", [37, pytest.param(70, marks=pytest.mark.whole)])
 def test_a_program_that_was_stopped_has_fresh_samples_at_once(minutes: int) -> None:
     """Ctrl-Z: the host's clock goes on, and the line keeps what came at first."""
     robot = VirtualRobot(1).open()

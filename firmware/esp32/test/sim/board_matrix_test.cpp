@@ -84,8 +84,8 @@ const BoardDescription& board_named(const char* name) {
 }
 
 /// A chip with its active board, on a wired one.
-struct Robot {
-  Robot(const BoardDescription& active_board, const BoardDescription& wired_board,
+struct WiredUp {
+  WiredUp(const BoardDescription& active_board, const BoardDescription& wired_board,
         bool floating_level)
       : active(active_board), wired(wired_board) {
     wired.set_floating_level(floating_level);
@@ -142,7 +142,7 @@ template <typename Check>
 void for_each_way(const Pair& pair, Check check) {
   for (const bool floating_level : {false, true}) {
     for (const int duty : {0, 8'000, -8'000, 32'767, -32'767}) {
-      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      WiredUp robot(board_named(pair.active), board_named(pair.wired), floating_level);
       robot.start();
       if (duty != 0)
         robot.twice([&](PowerStage& motor) { motor.drive(static_cast<int16_t>(duty)); });
@@ -174,7 +174,7 @@ TEST(matrix_has_every_pair_of_shipped_boards) {
 
 TEST(matrix_coast) {
   for (const Pair& pair : kPairs) {
-    for_each_way(pair, [&](Robot& robot) {
+    for_each_way(pair, [&](WiredUp& robot) {
       robot.twice([](PowerStage& motor) { motor.coast(); });
       expect(pair, "coast", pair.coast, robot.windings());
     });
@@ -183,7 +183,7 @@ TEST(matrix_coast) {
 
 TEST(matrix_brake) {
   for (const Pair& pair : kPairs) {
-    for_each_way(pair, [&](Robot& robot) {
+    for_each_way(pair, [&](WiredUp& robot) {
       robot.twice([](PowerStage& motor) { motor.brake(); });
       expect(pair, "brake", pair.brake, robot.windings());
       robot.twice([](PowerStage& motor) { motor.coast(); });
@@ -194,11 +194,11 @@ TEST(matrix_brake) {
 
 TEST(matrix_release) {
   for (const Pair& pair : kPairs) {
-    for_each_way(pair, [&](Robot& robot) {
+    for_each_way(pair, [&](WiredUp& robot) {
       robot.release();
       expect(pair, "release", pair.release, robot.windings());
     });
-    for_each_way(pair, [&](Robot& robot) {
+    for_each_way(pair, [&](WiredUp& robot) {
       robot.twice([](PowerStage& motor) { motor.brake(); });
       robot.release();
       expect(pair, "release while braking", pair.release, robot.windings());
@@ -211,7 +211,7 @@ TEST(matrix_release) {
 TEST(matrix_floating) {
   for (const Pair& pair : kPairs) {
     for (const bool floating_level : {false, true}) {
-      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      WiredUp robot(board_named(pair.active), board_named(pair.wired), floating_level);
       expect(pair, "reset", pair.floating, robot.windings());
       robot.twice([](PowerStage& motor) { motor.drive(20'000); });
       robot.twice([](PowerStage& motor) { motor.brake(); });
@@ -225,7 +225,7 @@ TEST(matrix_floating) {
 TEST(matrix_trial) {
   for (const Pair& pair : kPairs) {
     for (const bool floating_level : {false, true}) {
-      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      WiredUp robot(board_named(pair.active), board_named(pair.wired), floating_level);
       robot.start();
       expect(pair, "started", pair.release, robot.windings());
       robot.twice([](PowerStage& motor) { motor.coast(); });
@@ -264,7 +264,7 @@ TEST(matrix_of_a_drv8833_that_is_never_asleep) {
                            {"mdd10a", 'F', 'o', 'F'},
                            {"tb6612", 'o', 's', 'o'}};
   for (const Row& row : kRows) {
-    Robot robot(board_named(row.active), wired, true);
+    WiredUp robot(board_named(row.active), wired, true);
     CHECK(robot.windings() == 'o');
     robot.start();
     CHECK(robot.windings() == 'o');
