@@ -86,7 +86,7 @@ const BoardDescription& board_named(const char* name) {
 /// A chip with its active board, on a wired one.
 struct WiredUp {
   WiredUp(const BoardDescription& active_board, const BoardDescription& wired_board,
-        bool floating_level)
+          bool floating_level)
       : active(active_board), wired(wired_board) {
     wired.set_floating_level(floating_level);
     wired.read(pins);
