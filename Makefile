@@ -17,7 +17,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type docs docs-links sim cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -123,15 +123,19 @@ ONLY ?= tests
 pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --no-loadscope-reorder --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
 
 # The ROS node's tests run where PyPI has ROS 2; elsewhere the summary says that they were skipped.
-ros-if-available:
+ros-if-available: $(VENV)/installed
 ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros >build/ros.log 2>&1 || true
 endif
 
-test: cpp-tests ros-if-available  ## What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
+# While one waits for the network or the disk, the other compiles.
+prepared:
+	@$(MAKE) --no-print-directory --jobs 2 cpp-tests ros-if-available
+
+test: prepared  ## What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
 	$(call pytest,2) -m "not whole" --hypothesis-profile=quick $(ONLY)
 
-test-all: cpp-tests sanitized ros-if-available  ## Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
+test-all: prepared sanitized  ## Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
 ifeq ($(ONLY),tests)
 	$(BIN)/python tests/explore/run.py 10 --quiet
 	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
