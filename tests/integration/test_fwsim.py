@@ -290,11 +290,14 @@ def test_true_states_come_at_their_rate() -> None:
 
 
 def test_simulated_time_keeps_pace_with_the_wall_clock(simulator: Simulator) -> None:
-    wall_us, begin_us = time.monotonic() * 1e6, simulator.get("t_us")
-    while time.monotonic() * 1e6 - wall_us < 500_000:
-        simulator.get("t_us")
-    elapsed_us = simulator.get("t_us") - begin_us
-    assert elapsed_us == pytest.approx(time.monotonic() * 1e6 - wall_us, abs=50_000)
+    """It makes up for what a busy computer kept it from."""
+
+    def ahead_us() -> float:
+        return simulator.get("t_us") - time.monotonic() * 1e6
+
+    begin_us = ahead_us()
+    time.sleep(0.5)
+    wait_until(lambda: abs(ahead_us() - begin_us) < 50_000)
 
 
 def test_a_named_simulator_that_is_none_is_an_error(
