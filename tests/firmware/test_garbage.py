@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from random import Random
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.raw import RawHost
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import LinkCounters, LinkCountersGet, SetWheelVelocity
@@ -39,7 +40,7 @@ def test_random_bytes(data: bytes) -> None:
     assert bad == chunks
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.data())
 def test_a_setpoint_with_any_change_is_not_obeyed(data: st.DataObject) -> None:
     host = RawHost().open()

@@ -8,10 +8,11 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from support.decoders import by_firmware, by_python
+from support.examples import examples
 from support.messages import corrupted_captures
 from wheelwire_protocol.decoder import NativeDecoder
 from wheelwire_protocol.framing import Counters, PythonDecoder
@@ -30,7 +31,7 @@ line = st.one_of(
 )
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(data=line, at=st.lists(st.integers(0, 1000), max_size=6))
 def test_any_bytes_in_any_chunking(data: bytes, at: list[int]) -> None:
     bounds = [0, *sorted(position % (len(data) + 1) for position in at), len(data)]

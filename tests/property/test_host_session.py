@@ -1,9 +1,10 @@
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from support.core_device import CoreDevice
+from support.examples import examples
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Session
@@ -47,7 +48,7 @@ def test_random_bytes_never_raise_and_are_never_a_sample(chunks: list[bytes]) ->
         session.advance(now * 1000)
 
 
-@settings(max_examples=60)
+@examples(50)
 @given(messages=st.lists(any_message(), max_size=20), mine=st.booleans())
 def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: bool) -> None:
     line = VirtualLine(watched=(1,)).open()
@@ -66,7 +67,7 @@ def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: boo
             continue
 
 
-@settings(max_examples=40)
+@examples(50)
 @given(
     seed=st.integers(0, 2**16),
     loss=st.floats(0, 0.2),
