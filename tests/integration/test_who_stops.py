@@ -53,6 +53,14 @@ class Removal:
     by: str
 
 
+Change = tuple[int, bool, bool, int | str]
+"""The time in microseconds, whether it drives, whether it brakes, and who wrote."""
+
+
+def has_braked(changes: list[Change]) -> bool:
+    return any(braked for _, _, braked, _ in changes)
+
+
 @dataclass
 class Scene:
     """A robot that drives."""
@@ -65,37 +73,42 @@ class Scene:
 
     def removal(self) -> Removal:
         """Wait for the end of the drive, and of what follows it."""
-        wait_until(lambda: len(self._since_the_drive()) > 1, what="the end of the drive")
+        changes: list[Change] = []
+
+        def is_over() -> bool:
+            # One look: until it ends, the drive may pause and go on.
+            changes[:] = self._since_the_drive()
+            if len(changes) < 2:
+                return False
+            # A core brakes after each drive, and a guard never does: it needs no process for that.
+            in_one_process = isinstance(self.stand_in, PigpioProcess)
+            return in_one_process or has_braked(changes) or self._is_off(changes)
+
+        wait_until(is_over, what="the end of the drive, and a brake or the pins' end")
+        us, _, _, writer = changes[1]
         if isinstance(self.stand_in, PigpioProcess):
-            us, _, _, writer = self._since_the_drive()[1]
             return Removal(us, SCRIPT if writer == "script" else CORE)
-        # A core brakes after each drive, and a guard never does: it needs no process for that.
-        wait_until(lambda: self._braked() or self._is_off(), what="a brake or the pins' end")
-        us, _, _, writer = self._since_the_drive()[1]
         if self.pwm is None:
             by = {self.core: CORE, self.mcu.guard: GUARD}[int(writer)]
-            assert (by == CORE) == self._braked()
+            assert (by == CORE) == has_braked(changes)
             return Removal(us, by)
-        return Removal(us, CORE if self._braked() else GUARD)
+        return Removal(us, CORE if has_braked(changes) else GUARD)
 
     def ended_after(self, us: int) -> bool:
         """Whether a drive has ended since then, and no other one begun."""
         truth = self.stand_in.truth()
         return bool(not truth["driven"] and truth["driven_changed_us"] > us)
 
-    def _since_the_drive(self) -> list[tuple[int, bool, bool, int | str]]:
+    def _since_the_drive(self) -> list[Change]:
         """The last change with a drive, and those after it."""
-        changes: list[tuple[int, bool, bool, int | str]] = self.stand_in.truth()["changes"]
+        changes: list[Change] = self.stand_in.truth()["changes"]
         last = max(place for place, (_, driven, *_) in enumerate(changes) if driven)
         return changes[last:]
 
-    def _braked(self) -> bool:
-        return any(braked for _, _, braked, _ in self._since_the_drive())
-
-    def _is_off(self) -> bool:
+    def _is_off(self, changes: list[Change]) -> bool:
         """The guard has been at the pins: of the kernel's PWM it disables the channels."""
         if self.pwm is None:
-            return bool(self.stand_in.truth()["changes"][-1][3] == self.mcu.guard)
+            return changes[-1][3] == self.mcu.guard
         return {(self.pwm / f"pwmchip0/pwm{n}/enable").read_text().strip() for n in (0, 1)} == {"0"}
 
 

@@ -57,6 +57,8 @@ def arming(link: DeviceLink, session: Session) -> Opening:
         if not setpoints.has_fate(zero_seq):
             lost += 1
         elif refusal != RefusalCode.BOOTING:
+            # A lost stop is repeated. Until it is obeyed, the zero drives.
+            yield partial(bool, results), ZERO_TTL_US / 1e6
             break
         else:
             booting += 1

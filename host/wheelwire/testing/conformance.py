@@ -205,8 +205,8 @@ class StoppingTests:
         # Until they turn round, the wheels are driven against their motion, as with a reversed
         # encoder.
         harness.drive(-0.3, 0.0, 1.0)
+        harness.drive_until(-0.3, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         assert harness.next().faults == Fault(0)
-        assert harness.next().state is SupervisorState.DRIVING
 
     def test_an_estop_latches_until_it_is_cleared(self, harness: DriveHarness) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
