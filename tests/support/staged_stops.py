@@ -370,6 +370,9 @@ STAGED: dict[str, Staged] = {
     "reversed": Staged(
         ("wheel_reversed",), _from_rest({"left.encoder_reversed": 1}), driving=False
     ),
+    "runs away downhill": Staged(
+        ("overspeed",), _from_rest({"slope_rad": -0.45}), {"mass_kg": 3.0}, driving=False
+    ),
     "late step": Staged(
         ("control_overrun",),
         _one_by_one(

@@ -20,11 +20,6 @@
 using namespace wheelwire;
 using namespace wheelwire::test;
 
-namespace wheelwire {
-void OtaTrial::start() {}
-void OtaTrial::step(const Device&, uint64_t) {}
-}  // namespace wheelwire
-
 namespace {
 
 constexpr uint32_t kBytesCame = 2;
