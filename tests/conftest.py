@@ -16,6 +16,8 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from wheelwire.aio import Driver
+from wheelwire.drivers.base import BaseDriver
 from wheelwire.link.tap_directory import DIRECTORY_VARIABLE as TAP_DIRECTORY
 from wheelwire.link.tap_directory import GROUP_VARIABLE
 from wheelwire.linux_mcu.latches import DIRECTORY_VARIABLE
@@ -28,6 +30,9 @@ os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests i
 
 # A shell starts what it puts into the background with Ctrl-C ignored, which children inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# A busy computer may take more than the usual second for a sample.
+BaseDriver.read.__defaults__ = Driver.read.__defaults__ = (30.0,)
 
 settings.register_profile("wheelwire", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # The same examples each time: `make test` fails for a change. `make test-all` draws new ones.
