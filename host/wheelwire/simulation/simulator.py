@@ -31,6 +31,7 @@ _log = logging.getLogger("wheelwire")
 PROGRAM = "wheelwire-fwsim"
 ENVIRONMENT = "WHEELWIRE_FWSIM"
 ANSWER_TIMEOUT_S = 10.0
+SIGNAL_S = 1.0
 EXIT_TIMEOUT_S = 5.0
 STATES_KEPT = 100_000
 
@@ -215,7 +216,11 @@ class Simulator:
 
     def wait(self) -> int:
         """Wait until the process ends by itself; returns its exit code."""
-        return self._running().wait()
+        process = self._running()
+        while True:
+            # With a limit: Python handles a signal that came just before the wait only after it.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return process.wait(SIGNAL_S)
 
     def close(self) -> None:
         """End the process, which removes the port and the link to it."""
