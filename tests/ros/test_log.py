@@ -56,4 +56,7 @@ def test_a_loss_and_a_return_are_one_line_each(tmp_path: Path) -> None:
         rig.diagnostics.wait("link", lambda status, _: status.message == "connected")
         wait(lambda: "is connected: session 2" in rig.node.errors(), "the line of the return")
         lines = rig.node.errors().splitlines()[before:]
-        assert len(lines) == 2, lines
+        # The second only where the robot takes its time to answer.
+        texts = ("the port is gone", "has not answered yet", "is connected: session 2")
+        logged = [[text for text in texts if text in line] for line in lines]
+        assert logged in ([[texts[0]], [texts[2]]], [[text] for text in texts]), lines
