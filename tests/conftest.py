@@ -95,7 +95,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     reasons = {
         str(report.longrepr[2]).removeprefix("Skipped: ")
         for report in terminalreporter.stats.get("skipped", [])
-        if isinstance(report.longrepr, tuple)
+        # Nobody has exported a black box yet: this computer lacks nothing.
+        if isinstance(report.longrepr, tuple) and "empty parameter set" not in report.longrepr[2]
     }
     if shutil.which("clang++") is None and not terminalreporter.config.option.markexpr:
         reasons.add("`make fuzz` needs clang: sudo apt install clang")
