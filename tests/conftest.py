@@ -64,6 +64,17 @@ def _own_state(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPat
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`make test` imports no file of processes in which nothing is fast: it takes seconds."""
+    folder = collection_path.relative_to(TESTS).parts[:1] if collection_path.suffix == ".py" else ()
+    is_left_out = (
+        config.option.markexpr == "not whole"
+        and folder in {("integration",), ("ros",)}
+        and "pytest.mark.fast" not in collection_path.read_text("utf-8")
+    )
+    return is_left_out or None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A test that is a coroutine runs in a loop of its own. What takes real time is marked."""
