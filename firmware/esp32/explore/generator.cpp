@@ -237,6 +237,14 @@ class Generator {
     }
   }
 
+  /// A library that reconnects long after the start, for a program that published all the time.
+  void come_back_late() {
+    add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
+    add(Kind::kRun, {std::floor(spread(500e3, 5e6))});
+    add(Kind::kOpen, {0, 1});
+    drive(std::floor(spread(20e3, 900e3)));
+  }
+
   /// Ends what is latched, and drives on in a way that it may or may not.
   void clear() {
     if (chance(80)) add(Kind::kContact, {0});
@@ -819,6 +827,20 @@ class Generator {
     add(Kind::kRun, {std::floor(spread(100e3, 3e6))});
     add(Kind::kSlope, {0});
   }
+
+  /// An e-stop on a slope that its brake does not quite hold.
+  void creep() {
+    repair();
+    make_ready();
+    set(ParameterId::kRollingVelocityMps, between(0.5, 1));
+    add(Kind::kSlope, {one_of({-1, 1}) * between(0.05, 0.12)});
+    if (chance(50)) drive(std::floor(spread(50e3, 500e3)));
+    add(Kind::kEstop, {host_});
+    add(Kind::kRun, {std::floor(between(14e6, 17e6))});
+    if (chance(50)) reset();
+    add(Kind::kSlope, {0});
+  }
+
   /// An encoder loses its edges in short gaps.
   void lose_in_gaps() {
     make_ready();
@@ -849,6 +871,7 @@ class Generator {
     }
     if (chance(20)) return burst();
     if (chance(15)) return run_away();
+    if (chance(10)) return creep();
     if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     drive(std::floor(spread(200e3, 3e6)));
     if (chance(50)) add(Kind::kStop, {host_, static_cast<double>(below(5)), 1});
@@ -988,7 +1011,7 @@ class Generator {
     if (kind < 15 && chance(50)) return bump();
     if (kind < 15) return anything();
     if (kind < 16) return any_request();
-    if (kind < 17) return reset();
+    if (kind < 17) return chance(25) ? come_back_late() : reset();
     if (kind < 18) return clear();
     if (kind < 19 && subject_ != Subject::kSound) return add(Kind::kDriverFails, {side()});
     drive(std::floor(spread(200e3, 5e6)));
