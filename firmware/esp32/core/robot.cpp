@@ -360,6 +360,7 @@ WheelPair Robot::limited(const Setpoint& setpoint) const {
 
 RefusalCode Robot::clear_estop(uint64_t now_us) {
   if (contact_is_open()) return RefusalCode::kCausePresent;
+  contact_open_ = false;  // If it is open again in the next step, it latches anew.
   if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
   disarm(kUnarmed, now_us);
   apply(SupervisorEvent::kClearEstop, now_us);

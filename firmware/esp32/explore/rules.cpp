@@ -659,7 +659,8 @@ void Judge::not_too_fast() {
       std::max(value(kMaxVelocityMps), memory_.highest[index_of(kMaxVelocityMps)]));
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-    applies = applies && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
+    applies = applies && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0 &&
+              !world_.has_gaps[side];
     sum += std::abs(simulator_.board.plant.speed_mps(side));
     allowed =
         std::max(allowed, std::abs(static_cast<double>(simulator_.commanded_umps(side))) * 1e-6);

@@ -128,6 +128,8 @@ struct World {
   bool wired_as_believed = true;
   /// Which encoders lose their edges in gaps that S06 knows how to notice.
   std::array<bool, 2> loses_in_gaps{};
+  /// Those, and the ones whose gaps are too short, too long or too few for it.
+  std::array<bool, 2> has_gaps{};
   uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
   bool ever_disturbed = false;
   uint64_t turned_by_hand_us = 0;  ///< Simulated time at which a wheel was, last [us].

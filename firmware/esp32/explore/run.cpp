@@ -422,6 +422,7 @@ void Run::drive_with_gaps(const Operation& operation) {
                                std::abs(values[1]) >= 0.2 && plant.bridge.supply_v == 7.4 &&
                                plant.supply_ohm == 0.0 && plant.slope_rad == 0.0 &&
                                witness_.value(ParameterId::kMaxDuty) == 1.0f;
+  world_.has_gaps[side] = lost_us > 0.0;
   double since_setpoint_us = 50e3;
   for (double left_us = std::min(values[2], 20e6); left_us > 0.0 && !ended(); left_us -= of_us) {
     if (since_setpoint_us >= 50e3) {
@@ -435,7 +436,7 @@ void Run::drive_with_gaps(const Operation& operation) {
     run_for(of_us - lost_us);
     since_setpoint_us += of_us;
   }
-  world_.loses_in_gaps[side] = false;
+  world_.loses_in_gaps[side] = world_.has_gaps[side] = false;
   disturb();
 }
 

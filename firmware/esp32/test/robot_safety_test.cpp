@@ -166,6 +166,18 @@ TEST(an_open_contact_cannot_be_switched_off) {
   CHECK(!bench.driven());
 }
 
+TEST(a_contact_that_was_closed_for_a_moment_while_it_was_cleared_latches_again) {
+  RobotBench bench;
+  bench.open();
+  bench.contact.open = true;
+  bench.run(2);
+  bench.contact.open = false;
+  CHECK(bench.clear_estop() == RefusalCode::kNone);  // Between two steps.
+  bench.contact.open = true;
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kEstopped);
+}
+
 TEST(a_contact_that_opened_since_the_last_step_cannot_be_switched_off) {
   for (const bool reset : {false, true}) {
     RobotBench bench;
