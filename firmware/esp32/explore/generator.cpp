@@ -221,12 +221,24 @@ class Generator {
 
   void contact() {
     add(Kind::kContact, {1});
+    if (chance(25)) return bounce();
     if (chance(50)) {
       add(Kind::kRun, {std::floor(spread(100, 2e6))});
       if (chance(40)) add(Kind::kClearEstop, {host_, 1});
       if (chance(30)) setpoint(host_);
       add(Kind::kContact, {0});
     }
+  }
+
+  /// It is closed between two steps only, in which somebody clears.
+  void bounce() {
+    add(Kind::kRun, {std::floor(spread(1e3, 50e3))});
+    add(Kind::kContact, {0});
+    add(Kind::kClearEstop, {host_, 1});
+    add(Kind::kService);
+    add(Kind::kContact, {1});
+    add(Kind::kRun, {std::floor(spread(500, 20e3))});
+    if (chance(80)) add(Kind::kContact, {0});
   }
 
   void reset() {
