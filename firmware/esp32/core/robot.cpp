@@ -164,7 +164,8 @@ void Robot::hold_still(uint64_t now_us) {
   if (slides || setpoint_.mode == ControlMode::kDuty)
     return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
   drive_.follow(ControlMode::kVelocity, {}, config_);
-  note_speed(now_us);
+  // Until then it slows down as it is to.
+  if (drive_.commanded().is_zero()) note_speed(now_us);
 }
 
 /// From now on the robot is to be armed before it goes towards the bumper.
