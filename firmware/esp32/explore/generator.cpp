@@ -616,8 +616,10 @@ class Generator {
   /// It stands on a slope, and its program drives on; most often by a setpoint of zero.
   void roll() {
     add(Kind::kSlope, {one_of({-0.4, -0.3, 0.3, 0.4})});
-    const double speed_mps = one_of({0, 0, 0.2, -0.2});
-    add(Kind::kHold, {host_, speed_mps, speed_mps, 4e6, 50e3, side()});
+    // An open loop is held off a bumper only where it is driven towards it.
+    const bool duty = chance(40);
+    const double speed = duty ? one_of({0.2, -0.2}) : one_of({0, 0, 0.2, -0.2});
+    add(Kind::kHold, {host_, speed, speed, 4e6, 50e3, duty ? 1.0 : 0.0});
     if (chance(80)) add(Kind::kSlope, {0});
   }
 
@@ -628,7 +630,7 @@ class Generator {
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
     add(Kind::kSensor, {which, 1});
-    if (subject_ != Subject::kSound && chance(15)) roll();
+    if (subject_ != Subject::kSound && chance(30)) roll();
     for (size_t i = 1 + below(3); i > 0; --i) {
       if (chance(30)) {
         setpoint(host_);
