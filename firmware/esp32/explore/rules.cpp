@@ -886,8 +886,12 @@ void Judge::rolling_is_reported() {
     sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  const bool is_held = simulator_.state() != SupervisorState::kDriving ||
-                       is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways());
+  // Beside a bumper the loop still slows it down, as fast as it may.
+  const bool slows_down =
+      simulator_.commanded_umps(kLeft) != 0 || simulator_.commanded_umps(kRight) != 0;
+  const bool is_held =
+      simulator_.state() != SupervisorState::kDriving ||
+      (!slows_down && is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways()));
   const bool rolls =
       sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
   // It is reported once until it is slow: for long enough to be measured.
