@@ -161,8 +161,10 @@ void Robot::actuate_within_reflexes(uint64_t now_us) {
 void Robot::hold_still(uint64_t now_us) {
   const bool slides =
       now_us < bumped_until_us_ && !drive_.is_following() && drive_.turns_against_reflexes();
-  if (slides || setpoint_.mode == ControlMode::kDuty)
+  if (slides || setpoint_.mode == ControlMode::kDuty) {
+    drive_.release();  // What follows begins anew, not at the duty of before.
     return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
+  }
   drive_.follow(ControlMode::kVelocity, {}, config_);
   // Until then it slows down as it is to.
   if (drive_.commanded().is_zero()) note_speed(now_us);
