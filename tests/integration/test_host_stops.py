@@ -86,12 +86,17 @@ def test_interrupted_host_stops_before_the_deadline(simulator: Simulator) -> Non
         process.wait(TIMEOUT_S)
 
 
-def test_device_reset_coasts_until_a_setpoint_of_a_new_session(simulator: Simulator) -> None:
-    with host(simulator):
+def test_a_reset_coasts_and_a_program_that_went_on_drives_nothing(
+    simulator: Simulator,
+) -> None:
+    with host(simulator) as process:
         wait(simulator, at_speed)
         boot_id = simulator.reset()
         reset = wait(simulator, lambda state: state.boot_id == boot_id)
         assert not reset.drive_on
         assert reset.state is SupervisorState.BOOT
-        # The application lives and goes on commanding: the link recovers by itself.
-        wait(simulator, lambda state: state.boot_id == boot_id and at_speed(state))
+        # It goes on commanding in the session that the link opens by itself, and is refused.
+        assert process.wait(TIMEOUT_S) != 0
+        states = [state for state in simulator.take_states() if state.boot_id == boot_id]
+        assert states
+        assert not any(state.drive_on for state in states)
