@@ -178,8 +178,10 @@ class Judge {
   }
   template <typename Part>
   static void append(std::string& text, const Part& part) {
-    if constexpr (std::is_arithmetic_v<Part>)
-      text += text_of(static_cast<double>(part));
+    if constexpr (std::is_integral_v<Part>)
+      text += std::to_string(part);
+    else if constexpr (std::is_floating_point_v<Part>)
+      text += text_of(part);
     else
       text += part;
   }
