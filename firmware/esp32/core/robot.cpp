@@ -166,8 +166,9 @@ void Robot::hold_still(uint64_t now_us) {
     return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
   }
   drive_.follow(ControlMode::kVelocity, {}, config_);
-  // Until then it slows down as it is to.
-  if (drive_.commanded().is_zero()) note_speed(now_us);
+  // While its command comes down to zero the loop drives it. If it moves on after that, it rolls.
+  if (!drive_.commanded().is_zero()) return rolling_.reset();
+  note_speed(now_us);
 }
 
 /// From now on the robot is to be armed before it goes towards the bumper.
