@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire import SensorEvent, SensorEventCode, SensorState
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.files.board import board_mapping, load_board, parse_board
 from wheelwire_protocol.sensors import IMUS, RANGES, SensorChip
@@ -172,14 +172,14 @@ BOARDS: tuple[tuple[Peripherals, list[Fault]], ...] = (
 )
 
 
-def board_with(peripherals: Peripherals) -> BoardDescription:
+def board_with(peripherals: Peripherals) -> Configuration:
     """The simulated board with these."""
     return parse_board(
         {**board_mapping(load_board("l298n")), "module": "wroom-32", "led": None, **peripherals}
     )
 
 
-def opened(board: BoardDescription) -> VirtualMockDriver:
+def opened(board: Configuration) -> VirtualMockDriver:
     """A simulated robot with its sensors on."""
     robot = MockDriver(realtime=False)
     assert isinstance(robot, VirtualMockDriver)
@@ -220,7 +220,7 @@ def names(event: SensorEvent, fault: Fault) -> bool:
     return event.code is SensorEventCode.STATE and event.value == fault.state
 
 
-def drive(board: BoardDescription, fault: Fault | None) -> tuple[float, ...]:
+def drive(board: Configuration, fault: Fault | None) -> tuple[float, ...]:
     """Where the robot is after a drive with a fault, and its late control steps."""
     with opened(board) as robot:
         sim = robot.simulator

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import generated
 from generated import ROOT, table
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.files.board import load_board, shipped_boards
 from wheelwire_protocol.board import (
     CHIPS,
@@ -194,7 +194,7 @@ def svg(title: str, height: int, *pictures: Picture) -> str:
 class Wiring:
     """The wiring of one board: chip, power stage, encoders, battery and what is between them."""
 
-    def __init__(self, board: BoardDescription) -> None:
+    def __init__(self, board: Configuration) -> None:
         self.board = board
         self.module = MODULES[board.stage]
         self.inputs = [name for name in OUTPUTS if name in STAGES[board.stage].inputs]
@@ -341,7 +341,7 @@ class Wiring:
         self.wires.dot(815, ground, "#111")
 
 
-def _where(board: BoardDescription, function: BoardPin) -> str:
+def _where(board: Configuration, function: BoardPin) -> str:
     """What a pin leads to, in the words that are printed there."""
     module = MODULES[board.stage]
     side, _, name = function.name.lower().partition("_")
@@ -435,7 +435,7 @@ def boards() -> str:
     return "\n".join(_board(name, load_board(name)) for name in shipped_boards())
 
 
-def _board(name: str, board: BoardDescription) -> str:
+def _board(name: str, board: Configuration) -> str:
     pins = table(
         ["GPIO", "leads to", "", ""],
         (
@@ -456,7 +456,7 @@ IN_IMAGES = {"Esp32": "l298n", "Esp32s3": "esp32s3", "Esp32c6": "esp32c6"}
 """The board of each chip's image, active until another one is written."""
 
 
-def _initializers(board: BoardDescription) -> list[str]:
+def _initializers(board: Configuration) -> list[str]:
     """The fields of a BoardDescription in C++."""
     values = {
         "version": "kBoardVersion",

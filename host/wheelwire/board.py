@@ -1,14 +1,16 @@
-"""A board: which pins lead to which power stage and encoders, and whether that can work.
+"""A configuration: a board, the peripherals on it, and whether they can work.
 
-A board is data. It is written as YAML (`files.board`), is sent and stored as a packed struct, and
-is checked by the firmware's own rules.
+The board says which pins lead to which power stage and encoders. A configuration is data. It is
+written as YAML (`files.board`), is sent and stored in packed form, and is checked by the firmware's
+own rules.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from wheelwire_protocol.board import (
@@ -27,14 +29,25 @@ from wheelwire_protocol.board import (
     Stage,
 )
 from wheelwire_protocol.codes import Chip
-from wheelwire_protocol.native import BoardIssue, check_board
+from wheelwire_protocol.native import BoardIssue, check_board, check_peripherals
+from wheelwire_protocol.sensors import MOST_PERIPHERALS, PeripheralFault
 from wheelwire_protocol.types import BOARD_LAYOUT
 
 from .errors import ConfigurationError, shown
-from .peripherals import CRC_SIZE, Peripheral, peripheral_problems, sealed, silent_wires
+from .peripherals import (
+    EMPTY_ENTRY,
+    ENTRY,
+    Peripheral,
+    packed_entry,
+    peripheral_sentence,
+    silent_wires,
+    unpacked_entry,
+)
 
 # Little-endian and without padding, as on the wire.
-PACKED = struct.Struct("<" + "".join(letters for _, letters in BOARD_LAYOUT))
+BOARD = struct.Struct("<" + "".join(letters for _, letters in BOARD_LAYOUT))
+_CRC_SIZE = 4
+_PACKED_SIZE = BOARD.size + 1 + MOST_PERIPHERALS * ENTRY.size + _CRC_SIZE
 _NAMES = [name for name, _ in BOARD_LAYOUT]
 _MAX_PERMILLE = 65_535
 
@@ -53,8 +66,8 @@ class WheelPins:
 
 
 @dataclass(frozen=True)
-class BoardDescription:
-    """One kind of board. All pins are GPIO numbers; None: not connected.
+class Configuration:
+    """A board and its peripherals. All pins are GPIO numbers; None: not connected.
 
     Attributes:
         name: At most 24 ASCII characters.
@@ -74,8 +87,7 @@ class BoardDescription:
         line: The line to the host.
         pulldowns: Pins with an external resistor to ground.
         module: What carries the chip; it decides which pins its memory takes.
-        peripherals: Sensors, inputs and the battery's levels, by channel. A device stores them
-            beside the board: they are no part of its packed form, nor of its fingerprint.
+        peripherals: Sensors, inputs and the battery's levels, by channel.
     """
 
     name: str
@@ -98,19 +110,25 @@ class BoardDescription:
     peripherals: tuple[Peripheral, ...] = ()
 
     def fingerprint(self) -> int:
-        """The 32-bit checksum that names this board; another board has another one.
+        """The 32-bit checksum that names this configuration; another one has another.
 
         Raises:
             ConfigurationError: As `packed`.
         """
-        return int.from_bytes(self.packed()[-CRC_SIZE:], "little")
+        return fingerprint_of(self.packed())
 
     def packed(self) -> bytes:
-        """The bytes in which it is sent and stored.
+        """The bytes in which it is stored: the board, how many peripherals count, and these.
 
         Raises:
-            ConfigurationError: A value does not fit into its field.
+            ConfigurationError: A value does not fit into its field, or there are too many
+                peripherals.
         """
+        if len(self.peripherals) > MOST_PERIPHERALS:
+            raise ConfigurationError(f"{self.name}: {self._too_many}")
+        return assembled(self._packed_board(), [packed_entry(one) for one in self.peripherals])
+
+    def _packed_board(self) -> bytes:
         # A file with other letters is refused; a program's board gets question marks for them.
         name = self.name.encode("ascii", "replace")
         if len(name) > NAME_SIZE:  # struct would cut it
@@ -131,20 +149,17 @@ class BoardDescription:
             # Clamped, so that the rule about dividers refuses it in a sentence of its own.
             "battery_divider_permille": min(round(self.battery_divider * 1000), _MAX_PERMILLE),
             "pulldowns": sum(1 << pin for pin in self.pulldowns),
-            "crc": 0,
         }
         # The pins' fields have the names of `BoardPin`'s members, in lower case.
         for function in BoardPin:
             pin = self.pin(function)
             values[function.name.lower()] = NO_PIN if pin is None else pin
         try:
-            # Packed with a CRC of 0, which is cut off again: it does not cover itself.
-            body = PACKED.pack(*(values[name] for name in _NAMES))[:-CRC_SIZE]
+            return BOARD.pack(*(values[name] for name in _NAMES))
         except struct.error as error:
             raise ConfigurationError(
                 f"the board {self.name!r} cannot be packed: {error}"
             ) from error
-        return sealed(body)
 
     def pin(self, function: BoardPin) -> int | None:
         """The GPIO of a function."""
@@ -169,7 +184,21 @@ class BoardDescription:
             NativeMissingError: The firmware's core, whose rules these are, is missing.
         """
         found = self._sentences(warnings=False)
-        return [*found, *peripheral_problems(self.peripherals, self.packed())]
+        return [*found, *self.peripheral_problems()]
+
+    def peripheral_problems(self) -> list[str]:
+        """What is wrong with its peripherals on this board; as `problems`."""
+        if len(self.peripherals) > MOST_PERIPHERALS:
+            return [self._too_many]
+        issues = check_peripherals(self.packed())
+        # The same problem of two pins is one sentence.
+        return list(dict.fromkeys(peripheral_sentence(one, self.peripherals) for one in issues))
+
+    @property
+    def _too_many(self) -> str:
+        return PeripheralFault.TOO_MANY.doc.format(
+            value=len(self.peripherals), limit=MOST_PERIPHERALS
+        )
 
     def warnings(self) -> list[str]:
         """What is worth a look although it can be used, a sentence each; raises as `problems`."""
@@ -184,7 +213,8 @@ class BoardDescription:
     def _sentences(self, *, warnings: bool) -> list[str]:
         return [
             sentence(issue, self.chip, self.stage)
-            for issue in check_board(self.packed())
+            # Without peripherals, which may be too many: the board's rules are its own.
+            for issue in check_board(replace(self, peripherals=()).packed())
             if (issue.fault in WARNINGS) == warnings
         ]
 
@@ -194,26 +224,44 @@ def chip_of_pins(chip: Chip) -> Chip:
     return Chip.ESP32 if chip is Chip.SIMULATED else chip
 
 
-def unpacked(data: bytes) -> BoardDescription:
-    """The board in a packed struct.
+def assembled(board: bytes, entries: Sequence[bytes]) -> bytes:
+    """The packed configuration of a packed board and its packed entries."""
+    left_out = [EMPTY_ENTRY] * (MOST_PERIPHERALS - len(entries))
+    body = b"".join((board, bytes([len(entries)]), *entries, *left_out))
+    return body + zlib.crc32(body).to_bytes(_CRC_SIZE, "little")
+
+
+def fingerprint_of(packed: bytes) -> int:
+    """The fingerprint of a packed configuration."""
+    return int.from_bytes(packed[-_CRC_SIZE:], "little")
+
+
+def unpacked(data: bytes) -> Configuration:
+    """The configuration in its packed form.
 
     Raises:
         ConfigurationError: It is damaged, or of a version or with codes that are unknown here.
     """
     # Before anything is read: in damaged bytes even the version means nothing.
-    if len(data) != PACKED.size or sealed(data[:-CRC_SIZE]) != data:
+    body, crc = data[:-_CRC_SIZE], data[-_CRC_SIZE:]
+    if len(data) != _PACKED_SIZE or zlib.crc32(body) != int.from_bytes(crc, "little"):
         raise ConfigurationError(f"the board cannot be read: {BoardFault.DAMAGED.doc}")
-    values = dict(zip(_NAMES, PACKED.unpack(data), strict=True))
-    if values["version"] != BOARD_VERSION:
+    values = dict(zip(_NAMES, BOARD.unpack_from(body), strict=True))
+    peripheral_count = body[BOARD.size]
+    if values["version"] != BOARD_VERSION or peripheral_count > MOST_PERIPHERALS:
         raise ConfigurationError(
-            f"the board has format {values['version']}, this library reads {BOARD_VERSION}: "
+            f"the board has format {values['version']} and {peripheral_count} peripherals, and "
+            f"this library reads format {BOARD_VERSION}, at most {MOST_PERIPHERALS} peripherals: "
             "update the older one"
         )
+    first = BOARD.size + 1
+    starts = range(first, first + peripheral_count * ENTRY.size, ENTRY.size)
+    peripherals = tuple(unpacked_entry(body[at : at + ENTRY.size]) for at in starts)
 
     pins = {name: None if values[name] == NO_PIN else values[name] for name in PIN_FUNCTIONS}
     wheel = [f.name for f in fields(WheelPins)]
     try:
-        return BoardDescription(
+        return Configuration(
             name=values["name"].rstrip(b"\0").decode("ascii", "replace"),
             chip=Chip(values["chip"]),
             module=Module(values["module"]),
@@ -227,7 +275,7 @@ def unpacked(data: bytes) -> BoardDescription:
             battery_divider=values["battery_divider_permille"] / 1000,
             line=BoardLine(values["line"]),
             pulldowns=frozenset(pin for pin in range(64) if values["pulldowns"] >> pin & 1),
-            peripherals=(),
+            peripherals=peripherals,
             **{name: pins[name] for name in ("standby", "estop", "battery", "led")},
         )
     except ValueError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import text
-from .board import BoardDescription
+from .board import Configuration
 from .drivers.factory import check_options, driver_class, driver_names, open_driver
 from .drivers.options import SerialDriverOptions, SerialOptions
 from .drivers.pin_options import GpioOptions, L298NOptions, PigpioDriverOptions, PigpioOptions
@@ -51,7 +51,7 @@ class RobotConfig:
     """
 
     driver: str = "pigpio"
-    pins: BoardDescription = field(default_factory=Pins)
+    pins: Configuration = field(default_factory=Pins)
     board: str | None = None
     pigpio: PigpioOptions = field(default_factory=PigpioOptions)
     serial: SerialOptions = field(default_factory=SerialOptions)
@@ -61,7 +61,7 @@ class RobotConfig:
     options: dict[str, Any] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
 
-    def wiring(self) -> BoardDescription:
+    def wiring(self) -> Configuration:
         """The wiring of this computer's own pins.
 
         Raises:

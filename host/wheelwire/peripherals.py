@@ -1,8 +1,8 @@
 """A board's peripherals: sensors, inputs and the battery's levels, and whether they can work.
 
-Peripherals are data, like the board. The board's YAML file names them (`files.board`); the line and
-the flash have them as a list of packed entries, and the firmware's own rules check that list. The
-index of an entry is its channel.
+Peripherals are a part of the configuration (`board`). Its YAML file names them (`files.board`); on
+the line and in flash they are packed entries, which the firmware's own rules check. The index of an
+entry is its channel.
 """
 
 from __future__ import annotations
@@ -10,19 +10,15 @@ from __future__ import annotations
 import enum
 import math
 import struct
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
 from wheelwire_protocol.board import NO_PIN
-from wheelwire_protocol.native import check_peripherals
+from wheelwire_protocol.native import PeripheralIssue
 from wheelwire_protocol.sensors import (
     IMUS,
-    MOST_PERIPHERALS,
-    PERIPHERAL_FORMAT,
     Axis,
-    PeripheralFault,
     PeripheralFlag,
     PeripheralKind,
     Place,
@@ -37,14 +33,12 @@ ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT)
 _NAMES = [name for name, _ in PERIPHERAL_LAYOUT]
 _PINS = ("pin_a", "pin_b", "pin_c")
 _VALUES = ("value_a", "value_b", "value_c")
-# Format, count, zeros, and the board's fingerprint.
-_HEAD = struct.Struct("<BBHI")
-CRC_SIZE = 4
+EMPTY_ENTRY = ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _NAMES))
+"""An entry that does not count."""
 # An entry has unsigned numbers only; a bias is in two's complement.
 _HALF, _COUNTS = 0x8000, 0x1_0000
 _BIAS_DIGITS = 5
 """Decimals of a bias in rad/s: enough for one count of any chip."""
-_LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY.size + CRC_SIZE
 
 
 class Pull(enum.Enum):
@@ -349,81 +343,14 @@ def silent_wires(entries: Sequence[Peripheral]) -> list[str]:
     return found
 
 
-def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
-    """The bytes of a stored list; the last four, its checksum, are its fingerprint.
-
-    Args:
-        entries: The entries of the list.
-        board: Fingerprint of the board that they are connected to.
-
-    Raises:
-        ConfigurationError: There are too many entries, or a value does not fit into its field.
-    """
-    if len(entries) > MOST_PERIPHERALS:
-        raise ConfigurationError(_too_many(entries))
-    nothing = ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _NAMES))
-    packed = [*map(packed_entry, entries), *[nothing] * (MOST_PERIPHERALS - len(entries))]
-    return sealed(_HEAD.pack(PERIPHERAL_FORMAT, len(entries), 0, board) + b"".join(packed))
-
-
-def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
-    """The peripherals in a packed list, and the fingerprint of their board.
-
-    Raises:
-        ConfigurationError: The list is damaged, or this release does not know its format or codes.
-    """
-    body = data[:-CRC_SIZE]
-    if len(data) != _LIST_SIZE or sealed(body) != data:
-        raise ConfigurationError(f"the peripherals cannot be read: {PeripheralFault.DAMAGED.doc}")
-    version, count, _, board = _HEAD.unpack_from(body)
-    if version != PERIPHERAL_FORMAT or count > MOST_PERIPHERALS:
-        raise ConfigurationError(
-            f"the peripherals have format {version} and {count} entries, and this library reads "
-            f"format {PERIPHERAL_FORMAT}, at most {MOST_PERIPHERALS} entries: update the older one"
-        )
-    starts = range(_HEAD.size, _HEAD.size + count * ENTRY.size, ENTRY.size)
-    return tuple(unpacked_entry(body[at : at + ENTRY.size]) for at in starts), board
-
-
-def sealed(body: bytes) -> bytes:
-    """The bytes and, behind them, their CRC-32: so boards and lists are stored and named."""
-    return body + zlib.crc32(body).to_bytes(CRC_SIZE, "little")
-
-
-def fingerprint(entries: Sequence[Peripheral], board: int) -> int:
-    """The 32-bit checksum that names a list; raises as `packed_list`."""
-    return int.from_bytes(packed_list(entries, board)[-CRC_SIZE:], "little")
-
-
-def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str]:
-    """The problems of a list, a sentence each; empty if the list can be used.
-
-    Args:
-        entries: The entries of the list.
-        board: The packed board that they are connected to.
-
-    Raises:
-        ConfigurationError: A value does not fit into its field.
-        NativeMissingError: The firmware's core, whose rules these are, is missing.
-    """
-    if len(entries) > MOST_PERIPHERALS:
-        return [_too_many(entries)]
-    of_board = int.from_bytes(board[-CRC_SIZE:], "little")
-    texts = [
-        issue.fault.doc.format(
-            entry=key_of(entries[issue.channel]) if issue.channel >= 0 else "",
-            pin=issue.pin,
-            value=issue.value,
-            limit=issue.limit,
-        )
-        for issue in check_peripherals(packed_list(entries, of_board), board)
-    ]
-    # The same problem of two pins is one sentence.
-    return list(dict.fromkeys(texts))
-
-
-def _too_many(entries: Sequence[Peripheral]) -> str:
-    return PeripheralFault.TOO_MANY.doc.format(value=len(entries), limit=MOST_PERIPHERALS)
+def peripheral_sentence(issue: PeripheralIssue, entries: Sequence[Peripheral]) -> str:
+    """The sentence for a person: what is wrong, and what to do."""
+    return issue.fault.doc.format(
+        entry=key_of(entries[issue.channel]) if issue.channel >= 0 else "",
+        pin=issue.pin,
+        value=issue.value,
+        limit=issue.limit,
+    )
 
 
 def _whole(value: float) -> int:

@@ -60,10 +60,10 @@ class Module(DocumentedEnum):
     S3_OCTAL = 4, "An ESP32-S3 module with octal PSRAM or flash, as N8R8: it takes GPIO 33 to 37."
 
 
-class BoardState(DocumentedEnum):
-    """Where the active board is from."""
+class ConfigurationState(DocumentedEnum):
+    """Where the active configuration is from."""
 
-    NONE = 0, "There is none: nothing is driven."
+    DAMAGED = 0, "What is stored cannot be used, so there is none: nothing is driven."
     BUILT_IN = 1, "It is the image's own, which nobody confirmed: nothing is driven."
     STORED = 2, "It was confirmed."
     TRIAL = 3, "It was written, and waits for its confirmation: nothing drives."
@@ -191,7 +191,7 @@ CODES: tuple[type[DocumentedEnum], ...] = (
     EncoderPulls,
     ContactKind,
     BoardLine,
-    BoardState,
+    ConfigurationState,
     Module,
     BoardPin,
     BoardFault,

@@ -120,10 +120,10 @@ class Group(DocumentedEnum):
     """Messages that belong together, with a hash of their own. Every device has BASE."""
 
     BASE = 0, "Sessions, setpoints, stops, requests, state: what every device has."
-    BOARD = 1, "Boards: which pins lead to which power stage and encoders."
+    CONFIGURATION = 1, "The configuration: the board's pins, and the peripherals on it."
     RECORDER = 2, "Black boxes and ledger: what the device recorded of its stops."
     STORE = 3, "What the device has stored: which parameters a reset would change."
-    SENSOR = 4, "Sensors, inputs and reflexes: what the board's peripherals measure and forbid."
+    SENSOR = 4, "Sensors, inputs and reflexes: what the peripherals measure and forbid."
 
 
 class StopMode(DocumentedEnum):
@@ -162,10 +162,16 @@ class EventCode(DocumentedEnum):
     """What an Event message reports."""
 
     SUPERVISOR = 0, "The supervisor changed its state."
-    STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; the defaults are active."
+    CONFIGURATION_COPY_LOST = (
+        1,
+        "One of the two stored copies of the configuration was lost; it is written anew from the "
+        "other one as soon as the robot stands.",
+    )
     STORE_EMPTY = 2, "No parameters were saved yet; the defaults are active."
     TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, with the previous parameters."
     ROLLING = 4, "The robot rolls although it is not driven: a slope, or somebody pushes it."
+    PARAMETERS_COPY_LOST = 5, "As CONFIGURATION_COPY_LOST, of the saved parameters."
+    LATCHES_COPY_LOST = 6, "As CONFIGURATION_COPY_LOST, of the note whether an e-stop is latched."
 
 
 class Chip(DocumentedEnum):
@@ -242,9 +248,10 @@ class Fault(DocumentedFlag):
     )
     STORE_UNREADABLE = (
         1024,
-        "The saved parameters could not be read from flash, and the defaults are active: "
-        "reset the parameters, clear the fault and restart. If the whole flash partition is "
-        "damaged, this erases the board, too, and nothing drives until `wheelwire board write`.",
+        "The saved parameters are damaged or gone, and the defaults are active: load a file with "
+        "`wheelwire params import`, or reset the parameters, and clear the fault. If the whole "
+        "flash partition is damaged, a reset erases the board, too, and nothing drives until "
+        "`wheelwire board write`.",
     )
     NO_BOARD = (
         2048,
@@ -259,6 +266,12 @@ class Fault(DocumentedFlag):
         8192,
         "The robot rolled much faster than its limit and its setpoint for a second: "
         "the slope is steeper than its motors hold, or somebody pushed it.",
+    )
+    STORE_OUTDATED = (
+        16384,
+        "The flash holds parameters or a board as an earlier firmware wrote them, and nothing "
+        "drives: write the board with `wheelwire board write`, load the parameters with "
+        "`wheelwire params import` or reset them, and clear the fault.",
     )
 
 

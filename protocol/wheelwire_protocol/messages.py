@@ -19,7 +19,7 @@ from .board import (
     NAME_SIZE,
     PIN_FUNCTIONS,
     BoardLine,
-    BoardState,
+    ConfigurationState,
     ContactKind,
     EncoderPulls,
     Module,
@@ -48,7 +48,6 @@ from .sensors import (
     BatteryLevel,
     PeripheralFlag,
     PeripheralKind,
-    PeripheralsState,
     Place,
     RangeQuality,
     Reflex,
@@ -89,7 +88,6 @@ def board_fields() -> list[Field]:
         ),
         # 64 bits, because the GPIOs of an ESP32-S3 go up to 48.
         field("pulldowns", Int64ul, Unit.NONE, "GPIOs with an external pull-down, as bits."),
-        field("crc", Int32ul, Unit.NONE, "CRC-32 of the bytes before it, as in a frame."),
     ]
 
 
@@ -338,33 +336,72 @@ CONTRADICTIONS_GET = Message(
     body=Struct(_session(), _request()),
 )
 
-# --- boards, from the host: ids 0x20 to 0x2f -----------------------------------------------------
+# --- the configuration, from the host: ids 0x20 to 0x2f ------------------------------------------
 
-BOARD_GET = Message(
+CONFIGURATION_GET = Message(
     id=0x20,
-    name="BoardGet",
-    doc="Asks for the active board; the answer is BoardValue.",
+    name="ConfigurationGet",
+    doc="Asks for the active configuration; the answer is ConfigurationValue.",
     body=Struct(_session(), _request()),
-    group=Group.BOARD,
+    group=Group.CONFIGURATION,
 )
-BOARD_WRITE = Message(
+PERIPHERAL_GET = Message(
     id=0x21,
-    name="BoardWrite",
-    doc="Stores a board, to be tried from the next restart on. Only while stopped.",
-    # The board last: the firmware copies it to and from the end of the body as it is packed.
-    body=Struct(_session(), _request(), *board_fields()),
-    group=Group.BOARD,
-)
-BOARD_CONFIRM = Message(
-    id=0x22,
-    name="BoardConfirm",
-    doc="Confirms the board on trial, or the image's own, and lets it drive. Only while stopped.",
+    name="PeripheralGet",
+    doc="Asks for one of its peripherals; the answer is PeripheralValue.",
     body=Struct(
         _session(),
         _request(),
-        field("fingerprint", Int32ul, Unit.NONE, "The crc of the board that is meant."),
+        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
     ),
-    group=Group.BOARD,
+    group=Group.CONFIGURATION,
+)
+BOARD_SET = Message(
+    id=0x22,
+    name="BoardSet",
+    doc="Sets the board that ConfigurationWrite stores. Nothing changes before that.",
+    # The board last: the firmware copies it to and from the end of the body as it is packed.
+    body=Struct(_session(), _request(), *board_fields()),
+    group=Group.CONFIGURATION,
+)
+PERIPHERAL_SET = Message(
+    id=0x23,
+    name="PeripheralSet",
+    doc="As BoardSet, one of its peripherals.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
+        *peripheral_fields(),
+    ),
+    group=Group.CONFIGURATION,
+)
+CONFIGURATION_WRITE = Message(
+    id=0x24,
+    name="ConfigurationWrite",
+    doc="Stores what was set, to be tried from the next restart on. Only while stopped.",
+    body=Struct(
+        _session(),
+        _request(),
+        field(
+            "peripheral_count", Int8ul, Unit.NONE, "How many peripherals count; 0: there is none."
+        ),
+        field(
+            "fingerprint", Int32ul, Unit.NONE, "Of the configuration that is meant: see SPEC.md."
+        ),
+    ),
+    group=Group.CONFIGURATION,
+)
+CONFIGURATION_CONFIRM = Message(
+    id=0x25,
+    name="ConfigurationConfirm",
+    doc="Confirms the configuration on trial, or the image's own. Only while stopped.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("fingerprint", Int32ul, Unit.NONE, "Of the configuration that is meant."),
+    ),
+    group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the host: ids 0x30 to 0x3f -----------------------------------------------
@@ -426,53 +463,6 @@ SENSOR_STREAM = Message(
             Unit.HERTZ,
             "Highest rate of the IMU; other sensors have their own. 0: no samples.",
         ),
-    ),
-    group=Group.SENSOR,
-)
-PERIPHERAL_GET = Message(
-    id=0x51,
-    name="PeripheralGet",
-    doc="Asks for an entry of the active list; the answer is PeripheralValue.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
-    ),
-    group=Group.SENSOR,
-)
-PERIPHERAL_SET = Message(
-    id=0x52,
-    name="PeripheralSet",
-    doc="Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
-        *peripheral_fields(),
-    ),
-    group=Group.SENSOR,
-)
-PERIPHERALS_WRITE = Message(
-    id=0x53,
-    name="PeripheralsWrite",
-    doc="Stores the list, to be tried from the next restart on. Only while stopped.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel_count", Int8ul, Unit.NONE, "How many entries count; 0: an empty list."),
-        field("board", Int32ul, Unit.NONE, "Fingerprint of the board that they are connected to."),
-        field("crc", Int32ul, Unit.NONE, "CRC of the list: see SPEC.md."),
-    ),
-    group=Group.SENSOR,
-)
-PERIPHERALS_CONFIRM = Message(
-    id=0x54,
-    name="PeripheralsConfirm",
-    doc="Confirms the list on trial, and lets the robot drive. Only while stopped.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("crc", Int32ul, Unit.NONE, "CRC of the list that is meant."),
     ),
     group=Group.SENSOR,
 )
@@ -704,19 +694,33 @@ CONTRADICTIONS = Message(
     ),
 )
 
-# --- boards, from the device: ids 0xa0 to 0xaf ---------------------------------------------------
+# --- the configuration, from the device: ids 0xa0 to 0xaf ----------------------------------------
 
-BOARD_VALUE = Message(
+CONFIGURATION_VALUE = Message(
     id=0xA0,
-    name="BoardValue",
-    doc="The active board.",
+    name="ConfigurationValue",
+    doc="The active configuration, without its peripherals.",
     body=Struct(
         _session(),
         _request(),
-        field("state", Int8ul, Unit.NONE, "Where it is from.", BoardState),
+        field("state", Int8ul, Unit.NONE, "Where it is from.", ConfigurationState),
+        field("peripheral_count", Int8ul, Unit.NONE, "How many peripherals it has."),
+        field("fingerprint", Int32ul, Unit.NONE, "Its checksum: see SPEC.md."),
         *board_fields(),
     ),
-    group=Group.BOARD,
+    group=Group.CONFIGURATION,
+)
+PERIPHERAL_VALUE = Message(
+    id=0xA1,
+    name="PeripheralValue",
+    doc="One of its peripherals; of kind NONE if it has fewer.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
+        *peripheral_fields(),
+    ),
+    group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the device: ids 0xb0 to 0xbf ---------------------------------------------
@@ -929,22 +933,6 @@ SENSOR_EVENT = Message(
     ),
     group=Group.SENSOR,
 )
-PERIPHERAL_VALUE = Message(
-    id=0xD5,
-    name="PeripheralValue",
-    doc="An entry of the active list; of kind NONE if it is shorter.",
-    body=Struct(
-        _session(),
-        _request(),
-        _channel(),
-        field("channel_count", Int8ul, Unit.NONE, "How many entries the list has."),
-        field("state", Int8ul, Unit.NONE, "Where the list is from.", PeripheralsState),
-        field("board", Int32ul, Unit.NONE, "Fingerprint of the board that it is for."),
-        field("crc", Int32ul, Unit.NONE, "CRC of the list."),
-        *peripheral_fields(),
-    ),
-    group=Group.SENSOR,
-)
 RANGE = Message(
     id=0xD6,
     name="Range",
@@ -981,18 +969,17 @@ MESSAGES: tuple[Message, ...] = (
     GROUP_GET,
     RESTART,
     CONTRADICTIONS_GET,
-    BOARD_GET,
-    BOARD_WRITE,
-    BOARD_CONFIRM,
+    CONFIGURATION_GET,
+    PERIPHERAL_GET,
+    BOARD_SET,
+    PERIPHERAL_SET,
+    CONFIGURATION_WRITE,
+    CONFIGURATION_CONFIRM,
     BOX_GET,
     BOX_READ,
     LEDGER_GET,
     UNSAVED_GET,
     SENSOR_STREAM,
-    PERIPHERAL_GET,
-    PERIPHERAL_SET,
-    PERIPHERALS_WRITE,
-    PERIPHERALS_CONFIRM,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -1005,7 +992,8 @@ MESSAGES: tuple[Message, ...] = (
     CONTROL_COUNTERS,
     GROUP_INFO,
     CONTRADICTIONS,
-    BOARD_VALUE,
+    CONFIGURATION_VALUE,
+    PERIPHERAL_VALUE,
     BOX_VALUE,
     BOX_PART,
     LEDGER_VALUE,
@@ -1015,7 +1003,6 @@ MESSAGES: tuple[Message, ...] = (
     POWER,
     INPUTS,
     SENSOR_EVENT,
-    PERIPHERAL_VALUE,
     RANGE,
 )
 

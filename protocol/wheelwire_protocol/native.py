@@ -22,7 +22,7 @@ from .codes import Capability, Chip, Fault, RefusalCode, ResetReason, Supervisor
 from .sensors import PeripheralFault
 from .types import SCHEMA_HASH
 
-ABI = 11
+ABI = 12
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 RECORDER_SIZE = 320 * 1024
 """Size of what `Core.keep_recorder` writes, in bytes."""
@@ -297,11 +297,11 @@ class Sensors:
     A process that is forked after this polls a bus, while the first one steps a core.
 
     Args:
-        packed: The packed list; `Core.sense` checks its rules.
+        packed: The packed configuration; `Core.sense` checks the rules of its peripherals.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
-        ValueError: The list cannot be read.
+        ValueError: It cannot be read.
     """
 
     def __init__(self, packed: bytes) -> None:
@@ -311,7 +311,7 @@ class Sensors:
         start = ctypes.addressof(ctypes.c_char.from_buffer(self._memory))
         handle = self._library.wheelwire_sensors_create(start, packed, len(packed))
         if not handle:
-            raise ValueError("the list of peripherals cannot be read")
+            raise ValueError("the configuration cannot be read")
         self.handle: int = handle
         """Its address."""
 
@@ -350,7 +350,7 @@ class BoardIssue(NamedTuple):
 
 
 def check_board(packed: bytes) -> list[BoardIssue]:
-    """What is wrong with a packed board, by the core's own rules; empty if it can be used.
+    """What is wrong with the board of a packed configuration, by the core's own rules.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
@@ -373,16 +373,14 @@ class PeripheralIssue(NamedTuple):
     limit: int
 
 
-def check_peripherals(packed: bytes, board: bytes) -> list[PeripheralIssue]:
-    """What is wrong with a packed list for this packed board; empty if it can be used.
+def check_peripherals(packed: bytes) -> list[PeripheralIssue]:
+    """What is wrong with the peripherals of a packed configuration, as `check_board`.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
     issues = (_PeripheralIssue * _MOST_ISSUES)()
-    count = load().wheelwire_peripherals_check(
-        packed, len(packed), board, len(board), issues, _MOST_ISSUES
-    )
+    count = load().wheelwire_peripherals_check(packed, len(packed), issues, _MOST_ISSUES)
     return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
 
 
@@ -707,14 +705,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     ),
     "wheelwire_peripherals_check": (
         ctypes.c_size_t,
-        (
-            ctypes.c_char_p,
-            ctypes.c_size_t,
-            ctypes.c_char_p,
-            ctypes.c_size_t,
-            ctypes.POINTER(_PeripheralIssue),
-            ctypes.c_size_t,
-        ),
+        (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_PeripheralIssue), ctypes.c_size_t),
     ),
     "wheelwire_core_hash": (ctypes.c_uint32, ()),
     "wheelwire_box_open": (

@@ -90,15 +90,6 @@ class PeripheralFlag(DocumentedFlag):
     PULL_DOWN = 4, "The chip's own pull-down holds the pin."
 
 
-class PeripheralsState(DocumentedEnum):
-    """Where the active list is from."""
-
-    EMPTY = 0, "None was ever stored: nothing is measured, and no reflex acts."
-    STORED = 1, "It was confirmed."
-    TRIAL = 2, "It was written, and waits for its confirmation: nothing drives."
-    UNUSABLE = 3, "The stored one is damaged, or not of this board: nothing drives."
-
-
 class SensorState(DocumentedEnum):
     """Whether a sensor's samples can be used. Only OK ones are sent."""
 
@@ -154,9 +145,6 @@ class PeripheralFault(DocumentedEnum):
     """Why a list is refused. `{entry}` is its number, from 1; `{pin}` a GPIO."""
 
     NONE = 0, "Nothing is wrong."
-    FORMAT = 1, "the list has format {value}, this firmware knows {limit}: update the older one"
-    DAMAGED = 2, "the list's checksum is wrong: write the list again"
-    OTHER_BOARD = 3, "it is for another board: write the board and its peripherals together"
     TOO_MANY = 4, "{value} entries: a board takes {limit} at most"
     KIND = 5, "{entry}: the firmware does not know this kind of peripheral: update it"
     CHIP = 6, "{entry}: chip: the firmware does not know this chip for this kind"
@@ -214,18 +202,21 @@ class PeripheralFault(DocumentedEnum):
     )
 
 
-# Their names and values are part of the group's hash.
-CODES: tuple[type[DocumentedEnum], ...] = (
+# Their names and values are part of the hashes of both groups.
+PERIPHERAL_CODES: tuple[type[DocumentedEnum], ...] = (
     PeripheralKind,
     SensorChip,
     Place,
     Axis,
-    PeripheralsState,
+    PeripheralFault,
+)
+"""Those of a configuration's peripherals."""
+CODES: tuple[type[DocumentedEnum], ...] = (
+    *PERIPHERAL_CODES,
     SensorState,
     RangeQuality,
     BatteryLevel,
     SensorEventCode,
-    PeripheralFault,
 )
 """Those of the group SENSOR."""
 FLAGS: tuple[type[DocumentedFlag], ...] = (PeripheralFlag, Reflex)

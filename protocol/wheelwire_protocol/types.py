@@ -233,8 +233,8 @@ class ContradictionsGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
-class BoardGet(NamedTuple):
-    """Asks for the active board; the answer is BoardValue."""
+class ConfigurationGet(NamedTuple):
+    """Asks for the active configuration; the answer is ConfigurationValue."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
@@ -242,8 +242,19 @@ class BoardGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
-class BoardWrite(NamedTuple):
-    """Stores a board, to be tried from the next restart on. Only while stopped."""
+class PeripheralGet(NamedTuple):
+    """Asks for one of its peripherals; the answer is PeripheralValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the entry, from 0."""
+
+
+class BoardSet(NamedTuple):
+    """Sets the board that ConfigurationWrite stores. Nothing changes before that."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
@@ -309,19 +320,67 @@ class BoardWrite(NamedTuple):
     """Battery volts per volt at the pin, times 1000."""
     pulldowns: int
     """GPIOs with an external pull-down, as bits."""
-    crc: int
-    """CRC-32 of the bytes before it, as in a frame."""
 
 
-class BoardConfirm(NamedTuple):
-    """Confirms the board on trial, or the image's own, and lets it drive. Only while stopped."""
+class PeripheralSet(NamedTuple):
+    """As BoardSet, one of its peripherals."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the entry, from 0."""
+    kind: int
+    """What it is. See `codes.PeripheralKind`."""
+    chip: int
+    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
+    place: int
+    """Where it is. See `codes.Place`."""
+    flags: int
+    """Properties of its pin. See `codes.PeripheralFlag`."""
+    pin_a: int
+    """GPIO; -1: none."""
+    pin_b: int
+    """GPIO; -1: none."""
+    pin_c: int
+    """GPIO; -1: none."""
+    address: int
+    """Its address on the I2C bus; 0: the chip's usual one."""
+    forward: int
+    """The IMU's axis that points forward. See `codes.Axis`."""
+    up: int
+    """The IMU's axis that points up. See `codes.Axis`."""
+    value_a: int
+    """Depends on the kind; see SPEC.md."""
+    value_b: int
+    """Depends on the kind."""
+    value_c: int
+    """Depends on the kind."""
+
+
+class ConfigurationWrite(NamedTuple):
+    """Stores what was set, to be tried from the next restart on. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    peripheral_count: int
+    """How many peripherals count; 0: there is none."""
+    fingerprint: int
+    """Of the configuration that is meant: see SPEC.md."""
+
+
+class ConfigurationConfirm(NamedTuple):
+    """Confirms the configuration on trial, or the image's own. Only while stopped."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
     request_id: int
     """Counts up in a session; the answer returns it."""
     fingerprint: int
-    """The crc of the board that is meant."""
+    """Of the configuration that is meant."""
 
 
 class BoxGet(NamedTuple):
@@ -375,80 +434,6 @@ class SensorStream(NamedTuple):
     """Counts up in a session; the answer returns it."""
     rate_hz: int
     """Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz]"""
-
-
-class PeripheralGet(NamedTuple):
-    """Asks for an entry of the active list; the answer is PeripheralValue."""
-
-    session_id: int
-    """Nonce XOR boot_id of the session."""
-    request_id: int
-    """Counts up in a session; the answer returns it."""
-    channel: int
-    """Index of the entry, from 0."""
-
-
-class PeripheralSet(NamedTuple):
-    """Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that."""
-
-    session_id: int
-    """Nonce XOR boot_id of the session."""
-    request_id: int
-    """Counts up in a session; the answer returns it."""
-    channel: int
-    """Index of the entry, from 0."""
-    kind: int
-    """What it is. See `codes.PeripheralKind`."""
-    chip: int
-    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
-    place: int
-    """Where it is. See `codes.Place`."""
-    flags: int
-    """Properties of its pin. See `codes.PeripheralFlag`."""
-    pin_a: int
-    """GPIO; -1: none."""
-    pin_b: int
-    """GPIO; -1: none."""
-    pin_c: int
-    """GPIO; -1: none."""
-    address: int
-    """Its address on the I2C bus; 0: the chip's usual one."""
-    forward: int
-    """The IMU's axis that points forward. See `codes.Axis`."""
-    up: int
-    """The IMU's axis that points up. See `codes.Axis`."""
-    value_a: int
-    """Depends on the kind; see SPEC.md."""
-    value_b: int
-    """Depends on the kind."""
-    value_c: int
-    """Depends on the kind."""
-
-
-class PeripheralsWrite(NamedTuple):
-    """Stores the list, to be tried from the next restart on. Only while stopped."""
-
-    session_id: int
-    """Nonce XOR boot_id of the session."""
-    request_id: int
-    """Counts up in a session; the answer returns it."""
-    channel_count: int
-    """How many entries count; 0: an empty list."""
-    board: int
-    """Fingerprint of the board that they are connected to."""
-    crc: int
-    """CRC of the list: see SPEC.md."""
-
-
-class PeripheralsConfirm(NamedTuple):
-    """Confirms the list on trial, and lets the robot drive. Only while stopped."""
-
-    session_id: int
-    """Nonce XOR boot_id of the session."""
-    request_id: int
-    """Counts up in a session; the answer returns it."""
-    crc: int
-    """CRC of the list that is meant."""
 
 
 class DeviceHello(NamedTuple):
@@ -685,15 +670,19 @@ class Contradictions(NamedTuple):
     """Contradictions of the values that this session was last refused. See `codes.Contradiction`."""
 
 
-class BoardValue(NamedTuple):
-    """The active board."""
+class ConfigurationValue(NamedTuple):
+    """The active configuration, without its peripherals."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
     request_id: int
     """Counts up in a session; the answer returns it."""
     state: int
-    """Where it is from. See `codes.BoardState`."""
+    """Where it is from. See `codes.ConfigurationState`."""
+    peripheral_count: int
+    """How many peripherals it has."""
+    fingerprint: int
+    """Its checksum: see SPEC.md."""
     version: int
     """Version of this struct."""
     chip: int
@@ -754,8 +743,43 @@ class BoardValue(NamedTuple):
     """Battery volts per volt at the pin, times 1000."""
     pulldowns: int
     """GPIOs with an external pull-down, as bits."""
-    crc: int
-    """CRC-32 of the bytes before it, as in a frame."""
+
+
+class PeripheralValue(NamedTuple):
+    """One of its peripherals; of kind NONE if it has fewer."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the entry, from 0."""
+    kind: int
+    """What it is. See `codes.PeripheralKind`."""
+    chip: int
+    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
+    place: int
+    """Where it is. See `codes.Place`."""
+    flags: int
+    """Properties of its pin. See `codes.PeripheralFlag`."""
+    pin_a: int
+    """GPIO; -1: none."""
+    pin_b: int
+    """GPIO; -1: none."""
+    pin_c: int
+    """GPIO; -1: none."""
+    address: int
+    """Its address on the I2C bus; 0: the chip's usual one."""
+    forward: int
+    """The IMU's axis that points forward. See `codes.Axis`."""
+    up: int
+    """The IMU's axis that points up. See `codes.Axis`."""
+    value_a: int
+    """Depends on the kind; see SPEC.md."""
+    value_b: int
+    """Depends on the kind."""
+    value_c: int
+    """Depends on the kind."""
 
 
 class BoxValue(NamedTuple):
@@ -1009,51 +1033,6 @@ class SensorEvent(NamedTuple):
     """By code."""
 
 
-class PeripheralValue(NamedTuple):
-    """An entry of the active list; of kind NONE if it is shorter."""
-
-    session_id: int
-    """Nonce XOR boot_id of the session."""
-    request_id: int
-    """Counts up in a session; the answer returns it."""
-    channel: int
-    """Index of the peripheral's entry."""
-    channel_count: int
-    """How many entries the list has."""
-    state: int
-    """Where the list is from. See `codes.PeripheralsState`."""
-    board: int
-    """Fingerprint of the board that it is for."""
-    crc: int
-    """CRC of the list."""
-    kind: int
-    """What it is. See `codes.PeripheralKind`."""
-    chip: int
-    """The chip of an IMU, POWER or RANGE. See `codes.SensorChip`."""
-    place: int
-    """Where it is. See `codes.Place`."""
-    flags: int
-    """Properties of its pin. See `codes.PeripheralFlag`."""
-    pin_a: int
-    """GPIO; -1: none."""
-    pin_b: int
-    """GPIO; -1: none."""
-    pin_c: int
-    """GPIO; -1: none."""
-    address: int
-    """Its address on the I2C bus; 0: the chip's usual one."""
-    forward: int
-    """The IMU's axis that points forward. See `codes.Axis`."""
-    up: int
-    """The IMU's axis that points up. See `codes.Axis`."""
-    value_a: int
-    """Depends on the kind; see SPEC.md."""
-    value_b: int
-    """Depends on the kind."""
-    value_c: int
-    """Depends on the kind."""
-
-
 class Range(NamedTuple):
     """One measurement of a range sensor. Never sent twice."""
 
@@ -1094,18 +1073,17 @@ AnyMessage = (
     | GroupGet
     | Restart
     | ContradictionsGet
-    | BoardGet
-    | BoardWrite
-    | BoardConfirm
+    | ConfigurationGet
+    | PeripheralGet
+    | BoardSet
+    | PeripheralSet
+    | ConfigurationWrite
+    | ConfigurationConfirm
     | BoxGet
     | BoxRead
     | LedgerGet
     | UnsavedGet
     | SensorStream
-    | PeripheralGet
-    | PeripheralSet
-    | PeripheralsWrite
-    | PeripheralsConfirm
     | DeviceHello
     | WheelState
     | Refuse
@@ -1118,7 +1096,8 @@ AnyMessage = (
     | ControlCounters
     | GroupInfo
     | Contradictions
-    | BoardValue
+    | ConfigurationValue
+    | PeripheralValue
     | BoxValue
     | BoxPart
     | LedgerValue
@@ -1128,7 +1107,6 @@ AnyMessage = (
     | Power
     | Inputs
     | SensorEvent
-    | PeripheralValue
     | Range
 )
 
@@ -1153,18 +1131,17 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x12, GroupGet, "LHB"),
     (0x13, Restart, "LH"),
     (0x14, ContradictionsGet, "LH"),
-    (0x20, BoardGet, "LH"),
-    (0x21, BoardWrite, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
-    (0x22, BoardConfirm, "LHL"),
+    (0x20, ConfigurationGet, "LH"),
+    (0x21, PeripheralGet, "LHB"),
+    (0x22, BoardSet, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQ"),
+    (0x23, PeripheralSet, "LHBBBBBbbbBBBHHH"),
+    (0x24, ConfigurationWrite, "LHBL"),
+    (0x25, ConfigurationConfirm, "LHL"),
     (0x30, BoxGet, "LHB"),
     (0x31, BoxRead, "LHLL"),
     (0x32, LedgerGet, "LH"),
     (0x40, UnsavedGet, "LH"),
     (0x50, SensorStream, "LHH"),
-    (0x51, PeripheralGet, "LHB"),
-    (0x52, PeripheralSet, "LHBBBBBbbbBBBHHH"),
-    (0x53, PeripheralsWrite, "LHBLL"),
-    (0x54, PeripheralsConfirm, "LHL"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -1177,7 +1154,8 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x89, ControlCounters, "LHLLLLL"),
     (0x8A, GroupInfo, "LHBL"),
     (0x8B, Contradictions, "LHLL"),
-    (0xA0, BoardValue, "LHBBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
+    (0xA0, ConfigurationValue, "LHBBLBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQ"),
+    (0xA1, PeripheralValue, "LHBBBBBbbbBBBHHH"),
     (0xB0, BoxValue, "LHBBBLLBBLLLLLLQ"),
     (0xB1, BoxPart, "LHLLB56s"),
     (0xB2, LedgerValue, "LHLLLLLLLLLLLLLL"),
@@ -1187,7 +1165,6 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0xD2, Power, "LLBHlfB"),
     (0xD3, Inputs, "LLHHHBBHHHHHHHHHHHHHH"),
     (0xD4, SensorEvent, "LLBBH"),
-    (0xD5, PeripheralValue, "LHBBBLLBBBBbbbBBBHHH"),
     (0xD6, Range, "LLBHHHB"),
 )
 """Id, class, and the body in the format characters of `struct`."""
@@ -1223,7 +1200,6 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
     ("encoder_filter_ns", "H"),
     ("battery_divider_permille", "H"),
     ("pulldowns", "Q"),
-    ("crc", "L"),
 )
 """The fields of the packed board, and their format characters."""
 
@@ -1245,28 +1221,28 @@ PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
 """The fields of the packed peripheral, and their format characters."""
 
 GROUP_HASHES: dict[Group, int] = {
-    Group.BASE: 0x9CAD6F10,
-    Group.BOARD: 0x4CD2F265,
+    Group.BASE: 0x0AE08FBB,
+    Group.CONFIGURATION: 0x3FE4DDFC,
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,
-    Group.SENSOR: 0xEBC836E8,
+    Group.SENSOR: 0xBCDBDCAE,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
 GROUPS: dict[type[AnyMessage], Group] = {
-    BoardGet: Group.BOARD,
-    BoardWrite: Group.BOARD,
-    BoardConfirm: Group.BOARD,
+    ConfigurationGet: Group.CONFIGURATION,
+    PeripheralGet: Group.CONFIGURATION,
+    BoardSet: Group.CONFIGURATION,
+    PeripheralSet: Group.CONFIGURATION,
+    ConfigurationWrite: Group.CONFIGURATION,
+    ConfigurationConfirm: Group.CONFIGURATION,
     BoxGet: Group.RECORDER,
     BoxRead: Group.RECORDER,
     LedgerGet: Group.RECORDER,
     UnsavedGet: Group.STORE,
     SensorStream: Group.SENSOR,
-    PeripheralGet: Group.SENSOR,
-    PeripheralSet: Group.SENSOR,
-    PeripheralsWrite: Group.SENSOR,
-    PeripheralsConfirm: Group.SENSOR,
-    BoardValue: Group.BOARD,
+    ConfigurationValue: Group.CONFIGURATION,
+    PeripheralValue: Group.CONFIGURATION,
     BoxValue: Group.RECORDER,
     BoxPart: Group.RECORDER,
     LedgerValue: Group.RECORDER,
@@ -1276,7 +1252,6 @@ GROUPS: dict[type[AnyMessage], Group] = {
     Power: Group.SENSOR,
     Inputs: Group.SENSOR,
     SensorEvent: Group.SENSOR,
-    PeripheralValue: Group.SENSOR,
     Range: Group.SENSOR,
 }
 """The groups of the messages that not every device has."""

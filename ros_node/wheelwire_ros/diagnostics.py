@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
+from wheelwire.diagnosis.cures import cure_of_stores
 
 from .robot_connection import RobotConnection
 from .robot_state import ERROR, OK, WARN, RobotState
@@ -168,6 +169,9 @@ def _robot(
         level, message = STALE, "the last known state; the robot is silent"
     elif state.faults:
         level, message = ERROR, state.stop or " ".join(fault.doc for fault in state.faults)
+        port = identity_of(connection.robot).get("port", "ROBOT")
+        if cure := cure_of_stores(sample.faults, port):
+            message = f"{message} End this node, then run {cure}."
     elif warnings:
         level, message = WARN, " ".join(warnings)
     else:

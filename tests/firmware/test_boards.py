@@ -11,13 +11,14 @@ import pytest
 
 from support.own_board import OWN_BOARD
 from support.virtual import VirtualRobot
-from wheelwire.board import BoardDescription, unpacked
+from wheelwire.board import BOARD, Configuration
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
 from wheelwire.files.board import load_board, shipped_boards
 from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
-from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE, schema_hash
+from wheelwire.peripherals import ENTRY, packed_entry
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import (
     Chip,
     Fault,
@@ -27,16 +28,18 @@ from wheelwire_protocol.codes import (
     StopMode,
     SupervisorState,
 )
+from wheelwire_protocol.sensors import MOST_PERIPHERALS
 from wheelwire_protocol.types import (
-    BOARD_LAYOUT,
-    BoardConfirm,
-    BoardGet,
-    BoardValue,
-    BoardWrite,
+    BoardSet,
     ClearEstop,
+    ConfigurationConfirm,
+    ConfigurationGet,
+    ConfigurationValue,
+    ConfigurationWrite,
     GroupGet,
     GroupInfo,
     ParameterSave,
+    PeripheralSet,
     Restart,
 )
 
@@ -47,23 +50,28 @@ INTERCHANGEABLE = {("l298n", "bts7960"), ("bts7960", "l298n"), ("tb6612", "mdd10
 """Firmware's board, wired board: the same pins do the same, but for how the wheels coast."""
 
 
-def written(board: BoardDescription) -> BoardWrite:
-    """The message that stores a board."""
-    body = bytes(HEADER_SIZE + 6) + board.packed() + bytes(CRC_SIZE)
-    return BoardWrite(0, 0, *BY_TYPE[BoardWrite].unpack(body)[-len(BOARD_LAYOUT) :])
+def stage(robot: VirtualRobot, board: Configuration) -> ConfigurationWrite:
+    """Set the board and its peripherals; returns the message that stores them."""
+    robot.request(BoardSet(0, 0, *BOARD.unpack_from(board.packed())))
+    for channel, one in enumerate(board.peripherals):
+        robot.request(PeripheralSet(0, 0, channel, *ENTRY.unpack(packed_entry(one))))
+    return ConfigurationWrite(0, 0, len(board.peripherals), board.fingerprint())
 
 
-def in_force(robot: VirtualRobot) -> tuple[BoardState, str]:
+def write(robot: VirtualRobot, board: Configuration) -> None:
+    robot.request(stage(robot, board))
+
+
+def in_force(robot: VirtualRobot) -> tuple[ConfigurationState, str]:
     """Where the board is from, and its name."""
-    value = cast("BoardValue", robot.request(BoardGet(0, 0)))
-    packed = BY_TYPE[BoardValue].pack_body(*value)[7:]
-    state = BoardState(value.state)
-    return state, unpacked(packed).name if state is not BoardState.NONE else ""
+    value = cast("ConfigurationValue", robot.request(ConfigurationGet(0, 0)))
+    found = ActiveBoard.from_value(value)
+    return found.state, found.name
 
 
-def confirmation(board: BoardDescription) -> BoardConfirm:
+def confirmation(board: Configuration) -> ConfigurationConfirm:
     """The message that confirms a board."""
-    return BoardConfirm(0, 0, board.fingerprint())
+    return ConfigurationConfirm(0, 0, board.fingerprint())
 
 
 def restart(robot: VirtualRobot) -> None:
@@ -76,14 +84,14 @@ def restart(robot: VirtualRobot) -> None:
     robot.arm()
 
 
-SLOT_AT, SLOT_SIZE = 4, 512
+SLOT_AT, SLOT_SIZE = 4, 1024
 """Place and size of the two slots in the simulator's file."""
 
 
 def with_board(name: str, store: Path) -> VirtualRobot:
     """A robot that has kept a board, restarted, and drives with it."""
     robot = VirtualRobot(1, store, wheels_free=1).open()
-    robot.request(written(load_board(name)))
+    write(robot, load_board(name))
     restart(robot)
     robot.request(confirmation(load_board(name)))
     return robot
@@ -103,14 +111,14 @@ def refused(robot: VirtualRobot, message: object) -> RefusalCode:
 
 
 def test_a_simulated_robot_has_its_board_confirmed(robot: VirtualRobot) -> None:
-    assert in_force(robot) == (BoardState.STORED, OWN_BOARD.name)
+    assert in_force(robot) == (ConfigurationState.STORED, OWN_BOARD.name)
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
 
 
 def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path) -> None:
     robot = unwritten(tmp_path / "store")
-    assert in_force(robot) == (BoardState.BUILT_IN, "L298N, ESP32-DevKitC")
+    assert in_force(robot) == (ConfigurationState.BUILT_IN, "L298N, ESP32-DevKitC")
     for reason in (None, ResetReason.POWER_ON, ResetReason.SOFTWARE):
         if reason is not None:
             robot.sim.reset(reason)
@@ -135,28 +143,28 @@ def test_the_images_board_is_confirmed_by_its_fingerprint(tmp_path: Path) -> Non
     robot.run_until(lambda: robot.sim.get("boot_id") != boot)
     robot.samples.clear()
     robot.run_until(lambda: bool(robot.samples))
-    assert in_force(robot) == (BoardState.STORED, "L298N, ESP32-DevKitC")
+    assert in_force(robot) == (ConfigurationState.STORED, "L298N, ESP32-DevKitC")
     robot.arm()
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
     again = VirtualRobot(2, store, wheels_free=1, board_unwritten=1)
     again.sim.reset(ResetReason.POWER_ON)
-    assert in_force(again.open())[0] is BoardState.STORED
+    assert in_force(again.open())[0] is ConfigurationState.STORED
 
 
 def test_a_board_that_was_written_but_not_restarted_for_is_never_tried(tmp_path: Path) -> None:
     robot = with_board("drv8833", tmp_path / "store")
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     for reason in (ResetReason.POWER_ON, ResetReason.SOFTWARE):
         robot.sim.reset(reason)
         robot.run(1.0)
-        assert in_force(robot) == (BoardState.STORED, "DRV8833")
-    robot.request(written(load_board("tb6612")))
+        assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
+    write(robot, load_board("tb6612"))
     robot.session.connect(robot.now_us)  # another session, perhaps months later
     robot.samples.clear()
     robot.run_until(lambda: bool(robot.samples))
     restart(robot)
-    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 @pytest.mark.parametrize("by_contact", [True, False])
@@ -168,13 +176,13 @@ def test_no_board_is_a_way_around_an_estop(tmp_path: Path, by_contact: bool) -> 
         robot.sim.set("estop_open", 0)  # it is closed again, and still latched
     else:
         robot.estop()
-    without_contact = BoardDescription(**{**load_board("l298n").__dict__, "estop": None})
-    assert refused(robot, written(without_contact)) == RefusalCode.ESTOPPED
+    without_contact = Configuration(**{**load_board("l298n").__dict__, "estop": None})
+    assert refused(robot, stage(robot, without_contact)) == RefusalCode.ESTOPPED
     assert refused(robot, confirmation(load_board("l298n"))) == RefusalCode.ESTOPPED
     restart(robot)  # allowed: what is latched survives it
     assert robot.state() is SupervisorState.ESTOPPED
     robot.request(ClearEstop(0, 0))
-    robot.request(written(without_contact))
+    write(robot, without_contact)
     robot.estop()
     assert refused(robot, Restart(0, 0)) == RefusalCode.ESTOPPED
 
@@ -184,7 +192,7 @@ def test_an_unconfirmed_boards_contact_counts_for_nothing() -> None:
     robot.sim.set("estop_open", 1)  # a fresh chip has nothing on that pin
     robot.run(0.1)
     assert robot.state() is SupervisorState.IDLE
-    robot.request(written(load_board("l298n")))
+    write(robot, load_board("l298n"))
     restart(robot)
     # Now there is a contact, and it is open.
     assert robot.state() is SupervisorState.ESTOPPED
@@ -200,7 +208,7 @@ def test_an_estop_input_that_was_switched_off_is_on_with_another_board(tmp_path:
     robot.request(ParameterSave(0, 0, 0))
     restart(robot)
     assert robot.parameter("estop_input_enabled") == 0
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     restart(robot)
     robot.request(confirmation(load_board("tb6612")))
     assert robot.parameter("estop_input_enabled") == 1
@@ -216,7 +224,7 @@ def test_an_erased_flash_leaves_a_device_that_drives_nothing(tmp_path: Path) -> 
     for name in ("store", "store.board", "store.latch"):
         store.with_name(name).unlink(missing_ok=True)
     robot = unwritten(store)
-    assert in_force(robot)[0] is BoardState.BUILT_IN
+    assert in_force(robot)[0] is ConfigurationState.BUILT_IN
     with pytest.raises(DeviceRefused) as error:
         robot.drive(0.2, 0.2, 0.3)
     assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
@@ -231,36 +239,36 @@ def test_the_groups_of_a_device_have_their_hashes(robot: VirtualRobot) -> None:
 
 def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store", wheels_free=1).open()
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     assert in_force(robot)[1] == OWN_BOARD.name  # until the restart
     restart(robot)
-    assert in_force(robot) == (BoardState.TRIAL, "TB6612FNG")
+    assert in_force(robot) == (ConfigurationState.TRIAL, "TB6612FNG")
     # On trial nothing drives.
     with pytest.raises(DeviceRefused) as error:
         robot.drive(0.2, 0.2, 0.3)
     assert error.value.code == RefusalCode.BOARD_ON_TRIAL
     assert robot.sim.get("left.duty") == 0.0
     robot.request(confirmation(load_board("tb6612")))
-    assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
+    assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
     robot.arm()
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
     robot.sim.reset(ResetReason.POWER_ON)
     robot.run(1.0)
-    assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
+    assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
 
 
 def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None:
     robot = with_board("drv8833", tmp_path / "store")
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     restart(robot)
-    assert in_force(robot)[0] is BoardState.TRIAL
+    assert in_force(robot)[0] is ConfigurationState.TRIAL
     boot = robot.sim.get("boot_id")
     robot.run(TRIAL_S - 2.0)
     assert robot.sim.get("boot_id") == boot
     robot.run(3.0)
     assert robot.sim.get("boot_id") != boot
-    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 @pytest.mark.parametrize("reason", [ResetReason.PANIC, ResetReason.TASK_WATCHDOG])
@@ -268,18 +276,18 @@ def test_a_chip_that_dies_on_trial_comes_back_with_the_former_board(
     tmp_path: Path, reason: ResetReason
 ) -> None:
     robot = with_board("drv8833", tmp_path / "store")
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     restart(robot)
     robot.sim.reset(reason)
     robot.run(1.0)
-    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 def test_a_board_is_written_only_while_stopped(tmp_path: Path) -> None:
     robot = with_board("l298n", tmp_path / "store")
     robot.drive(0.2, 0.2, 0.2)
     board = load_board("tb6612")
-    for message in (written(board), Restart(0, 0), confirmation(board)):
+    for message in (stage(robot, board), Restart(0, 0), confirmation(board)):
         assert refused(robot, message) == RefusalCode.NOT_STOPPED
         robot.drive(0.2, 0.2, 0.1)
 
@@ -296,20 +304,24 @@ def test_a_device_that_is_about_to_restart_does_not_drive() -> None:
 
 def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too(robot: VirtualRobot) -> None:
     board = load_board("l298n")
-    wrong = BoardDescription(**{**board.__dict__, "pulldowns": frozenset()})
-    assert refused(robot, written(wrong)) == RefusalCode.BOARD_REFUSED
-    damaged = written(board)._replace(left_in1=27)
-    assert refused(robot, damaged) == RefusalCode.BOARD_REFUSED
+    wrong = Configuration(**{**board.__dict__, "pulldowns": frozenset()})
+    assert refused(robot, stage(robot, wrong)) == RefusalCode.BOARD_REFUSED
+    # A part of it was lost on the way, or another program has set one.
+    meant = stage(robot, board)
+    for other in (meant._replace(fingerprint=1), meant._replace(peripheral_count=1)):
+        assert refused(robot, other) == RefusalCode.BOARD_REFUSED
+    too_many = meant._replace(peripheral_count=MOST_PERIPHERALS + 1)
+    assert refused(robot, too_many) == RefusalCode.BOARD_REFUSED
     assert refused(robot, confirmation(board)) == RefusalCode.NO_BOARD_ON_TRIAL
 
 
 def test_a_store_that_fails_changes_nothing(tmp_path: Path) -> None:
     robot = with_board("drv8833", tmp_path / "store")
     robot.sim.set("board_store_failing", 1)
-    assert refused(robot, written(load_board("tb6612"))) == RefusalCode.STORE_FAILED
+    assert refused(robot, stage(robot, load_board("tb6612"))) == RefusalCode.STORE_FAILED
     robot.sim.set("board_store_failing", 0)
     restart(robot)
-    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
@@ -323,18 +335,18 @@ def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
     robot = VirtualRobot(1, store, wheels_free=1).open()
     assert robot.state() is SupervisorState.FAULT
     assert Fault.NO_BOARD in robot.sample.faults
-    assert in_force(robot) == (BoardState.NONE, "")
-    robot.request(written(load_board("drv8833")))
+    assert in_force(robot) == (ConfigurationState.DAMAGED, "")
+    write(robot, load_board("drv8833"))
     restart(robot)
     robot.request(confirmation(load_board("drv8833")))
-    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
     assert robot.state() is SupervisorState.IDLE
 
 
 @pytest.mark.parametrize("name", sorted({*shipped_boards()} - {*OF_ESP32}))
 def test_a_board_of_another_chip_is_refused(robot: VirtualRobot, name: str) -> None:
     before = in_force(robot)
-    assert refused(robot, written(load_board(name))) == RefusalCode.BOARD_REFUSED
+    assert refused(robot, stage(robot, load_board(name))) == RefusalCode.BOARD_REFUSED
     restart(robot)
     assert in_force(robot) == before
 
@@ -374,12 +386,12 @@ def test_another_board_than_the_wired_one_is_noticed(tmp_path: Path, name: str, 
 
 def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store", wheels_free=1)
-    expected = ExpectedBoard(OWN_BOARD.name, OWN_BOARD.fingerprint())
+    expected = ExpectedBoard(OWN_BOARD.name, OWN_BOARD.fingerprint(), is_bare=True)
     robot.session = Session(lambda: 1, expected_board=expected)
     robot.open()
     robot.drive(0.1, 0.1, 0.1)
     robot.stop()
-    robot.request(written(load_board("tb6612")))
+    write(robot, load_board("tb6612"))
     robot.request(Restart(0, 0))
     robot.run_until(lambda: isinstance(robot.session.error, BoardMismatch))
     for _ in range(20):
@@ -397,16 +409,21 @@ def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path)
 def test_the_session_knows_the_board_and_its_confirmation(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store").open()
     robot.run_until(lambda: robot.session.board is not None)
-    assert robot.session.board == ActiveBoard(
-        OWN_BOARD.name, BoardState.STORED, OWN_BOARD.fingerprint(), True
-    )
+    before = robot.session.board
+    assert before is not None
+    assert (before.name, before.state) == (OWN_BOARD.name, ConfigurationState.STORED)
+    assert (before.peripheral_count, before.has_contact) == (4, True)
+    assert before.bare_fingerprint == OWN_BOARD.fingerprint() != before.fingerprint
     board = load_board("tb6612")
-    robot.request(written(board))
+    write(robot, board)
     robot.request(Restart(0, 0))
     robot.run_until(lambda: robot.session.board is None)  # of the session before
     robot.run_until(lambda: robot.session.board is not None)
-    on_trial = ActiveBoard(board.name, BoardState.TRIAL, board.fingerprint(), True)
+    fingerprint = board.fingerprint()
+    on_trial = ActiveBoard(
+        board.name, ConfigurationState.TRIAL, fingerprint, True, 0, bare_fingerprint=fingerprint
+    )
     assert robot.session.board == on_trial
     robot.run_until(lambda: robot.session.phase is Phase.OPEN)
-    robot.request(BoardConfirm(0, 0, board.fingerprint()))
-    assert robot.session.board == replace(on_trial, state=BoardState.STORED)
+    robot.request(confirmation(board))
+    assert robot.session.board == replace(on_trial, state=ConfigurationState.STORED)

@@ -233,9 +233,12 @@ def test_what_was_saved_comes_back_and_precedes_presets() -> None:
     assert parameter(again, "wheel_radius") == pytest.approx(0.07)
     robot.request(ParameterSet(0, 0, radius, 0.08))
     robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
-    assert blocks[-1] == blocks[0]  # the radius was only tried
+    kept = LibraryRobot(stored=blocks[-1]).open()
+    assert parameter(kept, "wheel_radius") == pytest.approx(0.07)  # 0.08 was only tried
     robot.request(ParameterReset(0, 0))
-    assert blocks[-1] == b""
+    empty = LibraryRobot(stored=blocks[-1])
+    empty.core.preset(radius, 0.05)
+    assert parameter(empty.open(), "wheel_radius") == pytest.approx(0.05)
     robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
     third = LibraryRobot(stored=blocks[-1]).open()
     assert parameter(third, "wheel_radius") == pytest.approx(0.033)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import cast
 
 import pytest
 
@@ -16,9 +17,8 @@ from wheelwire.peripherals import (
     ImuSensor,
     Peripheral,
     PowerSensor,
-    fingerprint,
-    packed_list,
 )
+from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import Chip, Fault, RefusalCode, SupervisorState
 from wheelwire_protocol.native import Core, Identity, Sensors, TransferResult
 from wheelwire_protocol.sensors import (
@@ -31,9 +31,12 @@ from wheelwire_protocol.sensors import (
 )
 from wheelwire_protocol.types import (
     ClearFault,
+    ConfigurationConfirm,
+    ConfigurationGet,
+    ConfigurationValue,
+    ConfigurationWrite,
     Imu,
     Inputs,
-    PeripheralsWrite,
     Power,
     SensorInfo,
     SensorStream,
@@ -340,11 +343,18 @@ def test_a_bumper_acts_in_the_core() -> None:
     assert robot.of(Inputs)[-1].reflexes == Reflex.NO_FORWARD
 
 
-def test_a_host_cannot_write_the_list(robot: PiRobot) -> None:
-    board = board_with().fingerprint()
-    with pytest.raises(DeviceRefused) as refused:
-        robot.request(PeripheralsWrite(0, 0, 0, board, fingerprint((), board)))
-    assert refused.value.code == RefusalCode.STORE_FAILED
+def test_a_host_reads_the_list_and_cannot_write_it(robot: PiRobot) -> None:
+    value = cast("ConfigurationValue", robot.request(ConfigurationGet(0, 0)))
+    board = board_with(IMU, POWER)
+    assert value.state == ConfigurationState.STORED
+    assert (value.peripheral_count, value.fingerprint) == (2, board.fingerprint())
+    for message in (
+        ConfigurationWrite(0, 0, 2, value.fingerprint),
+        ConfigurationConfirm(0, 0, value.fingerprint),
+    ):
+        with pytest.raises(DeviceRefused) as refused:
+            robot.request(message)
+        assert refused.value.code == RefusalCode.NOT_SUPPORTED
 
 
 def core_on(board_of: tuple[Peripheral, ...]) -> Core:
@@ -353,28 +363,23 @@ def core_on(board_of: tuple[Peripheral, ...]) -> Core:
     return core
 
 
-def sensors_for(board: int, *peripherals: Peripheral) -> Sensors:
-    return Sensors(packed_list(peripherals, board))
+def sensors_of(*peripherals: Peripheral) -> Sensors:
+    return Sensors(board_with(*peripherals).packed())
 
 
-def test_a_list_for_another_board_is_refused() -> None:
-    board = board_with().fingerprint()
-    assert core_on(()).sense(sensors_for(board + 1, IMU)) is PeripheralFault.OTHER_BOARD
-    assert Core(Identity(1, Chip.LINUX)).sense(sensors_for(board, IMU)) is (
-        PeripheralFault.OTHER_BOARD
-    )
-    assert core_on(()).sense(sensors_for(board, IMU)) is PeripheralFault.NONE
+def test_sensors_need_a_board() -> None:
+    assert Core(Identity(1, Chip.LINUX)).sense(sensors_of(IMU)) is not PeripheralFault.NONE
+    assert core_on((IMU,)).sense(sensors_of(IMU)) is PeripheralFault.NONE
 
 
 def test_a_list_that_breaks_a_rule_is_refused() -> None:
-    board = board_with().fingerprint()
     by_pins = ImuSensor(SensorChip.MPU6050, 2, 3)
-    assert core_on(()).sense(sensors_for(board, by_pins)) is PeripheralFault.BUS
+    assert core_on(()).sense(sensors_of(by_pins)) is PeripheralFault.BUS
 
 
 def test_a_list_that_cannot_be_read_is_refused() -> None:
     with pytest.raises(ValueError, match="cannot be read"):
-        Sensors(packed_list((IMU,), 1)[:-1])
+        Sensors(board_with(IMU).packed()[:-1])
 
 
 def test_each_bus_has_a_reader_of_its_own() -> None:

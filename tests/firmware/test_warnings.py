@@ -10,7 +10,7 @@ import pytest
 
 from wheelwire.drivers.linked import CONTACT_IGNORED
 from wheelwire.drivers.mock import MockDriver
-from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import RefusalCode
 
 
@@ -74,7 +74,7 @@ def test_a_board_that_nobody_confirmed_is_a_warning(robot: MockDriver) -> None:
     robot.advance(0.1)
     board = robot.info.board
     assert board is not None
-    assert board.state is BoardState.BUILT_IN
+    assert board.state is ConfigurationState.BUILT_IN
     assert list(robot.warnings) == [RefusalCode.BOARD_UNCONFIRMED.doc]
 
 

@@ -18,26 +18,17 @@ from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.commissioning.setup import choose_board
 from wheelwire.drivers import requests
 from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.requests import Requests
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.files.board import board_mapping, load_board, parse_board, shipped_boards
-from wheelwire.link.tap import Kind, TapReader
-from wheelwire.peripherals import DigitalInput, Pull, fingerprint
+from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.codes import Chip, Fault, Group, RefusalCode
-from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.sensors import PeripheralKind, PeripheralsState, Place
-from wheelwire_protocol.types import (
-    GROUP_HASHES,
-    BoardConfirm,
-    BoardWrite,
-    GroupGet,
-    PeripheralsConfirm,
-    PeripheralsWrite,
-    Restart,
-)
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codes import Chip, Contradiction, Fault, Group, RefusalCode
+from wheelwire_protocol.sensors import PeripheralKind, Place
+from wheelwire_protocol.types import GROUP_HASHES, Contradictions, ContradictionsGet, GroupGet
 
 WITH_BUMPERS = replace(
     OWN_BOARD,
@@ -92,7 +83,7 @@ def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
 ) -> None:
     inputs = {"bumper_front": {"pin": 36, "pull": "external"}}
     board = parse_board({**board_mapping(OWN_BOARD), "inputs": inputs})
-    with pytest.raises(errors.BoardMismatch, match="with others"):
+    with pytest.raises(errors.BoardMismatch, match="with other pins or sensors"):
         open_driver("serial", port=simulator.port, board=board)
     with open_driver("serial", port=simulator.port) as robot:
         robot.board.take_up(board)
@@ -137,11 +128,7 @@ def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:
     result = run("board", "write", simulator.port, "tb6612")
     assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and confirmed\n")
     after = run_json("board", "read", simulator.port)
-    assert after == {
-        "state": "STORED",
-        "board": board_mapping(load_board("tb6612")),
-        "peripherals": "STORED",
-    }
+    assert after == {"state": "STORED", "board": board_mapping(load_board("tb6612"))}
     simulator.reset()
     assert run_json("board", "read", simulator.port) == after
 
@@ -163,15 +150,14 @@ def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_p
     file = tmp_path / "read.yaml"
     file.write_text(run("board", "read", simulator.port).stdout)
     own = load_board(file)
-    assert own.packed() == OWN_BOARD.packed()
+    assert replace(own, peripherals=()) == OWN_BOARD
     assert len(own.peripherals) == 4
     assert run("board", "check", str(file)).returncode == 0
     written = run("board", "write", simulator.port, str(file))
     assert written.returncode == 0, written.stderr
     for _ in range(2):
         with SerialDriver(simulator.port) as robot:
-            assert robot.board.read() == (BoardState.STORED, own)
-            assert state_of_list(robot) is PeripheralsState.STORED
+            assert robot.board.read() == (ConfigurationState.STORED, own)
             assert robot.imu.read(timeout=5.0).acceleration[2] == pytest.approx(9.81, abs=0.5)
             assert robot.power.read(timeout=5.0).voltage_v == pytest.approx(7.4, abs=0.05)
             simulator.set("bumper.front_left", 1)
@@ -187,7 +173,7 @@ def test_a_number_that_is_kept_rounded_is_no_other_board(simulator: Simulator) -
     measured = replace(load_board("tb6612"), battery=34, battery_divider=5.70049)
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(measured)
-        assert robot.board.read()[0] is BoardState.STORED
+        assert robot.board.read()[0] is ConfigurationState.STORED
 
 
 def test_the_robot_drives_with_the_board_that_was_written(simulator: Simulator) -> None:
@@ -219,7 +205,7 @@ def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator)
         assert isinstance(robot, DeviceDriver)
         robot.board.write(load_board("drv8833"))
         robot.board.restart()
-        assert robot.board.read()[0] is BoardState.TRIAL
+        assert robot.board.read()[0] is ConfigurationState.TRIAL
         with pytest.raises(errors.DeviceRefused, match="on trial"):
             keep_driving(robot)
     simulator.reset()  # as when it crashed, or after ten seconds
@@ -272,12 +258,12 @@ def test_a_reset_that_erases_the_board_too_is_asked_for(simulator: Simulator) ->
 def test_a_device_with_other_messages_about_boards_drives_all_the_same(
     simulator: Simulator, monkeypatch: pytest.MonkeyPatch, device_has: str
 ) -> None:
-    group = Group.BOARD if device_has == "others" else 77
-    monkeypatch.setitem(GROUP_HASHES, Group.BOARD, 0x0BADBEEF)
+    group = Group.CONFIGURATION if device_has == "others" else 77
+    monkeypatch.setitem(GROUP_HASHES, Group.CONFIGURATION, 0x0BADBEEF)
     monkeypatch.setattr(
         requests,
         "GroupGet",
-        lambda s, r, asked: GroupGet(s, r, group if asked is Group.BOARD else asked),
+        lambda s, r, asked: GroupGet(s, r, group if asked is Group.CONFIGURATION else asked),
     )
     with open_driver("serial", port=simulator.port) as robot:
         assert isinstance(robot, DeviceDriver)
@@ -338,43 +324,19 @@ def test_a_set_up_confirms_the_board_that_the_robot_is_on(answer: str) -> None:
 # --- peripherals ---------------------------------------------------------------------------------
 
 
-def state_of_list(robot: DeviceDriver) -> PeripheralsState:
-    stored = robot.board.read_peripherals()
-    assert stored is not None
-    return stored.state
-
-
 def test_peripherals_are_written_with_the_board_and_kept(simulator: Simulator) -> None:
     both = replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals)
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(both)
-        assert robot.board.read() == (BoardState.STORED, both)
-        assert state_of_list(robot) is PeripheralsState.STORED
-        info = robot.info.peripherals
+        assert robot.board.read() == (ConfigurationState.STORED, both)
+        info = robot.info.board
         assert info is not None
-        assert (info.state, info.size) == (PeripheralsState.STORED, 2)
+        assert (info.fingerprint, info.peripheral_count) == (both.fingerprint(), 2)
         assert robot.warnings == ()
         keep_driving(robot)
     simulator.reset()
     with SerialDriver(simulator.port) as robot:
-        assert robot.board.read() == (BoardState.STORED, both)
-
-
-def test_a_board_that_the_robot_is_on_is_not_written_again(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as robot:
-        sent = TapReader()
-        robot._link.listen_to_tap(sent)
-        robot.board.take_up(WITH_BUMPERS)
-        frames = b"".join(one.data for one in sent.take() if one.kind is Kind.SENT)
-        kinds = {type(message) for message in Decoder().feed(frames)}
-        assert {PeripheralsWrite, PeripheralsConfirm, Restart} <= kinds
-        assert not {BoardWrite, BoardConfirm} & kinds
-        robot.board.take_up(replace(WITH_BUMPERS, peripherals=()))
-        assert robot.board.read_peripherals() == (
-            PeripheralsState.STORED,
-            (),
-            fingerprint((), WITH_BUMPERS.fingerprint()),
-        )
+        assert robot.board.read() == (ConfigurationState.STORED, both)
 
 
 def test_the_rule_that_a_list_breaks_is_named_and_nothing_is_written(simulator: Simulator) -> None:
@@ -394,7 +356,7 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
         assert robot.board.read()[1] != WITH_BUMPERS
         began_s = robot.simulator.get("t_us") / 1e6
         robot.board.take_up(WITH_BUMPERS)
-        assert robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+        assert robot.board.read() == (ConfigurationState.STORED, WITH_BUMPERS)
         assert robot.simulator.get("t_us") / 1e6 - began_s < 2.0
         robot.simulator.set("bumper.rear", 1)
         assert robot.inputs.read().triggered == ("bumper.rear",)
@@ -402,7 +364,8 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
     with MockDriver(realtime=False, store=store) as again:
         state, found = again.board.read()
         assert found is not None
-        assert (state, found.name, len(found.peripherals)) == (BoardState.STORED, "TB6612FNG", 2)
+        assert state is ConfigurationState.STORED
+        assert (found.name, len(found.peripherals)) == ("TB6612FNG", 2)
         # A chip that does not come back is not waited for in real time.
         again.simulator.set("boot_time_us", 60e6)
         with pytest.raises(errors.LinkLost, match="did not come back within 8 s"):
@@ -412,7 +375,7 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
 async def test_peripherals_are_taken_up_in_virtual_time_on_asyncio() -> None:
     async with aio.open_driver("mock", realtime=False) as robot:
         await robot.board.take_up(WITH_BUMPERS)
-        assert await robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+        assert await robot.board.read() == (ConfigurationState.STORED, WITH_BUMPERS)
 
 
 def test_a_bumper_stops_the_robot_that_it_was_written_to(simulator: Simulator) -> None:
@@ -432,82 +395,66 @@ def test_both_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> Non
     with SerialDriver(simulator.port) as robot:
         robot.board.write(both)
         robot.board.restart()
-        assert robot.board.read() == (BoardState.TRIAL, both)
-        assert state_of_list(robot) is PeripheralsState.TRIAL
+        assert robot.board.read() == (ConfigurationState.TRIAL, both)
         with pytest.raises(errors.DeviceRefused, match="on trial"):
             keep_driving(robot)
     assert run_json("board", "confirm", simulator.port, "--yes")["was_confirmed"] is False
     with SerialDriver(simulator.port) as robot:
-        assert robot.board.read() == (BoardState.STORED, both)
-        assert state_of_list(robot) is PeripheralsState.STORED
+        assert robot.board.read() == (ConfigurationState.STORED, both)
         keep_driving(robot)
-
-
-def test_peripherals_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as robot:
-        robot.board.write(WITH_BUMPERS)
-        robot.board.restart()
-        (warning,) = robot.warnings
-        assert warning.startswith("Peripherals are on trial")
-    assert run_json("board", "confirm", simulator.port, "--yes")["was_confirmed"] is False
-    assert run_json("board", "confirm", simulator.port)["was_confirmed"] is True
-    assert run_json("board", "read", simulator.port)["peripherals"] == "STORED"
 
 
 def test_a_host_that_dies_before_the_list_is_confirmed_leaves_the_former_one(
     simulator: Simulator,
 ) -> None:
+    without = replace(WITH_BUMPERS, peripherals=())
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(WITH_BUMPERS)
-        robot.board.write(replace(WITH_BUMPERS, peripherals=()))
+        robot.board.write(without)
         robot.board.restart()
-        assert state_of_list(robot) is PeripheralsState.TRIAL
+        assert robot.board.read() == (ConfigurationState.TRIAL, without)
     simulator.reset()
     with SerialDriver(simulator.port) as robot:
-        assert robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+        assert robot.board.read() == (ConfigurationState.STORED, WITH_BUMPERS)
 
 
-def test_a_board_without_a_list_of_its_own_drives_nothing(simulator: Simulator) -> None:
-    """As when a program of a release without peripherals has replaced the board."""
-    other = load_board("tb6612")
-    with SerialDriver(simulator.port) as robot:
-        robot.board.take_up(WITH_BUMPERS)
-        fields = BY_TYPE[BoardWrite].unpack(bytes(9) + other.packed() + bytes(4))
-        robot._link.request(BoardWrite(0, 0, *fields[2:]))
-        robot.board.restart()
-        robot.board.confirm(other)
-        assert state_of_list(robot) is PeripheralsState.UNUSABLE
-        with pytest.raises(errors.DeviceRefused) as refused:
-            keep_driving(robot)
-        assert refused.value.code == RefusalCode.BOARD_UNCONFIRMED
-    (warning,) = run_json("info", simulator.port)["warnings"]
-    assert "list of peripherals" in warning
-    line = check_error(run("board", "confirm", simulator.port), errors.ConfigurationError)
-    assert "TB6612FNG is confirmed" in line
-    assert "wheelwire board write" in line
+def test_a_board_that_a_saved_parameter_contradicts_is_not_kept(simulator: Simulator) -> None:
     assert run("board", "write", simulator.port, "tb6612").returncode == 0
+    set_30 = ("params", "set", simulator.port, "pwm_frequency_hz", "30000", "--save")
+    assert run(*set_30).returncode == 0
+    line = check_error(run("board", "write", simulator.port, "mdd10a"), errors.BoardNotKept)
+    assert "pwm_frequency_hz is 30000" in line
+    assert "pwm_dir, takes 20000 at most" in line
+    cure = f"wheelwire params set {simulator.port} pwm_frequency_hz 20000 --save"
+    assert f"`{cure}`" in line
+    assert run_json("board", "read", simulator.port) == {
+        "state": "STORED",
+        "board": board_mapping(load_board("tb6612")),
+    }
+    assert run(*cure.split()[1:]).returncode == 0
+    assert run("board", "write", simulator.port, "mdd10a").returncode == 0
     drive = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
     assert drive.returncode == 0, drive.stderr
 
 
-def test_firmware_without_peripherals_takes_boards_without_them(
-    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        requests,
-        "GroupGet",
-        lambda s, r, asked: GroupGet(s, r, 77 if asked is Group.SENSOR else asked),
-    )
+def test_parameters_that_contradict_each_other_let_no_board_be_kept(simulator: Simulator) -> None:
+    """As those that another firmware has saved: this one refuses to set them."""
     with SerialDriver(simulator.port) as robot:
-        with pytest.raises(
-            errors.GroupUnavailable,
-            match=r"has peripherals, and nothing was written: .* has none",
-        ):
-            robot.board.take_up(WITH_BUMPERS)
-        assert robot.board.read()[1] == OWN_BOARD
-        robot.board.take_up(load_board("tb6612"))
-        assert robot.board.read() == (BoardState.STORED, load_board("tb6612"))
-        assert robot.board.read_peripherals() is None
+        before = robot.board.read()
+        answer = robot._link.request(ContradictionsGet(0, 0))
+        assert isinstance(answer, Contradictions)
+        with pytest.MonkeyPatch.context() as patch:
+            found = answer._replace(active=Contradiction.STREAM_RATE)
+            ask = Requests.ask
+
+            async def ask_of(self: Requests, message: RequestMessage) -> Answer:
+                is_it = isinstance(message, ContradictionsGet)
+                return found if is_it else await ask(self, message)
+
+            patch.setattr(Requests, "ask", ask_of)
+            with pytest.raises(errors.BoardNotKept, match="is above control_rate_hz"):
+                robot.board.take_up(load_board("tb6612"))
+        assert robot.board.read() == before
 
 
 async def test_the_same_on_asyncio(simulator: Simulator) -> None:
@@ -516,10 +463,9 @@ async def test_the_same_on_asyncio(simulator: Simulator) -> None:
             await robot.board.accept(load_board("tb6612"))
         await robot.board.take_up(load_board("tb6612"))
         state, board = await robot.board.read()
-        assert (state, board) == (BoardState.STORED, load_board("tb6612"))
-        assert await robot.board.read_peripherals() is not None
+        assert (state, board) == (ConfigurationState.STORED, load_board("tb6612"))
         await robot.board.write(load_board("drv8833"))
         await robot.board.restart()
-        assert (await robot.board.read())[0] is BoardState.TRIAL
+        assert (await robot.board.read())[0] is ConfigurationState.TRIAL
         await robot.board.confirm(load_board("drv8833"))
-        assert (await robot.board.read())[0] is BoardState.STORED
+        assert (await robot.board.read())[0] is ConfigurationState.STORED

@@ -10,23 +10,24 @@ from pathlib import Path
 import pytest
 
 from support.attached import wait_for_holder
-from support.command import run
+from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from support.simulator_on_line import GOOD, simulator_on
+from wheelwire import errors
 from wheelwire.cli.address import Address
 from wheelwire.cli.doctor import _of_robot
 from wheelwire.doctor import Finding, examine_robot, robot
+from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.files.bad_line import load_profile
 from wheelwire.files.board import load_board
 from wheelwire.peripherals import BatteryLevels, DigitalInput, Pull
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.codes import Group, ResetReason
+from wheelwire_protocol.codes import Fault, Group, ResetReason
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.sensors import PeripheralKind, Place
-from wheelwire_protocol.types import GROUP_HASHES, BoardWrite
+from wheelwire_protocol.types import GROUP_HASHES
 
 BUMPER = DigitalInput(PeripheralKind.BUMPER, Place.REAR, 39, pull=Pull.EXTERNAL)
 
@@ -69,26 +70,84 @@ def test_a_firmware_that_is_older_than_the_library(
 
 
 def test_groups_that_are_off(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(GROUP_HASHES, Group.BOARD, 0x0BADBEEF)
+    monkeypatch.setitem(GROUP_HASHES, Group.CONFIGURATION, 0x0BADBEEF)
     finding = only(examined(simulator), "groups")
-    assert "board messages do not work" in finding.problem
+    assert "configuration messages do not work" in finding.problem
     assert "wheelwire flash ROBOT" in finding.cure
 
 
-def test_a_list_of_sensors_of_another_board(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as driver:
-        driver.board.take_up(replace(OWN_BOARD, peripherals=(BUMPER,)))
-        # As a program of a release without sensors does it.
-        other = load_board("tb6612")
-        fields = BY_TYPE[BoardWrite].unpack(bytes(9) + other.packed() + bytes(4))
-        driver._link.request(BoardWrite(0, 0, *fields[2:]))
-        driver.board.restart()
-        driver.board.confirm(other)
-    found = examined(simulator)["peripherals"]
-    assert "not for TB6612FNG: nothing drives" in found.problem
-    assert found.cure.startswith("wheelwire board write ROBOT ")
-    assert run("board", "write", simulator.port, "tb6612").returncode == 0
-    assert "peripherals" not in examined(simulator)
+@pytest.mark.parametrize("fault", [Fault.STORE_UNREADABLE, Fault.STORE_OUTDATED])
+def test_parameters_that_cannot_be_used(simulator: Simulator, fault: Fault) -> None:
+    simulator.set("store_unreadable", fault)
+    simulator.reset()
+    finding = only(examined(simulator), "store")
+    assert "Nothing drives." in finding.problem
+    assert finding.cure == (
+        "`wheelwire params import ROBOT FILE --save`, or `wheelwire params reset ROBOT` for the "
+        "defaults, then `wheelwire clear ROBOT`"
+    )
+    (warning,) = run_json("info", simulator.port)["warnings"]
+    reset = f"wheelwire params reset {simulator.port}"
+    assert reset in warning
+    line = check_error(
+        run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5"), errors.DeviceRefused
+    )
+    assert reset in line
+    for command in (reset, f"wheelwire clear {simulator.port}"):
+        yes = ["--yes"] * ("reset" in command)
+        result = run(*command.split()[1:], *yes)
+        assert result.returncode == 0, result.stderr
+    assert examined(simulator) == {}
+
+
+def kept_by_a_robot(store: Path) -> None:
+    """What a robot keeps that has saved its parameters and its board."""
+    with MockDriver(realtime=False, store=store) as robot:
+        robot.parameters.save()
+        robot.board.take_up(load_board("drv8833"))
+
+
+def damage(file: Path, *slots: int) -> None:
+    content = bytearray(file.read_bytes())
+    for slot in slots:
+        content[4 + 1024 * slot + 10] ^= 1
+    file.write_bytes(content)
+
+
+def test_a_board_that_is_damaged(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    kept_by_a_robot(store)
+    damage(tmp_path / "store.board", 0, 1)
+    with Simulator(store=store) as simulator:
+        finding = only(examined(simulator), "store")
+        assert finding.cure == (
+            "`wheelwire board write ROBOT FILE` with the file of its board, then "
+            "`wheelwire clear ROBOT`"
+        )
+        info = run_json("info", simulator.port)
+        assert info["link"]["board"]["state"] == "DAMAGED"
+        write = f"wheelwire board write {simulator.port} FILE"
+        assert any(write in warning for warning in info["warnings"])
+        assert "DAMAGED: What is stored cannot be used" in run("info", simulator.port).stdout
+        written = run("board", "write", simulator.port, "drv8833")
+        assert written.returncode == 0, written.stderr
+        run("clear", simulator.port)
+        simulator.reset()  # a power-on, which is no stop
+        assert examined(simulator) == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("store", "the saved parameters"), ("store.board", "stored copies of the configuration")],
+)
+def test_a_copy_that_is_lost(tmp_path: Path, name: str, words: str) -> None:
+    kept_by_a_robot(tmp_path / "store")
+    damage(tmp_path / name, 1)
+    with Simulator(store=tmp_path / "store") as simulator:
+        finding = only(examined(simulator), "store-copy")
+        assert words in finding.problem
+        assert "if it recurs" in finding.cure
+        assert [finding.problem] == run_json("info", simulator.port)["warnings"]
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,8 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.files.plant import load_plant
 from wheelwire.peripherals import ImuSensor
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.sensors import Axis, PeripheralsState
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.sensors import Axis
 
 WRONG = {"encoders_swapped": 1, "right.motor_reversed": 1, "left.encoder_reversed": 1}
 SETTINGS = {**load_plant("tt-1-48").settings, "wheels_free": 1, **WRONG}
@@ -182,11 +183,11 @@ def test_a_person_lifts_and_turns_a_robot_with_an_imu(tmp_path: Path) -> None:
     with Simulator(settings={"wheels_free": 1, **mounted}) as simulator:
         lift_and_turn(simulator, state_folder(tmp_path))
         with SerialDriver(simulator.port) as robot:
-            stored = robot.board.read_peripherals()
+            state, board = robot.board.read()
             assert robot.parameters["rolling_velocity_mps"] == 0.25
-    assert stored is not None
-    assert stored.state is PeripheralsState.STORED
-    entry = stored.entries[0]
+    assert board is not None
+    assert state is ConfigurationState.STORED
+    entry = board.peripherals[0]
     assert isinstance(entry, ImuSensor)
     assert (entry.forward, entry.up) == (Axis.MINUS_X, Axis.Y)
     assert entry.bias == pytest.approx((0, 0.02, 0), abs=0.0005)

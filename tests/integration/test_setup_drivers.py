@@ -9,7 +9,7 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.commissioning.questions import SKIP, Question
 from wheelwire.commissioning.setup import set_up
 from wheelwire.commissioning.wiring import Wiring
@@ -25,7 +25,7 @@ WIRING = Wiring(encoders_swapped=True, left_motor_reversed=True, right_encoder_r
 FIRST, SECOND = "left backward", "forward"
 
 
-def wired_wrongly() -> BoardDescription:
+def wired_wrongly() -> Configuration:
     """The pins to which the driver thinks its robot is wired, which is wired to others."""
     left, right = Pins().left, Pins().right
     return Pins(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.linux_mcu.gpio.base import HIGH_Q15
 from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.board import OUTPUTS
@@ -59,7 +59,7 @@ class BareRobot:
         changes: Time, whether a motor is driven, whether one is braked, and who wrote a pin last.
     """
 
-    def __init__(self, board: BoardDescription) -> None:
+    def __init__(self, board: Configuration) -> None:
         # It holds the interpreter's lock: a call takes microseconds, and to have the lock back
         # takes milliseconds while other threads are busy.
         self._library = library = ctypes.PyDLL(str(library_path()))

@@ -113,7 +113,7 @@ def _parameter_seeds() -> Iterator[bytes]:
     for rows in ([], entries, entries[:3], limits, [foreign], entries * 2):
         block = bytes([len(rows)]) + b"".join(rows)
         yield b"\x01" + block
-        yield b"\x00WWP1" + block
+        yield b"\x00WWP2" + block
 
 
 _SEEDS = {

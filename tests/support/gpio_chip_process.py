@@ -7,7 +7,7 @@ from pathlib import Path
 
 from support.gpio_chip.factory import SOCKET
 from support.stand_in import TESTS, StandIn
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.files.pins import Pins
 
 SITE = TESTS / "support" / "gpio_chip" / "site"
@@ -23,7 +23,7 @@ class GpioChip(StandIn):
     """
 
     def __init__(
-        self, directory: Path, kernel_pwm: bool = True, board: BoardDescription | None = None
+        self, directory: Path, kernel_pwm: bool = True, board: Configuration | None = None
     ) -> None:
         self.pwm_directory = directory / "pwm"
         path = directory / "chip"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import struct
-import zlib
 
 from support.raw import RawHost
-from wheelwire_protocol.sensors import MOST_PERIPHERALS, PERIPHERAL_FORMAT
+from wheelwire.board import BOARD, assembled, fingerprint_of
+from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.types import (
     LAYOUTS,
     Ack,
-    PeripheralGet,
-    PeripheralsConfirm,
+    BoardSet,
+    ConfigurationConfirm,
+    ConfigurationGet,
+    ConfigurationValue,
+    ConfigurationWrite,
     PeripheralSet,
-    PeripheralsWrite,
-    PeripheralValue,
     Restart,
 )
 
@@ -31,12 +32,6 @@ def entry(**fields: int) -> PeripheralSet:
     return PeripheralSet(**(nothing | fields))
 
 
-def _crc(entries: list[PeripheralSet], board: int) -> int:
-    padded = entries + [entry()] * (MOST_PERIPHERALS - len(entries))
-    packed = b"".join(struct.pack(_ENTRY, *one[_HEAD_FIELDS:]) for one in padded)
-    return zlib.crc32(struct.pack("<BBHI", PERIPHERAL_FORMAT, len(entries), 0, board) + packed)
-
-
 def write_list(host: RawHost, *entries: PeripheralSet) -> None:
     """Replace the list, restart, and confirm it; leaves a session that is open.
 
@@ -44,15 +39,16 @@ def write_list(host: RawHost, *entries: PeripheralSet) -> None:
         ValueError: The device does not take it.
     """
     host.open()
-    session, board = (
-        host.session_id,
-        host.ask(PeripheralGet(host.session_id, 1, 0), PeripheralValue).board,
-    )
+    session = host.session_id
+    value = host.ask(ConfigurationGet(session, 1), ConfigurationValue)
+    board = BY_TYPE[ConfigurationValue].pack_body(*value)[-BOARD.size :]
+    host.ask(BoardSet(session, 2, *BOARD.unpack(board)), Ack)
     for channel, one in enumerate(entries):
-        host.ask(one._replace(session_id=session, request_id=2 + channel, channel=channel), Ack)
-    crc = _crc(list(entries), board)
-    host.ask(PeripheralsWrite(session, 20, len(entries), board, crc), Ack)
+        host.ask(one._replace(session_id=session, request_id=3 + channel, channel=channel), Ack)
+    packed = [struct.pack(_ENTRY, *one[_HEAD_FIELDS:]) for one in entries]
+    fingerprint = fingerprint_of(assembled(board, packed))
+    host.ask(ConfigurationWrite(session, 20, len(entries), fingerprint), Ack)
     host.ask(Restart(session, 21), Ack)
     host.run_ms(1000)
     host.open()
-    host.ask(PeripheralsConfirm(host.session_id, 1, crc), Ack)
+    host.ask(ConfigurationConfirm(host.session_id, 1, fingerprint), Ack)

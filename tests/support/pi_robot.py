@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.bus_reader import BusReader
-from wheelwire.peripherals import BatteryLevels, ImuSensor, Peripheral, PowerSensor, packed_list
+from wheelwire.peripherals import BatteryLevels, ImuSensor, Peripheral, PowerSensor
 from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.native import Core, Identity, Outputs, Sensors, TransferResult
@@ -28,7 +28,7 @@ TRANSFER_US = 400
 M = TypeVar("M")
 
 
-def board_with(*peripherals: Peripheral) -> BoardDescription:
+def board_with(*peripherals: Peripheral) -> Configuration:
     return replace(Pins(), peripherals=peripherals)
 
 
@@ -52,7 +52,7 @@ class PiRobot(LibraryRobot):
         core = Core(Identity(0x1234, Chip.LINUX, 7, ResetReason.POWER_ON))
         board = board_with(*(peripherals or (IMU, POWER)))
         core.take_board(board.packed())
-        self.sensors = Sensors(packed_list(board.peripherals, board.fingerprint()))
+        self.sensors = Sensors(board.packed())
         assert core.sense(self.sensors) is PeripheralFault.NONE
         super().__init__(core=core)
         self.chips = Chips(lambda: self.bus_us)

@@ -31,7 +31,8 @@ AIM_RECORDER_BYTES = 12 * 1024
 AIM_RECORDED_GROWTH = 0.10
 """Growth of the median step, against the baseline."""
 
-AIM_CODE_BYTES = 44 * 1024
+AIM_CODE_BYTES = 64 * 1024
+"""Of core and sensors: the core checks what the drivers in the other library use."""
 AIM_RAM_BYTES = 4 * 1024
 
 
@@ -88,16 +89,22 @@ def run(program: str) -> str:
 
 
 def cost() -> Cost:
-    """Run the benchmark and measure the library."""
+    """Run the benchmark and measure the libraries."""
     counted = json.loads(run("cost"))
     device_bytes = counted.pop("device_bytes")
-    totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / "libwheelwire_core.a"))
-    code, data, bss = (int(column) for column in totals.splitlines()[-1].split()[:3])
+    core, sensors = map(_sizes, ("core", "sensors"))
     return Cost(
         {name: Instructions(**counts) for name, counts in counted.items()},
-        code_bytes=code,
-        ram_bytes=data + bss + device_bytes,
+        code_bytes=core[0] + sensors[0],
+        ram_bytes=sum(core[1:]) + device_bytes,
     )
+
+
+def _sizes(library: str) -> tuple[int, int, int]:
+    """Bytes of code, of data and of zeros in one of the libraries."""
+    totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / f"libwheelwire_{library}.a"))
+    code, data, bss = (int(column) for column in totals.splitlines()[-1].split()[:3])
+    return code, data, bss
 
 
 def recorded() -> dict[str, Instructions]:

@@ -13,7 +13,7 @@ import wheelwire
 from support.cases import each
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
@@ -184,7 +184,7 @@ def test_a_file_is_read_without_the_firmwares_rules(monkeypatch: pytest.MonkeyPa
     def missing(_: object) -> list[str]:
         raise NativeMissingError("the library is missing")
 
-    monkeypatch.setattr(BoardDescription, "problems", missing)
+    monkeypatch.setattr(Configuration, "problems", missing)
     assert parse_config({"driver": "l298n"}).driver == "l298n"
 
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.cases import each
-from wheelwire.board import unpacked
+from wheelwire.board import Configuration, unpacked
 from wheelwire.config import parse_config
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.board import load_board, parse_board, to_yaml
@@ -30,14 +30,10 @@ from wheelwire.peripherals import (
     Pull,
     RangeSensor,
     channel_name,
-    fingerprint,
     packed_entry,
-    packed_list,
-    peripheral_problems,
     unpacked_entry,
-    unpacked_list,
 )
-from wheelwire_protocol.messages import PERIPHERAL_SIZE, peripheral_fields
+from wheelwire_protocol.messages import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
 from wheelwire_protocol.native import check_peripherals
 from wheelwire_protocol.sensors import (
     IMUS,
@@ -163,11 +159,14 @@ def test_pins_that_a_wroom_leaves_free_are_used_once_it_is_named() -> None:
     assert all("name the module" in one for one in problems)
 
 
-def test_peripherals_are_no_part_of_the_packed_board() -> None:
+def test_one_fingerprint_names_the_board_and_its_peripherals() -> None:
     plain, board = board_of(BOARD), board_of(ALL)
     assert plain.peripherals == ()
-    assert board.packed() == plain.packed()
-    assert unpacked(board.packed()) == plain
+    assert unpacked(board.packed()) == board
+    assert unpacked(plain.packed()) == plain
+    fewer = replace(board, peripherals=board.peripherals[1:])
+    others = [plain, fewer, replace(board, led=2), board]
+    assert len({one.fingerprint() for one in others}) == len(others)
 
 
 def test_a_file_survives_the_way_to_data_and_back() -> None:
@@ -257,34 +256,28 @@ def test_an_entry_survives_the_way_to_bytes_and_back(entry: Peripheral) -> None:
     assert layout.build(layout.parse(data)) == data
 
 
-@given(LISTS, st.integers(0, 0xFFFF_FFFF))
-def test_a_list_survives_the_way_to_bytes_and_back(
-    entries: tuple[Peripheral, ...], board: int
-) -> None:
-    data = packed_list(entries, board)
-    assert unpacked_list(data) == (entries, board)
-    assert fingerprint(entries, board) != fingerprint(entries, board ^ 1)
+def with_all(entries: tuple[Peripheral, ...]) -> Configuration:
+    return replace(load_board("l298n"), peripherals=entries)
+
+
+@given(LISTS)
+def test_a_list_survives_the_way_to_bytes_and_back(entries: tuple[Peripheral, ...]) -> None:
+    board = with_all(entries)
+    assert unpacked(board.packed()) == board
+    assert len(board.packed()) == 228
 
 
 @given(LISTS)
 def test_the_core_checks_any_list(entries: tuple[Peripheral, ...]) -> None:
-    problems = peripheral_problems(entries, load_board("l298n").packed())
-    assert all(problem and "{" not in problem for problem in problems)
+    assert all(problem and "{" not in problem for problem in with_all(entries).problems())
 
 
-def test_a_damaged_list_is_not_read() -> None:
-    data = packed_list(board_of(ALL).peripherals, 1)
-    for wrong in (b"", data[:-1], bytes([data[0] ^ 2]) + data[1:]):
-        with pytest.raises(ConfigurationError, match="checksum is wrong: write the list again"):
-            unpacked_list(wrong)
-
-
-@pytest.mark.parametrize(("at", "value"), [(0, 2), (1, MOST_PERIPHERALS + 1)])
-def test_a_list_of_another_format_is_not_read(at: int, value: int) -> None:
-    body = bytearray(packed_list((), 1)[:-4])
+@pytest.mark.parametrize(("at", "value"), [(0, 2), (BOARD_SIZE, MOST_PERIPHERALS + 1)])
+def test_a_configuration_of_another_format_is_not_read(at: int, value: int) -> None:
+    body = bytearray(load_board("l298n").packed()[:-4])
     body[at] = value
     with pytest.raises(ConfigurationError, match="update the older one"):
-        unpacked_list(bytes(body) + crc32(body).to_bytes(4, "little"))
+        unpacked(bytes(body) + crc32(body).to_bytes(4, "little"))
 
 
 @pytest.mark.parametrize("at", [0, 1, 2, 8, 9])
@@ -306,8 +299,10 @@ def test_what_does_not_fit_is_not_packed() -> None:
         packed_entry(RangeSensor(SensorChip.HC_SR04, Place.FRONT, 200, 35))
     with pytest.raises(ConfigurationError, match=r"imu.scl is missing: name it, or the bus"):
         packed_entry(ImuSensor(SensorChip.MPU6050, 2, None))
+    too_many = with_all((BatteryLevels(3, 2, 1),) * 11)
+    assert too_many.problems() == ["11 entries: a board takes 10 at most"]
     with pytest.raises(ConfigurationError, match="11 entries: a board takes 10"):
-        packed_list([BatteryLevels(3, 2, 1)] * 11, 0)
+        too_many.packed()
 
 
 NAN, INF = float("nan"), float("inf")
@@ -445,7 +440,7 @@ def test_a_pi_has_its_buses_by_number() -> None:
         SensorChip.MPU6050, None, None, None, Axis.Y, Axis.Z, bus=1
     )
     assert board_of(to_yaml(board)) == board
-    assert unpacked_list(packed_list(board.peripherals, 1)) == (board.peripherals, 1)
+    assert unpacked(board.packed()) == board
 
 
 @pytest.mark.parametrize(
@@ -477,10 +472,10 @@ def test_a_bus_that_comes_after_an_input_on_its_pin() -> None:
 
 def test_a_computer_has_neither_a_timer_nor_an_adc_for_sensors() -> None:
     board = pi_with("inputs: {cliff: {pin: 7}}")
-    data = bytearray(packed_list(board.peripherals, board.fingerprint()))
-    data[8] = PeripheralKind.ANALOG
+    data = bytearray(board.packed())
+    data[BOARD_SIZE + 1] = PeripheralKind.ANALOG
     data[-4:] = crc32(data[:-4]).to_bytes(4, "little")
-    (issue,) = check_peripherals(bytes(data), board.packed())
+    (issue,) = check_peripherals(bytes(data))
     assert issue.fault is PeripheralFault.NOT_ON_THIS_CHIP
     assert issue.fault.doc.format(entry="power") == (
         "power: the chip of this board cannot read it, an ESP32 can"
@@ -490,9 +485,6 @@ def test_a_computer_has_neither_a_timer_nor_an_adc_for_sensors() -> None:
 def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
     beyond_files = {
         PeripheralFault.NONE,
-        PeripheralFault.FORMAT,
-        PeripheralFault.DAMAGED,
-        PeripheralFault.OTHER_BOARD,
         PeripheralFault.KIND,
         # Refused by its name, before it is anybody's entry.
         PeripheralFault.CHIP,

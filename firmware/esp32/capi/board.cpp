@@ -1,15 +1,13 @@
 // The checks of a board and of its peripherals, through the C interface.
-#include "peripherals.hpp"
+#include "configuration.hpp"
 #include "wheelwire_core.h"
 
-using wheelwire::BoardDescription;
 using wheelwire::BoardFault;
 using wheelwire::BoardIssue;
-using wheelwire::PeripheralFault;
+using wheelwire::Configuration;
 using wheelwire::PeripheralIssue;
-using wheelwire::PeripheralList;
 
-size_t wheelwire_board_check(const uint8_t* board, size_t size, wheelwire_board_issue* issues,
+size_t wheelwire_board_check(const uint8_t* packed, size_t size, wheelwire_board_issue* issues,
                              size_t capacity) {
   size_t count = 0;
   const auto report = [&](const BoardIssue& issue) {
@@ -23,19 +21,17 @@ size_t wheelwire_board_check(const uint8_t* board, size_t size, wheelwire_board_
     }
     ++count;
   };
-  BoardDescription description;
-  const BoardFault damage = wheelwire::read_board(board, size, description);
-  if (damage != BoardFault::kNone) {
-    report(BoardIssue{.fault = damage});
+  Configuration configuration;
+  if (Configuration::decode(packed, size, configuration)) {
+    wheelwire::check_board(configuration.board, report);
   } else {
-    wheelwire::check_board(description, report);
+    report(BoardIssue{.fault = BoardFault::kDamaged});
   }
   return count;
 }
 
-size_t wheelwire_peripherals_check(const uint8_t* list, size_t list_size, const uint8_t* board,
-                                   size_t board_size, wheelwire_peripheral_issue* issues,
-                                   size_t capacity) {
+size_t wheelwire_peripherals_check(const uint8_t* packed, size_t size,
+                                   wheelwire_peripheral_issue* issues, size_t capacity) {
   size_t count = 0;
   const auto report = [&](const PeripheralIssue& issue) {
     if (count < capacity) {
@@ -47,16 +43,8 @@ size_t wheelwire_peripherals_check(const uint8_t* list, size_t list_size, const 
     }
     ++count;
   };
-  PeripheralList peripherals;
-  BoardDescription description;
-  const PeripheralFault damage = wheelwire::read_list(list, list_size, peripherals);
-  if (damage != PeripheralFault::kNone) {
-    report(PeripheralIssue{.fault = damage});
-  } else if (wheelwire::read_board(board, board_size, description) != BoardFault::kNone ||
-             wheelwire::fingerprint(description) != peripherals.board) {
-    report(PeripheralIssue{.fault = PeripheralFault::kOtherBoard});
-  } else {
-    wheelwire::check_peripherals(peripherals, description, report);
-  }
+  Configuration configuration;
+  if (Configuration::decode(packed, size, configuration))
+    wheelwire::check_peripherals(configuration.peripherals, configuration.board, report);
   return count;
 }

@@ -4,7 +4,7 @@
 #include <new>
 #include <optional>
 
-#include "board_keeper.hpp"
+#include "configuration.hpp"
 #include "core_hash.hpp"
 #include "device.hpp"
 #include "host_sensors.hpp"
@@ -52,7 +52,9 @@ struct wheelwire_sensors {
 };
 
 struct wheelwire_core {
-  wheelwire_core(const wheelwire_identity& given, const Store& saved) : identity{}, store(saved) {
+  wheelwire_core(const wheelwire_identity& given, const uint8_t* block, size_t size,
+                 wheelwire_save save, void* context)
+      : identity{}, store(block, size, save, context) {
     identity.boot_id = given.boot_id;
     identity.reset_reason = static_cast<wheelwire::ResetReason>(given.reset_reason);
     identity.board = static_cast<wheelwire::Chip>(given.board);
@@ -70,7 +72,7 @@ struct wheelwire_core {
             .right_motor = *right_motor,
             .encoders = encoders,
             .line = line,
-            .store = store,
+            .store = store.parameters(),
             .latches = latches,
             .latch_store = no_store,
             .estop = contact,
@@ -88,10 +90,18 @@ struct wheelwire_core {
     if (sensors != nullptr) sensors->port.begin_step(inputs.now_us, inputs.levels);
   }
 
-  void start_sensors() {
-    peripherals.emplace(read_only_store, &sensors->port.list());
-    peripherals->start(&*description);
-    sensor_server.emplace(*peripherals, &sensors->port, nullptr);
+  /// What the caller has given cannot be changed by a host.
+  void start_device() {
+    if (!description) {
+      device.emplace(hal(), identity, specs);
+      return;
+    }
+    configuration.emplace(nullptr, description->board.chip, &*description,
+                          wheelwire::ActiveConfiguration::BuiltIn::kConfirmed);
+    configuration->start();
+    device.emplace(hal(), identity, specs, *configuration);
+    if (sensors == nullptr) return;
+    sensor_server.emplace(configuration->peripherals(), &sensors->port, nullptr);
     device->sense(*sensor_server);
   }
 
@@ -119,11 +129,9 @@ struct wheelwire_core {
   NoStore no_store;
   Contact contact;
   Battery battery;
-  wheelwire::BoardFacts board;
-  std::optional<wheelwire::BoardDescription> description;  // Once a board was given.
+  std::optional<wheelwire::Configuration> description;  // Once it was given.
   wheelwire_sensors* sensors = nullptr;
-  ReadOnlyStore read_only_store;
-  std::optional<wheelwire::PeripheralKeeper> peripherals;
+  std::optional<wheelwire::ActiveConfiguration> configuration;
   std::optional<wheelwire::SensorServer> sensor_server;
   CoreRecorder* recorder = nullptr;
   bool failed = false;
@@ -138,7 +146,7 @@ wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity, const 
                                       size_t size, wheelwire_save save, void* context) {
   void* const memory = malloc(sizeof(wheelwire_core));
   if (memory == nullptr) return nullptr;
-  return new (memory) wheelwire_core(*identity, Store(block, size, save, context));
+  return new (memory) wheelwire_core(*identity, block, size, save, context);
 }
 
 void wheelwire_core_destroy(wheelwire_core* core) {
@@ -146,29 +154,26 @@ void wheelwire_core_destroy(wheelwire_core* core) {
   free(core);
 }
 
-uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board, size_t size) {
-  wheelwire::BoardDescription description;
-  wheelwire::BoardFault fault = wheelwire::read_board(board, size, description);
-  if (fault == wheelwire::BoardFault::kNone) fault = wheelwire::first_issue(description).fault;
+uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* packed, size_t size) {
+  wheelwire::Configuration configuration;
+  wheelwire::BoardFault fault = wheelwire::BoardFault::kDamaged;
+  if (wheelwire::Configuration::decode(packed, size, configuration))
+    fault = wheelwire::first_issue(configuration.board).fault;
   if (fault != wheelwire::BoardFault::kNone) return static_cast<uint8_t>(fault);
-  const wheelwire::StageTable& stage = *wheelwire::table_of(description.stage);
+  const wheelwire::StageTable& stage = *wheelwire::table_of(configuration.board.stage);
   core->left_motor.emplace(core->left_pins, stage);
   core->right_motor.emplace(core->right_pins, stage);
-  wheelwire::apply_board(description, core->specs);
-  core->board = {.fingerprint = wheelwire::fingerprint(description),
-                 .max_pwm_hz = stage.max_frequency_hz,
-                 .is_confirmed = true};
-  core->description = description;
+  wheelwire::apply_board(configuration.board, core->specs);
+  core->description = configuration;
   return 0;
 }
 
 size_t wheelwire_sensors_size(void) { return sizeof(wheelwire_sensors); }
 
 wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* packed, size_t size) {
-  wheelwire::PeripheralList list;
-  const wheelwire::PeripheralFault fault = wheelwire::read_list(packed, size, list);
-  return fault == wheelwire::PeripheralFault::kNone ? new (memory) wheelwire_sensors(list)
-                                                    : nullptr;
+  wheelwire::Configuration configuration;
+  if (!wheelwire::Configuration::decode(packed, size, configuration)) return nullptr;
+  return new (memory) wheelwire_sensors(configuration.peripherals);
 }
 
 uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus, uint64_t now_us,
@@ -177,10 +182,9 @@ uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus, uint64_t no
 }
 
 uint8_t wheelwire_core_sense(wheelwire_core* core, wheelwire_sensors* sensors) {
-  const wheelwire::PeripheralList& list = sensors->port.list();
-  wheelwire::PeripheralFault fault = wheelwire::PeripheralFault::kOtherBoard;
-  if (core->description && list.board == core->board.fingerprint)
-    fault = wheelwire::first_issue(list, *core->description).fault;
+  if (!core->description) return static_cast<uint8_t>(wheelwire::PeripheralFault::kNotOnThisChip);
+  const wheelwire::PeripheralFault fault =
+      wheelwire::first_issue(sensors->port.list(), core->description->board).fault;
   if (fault == wheelwire::PeripheralFault::kNone) core->sensors = sensors;
   return static_cast<uint8_t>(fault);
 }
@@ -211,12 +215,12 @@ void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
   core->encoders.left.start(inputs->left_ticks);
   core->encoders.right.start(inputs->right_ticks);
   core->read(*inputs);
-  core->device.emplace(core->hal(), core->identity, core->specs, core->board);
-  if (core->sensors != nullptr) core->start_sensors();
+  core->start_device();
   if (core->failed) core->device->report_driver_failure();
   core->device->start(inputs->now_us);
   if (core->recorder != nullptr) {
-    core->recorder->start(core->identity, core->board.fingerprint);
+    core->recorder->start(core->identity,
+                          core->configuration ? core->configuration->fingerprint() : 0);
     core->device->record(core->recorder->keeper->black_box());
     core->device->offer(*core->recorder->keeper);
   }

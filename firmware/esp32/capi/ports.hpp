@@ -8,6 +8,7 @@
 #include "hal.hpp"
 #include "latches.hpp"
 #include "parameters.hpp"
+#include "twin_store.hpp"
 #include "wheelwire_core.h"
 
 namespace wheelwire::capi {
@@ -81,35 +82,86 @@ class Line final : public ByteStream {
   uint32_t bytes_per_second() const override { return 0; }
 };
 
-class Store final : public ParameterStore {
+/// The caller's block: the saved parameters in two slots, each behind its size.
+class Store {
  public:
-  Store(const uint8_t* block, size_t size, wheelwire_save keep, void* context)
-      : save_(keep), context_(context), size_(size) {
-    if (size > 0) memcpy(block_, block, size < sizeof block_ ? size : sizeof block_);
+  Store(const uint8_t* block, size_t size, wheelwire_save save, void* context)
+      : save_(save), context_(context) {
+    if (size >= kHead && memcmp(block, kMagic, kHead) == 0) {
+      const uint8_t* at = block + kHead;
+      for (Slot& slot : slots_) at = slot.take(at, block + size);
+    } else if (size > 0) {
+      slots_[0].put(block, size);  // As an earlier release wrote it, or damaged.
+    }
   }
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
 
-  size_t load(uint8_t* out, size_t capacity) override {
-    const size_t kept = size_ < sizeof block_ ? size_ : sizeof block_;
-    memcpy(out, block_, kept < capacity ? kept : capacity);
-    return size_;
-  }
-  bool save(const uint8_t* data, size_t size) override {
-    return size <= sizeof block_ && forward(data, size);
-  }
-  bool erase() override { return forward(nullptr, 0); }
+  TwinStore& parameters() { return parameters_; }
 
  private:
-  bool forward(const uint8_t* data, size_t size) {
-    if (save_(context_, data, size) == 0) return false;
-    if (size > 0) memcpy(block_, data, size);
-    size_ = size;
-    return true;
+  static constexpr char kMagic[] = "WWF2";
+  static constexpr size_t kHead = sizeof kMagic - 1;
+  static constexpr size_t kRoom = kMaxParameterBlock + TwinStore::kTail;
+
+  class Slot final : public BlockStore {
+   public:
+    explicit Slot(Store& store) : store_(store) {}
+
+    size_t load(uint8_t* out, size_t capacity) override {
+      memcpy(out, bytes_, size_ < capacity ? size_ : capacity);
+      return size_;
+    }
+    bool save(const uint8_t* data, size_t size) override {
+      if (size > sizeof bytes_) return false;
+      const Slot before = *this;
+      put(data, size);
+      if (store_.forward()) return true;
+      restore(before);
+      return false;
+    }
+
+    /// Longer bytes are damaged, and stay so when they are cut off.
+    void put(const uint8_t* data, size_t size) {
+      size_ = size < sizeof bytes_ ? size : sizeof bytes_;
+      if (size_ > 0) memcpy(bytes_, data, size_);
+    }
+    /// Reads what `write` wrote; returns what follows.
+    const uint8_t* take(const uint8_t* at, const uint8_t* end) {
+      if (end - at < 2) return end;
+      const size_t size = at[0] | static_cast<size_t>(at[1]) << 8;
+      at += 2;
+      const auto left = static_cast<size_t>(end - at);
+      put(at, size < left ? size : left);
+      return at + (size < left ? size : left);
+    }
+    uint8_t* write(uint8_t* at) const {
+      *at++ = static_cast<uint8_t>(size_);
+      *at++ = static_cast<uint8_t>(size_ >> 8);
+      memcpy(at, bytes_, size_);
+      return at + size_;
+    }
+
+   private:
+    void restore(const Slot& before) { put(before.bytes_, before.size_); }
+
+    Store& store_;
+    size_t size_ = 0;
+    uint8_t bytes_[kRoom];
+  };
+
+  bool forward() const {
+    uint8_t block[kHead + 2 * (2 + kRoom)];
+    memcpy(block, kMagic, kHead);
+    uint8_t* at = block + kHead;
+    for (const Slot& slot : slots_) at = slot.write(at);
+    return save_(context_, block, static_cast<size_t>(at - block)) != 0;
   }
 
   wheelwire_save save_;
   void* context_;
-  uint8_t block_[kMaxParameterBlock];
-  size_t size_;
+  Slot slots_[2]{Slot{*this}, Slot{*this}};
+  TwinStore parameters_{slots_[0], slots_[1]};
 };
 
 /// What is latched, kept by the caller.
@@ -170,19 +222,10 @@ class RecorderFlash final : public FlashRegion {
 };
 
 /// The caller's record is enough: it survives whatever the process survives.
-class NoStore final : public ParameterStore {
+class NoStore final : public BlockStore {
  public:
   size_t load(uint8_t*, size_t) override { return 0; }
   bool save(const uint8_t*, size_t) override { return true; }
-  bool erase() override { return true; }
-};
-
-/// For what the caller gives at each start: a host cannot change it.
-class ReadOnlyStore final : public ParameterStore {
- public:
-  size_t load(uint8_t*, size_t) override { return 0; }
-  bool save(const uint8_t*, size_t) override { return false; }
-  bool erase() override { return false; }
 };
 
 class Contact final : public EstopInput {

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 11
+#define WHEELWIRE_ABI 12
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -33,7 +33,7 @@ typedef struct wheelwire_identity {
   uint8_t reset_reason;
 } wheelwire_identity;
 
-/* Stores a block of bytes, the saved parameters; size 0: removes it. Returns 1, or 0 on failure;
+/* Stores a block of bytes, the saved parameters. Returns 1, or 0 on failure;
  * the previous block must then still be there. */
 typedef int (*wheelwire_save)(void* context, const uint8_t* block, size_t size);
 
@@ -75,10 +75,10 @@ WHEELWIRE_EXPORT wheelwire_core* wheelwire_core_create(const wheelwire_identity*
                                                        wheelwire_save save, void* context);
 WHEELWIRE_EXPORT void wheelwire_core_destroy(wheelwire_core* core);
 
-/* Sets the packed board whose power stages the outputs are for, and the defaults that it gives,
- * before the start; without it they are an L298N's. Returns a BoardFault, the first one of the
- * board. */
-WHEELWIRE_EXPORT uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board,
+/* Sets the packed configuration whose board's power stages the outputs are for, and the defaults
+ * that it gives, before the start; without it they are an L298N's. Returns a BoardFault, the first
+ * one of the board. */
+WHEELWIRE_EXPORT uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* packed,
                                               size_t size);
 
 /* Changes the default of a parameter, before the start. Returns a RefusalCode. */
@@ -123,10 +123,10 @@ typedef int (*wheelwire_transfer)(void* context, uint8_t address, const uint8_t*
 
 /* Of the memory that they need, in bytes. */
 WHEELWIRE_EXPORT size_t wheelwire_sensors_size(void);
-/* Makes those in a packed list in this memory, which begins as a page does and holds all of them.
- * If it is shared, a process that was forked later may poll them. NULL if the list cannot be read;
- * its rules are checked by wheelwire_core_sense. */
-WHEELWIRE_EXPORT wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* list,
+/* Makes those of a packed configuration in this memory, which begins as a page does and holds all
+ * of them. If it is shared, a process that was forked later may poll them. NULL if the list cannot
+ * be read; its rules are checked by wheelwire_core_sense. */
+WHEELWIRE_EXPORT wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* packed,
                                                              size_t size);
 /* Does what is due on the bus of this number. Returns when there will be something to do. Each bus
  * has one caller, while others step the core. */
@@ -171,9 +171,9 @@ typedef struct wheelwire_board_issue {
   uint8_t other;    /* BoardPin: what else it is used for. */
 } wheelwire_board_issue;
 
-/* Checks a packed board. Returns how many issues there are, 0 for a board that can be used, and
- * writes the first `capacity` of them to `issues`. */
-WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* board, size_t size,
+/* Checks the board of a packed configuration. Returns how many issues there are, 0 for a board that
+ * can be used, and writes the first `capacity` of them to `issues`. */
+WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* packed, size_t size,
                                               wheelwire_board_issue* issues, size_t capacity);
 
 /* What is wrong with a list of peripherals; the codes are those of
@@ -186,9 +186,8 @@ typedef struct wheelwire_peripheral_issue {
   uint8_t fault;   /* PeripheralFault */
 } wheelwire_peripheral_issue;
 
-/* Checks a packed list against the packed board that it is for, as wheelwire_board_check. */
-WHEELWIRE_EXPORT size_t wheelwire_peripherals_check(const uint8_t* list, size_t list_size,
-                                                    const uint8_t* board, size_t board_size,
+/* Checks the peripherals of a packed configuration, as wheelwire_board_check. */
+WHEELWIRE_EXPORT size_t wheelwire_peripherals_check(const uint8_t* packed, size_t size,
                                                     wheelwire_peripheral_issue* issues,
                                                     size_t capacity);
 

@@ -269,7 +269,6 @@ class BoardCheck {
 };
 
 /// Calls `report` with each BoardIssue; with none, or only warnings, for a board that can be used.
-/// The checksum is not looked at: see read_board().
 template <typename Report>
 constexpr void check_board(const BoardDescription& board, Report&& report) {
   if (board.version != kBoardVersion) {
@@ -292,14 +291,5 @@ constexpr BoardIssue first_issue(const BoardDescription& board) {
   });
   return first;
 }
-
-/// Writes BoardDescription::kSize bytes with the checksum that belongs to them.
-void write_board(const BoardDescription& board, uint8_t* out);
-
-/// The checksum of the packed board: it names the board.
-uint32_t fingerprint(const BoardDescription& board);
-
-/// Reads a board. kDamaged: not its size, or a wrong checksum; `out` is then unchanged.
-BoardFault read_board(const uint8_t* data, size_t size, BoardDescription& out);
 
 }  // namespace wheelwire

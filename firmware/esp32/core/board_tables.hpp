@@ -12,7 +12,7 @@ constexpr size_t kBoardPinCount = 18;
 
 /// A board as it is sent and stored. Fields that are codes may be unknown ones.
 struct BoardDescription {
-  static constexpr size_t kSize = 67;
+  static constexpr size_t kSize = 63;
 
   uint8_t version{};                    ///< Version of this struct.
   Chip chip{};                          ///< The chip whose pins these are.
@@ -44,7 +44,6 @@ struct BoardDescription {
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
   uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
   uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
-  uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
 
   /// The GPIO of a function; -1: none.
   constexpr int pin(BoardPin function) const {
@@ -123,7 +122,6 @@ struct BoardDescription {
     wire::put(out, encoder_filter_ns);
     wire::put(out, battery_divider_permille);
     wire::put(out, pulldowns);
-    wire::put(out, crc);
   }
 
   /// Reads kSize bytes.
@@ -159,7 +157,6 @@ struct BoardDescription {
     wire::get(in, board.encoder_filter_ns);
     wire::get(in, board.battery_divider_permille);
     wire::get(in, board.pulldowns);
-    wire::get(in, board.crc);
     return board;
   }
 };

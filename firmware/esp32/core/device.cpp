@@ -2,13 +2,25 @@
 
 namespace wheelwire {
 
-BoardFacts Device::facts_of(const BoardKeeper* keeper) {
-  if (keeper == nullptr) return {};
-  const StageTable* const stage = table_of(keeper->board().stage);
-  return {.fingerprint = keeper->fingerprint(),
-          .max_pwm_hz = keeper->is_confirmed() && stage != nullptr ? stage->max_frequency_hz : 0,
-          .is_confirmed = keeper->is_confirmed(),
-          .on_trial = keeper->on_trial()};
+namespace {
+
+BoardFacts facts_of(const ActiveConfiguration& configuration) {
+  const StageTable* const stage = table_of(configuration.board().stage);
+  const bool is_known = configuration.is_confirmed() && stage != nullptr;
+  return {.checksum = checksum(configuration.board()),
+          .max_pwm_hz = is_known ? stage->max_frequency_hz : 0,
+          .is_confirmed = configuration.is_confirmed(),
+          .on_trial = configuration.on_trial()};
+}
+
+}  // namespace
+
+Device::Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs,
+               ActiveConfiguration& configuration)
+    : server_(robot_, hal.line, identity, &configuration),
+      robot_(hal, server_, specs, facts_of(configuration)) {
+  if (configuration.state() == ConfigurationState::kDamaged)
+    robot_.report_failure(fault::kNoBoard | (configuration.faults() & fault::kStoreOutdated));
 }
 
 void Device::start(uint64_t now_us) {

@@ -9,13 +9,10 @@ namespace wheelwire {
 
 class Device {
  public:
-  /// `specs`: see Parameters. `keeper`: started.
-  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs, BoardKeeper* keeper)
-      : server_(robot_, hal.line, identity, keeper), robot_(hal, server_, specs, facts_of(keeper)) {
-    if (keeper != nullptr && keeper->state() == BoardState::kNone)
-      robot_.report_failure(fault::kNoBoard);
-  }
-  /// Where no board can be written.
+  /// `specs`: see Parameters. `configuration`: started.
+  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs,
+         ActiveConfiguration& configuration);
+  /// Without a configuration.
   Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters,
          const BoardFacts& board = {})
       : server_(robot_, hal.line, identity, nullptr), robot_(hal, server_, specs, board) {}
@@ -75,7 +72,6 @@ class Device {
   uint64_t deadline_us() const { return robot_.deadline_us(); }
 
  private:
-  static BoardFacts facts_of(const BoardKeeper* keeper);
   Recorder* recorder() const { return robot_.recorder(); }
   void prepare_recorder();
 

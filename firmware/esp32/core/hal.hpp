@@ -95,18 +95,26 @@ class ByteStream {
 };
 
 /// Keeps one block of bytes across resets. A save is atomic: the old block or the new one.
-class ParameterStore {
+class BlockStore {
  public:
   /// Returns the size of the block, 0 when there is none; at most `capacity` bytes are copied.
   virtual size_t load(uint8_t* out, size_t capacity) = 0;
   virtual bool save(const uint8_t* data, size_t size) = 0;
-  /// Removes the block, readable or not.
-  virtual bool erase() = 0;
-  /// Why the stored block cannot be read, as flags of `fault`; 0 if it can. Only erase() clears it.
+  /// Formats storage that cannot be opened, with all that lies in it. False if it still cannot be
+  /// opened.
+  virtual bool format() { return true; }
+  /// Why the stored block cannot be read, as flags of `fault`; 0 if it can, or if there is none. A
+  /// save clears it.
   virtual uint32_t faults() { return 0; }
+  /// Whether half of the storage had lost the block, which was loaded from the other half.
+  virtual bool has_lost_copy() { return false; }
+  /// Whether something is to be repaired.
+  virtual bool is_incomplete() { return false; }
+  /// Writes what is lost. It may stall the processor: only while the wheels stand.
+  virtual bool repair() { return true; }
 
  protected:
-  ~ParameterStore() = default;
+  ~BlockStore() = default;
 };
 
 /// A few bytes that survive a reset of the processor, and may be lost with the power.
@@ -145,11 +153,12 @@ struct Hal {
   MotorPort& right_motor;
   EncoderPort& encoders;
   ByteStream& line;
-  ParameterStore& store;
+  BlockStore& store;
   LatchMemory& latches;
-  ParameterStore& latch_store;  ///< Of an e-stop that is latched.
+  BlockStore& latch_store;  ///< Of an e-stop that is latched.
   EstopInput& estop;
   BatterySense& battery;
+  BlockStore* configuration = nullptr;  ///< nullptr: it is not stored.
 };
 
 }  // namespace wheelwire

@@ -45,9 +45,9 @@ Latches LatchKeeper::start() {
   uint8_t record[Latches::kSize];
   Latches stored;
   const size_t stored_size = store_.load(record, sizeof record);
-  const bool is_damaged =
+  is_damaged_ =
       store_.faults() != 0 || (stored_size != 0 && !Latches::decode(record, stored_size, stored));
-  is_stored_ = is_damaged || stored.estop;
+  is_stored_ = stored.estop;
   const size_t size = memory_.load(record, sizeof record);
   if (size == 0) {
     // The power was off: only flash knows.
@@ -57,12 +57,15 @@ Latches LatchKeeper::start() {
     latches_ = {};
     latches_.estop = true;
   }
+  // Also where the memory says otherwise: what is damaged may be an e-stop, until somebody clears
+  // it.
+  if (is_damaged_) latches_.estop = true;
   write_memory();
   return latches_;
 }
 
 bool LatchKeeper::sync_at_rest(uint64_t now_us) {
-  if (latches_.estop == is_stored_) return false;
+  if (latches_.estop == is_stored_ && !is_damaged_) return false;
   // A clear is written at once: what was cleared stays cleared.
   if (now_us < next_note_us_ && (latches_.estop || write_failed_)) return false;
   uint8_t record[Latches::kSize];
@@ -70,7 +73,10 @@ bool LatchKeeper::sync_at_rest(uint64_t now_us) {
   stored.estop = latches_.estop;
   stored.encode(record);
   write_failed_ = !store_.save(record, sizeof record);
-  if (!write_failed_) is_stored_ = latches_.estop;
+  if (!write_failed_) {
+    is_stored_ = latches_.estop;
+    is_damaged_ = false;
+  }
   next_note_us_ = now_us + kNoteIntervalUs;
   return true;
 }

@@ -40,7 +40,7 @@ struct Latches {
 /// flash, since a power-on and the reset pin clear that memory.
 class LatchKeeper {
  public:
-  LatchKeeper(LatchMemory& memory, ParameterStore& store) : memory_(memory), store_(store) {}
+  LatchKeeper(LatchMemory& memory, BlockStore& store) : memory_(memory), store_(store) {}
 
   /// What was latched before the reset. A record that cannot be read counts as an e-stop: it may
   /// have been one.
@@ -61,6 +61,7 @@ class LatchKeeper {
   void visit(Visitor& visit) {
     visit("latches", latches_);
     visit("is_stored", is_stored_);
+    visit("is_damaged", is_damaged_);
     visit("write_failed", write_failed_);
     visit("next_note_us", next_note_us_);
   }
@@ -72,9 +73,10 @@ class LatchKeeper {
   void write_memory();
 
   LatchMemory& memory_;
-  ParameterStore& store_;
+  BlockStore& store_;
   Latches latches_;
-  bool is_stored_ = false;  ///< Flash says that an e-stop is latched.
+  bool is_stored_ = false;   ///< Flash says that an e-stop is latched.
+  bool is_damaged_ = false;  ///< Flash says nothing that can be read.
   bool write_failed_ = false;
   uint64_t next_note_us_ = 0;
 };

@@ -71,12 +71,18 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return once(Restart::decode(frame.body), now_us);
     case ContradictionsGet::kId:
       return once(ContradictionsGet::decode(frame.body), now_us);
-    case BoardGet::kId:
-      return once(BoardGet::decode(frame.body), now_us);
-    case BoardWrite::kId:
-      return once(BoardWrite::decode(frame.body), now_us);
-    case BoardConfirm::kId:
-      return once(BoardConfirm::decode(frame.body), now_us);
+    case ConfigurationGet::kId:
+      return once(ConfigurationGet::decode(frame.body), now_us);
+    case PeripheralGet::kId:
+      return once(PeripheralGet::decode(frame.body), now_us);
+    case BoardSet::kId:
+      return once(BoardSet::decode(frame.body), now_us);
+    case PeripheralSet::kId:
+      return once(PeripheralSet::decode(frame.body), now_us);
+    case ConfigurationWrite::kId:
+      return once(ConfigurationWrite::decode(frame.body), now_us);
+    case ConfigurationConfirm::kId:
+      return once(ConfigurationConfirm::decode(frame.body), now_us);
     case BoxGet::kId:
       return once(BoxGet::decode(frame.body), now_us);
     case BoxRead::kId:
@@ -86,10 +92,6 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
     case UnsavedGet::kId:
       return once(UnsavedGet::decode(frame.body), now_us);
     case SensorStream::kId:
-    case PeripheralGet::kId:
-    case PeripheralSet::kId:
-    case PeripheralsWrite::kId:
-    case PeripheralsConfirm::kId:
       return serve_sensors(frame, now_us);
   }
 }
@@ -107,7 +109,7 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
   if (opens) {
     session_.open(hello.nonce, identity_.boot_id);
     link_.restart_sequence();
-    if (keeper_ != nullptr) keeper_->drop_candidate();
+    if (configuration_ != nullptr) configuration_->drop_candidate();
     if (sensors_ != nullptr) sensors_->end_session();
     robot_.end_session(SupervisorEvent::kSession, now_us);
   }
@@ -130,17 +132,20 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
   if (!opens) return;
   const auto rate_hz = static_cast<uint32_t>(robot_.parameters().get(ParameterId::kStreamRateHz));
   if (link_.carries(rate_hz, WheelState::kSize)) set_stream_rate(rate_hz, now_us);
-  report_store();
+  report_stores();
 }
 
-/// Where the saved parameters were not loaded, a host learns of it once, when its session opens.
-/// Not where they cannot be read at all: that is a fault, which every state carries.
-void MessageServer::report_store() {
-  if (robot_.store_state() == Parameters::Load::kLoaded || robot_.store_faults() != 0) return;
-  const EventCode code = robot_.store_state() == Parameters::Load::kEmpty
-                             ? EventCode::kStoreEmpty
-                             : EventCode::kStoreDefaulted;
-  send_event(code, {{}, robot_.state(), robot_.state()}, robot_.last_step_us());
+/// A host learns once, when its session opens, that no parameters are saved, and of which blocks
+/// the start found only one copy. Not of those that cannot be read: that is a fault, or an e-stop.
+void MessageServer::report_stores() {
+  constexpr EventCode kLost[kStoredBlocks] = {EventCode::kConfigurationCopyLost,
+                                              EventCode::kParametersCopyLost,
+                                              EventCode::kLatchesCopyLost};
+  const Transition none{{}, robot_.state(), robot_.state()};
+  if (robot_.store_state() == Parameters::Load::kEmpty)
+    send_event(EventCode::kStoreEmpty, none, robot_.last_step_us());
+  for (size_t i = 0; i < kStoredBlocks; ++i)
+    if ((robot_.lost_copies() >> i & 1) != 0) send_event(kLost[i], none, robot_.last_step_us());
 }
 
 // --- stops, with or without a session ------------------------------------------------------------
@@ -190,8 +195,7 @@ bool MessageServer::is_newest(const Message& message, uint64_t now_us) {
 template <typename Message>
 void MessageServer::obey(const Message& message, ControlMode mode, WheelPair wheels,
                          uint64_t now_us) {
-  RefusalCode refusal = keeper_ != nullptr ? board_refusal() : RefusalCode::kNone;
-  if (refusal == RefusalCode::kNone && sensors_ != nullptr) refusal = sensors_->refusal();
+  RefusalCode refusal = configuration_ != nullptr ? configuration_->refusal() : RefusalCode::kNone;
   if (refusal != RefusalCode::kNone) {
     // Nobody knows what is wired to the pins.
   } else if (restart_us_ != 0) {
@@ -202,13 +206,6 @@ void MessageServer::obey(const Message& message, ControlMode mode, WheelPair whe
     refusal = robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us);
   }
   if (refusal != RefusalCode::kNone) refuse_setpoint(message, refusal, now_us);
-}
-
-/// Why nothing may drive on this board, or with these peripherals.
-RefusalCode MessageServer::board_refusal() const {
-  if (keeper_->state() == BoardState::kBuiltIn) return RefusalCode::kBoardUnconfirmed;
-  if (keeper_->on_trial()) return RefusalCode::kBoardOnTrial;
-  return RefusalCode::kNone;
 }
 
 template <typename Message>
@@ -391,14 +388,14 @@ void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t ref
   link_.send(Refuse{session_id, message_id, code, reference});
 }
 
-// --- groups, boards, restart ---------------------------------------------------------------------
+// --- groups, restart -----------------------------------------------------------------------------
 
 bool MessageServer::is_served(Group group) const {
   switch (group) {
     case Group::kBase:
       return true;
-    case Group::kBoard:
-      return keeper_ != nullptr;
+    case Group::kConfiguration:
+      return configuration_ != nullptr;
     case Group::kRecorder:
       return archive_ != nullptr;
     case Group::kStore:
@@ -420,70 +417,99 @@ void MessageServer::on(const GroupGet& request, uint64_t) {
 void MessageServer::on(const Restart& request, uint64_t now_us) {
   RefusalCode refusal = robot_.check_stopped();
   if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
-  const bool tries_board = keeper_ != nullptr && keeper_->has_candidate();
-  const bool tries_peripherals = sensors_ != nullptr && sensors_->has_candidate();
-  if (refusal == RefusalCode::kNone && (tries_board || tries_peripherals))
+  if (refusal == RefusalCode::kNone && configuration_ != nullptr &&
+      configuration_->has_candidate()) {
     refusal = robot_.check_estop(now_us);
-  // The peripherals first: if the board's write then fails, they are those of another board, which
-  // are not tried.
-  if (refusal == RefusalCode::kNone && tries_peripherals) {
-    refusal = sensors_->request_trial();
-    note_board_write(refusal);
-  }
-  if (refusal == RefusalCode::kNone && tries_board) {
-    refusal = keeper_->request_trial();
-    note_board_write(refusal);
+    if (refusal == RefusalCode::kNone) {
+      refusal = configuration_->request_trial();
+      note_configuration_write(refusal);
+    }
   }
   if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
 }
 
-void MessageServer::on(const BoardGet& request, uint64_t) {
-  if (keeper_ == nullptr)
+// --- the configuration ---------------------------------------------------------------------------
+
+void MessageServer::on(const ConfigurationGet& request, uint64_t) {
+  if (configuration_ == nullptr)
     return conclude(request.kId, request.request_id, RefusalCode::kNotSupported);
-  // The message's fields are the packed board's: its bytes are copied as they are.
-  uint8_t body[BoardValue::kSize];
-  BoardValue{
-      .session_id = session_.id(), .request_id = request.request_id, .state = keeper_->state()}
+  // The message's last fields are the packed board's: its bytes are copied as they are.
+  uint8_t body[ConfigurationValue::kSize];
+  ConfigurationValue{.session_id = session_.id(),
+                     .request_id = request.request_id,
+                     .state = configuration_->state(),
+                     .peripheral_count = configuration_->peripherals().count,
+                     .fingerprint = configuration_->fingerprint()}
       .encode(body);
-  write_board(keeper_->board(), body + BoardValue::kSize - BoardDescription::kSize);
-  answer_afresh(BoardValue::kId, request.request_id, body, sizeof body);
+  configuration_->board().encode(body + sizeof body - BoardDescription::kSize);
+  answer_afresh(ConfigurationValue::kId, request.request_id, body, sizeof body);
 }
 
-/// Why what `keeper` keeps, a board or its peripherals, cannot be changed now. Else a board without
-/// the contact that is open would be a way around it.
-RefusalCode MessageServer::check_board_change(const void* keeper, uint64_t now_us) {
-  if (keeper == nullptr) return RefusalCode::kNotSupported;
+void MessageServer::on(const PeripheralGet& request, uint64_t) {
+  if (configuration_ == nullptr)
+    return conclude(request.kId, request.request_id, RefusalCode::kNotSupported);
+  const PeripheralList& list = configuration_->peripherals();
+  uint8_t body[PeripheralValue::kSize];
+  PeripheralValue{
+      .session_id = session_.id(), .request_id = request.request_id, .channel = request.channel}
+      .encode(body);
+  (request.channel < list.count ? list.entries[request.channel] : Peripheral{})
+      .encode(body + sizeof body - Peripheral::kSize);
+  answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
+}
+
+void MessageServer::on(const BoardSet& request, uint64_t) {
+  uint8_t body[BoardSet::kSize];
+  request.encode(body);
+  conclude(request.kId, request.request_id,
+           configuration_ == nullptr
+               ? RefusalCode::kNotSupported
+               : configuration_->stage_board(body + sizeof body - BoardDescription::kSize));
+}
+
+void MessageServer::on(const PeripheralSet& request, uint64_t) {
+  uint8_t body[PeripheralSet::kSize];
+  request.encode(body);
+  conclude(request.kId, request.request_id,
+           configuration_ == nullptr
+               ? RefusalCode::kNotSupported
+               : configuration_->stage_peripheral(request.channel,
+                                                  body + sizeof body - Peripheral::kSize));
+}
+
+/// Why the configuration cannot change now. Else one without the contact that is open would be a
+/// way around it.
+RefusalCode MessageServer::check_configuration_change(uint64_t now_us) {
+  if (configuration_ == nullptr || configuration_->is_fixed()) return RefusalCode::kNotSupported;
   const RefusalCode refusal = robot_.check_stopped();
   return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
 }
 
 /// Any other refusal came before the write: it excuses no late step.
-void MessageServer::note_board_write(RefusalCode refusal) {
+void MessageServer::note_configuration_write(RefusalCode refusal) {
   if (refusal == RefusalCode::kNone || refusal == RefusalCode::kStoreFailed)
     robot_.note_write(refusal == RefusalCode::kNone);
 }
 
-void MessageServer::on(const BoardWrite& request, uint64_t now_us) {
-  uint8_t body[BoardWrite::kSize];
-  request.encode(body);
-  RefusalCode refusal = check_board_change(keeper_, now_us);
+void MessageServer::on(const ConfigurationWrite& request, uint64_t now_us) {
+  RefusalCode refusal = check_configuration_change(now_us);
   if (refusal == RefusalCode::kNone) {
-    refusal = keeper_->write(body + BoardWrite::kSize - BoardDescription::kSize);
-    note_board_write(refusal);
+    refusal = configuration_->write(request.peripheral_count, request.fingerprint);
+    note_configuration_write(refusal);
   }
   conclude(request.kId, request.request_id, refusal);
 }
 
-void MessageServer::on(const BoardConfirm& request, uint64_t now_us) {
-  RefusalCode refusal = check_board_change(keeper_, now_us);
+void MessageServer::on(const ConfigurationConfirm& request, uint64_t now_us) {
+  RefusalCode refusal = check_configuration_change(now_us);
   if (refusal == RefusalCode::kNone) {
-    refusal = keeper_->confirm(request.fingerprint);
-    note_board_write(refusal);
+    refusal = configuration_->confirm(request.fingerprint);
+    note_configuration_write(refusal);
   }
   if (refusal == RefusalCode::kNone) robot_.note_board_confirmed();
   // Its pins are started as those of any board: when the device starts.
-  if (refusal == RefusalCode::kNone && !keeper_->is_confirmed())
+  if (refusal == RefusalCode::kNone && !configuration_->is_confirmed())
     restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
 }

@@ -2,7 +2,7 @@
 // stream. See protocol/SPEC.md, "Sessions", "Setpoints", "Requests".
 #pragma once
 
-#include "board_keeper.hpp"
+#include "configuration.hpp"
 #include "link.hpp"
 #include "protocol.hpp"
 #include "recorder.hpp"
@@ -47,31 +47,21 @@ class SensorMessages {
   virtual void fit_to_line(uint32_t state_hz, uint64_t now_us) = 0;
   virtual void end_session() = 0;
 
-  /// Why nothing may drive with these peripherals; kNone if it may.
-  virtual RefusalCode refusal() const = 0;
-  virtual bool has_candidate() const = 0;
-  virtual RefusalCode request_trial() = 0;
-  virtual bool is_overdue(uint64_t now_us) const = 0;
-
-  /// What decides what later requests do, as words: see the recorder's `StateWriter`.
-  virtual size_t state_words() const = 0;
-  virtual uint32_t state_word(size_t index) const = 0;
-  virtual void set_state_word(size_t index, uint32_t word) = 0;
-
  protected:
   ~SensorMessages() = default;
 };
 
 class MessageServer final : public RobotObserver {
  public:
-  /// `robot` is not used before the first message: it may be constructed later. `keeper`: nullptr
-  /// where no board can be written.
-  MessageServer(Robot& robot, ByteStream& line, const Identity& identity, BoardKeeper* keeper)
-      : robot_(robot), link_(line), identity_(identity), keeper_(keeper) {}
+  /// `robot` is not used before the first message: it may be constructed later. `configuration`:
+  /// nullptr where there is none.
+  MessageServer(Robot& robot, ByteStream& line, const Identity& identity,
+                ActiveConfiguration* configuration)
+      : robot_(robot), link_(line), identity_(identity), configuration_(configuration) {}
 
   /// From now on hosts may read what a recorder has stored.
   void offer(BoxArchive& archive) { archive_ = &archive; }
-  /// From now on hosts may read sensors, and read and replace the list of peripherals.
+  /// From now on hosts may read sensors.
   void offer(SensorMessages& sensors) { sensors_ = &sensors; }
   /// Reads and answers what the host has sent.
   void service_link(uint64_t now_us);
@@ -83,14 +73,14 @@ class MessageServer final : public RobotObserver {
   void hang_up(uint64_t now_us);
 
   bool has_session() const { return session_.is_open(); }
-  /// Whether the device is to restart: its host asked for it, or a board was not confirmed in time.
+  /// Whether the device is to restart: its host asked for it, or a configuration was not confirmed
+  /// in time.
   bool is_restart_due(uint64_t now_us) const {
     return (restart_us_ != 0 && now_us >= restart_us_) ||
-           (keeper_ != nullptr && keeper_->is_overdue(now_us)) ||
-           (sensors_ != nullptr && sensors_->is_overdue(now_us));
+           (configuration_ != nullptr && configuration_->is_overdue(now_us));
   }
 
-  bool has_keeper() const { return keeper_ != nullptr; }
+  bool has_configuration() const { return configuration_ != nullptr; }
   bool has_sensors() const { return sensors_ != nullptr; }
   bool has_archive() const { return archive_ != nullptr; }
   template <typename Visitor>
@@ -99,12 +89,7 @@ class MessageServer final : public RobotObserver {
     visit("capabilities", identity_.capabilities);
     visit("session", session_);
     visit("restart_us", restart_us_);
-    if (keeper_ != nullptr) visit("keeper", *keeper_);
-    for (size_t i = 0; sensors_ != nullptr && i < sensors_->state_words(); ++i) {
-      uint32_t word = sensors_->state_word(i);
-      visit("peripherals", word);
-      sensors_->set_state_word(i, word);
-    }
+    if (configuration_ != nullptr) visit("configuration", *configuration_);
     visit("robot", robot_);
   }
 
@@ -115,8 +100,6 @@ class MessageServer final : public RobotObserver {
   // For SensorMessages.
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
   void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
-  RefusalCode check_board_change(const void* keeper, uint64_t now_us);
-  void note_board_write(RefusalCode refusal);
   Link& link() { return link_; }
   uint32_t session_id() const { return session_.id(); }
   uint32_t boot_id() const { return identity_.boot_id; }
@@ -148,9 +131,12 @@ class MessageServer final : public RobotObserver {
   void on(const GroupGet& request, uint64_t now_us);
   void on(const Restart& request, uint64_t now_us);
   void on(const ContradictionsGet& request, uint64_t now_us);
-  void on(const BoardGet& request, uint64_t now_us);
-  void on(const BoardWrite& request, uint64_t now_us);
-  void on(const BoardConfirm& request, uint64_t now_us);
+  void on(const ConfigurationGet& request, uint64_t now_us);
+  void on(const PeripheralGet& request, uint64_t now_us);
+  void on(const BoardSet& request, uint64_t now_us);
+  void on(const PeripheralSet& request, uint64_t now_us);
+  void on(const ConfigurationWrite& request, uint64_t now_us);
+  void on(const ConfigurationConfirm& request, uint64_t now_us);
   void on(const BoxGet& request, uint64_t now_us);
   void on(const BoxRead& request, uint64_t now_us);
   void on(const LedgerGet& request, uint64_t now_us);
@@ -171,9 +157,10 @@ class MessageServer final : public RobotObserver {
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
 
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
-  void report_store();
+  void report_stores();
   void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
-  RefusalCode board_refusal() const;
+  RefusalCode check_configuration_change(uint64_t now_us);
+  void note_configuration_write(RefusalCode refusal);
   bool is_served(Group group) const;
   bool is_readable(uint8_t message_id, uint16_t request_id);
 
@@ -181,7 +168,7 @@ class MessageServer final : public RobotObserver {
   Link link_;
   Session session_;
   Identity identity_;
-  BoardKeeper* keeper_;
+  ActiveConfiguration* configuration_;
   BoxArchive* archive_ = nullptr;
   uint64_t restart_us_ = 0;  // 0: no restart was asked for
   uint32_t refused_ = 0;

@@ -1,6 +1,5 @@
 #include "parameters.hpp"
 
-#include "crc32.hpp"
 #include "wire.hpp"
 
 namespace wheelwire {
@@ -14,14 +13,13 @@ constexpr bool ids_count_from_one() {
 }
 static_assert(ids_count_from_one(), "values are found by id - 1");
 
-// The block: magic, count, (id, value) for each, CRC-32. Keyed by id, so that releases with more
-// and with fewer parameters can read each other's blocks. The last entry has the board's
-// fingerprint for its value.
-constexpr uint32_t kMagic = 0x31505757;  // "WWP1"
+// The block: magic, count, (id, value) for each. Keyed by id, so that releases with more and with
+// fewer parameters can read each other's blocks. The last entry has the board's checksum for its
+// value. The store has a checksum.
+constexpr uint32_t kMagic = 0x32505757;  // "WWP2"
 constexpr size_t kHead = 5;
 constexpr size_t kEntry = 5;
-constexpr size_t kTail = 4;
-constexpr size_t kSavedSize = kHead + (kParameterCount + 1) * kEntry + kTail;
+constexpr size_t kSavedSize = kHead + (kParameterCount + 1) * kEntry;
 constexpr auto kBoardEntry = static_cast<ParameterId>(255);
 static_assert(kMaxParameterBlock >= kSavedSize && kParameterCount < 255);
 
@@ -52,18 +50,18 @@ void Parameters::set_defaults() {
   for (size_t i = 0; i < kParameterCount; ++i) values_[i] = specs_[i].default_value;
 }
 
-Parameters::Load Parameters::load(ParameterStore& store) {
+Parameters::Load Parameters::load(BlockStore& store) {
   uint8_t block[kMaxParameterBlock];
   const size_t size = store.load(block, sizeof block);
-  if (size == 0) return Load::kEmpty;
-  if (size < kHead + kTail || size > sizeof block || crc32(block, size) != kCrcResidue)
-    return Load::kCorrupt;
+  if (size == 0) return store.faults() == 0 ? Load::kEmpty : Load::kDamaged;
+  if (size < kHead || size > sizeof block) return Load::kDamaged;
   const uint8_t* in = block;
   uint32_t magic;
   uint8_t count;
   wire::get(in, magic);
   wire::get(in, count);
-  if (magic != kMagic || size != kHead + count * kEntry + kTail) return Load::kCorrupt;
+  if (magic != kMagic || size != kHead + count * kEntry) return Load::kDamaged;
+  if (count == 0) return Load::kEmpty;
 
   Parameters loaded(specs_, board_);
   uint32_t saved_for = 0;
@@ -74,7 +72,7 @@ Parameters::Load Parameters::load(ParameterStore& store) {
     wire::get(in, value);
     if (id == kBoardEntry) saved_for = value;
     if (exists(id) && loaded.set(id, __builtin_bit_cast(float, value)) != RefusalCode::kNone)
-      return Load::kCorrupt;
+      return Load::kDamaged;
   }
   if (saved_for != board_) {
     const ParameterSpec& contact = spec(ParameterId::kEstopInputEnabled);
@@ -84,7 +82,7 @@ Parameters::Load Parameters::load(ParameterStore& store) {
   return Load::kLoaded;
 }
 
-bool Parameters::save(ParameterStore& store) const {
+bool Parameters::save(BlockStore& store) const {
   uint8_t block[kSavedSize];
   uint8_t* out = block;
   wire::put(out, kMagic);
@@ -95,19 +93,26 @@ bool Parameters::save(ParameterStore& store) const {
   }
   wire::put(out, kBoardEntry);
   wire::put(out, board_);
-  wire::put(out, crc32(block, static_cast<size_t>(out - block)));
   return store.save(block, sizeof block);
 }
 
-bool Parameters::save_one(ParameterStore& store, ParameterId id) const {
+bool Parameters::save_none(BlockStore& store) {
+  uint8_t block[kHead];
+  uint8_t* out = block;
+  wire::put(out, kMagic);
+  wire::put(out, uint8_t{0});
+  return store.save(block, sizeof block);
+}
+
+bool Parameters::save_one(BlockStore& store, ParameterId id) const {
   Parameters stored(specs_, board_);
-  stored.load(store);
-  if (store.faults() != 0) return false;  // It would overwrite a block that may still be of use.
+  // It would overwrite values that nobody has seen.
+  if (stored.load(store) == Load::kDamaged) return false;
   stored.values_[static_cast<size_t>(id) - 1] = get(id);
   return stored.save(store);
 }
 
-uint64_t Parameters::unsaved(ParameterStore& store) const {
+uint64_t Parameters::unsaved(BlockStore& store) const {
   static_assert(kParameterCount <= 64);
   Parameters stored(specs_, board_);
   stored.load(store);

@@ -11,10 +11,10 @@ constexpr size_t kMaxParameterBlock = 329;
 
 class Parameters {
  public:
-  enum class Load : uint8_t { kLoaded, kEmpty, kCorrupt };
+  enum class Load : uint8_t { kLoaded, kEmpty, kDamaged };
 
   /// `specs`: kParameterCount rows, in the order of the ids; they must outlive this object.
-  /// `board`: the fingerprint of the board that they are for.
+  /// `board`: the checksum of the board that they are for.
   explicit Parameters(const ParameterSpec* specs = kParameters, uint32_t board = 0)
       : specs_(specs), board_(board) {
     set_defaults();
@@ -29,16 +29,18 @@ class Parameters {
   RefusalCode set(ParameterId id, float value);
   void set_defaults();
 
-  /// Takes the values from the store. A block that is corrupt, of another format or has a value out
-  /// of bounds changes nothing. If another board was active when the e-stop input was switched off,
+  /// Takes the values from the store. A block that is damaged or has a value out of bounds changes
+  /// nothing. If another board was active when the e-stop input was switched off,
   /// it has its default: that board had no contact, or a different one.
-  Load load(ParameterStore& store);
-  bool save(ParameterStore& store) const;
+  Load load(BlockStore& store);
+  bool save(BlockStore& store) const;
+  /// Saves none of them: the next start has the defaults of the board that it is on.
+  static bool save_none(BlockStore& store);
   /// Saves this one. The others keep their stored values, or their defaults if there are none.
-  bool save_one(ParameterStore& store, ParameterId id) const;
+  bool save_one(BlockStore& store, ParameterId id) const;
 
   /// Which values a start would load otherwise: bit n is the parameter with id n + 1.
-  uint64_t unsaved(ParameterStore& store) const;
+  uint64_t unsaved(BlockStore& store) const;
 
   static bool exists(ParameterId id);
   const ParameterSpec& spec(ParameterId id) const { return specs_[static_cast<size_t>(id) - 1]; }

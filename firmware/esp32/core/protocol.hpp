@@ -10,11 +10,11 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x9cad6f10;
+constexpr uint32_t kHash = 0x0ae08fbb;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
-constexpr size_t kMaxPayload = 81;
+constexpr size_t kMaxPayload = 82;
 
 enum class SupervisorState : uint8_t {
   kBoot = 0,      ///< Starting; the outputs coast.
@@ -75,11 +75,11 @@ enum class RefusalCode : uint8_t {
 };
 
 enum class Group : uint8_t {
-  kBase = 0,      ///< Sessions, setpoints, stops, requests, state: what every device has.
-  kBoard = 1,     ///< Boards: which pins lead to which power stage and encoders.
-  kRecorder = 2,  ///< Black boxes and ledger: what the device recorded of its stops.
-  kStore = 3,     ///< What the device has stored: which parameters a reset would change.
-  kSensor = 4,  ///< Sensors, inputs and reflexes: what the board's peripherals measure and forbid.
+  kBase = 0,           ///< Sessions, setpoints, stops, requests, state: what every device has.
+  kConfiguration = 1,  ///< The configuration: the board's pins, and the peripherals on it.
+  kRecorder = 2,       ///< Black boxes and ledger: what the device recorded of its stops.
+  kStore = 3,          ///< What the device has stored: which parameters a reset would change.
+  kSensor = 4,         ///< Sensors, inputs and reflexes: what the peripherals measure and forbid.
 };
 
 enum class StopMode : uint8_t {
@@ -108,11 +108,14 @@ enum class ResetReason : uint8_t {
 };
 
 enum class EventCode : uint8_t {
-  kSupervisor = 0,      ///< The supervisor changed its state.
-  kStoreDefaulted = 1,  ///< The parameter store was corrupt or foreign; the defaults are active.
-  kStoreEmpty = 2,      ///< No parameters were saved yet; the defaults are active.
-  kTrialExpired = 3,    ///< A trial was not renewed in time: stopped, with the previous parameters.
+  kSupervisor = 0,             ///< The supervisor changed its state.
+  kConfigurationCopyLost = 1,  ///< One of the two stored copies of the configuration was lost; it
+                               ///< is written anew from the other one as soon as the robot stands.
+  kStoreEmpty = 2,             ///< No parameters were saved yet; the defaults are active.
+  kTrialExpired = 3,  ///< A trial was not renewed in time: stopped, with the previous parameters.
   kRolling = 4,  ///< The robot rolls although it is not driven: a slope, or somebody pushes it.
+  kParametersCopyLost = 5,  ///< As CONFIGURATION_COPY_LOST, of the saved parameters.
+  kLatchesCopyLost = 6,  ///< As CONFIGURATION_COPY_LOST, of the note whether an e-stop is latched.
 };
 
 enum class Chip : uint8_t {
@@ -151,9 +154,10 @@ constexpr uint32_t kStoreFull = 256;
 /// The saved parameters have the format of a newer firmware, and the defaults are active: install
 /// that firmware, or reset the parameters and clear the fault.
 constexpr uint32_t kStoreNewer = 512;
-/// The saved parameters could not be read from flash, and the defaults are active: reset the
-/// parameters, clear the fault and restart. If the whole flash partition is damaged, this erases
-/// the board, too, and nothing drives until `wheelwire board write`.
+/// The saved parameters are damaged or gone, and the defaults are active: load a file with
+/// `wheelwire params import`, or reset the parameters, and clear the fault. If the whole flash
+/// partition is damaged, a reset erases the board, too, and nothing drives until `wheelwire board
+/// write`.
 constexpr uint32_t kStoreUnreadable = 1024;
 /// No board is stored that this device can use, so it drives no pin: write one with `wheelwire
 /// board write`.
@@ -163,6 +167,10 @@ constexpr uint32_t kExternal = 4096;
 /// The robot rolled much faster than its limit and its setpoint for a second: the slope is steeper
 /// than its motors hold, or somebody pushed it.
 constexpr uint32_t kOverspeed = 8192;
+/// The flash holds parameters or a board as an earlier firmware wrote them, and nothing drives:
+/// write the board with `wheelwire board write`, load the parameters with `wheelwire params import`
+/// or reset them, and clear the fault.
+constexpr uint32_t kStoreOutdated = 16384;
 }  // namespace fault
 
 namespace capability {
@@ -202,15 +210,15 @@ constexpr uint32_t kGlitchFilter = 32;
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x9cad6f10;
-    case Group::kBoard:
-      return 0x4cd2f265;
+      return 0x0ae08fbb;
+    case Group::kConfiguration:
+      return 0x3fe4ddfc;
     case Group::kRecorder:
       return 0x20fc1481;
     case Group::kStore:
       return 0x7b6bfe88;
     case Group::kSensor:
-      return 0xebc836e8;
+      return 0xbcdbdcae;
   }
   return 0;
 }
@@ -238,8 +246,8 @@ enum class BoardLine : uint8_t {
   kUsb = 1,   ///< The chip's own USB.
 };
 
-enum class BoardState : uint8_t {
-  kNone = 0,     ///< There is none: nothing is driven.
+enum class ConfigurationState : uint8_t {
+  kDamaged = 0,  ///< What is stored cannot be used, so there is none: nothing is driven.
   kBuiltIn = 1,  ///< It is the image's own, which nobody confirmed: nothing is driven.
   kStored = 2,   ///< It was confirmed.
   kTrial = 3,    ///< It was written, and waits for its confirmation: nothing drives.
@@ -381,11 +389,40 @@ enum class Axis : uint8_t {
   kMinusZ = 5,  ///< -z
 };
 
-enum class PeripheralsState : uint8_t {
-  kEmpty = 0,     ///< None was ever stored: nothing is measured, and no reflex acts.
-  kStored = 1,    ///< It was confirmed.
-  kTrial = 2,     ///< It was written, and waits for its confirmation: nothing drives.
-  kUnusable = 3,  ///< The stored one is damaged, or not of this board: nothing drives.
+enum class PeripheralFault : uint8_t {
+  kNone = 0,     ///< Nothing is wrong.
+  kTooMany = 4,  ///< {value} entries: a board takes {limit} at most
+  kKind = 5,     ///< {entry}: the firmware does not know this kind of peripheral: update it
+  kChip = 6,     ///< {entry}: chip: the firmware does not know this chip for this kind
+  kPlace = 7,    ///< {entry}: place: a bumper is at the front or at the rear, a range sensor at a
+                 ///< side, too; name where
+  kTwice = 8,    ///< {entry}: there is already one of this kind at this place, with this number, or
+                 ///< with this address on its bus; remove one, or give it another address
+  kPinMissing = 9,    ///< {entry}: a pin is missing: name each that it has
+  kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
+  kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
+  kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM, on some modules at
+                      ///< least; choose another, or name the module
+  kPinOfLink = 13,  ///< {entry}: {pin}: GPIO {pin} carries the line to the computer; choose another
+  kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
+                       ///< starts; choose another
+  kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; this one is driven
+  kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} cannot hold it as this input needs; fit 10 kOhm
+                 ///< to 3.3 V and write `pull: external`, or choose another
+  kOrientation = 17,  ///< {entry}: forward and up: choose two different axes
+  kLevels = 18,       ///< {entry}: the levels must fall: warn_v above limit_v above stop_v above 0;
+                      ///< leave all three out to measure only
+  kNoBattery = 19,    ///< {entry}: the board has no battery divider, and the list no power sensor
+  kShunt = 20,        ///< {entry}: shunt_mohm rounds to 0: choose 0.1 to {limit}
+  kCode = 21,         ///< {entry}: the firmware does not know one of its codes: update it
+  kNormallyOpen =
+      22,  ///< {entry}: use a normally closed switch, so that a broken wire counts as pressed
+  kNotOnThisChip = 23,  ///< {entry}: the chip of this board cannot read it, an ESP32 can
+  kNoAdc = 24,          ///< {entry}: {pin}: GPIO {pin} cannot measure a voltage; choose one of ADC1
+  kDivider = 25,        ///< {entry}: divider = {value} thousandths: choose 1000 to {limit}
+  kTooManyRanges = 26,  ///< {entry}: this chip times {limit} echoes at most; remove a range sensor
+  kBus = 27,  ///< {entry}: an ESP32's bus has two pins, sda and scl; a computer's has a number,
+              ///< bus: name it as this board's chip has it
 };
 
 enum class SensorState : uint8_t {
@@ -419,45 +456,6 @@ enum class SensorEventCode : uint8_t {
   kReleased = 2,   ///< The input is free again; `value` is what its reflex did.
   kBattery = 3,    ///< The battery's level changed; `value` is the BatteryLevel.
   kReduced = 4,    ///< The line is too slow for the rate asked for; `value` is the rate [Hz].
-};
-
-enum class PeripheralFault : uint8_t {
-  kNone = 0,     ///< Nothing is wrong.
-  kFormat = 1,   ///< the list has format {value}, this firmware knows {limit}: update the older one
-  kDamaged = 2,  ///< the list's checksum is wrong: write the list again
-  kOtherBoard = 3,  ///< it is for another board: write the board and its peripherals together
-  kTooMany = 4,     ///< {value} entries: a board takes {limit} at most
-  kKind = 5,        ///< {entry}: the firmware does not know this kind of peripheral: update it
-  kChip = 6,        ///< {entry}: chip: the firmware does not know this chip for this kind
-  kPlace = 7,  ///< {entry}: place: a bumper is at the front or at the rear, a range sensor at a
-               ///< side, too; name where
-  kTwice = 8,  ///< {entry}: there is already one of this kind at this place, with this number, or
-               ///< with this address on its bus; remove one, or give it another address
-  kPinMissing = 9,    ///< {entry}: a pin is missing: name each that it has
-  kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
-  kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
-  kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM, on some modules at
-                      ///< least; choose another, or name the module
-  kPinOfLink = 13,  ///< {entry}: {pin}: GPIO {pin} carries the line to the computer; choose another
-  kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
-                       ///< starts; choose another
-  kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; this one is driven
-  kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} cannot hold it as this input needs; fit 10 kOhm
-                 ///< to 3.3 V and write `pull: external`, or choose another
-  kOrientation = 17,  ///< {entry}: forward and up: choose two different axes
-  kLevels = 18,       ///< {entry}: the levels must fall: warn_v above limit_v above stop_v above 0;
-                      ///< leave all three out to measure only
-  kNoBattery = 19,    ///< {entry}: the board has no battery divider, and the list no power sensor
-  kShunt = 20,        ///< {entry}: shunt_mohm rounds to 0: choose 0.1 to {limit}
-  kCode = 21,         ///< {entry}: the firmware does not know one of its codes: update it
-  kNormallyOpen =
-      22,  ///< {entry}: use a normally closed switch, so that a broken wire counts as pressed
-  kNotOnThisChip = 23,  ///< {entry}: the chip of this board cannot read it, an ESP32 can
-  kNoAdc = 24,          ///< {entry}: {pin}: GPIO {pin} cannot measure a voltage; choose one of ADC1
-  kDivider = 25,        ///< {entry}: divider = {value} thousandths: choose 1000 to {limit}
-  kTooManyRanges = 26,  ///< {entry}: this chip times {limit} echoes at most; remove a range sensor
-  kBus = 27,  ///< {entry}: an ESP32's bus has two pins, sda and scl; a computer's has a number,
-              ///< bus: name it as this board's chip has it
 };
 
 namespace peripheralflag {
@@ -1040,15 +1038,15 @@ struct ContradictionsGet {
   }
 };
 
-/// Asks for the active board; the answer is BoardValue.
-struct BoardGet {
+/// Asks for the active configuration; the answer is ConfigurationValue.
+struct ConfigurationGet {
   static constexpr uint8_t kId = 0x20;
   static constexpr size_t kSize = 6;
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
-  bool operator==(const BoardGet&) const = default;
+  bool operator==(const ConfigurationGet&) const = default;
 
   /// Writes kSize bytes.
   void encode(uint8_t* out) const {
@@ -1057,18 +1055,46 @@ struct BoardGet {
   }
 
   /// Reads kSize bytes.
-  static BoardGet decode(const uint8_t* in) {
-    BoardGet message;
+  static ConfigurationGet decode(const uint8_t* in) {
+    ConfigurationGet message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     return message;
   }
 };
 
-/// Stores a board, to be tried from the next restart on. Only while stopped.
-struct BoardWrite {
+/// Asks for one of its peripherals; the answer is PeripheralValue.
+struct PeripheralGet {
   static constexpr uint8_t kId = 0x21;
-  static constexpr size_t kSize = 73;
+  static constexpr size_t kSize = 7;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};      ///< Index of the entry, from 0.
+
+  bool operator==(const PeripheralGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralGet decode(const uint8_t* in) {
+    PeripheralGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    return message;
+  }
+};
+
+/// Sets the board that ConfigurationWrite stores. Nothing changes before that.
+struct BoardSet {
+  static constexpr uint8_t kId = 0x22;
+  static constexpr size_t kSize = 69;
 
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
@@ -1102,9 +1128,8 @@ struct BoardWrite {
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
   uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
   uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
-  uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
 
-  bool operator==(const BoardWrite&) const = default;
+  bool operator==(const BoardSet&) const = default;
 
   /// Writes kSize bytes.
   void encode(uint8_t* out) const {
@@ -1140,12 +1165,11 @@ struct BoardWrite {
     wire::put(out, encoder_filter_ns);
     wire::put(out, battery_divider_permille);
     wire::put(out, pulldowns);
-    wire::put(out, crc);
   }
 
   /// Reads kSize bytes.
-  static BoardWrite decode(const uint8_t* in) {
-    BoardWrite message;
+  static BoardSet decode(const uint8_t* in) {
+    BoardSet message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     wire::get(in, message.version);
@@ -1178,21 +1202,118 @@ struct BoardWrite {
     wire::get(in, message.encoder_filter_ns);
     wire::get(in, message.battery_divider_permille);
     wire::get(in, message.pulldowns);
-    wire::get(in, message.crc);
     return message;
   }
 };
 
-/// Confirms the board on trial, or the image's own, and lets it drive. Only while stopped.
-struct BoardConfirm {
-  static constexpr uint8_t kId = 0x22;
+/// As BoardSet, one of its peripherals.
+struct PeripheralSet {
+  static constexpr uint8_t kId = 0x23;
+  static constexpr size_t kSize = 23;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};      ///< Index of the entry, from 0.
+  PeripheralKind kind{};  ///< What it is.
+  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
+  Place place{};          ///< Where it is.
+  uint8_t flags{};        ///< Properties of its pin.
+  int8_t pin_a{};         ///< GPIO; -1: none.
+  int8_t pin_b{};         ///< GPIO; -1: none.
+  int8_t pin_c{};         ///< GPIO; -1: none.
+  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
+  Axis forward{};         ///< The IMU's axis that points forward.
+  Axis up{};              ///< The IMU's axis that points up.
+  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
+  uint16_t value_b{};     ///< Depends on the kind.
+  uint16_t value_c{};     ///< Depends on the kind.
+
+  bool operator==(const PeripheralSet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+    wire::put(out, kind);
+    wire::put(out, chip);
+    wire::put(out, place);
+    wire::put(out, flags);
+    wire::put(out, pin_a);
+    wire::put(out, pin_b);
+    wire::put(out, pin_c);
+    wire::put(out, address);
+    wire::put(out, forward);
+    wire::put(out, up);
+    wire::put(out, value_a);
+    wire::put(out, value_b);
+    wire::put(out, value_c);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralSet decode(const uint8_t* in) {
+    PeripheralSet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    wire::get(in, message.kind);
+    wire::get(in, message.chip);
+    wire::get(in, message.place);
+    wire::get(in, message.flags);
+    wire::get(in, message.pin_a);
+    wire::get(in, message.pin_b);
+    wire::get(in, message.pin_c);
+    wire::get(in, message.address);
+    wire::get(in, message.forward);
+    wire::get(in, message.up);
+    wire::get(in, message.value_a);
+    wire::get(in, message.value_b);
+    wire::get(in, message.value_c);
+    return message;
+  }
+};
+
+/// Stores what was set, to be tried from the next restart on. Only while stopped.
+struct ConfigurationWrite {
+  static constexpr uint8_t kId = 0x24;
+  static constexpr size_t kSize = 11;
+
+  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
+  uint8_t peripheral_count{};  ///< How many peripherals count; 0: there is none.
+  uint32_t fingerprint{};      ///< Of the configuration that is meant: see SPEC.md.
+
+  bool operator==(const ConfigurationWrite&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, peripheral_count);
+    wire::put(out, fingerprint);
+  }
+
+  /// Reads kSize bytes.
+  static ConfigurationWrite decode(const uint8_t* in) {
+    ConfigurationWrite message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.peripheral_count);
+    wire::get(in, message.fingerprint);
+    return message;
+  }
+};
+
+/// Confirms the configuration on trial, or the image's own. Only while stopped.
+struct ConfigurationConfirm {
+  static constexpr uint8_t kId = 0x25;
   static constexpr size_t kSize = 10;
 
   uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
-  uint32_t fingerprint{};  ///< The crc of the board that is meant.
+  uint32_t fingerprint{};  ///< Of the configuration that is meant.
 
-  bool operator==(const BoardConfirm&) const = default;
+  bool operator==(const ConfigurationConfirm&) const = default;
 
   /// Writes kSize bytes.
   void encode(uint8_t* out) const {
@@ -1202,8 +1323,8 @@ struct BoardConfirm {
   }
 
   /// Reads kSize bytes.
-  static BoardConfirm decode(const uint8_t* in) {
-    BoardConfirm message;
+  static ConfigurationConfirm decode(const uint8_t* in) {
+    ConfigurationConfirm message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     wire::get(in, message.fingerprint);
@@ -1345,163 +1466,6 @@ struct SensorStream {
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     wire::get(in, message.rate_hz);
-    return message;
-  }
-};
-
-/// Asks for an entry of the active list; the answer is PeripheralValue.
-struct PeripheralGet {
-  static constexpr uint8_t kId = 0x51;
-  static constexpr size_t kSize = 7;
-
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};      ///< Index of the entry, from 0.
-
-  bool operator==(const PeripheralGet&) const = default;
-
-  /// Writes kSize bytes.
-  void encode(uint8_t* out) const {
-    wire::put(out, session_id);
-    wire::put(out, request_id);
-    wire::put(out, channel);
-  }
-
-  /// Reads kSize bytes.
-  static PeripheralGet decode(const uint8_t* in) {
-    PeripheralGet message;
-    wire::get(in, message.session_id);
-    wire::get(in, message.request_id);
-    wire::get(in, message.channel);
-    return message;
-  }
-};
-
-/// Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that.
-struct PeripheralSet {
-  static constexpr uint8_t kId = 0x52;
-  static constexpr size_t kSize = 23;
-
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};      ///< Index of the entry, from 0.
-  PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
-  Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Properties of its pin.
-  int8_t pin_a{};         ///< GPIO; -1: none.
-  int8_t pin_b{};         ///< GPIO; -1: none.
-  int8_t pin_c{};         ///< GPIO; -1: none.
-  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< The IMU's axis that points forward.
-  Axis up{};              ///< The IMU's axis that points up.
-  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
-  uint16_t value_b{};     ///< Depends on the kind.
-  uint16_t value_c{};     ///< Depends on the kind.
-
-  bool operator==(const PeripheralSet&) const = default;
-
-  /// Writes kSize bytes.
-  void encode(uint8_t* out) const {
-    wire::put(out, session_id);
-    wire::put(out, request_id);
-    wire::put(out, channel);
-    wire::put(out, kind);
-    wire::put(out, chip);
-    wire::put(out, place);
-    wire::put(out, flags);
-    wire::put(out, pin_a);
-    wire::put(out, pin_b);
-    wire::put(out, pin_c);
-    wire::put(out, address);
-    wire::put(out, forward);
-    wire::put(out, up);
-    wire::put(out, value_a);
-    wire::put(out, value_b);
-    wire::put(out, value_c);
-  }
-
-  /// Reads kSize bytes.
-  static PeripheralSet decode(const uint8_t* in) {
-    PeripheralSet message;
-    wire::get(in, message.session_id);
-    wire::get(in, message.request_id);
-    wire::get(in, message.channel);
-    wire::get(in, message.kind);
-    wire::get(in, message.chip);
-    wire::get(in, message.place);
-    wire::get(in, message.flags);
-    wire::get(in, message.pin_a);
-    wire::get(in, message.pin_b);
-    wire::get(in, message.pin_c);
-    wire::get(in, message.address);
-    wire::get(in, message.forward);
-    wire::get(in, message.up);
-    wire::get(in, message.value_a);
-    wire::get(in, message.value_b);
-    wire::get(in, message.value_c);
-    return message;
-  }
-};
-
-/// Stores the list, to be tried from the next restart on. Only while stopped.
-struct PeripheralsWrite {
-  static constexpr uint8_t kId = 0x53;
-  static constexpr size_t kSize = 15;
-
-  uint32_t session_id{};    ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};    ///< Counts up in a session; the answer returns it.
-  uint8_t channel_count{};  ///< How many entries count; 0: an empty list.
-  uint32_t board{};         ///< Fingerprint of the board that they are connected to.
-  uint32_t crc{};           ///< CRC of the list: see SPEC.md.
-
-  bool operator==(const PeripheralsWrite&) const = default;
-
-  /// Writes kSize bytes.
-  void encode(uint8_t* out) const {
-    wire::put(out, session_id);
-    wire::put(out, request_id);
-    wire::put(out, channel_count);
-    wire::put(out, board);
-    wire::put(out, crc);
-  }
-
-  /// Reads kSize bytes.
-  static PeripheralsWrite decode(const uint8_t* in) {
-    PeripheralsWrite message;
-    wire::get(in, message.session_id);
-    wire::get(in, message.request_id);
-    wire::get(in, message.channel_count);
-    wire::get(in, message.board);
-    wire::get(in, message.crc);
-    return message;
-  }
-};
-
-/// Confirms the list on trial, and lets the robot drive. Only while stopped.
-struct PeripheralsConfirm {
-  static constexpr uint8_t kId = 0x54;
-  static constexpr size_t kSize = 10;
-
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t crc{};         ///< CRC of the list that is meant.
-
-  bool operator==(const PeripheralsConfirm&) const = default;
-
-  /// Writes kSize bytes.
-  void encode(uint8_t* out) const {
-    wire::put(out, session_id);
-    wire::put(out, request_id);
-    wire::put(out, crc);
-  }
-
-  /// Reads kSize bytes.
-  static PeripheralsConfirm decode(const uint8_t* in) {
-    PeripheralsConfirm message;
-    wire::get(in, message.session_id);
-    wire::get(in, message.request_id);
-    wire::get(in, message.crc);
     return message;
   }
 };
@@ -1997,14 +1961,16 @@ struct Contradictions {
   }
 };
 
-/// The active board.
-struct BoardValue {
+/// The active configuration, without its peripherals.
+struct ConfigurationValue {
   static constexpr uint8_t kId = 0xa0;
-  static constexpr size_t kSize = 74;
+  static constexpr size_t kSize = 75;
 
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
-  BoardState state{};                   ///< Where it is from.
+  ConfigurationState state{};           ///< Where it is from.
+  uint8_t peripheral_count{};           ///< How many peripherals it has.
+  uint32_t fingerprint{};               ///< Its checksum: see SPEC.md.
   uint8_t version{};                    ///< Version of this struct.
   Chip chip{};                          ///< The chip whose pins these are.
   Module module{};                      ///< What carries the chip.
@@ -2035,15 +2001,16 @@ struct BoardValue {
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
   uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
   uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
-  uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
 
-  bool operator==(const BoardValue&) const = default;
+  bool operator==(const ConfigurationValue&) const = default;
 
   /// Writes kSize bytes.
   void encode(uint8_t* out) const {
     wire::put(out, session_id);
     wire::put(out, request_id);
     wire::put(out, state);
+    wire::put(out, peripheral_count);
+    wire::put(out, fingerprint);
     wire::put(out, version);
     wire::put(out, chip);
     wire::put(out, module);
@@ -2074,15 +2041,16 @@ struct BoardValue {
     wire::put(out, encoder_filter_ns);
     wire::put(out, battery_divider_permille);
     wire::put(out, pulldowns);
-    wire::put(out, crc);
   }
 
   /// Reads kSize bytes.
-  static BoardValue decode(const uint8_t* in) {
-    BoardValue message;
+  static ConfigurationValue decode(const uint8_t* in) {
+    ConfigurationValue message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     wire::get(in, message.state);
+    wire::get(in, message.peripheral_count);
+    wire::get(in, message.fingerprint);
     wire::get(in, message.version);
     wire::get(in, message.chip);
     wire::get(in, message.module);
@@ -2113,7 +2081,73 @@ struct BoardValue {
     wire::get(in, message.encoder_filter_ns);
     wire::get(in, message.battery_divider_permille);
     wire::get(in, message.pulldowns);
-    wire::get(in, message.crc);
+    return message;
+  }
+};
+
+/// One of its peripherals; of kind NONE if it has fewer.
+struct PeripheralValue {
+  static constexpr uint8_t kId = 0xa1;
+  static constexpr size_t kSize = 23;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};      ///< Index of the entry, from 0.
+  PeripheralKind kind{};  ///< What it is.
+  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
+  Place place{};          ///< Where it is.
+  uint8_t flags{};        ///< Properties of its pin.
+  int8_t pin_a{};         ///< GPIO; -1: none.
+  int8_t pin_b{};         ///< GPIO; -1: none.
+  int8_t pin_c{};         ///< GPIO; -1: none.
+  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
+  Axis forward{};         ///< The IMU's axis that points forward.
+  Axis up{};              ///< The IMU's axis that points up.
+  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
+  uint16_t value_b{};     ///< Depends on the kind.
+  uint16_t value_c{};     ///< Depends on the kind.
+
+  bool operator==(const PeripheralValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+    wire::put(out, kind);
+    wire::put(out, chip);
+    wire::put(out, place);
+    wire::put(out, flags);
+    wire::put(out, pin_a);
+    wire::put(out, pin_b);
+    wire::put(out, pin_c);
+    wire::put(out, address);
+    wire::put(out, forward);
+    wire::put(out, up);
+    wire::put(out, value_a);
+    wire::put(out, value_b);
+    wire::put(out, value_c);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralValue decode(const uint8_t* in) {
+    PeripheralValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    wire::get(in, message.kind);
+    wire::get(in, message.chip);
+    wire::get(in, message.place);
+    wire::get(in, message.flags);
+    wire::get(in, message.pin_a);
+    wire::get(in, message.pin_b);
+    wire::get(in, message.pin_c);
+    wire::get(in, message.address);
+    wire::get(in, message.forward);
+    wire::get(in, message.up);
+    wire::get(in, message.value_a);
+    wire::get(in, message.value_b);
+    wire::get(in, message.value_c);
     return message;
   }
 };
@@ -2602,85 +2636,6 @@ struct SensorEvent {
   }
 };
 
-/// An entry of the active list; of kind NONE if it is shorter.
-struct PeripheralValue {
-  static constexpr uint8_t kId = 0xd5;
-  static constexpr size_t kSize = 33;
-
-  uint32_t session_id{};     ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};     ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};         ///< Index of the peripheral's entry.
-  uint8_t channel_count{};   ///< How many entries the list has.
-  PeripheralsState state{};  ///< Where the list is from.
-  uint32_t board{};          ///< Fingerprint of the board that it is for.
-  uint32_t crc{};            ///< CRC of the list.
-  PeripheralKind kind{};     ///< What it is.
-  SensorChip chip{};         ///< The chip of an IMU, POWER or RANGE.
-  Place place{};             ///< Where it is.
-  uint8_t flags{};           ///< Properties of its pin.
-  int8_t pin_a{};            ///< GPIO; -1: none.
-  int8_t pin_b{};            ///< GPIO; -1: none.
-  int8_t pin_c{};            ///< GPIO; -1: none.
-  uint8_t address{};         ///< Its address on the I2C bus; 0: the chip's usual one.
-  Axis forward{};            ///< The IMU's axis that points forward.
-  Axis up{};                 ///< The IMU's axis that points up.
-  uint16_t value_a{};        ///< Depends on the kind; see SPEC.md.
-  uint16_t value_b{};        ///< Depends on the kind.
-  uint16_t value_c{};        ///< Depends on the kind.
-
-  bool operator==(const PeripheralValue&) const = default;
-
-  /// Writes kSize bytes.
-  void encode(uint8_t* out) const {
-    wire::put(out, session_id);
-    wire::put(out, request_id);
-    wire::put(out, channel);
-    wire::put(out, channel_count);
-    wire::put(out, state);
-    wire::put(out, board);
-    wire::put(out, crc);
-    wire::put(out, kind);
-    wire::put(out, chip);
-    wire::put(out, place);
-    wire::put(out, flags);
-    wire::put(out, pin_a);
-    wire::put(out, pin_b);
-    wire::put(out, pin_c);
-    wire::put(out, address);
-    wire::put(out, forward);
-    wire::put(out, up);
-    wire::put(out, value_a);
-    wire::put(out, value_b);
-    wire::put(out, value_c);
-  }
-
-  /// Reads kSize bytes.
-  static PeripheralValue decode(const uint8_t* in) {
-    PeripheralValue message;
-    wire::get(in, message.session_id);
-    wire::get(in, message.request_id);
-    wire::get(in, message.channel);
-    wire::get(in, message.channel_count);
-    wire::get(in, message.state);
-    wire::get(in, message.board);
-    wire::get(in, message.crc);
-    wire::get(in, message.kind);
-    wire::get(in, message.chip);
-    wire::get(in, message.place);
-    wire::get(in, message.flags);
-    wire::get(in, message.pin_a);
-    wire::get(in, message.pin_b);
-    wire::get(in, message.pin_c);
-    wire::get(in, message.address);
-    wire::get(in, message.forward);
-    wire::get(in, message.up);
-    wire::get(in, message.value_a);
-    wire::get(in, message.value_b);
-    wire::get(in, message.value_c);
-    return message;
-  }
-};
-
 /// One measurement of a range sensor. Never sent twice.
 struct Range {
   static constexpr uint8_t kId = 0xd6;
@@ -2764,12 +2719,18 @@ constexpr int body_size(uint8_t id) {
       return Restart::kSize;
     case ContradictionsGet::kId:
       return ContradictionsGet::kSize;
-    case BoardGet::kId:
-      return BoardGet::kSize;
-    case BoardWrite::kId:
-      return BoardWrite::kSize;
-    case BoardConfirm::kId:
-      return BoardConfirm::kSize;
+    case ConfigurationGet::kId:
+      return ConfigurationGet::kSize;
+    case PeripheralGet::kId:
+      return PeripheralGet::kSize;
+    case BoardSet::kId:
+      return BoardSet::kSize;
+    case PeripheralSet::kId:
+      return PeripheralSet::kSize;
+    case ConfigurationWrite::kId:
+      return ConfigurationWrite::kSize;
+    case ConfigurationConfirm::kId:
+      return ConfigurationConfirm::kSize;
     case BoxGet::kId:
       return BoxGet::kSize;
     case BoxRead::kId:
@@ -2780,14 +2741,6 @@ constexpr int body_size(uint8_t id) {
       return UnsavedGet::kSize;
     case SensorStream::kId:
       return SensorStream::kSize;
-    case PeripheralGet::kId:
-      return PeripheralGet::kSize;
-    case PeripheralSet::kId:
-      return PeripheralSet::kSize;
-    case PeripheralsWrite::kId:
-      return PeripheralsWrite::kSize;
-    case PeripheralsConfirm::kId:
-      return PeripheralsConfirm::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -2812,8 +2765,10 @@ constexpr int body_size(uint8_t id) {
       return GroupInfo::kSize;
     case Contradictions::kId:
       return Contradictions::kSize;
-    case BoardValue::kId:
-      return BoardValue::kSize;
+    case ConfigurationValue::kId:
+      return ConfigurationValue::kSize;
+    case PeripheralValue::kId:
+      return PeripheralValue::kSize;
     case BoxValue::kId:
       return BoxValue::kSize;
     case BoxPart::kId:
@@ -2832,8 +2787,6 @@ constexpr int body_size(uint8_t id) {
       return Inputs::kSize;
     case SensorEvent::kId:
       return SensorEvent::kSize;
-    case PeripheralValue::kId:
-      return PeripheralValue::kSize;
     case Range::kId:
       return Range::kSize;
     default:

@@ -9,20 +9,28 @@ Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs
     : hal_(hal),
       observer_(observer),
       board_(board),
-      config_(make_config(Parameters(specs, board.fingerprint))),
+      config_(make_config(Parameters(specs, board.checksum))),
       drive_(hal.left_motor, hal.right_motor),
       latches_(hal.latches, hal.latch_store),
-      parameters_(specs, board.fingerprint),
+      parameters_(specs, board.checksum),
       trial_(parameters_) {}
 
 void Robot::start(uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
   store_faults_ = hal_.store.faults();
+  if (store_state_ == Parameters::Load::kDamaged && store_faults_ == 0)
+    store_faults_ = fault::kStoreUnreadable;
   apply_parameters();
   latch();
   drive_.start(counts_);
   last_step_us_ = now_us;
   const Latches before = latches_.start();
+  for (size_t i = 0; i < kStoredBlocks; ++i) {
+    BlockStore* const store = store_of(static_cast<StoredBlock>(i));
+    if (store == nullptr) continue;
+    if (store->has_lost_copy()) lost_copies_ |= static_cast<uint8_t>(1 << i);
+    if (store->is_incomplete()) repairs_ |= static_cast<uint8_t>(1 << i);
+  }
   faults_ = before.faults;
   if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
   quiet_since_us_ = drove_us_ = now_us;
@@ -212,8 +220,32 @@ void Robot::stand_still(uint64_t now_us) {
 void Robot::sync_latches(bool brakes, uint64_t now_us) {
   const bool creeps = brakes && supervisor_.state() == SupervisorState::kEstopped &&
                       now_us - drove_us_ >= kRunDownUs && now_us - not_slow_us_ >= kSlowUs;
-  if ((creeps || is_at_rest(now_us)) && latches_.sync_at_rest(now_us))
+  if (!creeps && !is_at_rest(now_us)) return;
+  if (latches_.sync_at_rest(now_us)) {
     note_write(!latches_.write_failed());
+  } else if (repairs_ != 0 && now_us >= next_repair_us_) {
+    repair_one(now_us);
+  }
+}
+
+BlockStore* Robot::store_of(StoredBlock block) {
+  switch (block) {
+    case StoredBlock::kConfiguration:
+      return hal_.configuration;
+    case StoredBlock::kParameterValues:
+      return &hal_.store;
+    case StoredBlock::kLatches:
+      return &hal_.latch_store;
+  }
+  return nullptr;
+}
+
+void Robot::repair_one(uint64_t now_us) {
+  const int block = __builtin_ctz(repairs_);
+  const bool done = store_of(static_cast<StoredBlock>(block))->repair();
+  if (done) repairs_ &= static_cast<uint8_t>(~(1 << block));
+  if (!done) next_repair_us_ = now_us + kRepairIntervalUs;
+  note_write(done);
 }
 
 /// So that a reset of the processor finds what was latched.
@@ -429,13 +461,13 @@ uint32_t Robot::contradictions_with(ParameterId id, float value) const {
 
 RefusalCode Robot::save_parameter(ParameterId id) {
   if (!Parameters::exists(id)) return RefusalCode::kUnknownParameter;
-  const RefusalCode refusal = check_save();
+  const RefusalCode refusal = check_stopped();
   if (refusal != RefusalCode::kNone) return refusal;
   return conclude_save(parameters_.save_one(hal_.store, id));
 }
 
 RefusalCode Robot::save_all_parameters() {
-  const RefusalCode refusal = check_save();
+  const RefusalCode refusal = check_stopped();
   if (refusal != RefusalCode::kNone) return refusal;
   return conclude_save(parameters_.save(hal_.store));
 }
@@ -452,17 +484,11 @@ RefusalCode Robot::check_estop(uint64_t now_us) {
   return is_latched ? RefusalCode::kEstopped : RefusalCode::kNone;
 }
 
-/// A block that cannot be read is not overwritten: resetting the parameters is the way out.
-RefusalCode Robot::check_save() const {
-  const RefusalCode refusal = check_stopped();
-  if (refusal != RefusalCode::kNone) return refusal;
-  return store_faults_ != 0 ? RefusalCode::kStoreFailed : RefusalCode::kNone;
-}
-
 RefusalCode Robot::conclude_save(bool saved) {
   note_write(saved);
+  store_state_ = Parameters::Load::kLoaded;  // Of a save that failed a part may be left.
   if (!saved) return RefusalCode::kStoreFailed;
-  store_state_ = Parameters::Load::kLoaded;
+  store_faults_ = 0;
   return RefusalCode::kNone;
 }
 
@@ -473,12 +499,14 @@ RefusalCode Robot::reset_parameters(uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   parameters_.set_defaults();
   apply_parameters();
-  const bool erased = hal_.store.erase();
-  note_write(erased);
-  if (!erased) return RefusalCode::kStoreFailed;
-  store_state_ = Parameters::Load::kEmpty;
-  store_faults_ = hal_.store.faults();
-  return RefusalCode::kNone;
+  if (store_state_ == Parameters::Load::kEmpty && store_faults_ == 0) return RefusalCode::kNone;
+  bool saved = Parameters::save_none(hal_.store);
+  // Storage that cannot be opened takes nothing before it is formatted.
+  if (!saved && store_faults_ != 0)
+    saved = hal_.store.format() && Parameters::save_none(hal_.store);
+  const RefusalCode outcome = conclude_save(saved);
+  if (saved) store_state_ = Parameters::Load::kEmpty;
+  return outcome;
 }
 
 // --- a trial of parameters -----------------------------------------------------------------------

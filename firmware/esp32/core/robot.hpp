@@ -55,8 +55,8 @@ class RobotObserver {
 
 /// What the robot has to know of the board that it is on.
 struct BoardFacts {
-  uint32_t fingerprint = 0;  ///< 0: not known.
-  uint32_t max_pwm_hz = 0;   ///< Of its power stage; 0: not known.
+  uint32_t checksum = 0;    ///< 0: not known.
+  uint32_t max_pwm_hz = 0;  ///< Of its power stage; 0: not known.
   /// Otherwise its inputs mean nothing, the e-stop contact among them.
   bool is_confirmed = true;
   bool on_trial = false;
@@ -66,12 +66,16 @@ struct BoardFacts {
 
   template <typename Visitor>
   void visit(Visitor& visit) {
-    visit("fingerprint", fingerprint);
+    visit("checksum", checksum);
     visit("max_pwm_hz", max_pwm_hz);
     visit("is_confirmed", is_confirmed);
     visit("on_trial", on_trial);
   }
 };
+
+/// What is in flash, apart from the recorder.
+enum class StoredBlock : uint8_t { kConfiguration, kParameterValues, kLatches };
+constexpr size_t kStoredBlocks = 3;
 
 class Robot {
  public:
@@ -150,10 +154,10 @@ class Robot {
   /// Flags of `contradiction`: of the active values, and of those that were last refused.
   uint32_t active_contradictions() const { return contradictions_; }
   uint32_t refused_contradictions() const { return refused_contradictions_; }
-  /// What became of the saved parameters at the start.
+  /// Whether parameters are saved.
   Parameters::Load store_state() const { return store_state_; }
-  /// Why they could not be read, as flags of `fault`.
-  uint32_t store_faults() const { return store_faults_; }
+  /// Of which blocks the start found only one of two copies, as bits by StoredBlock.
+  uint8_t lost_copies() const { return lost_copies_; }
 
   WheelPair commanded() const { return drive_.commanded(); }
   const Wheel& left() const { return drive_.left(); }
@@ -185,6 +189,8 @@ class Robot {
     visit("stalled", stalled_);
     visit("failures", failures_);
     visit("store_faults", store_faults_);
+    visit("repairs", repairs_);
+    visit("next_repair_us", next_repair_us_);
     visit("faults", faults_);
     visit("contradictions", contradictions_);
     visit("last_step_us", last_step_us_);
@@ -249,11 +255,14 @@ class Robot {
   RefusalCode extend_trial(bool begins, float timeout_s, uint64_t now_us);
   uint32_t contradictions_with(ParameterId id, float value) const;
   WheelPair limited(const Setpoint& setpoint) const;
-  RefusalCode check_save() const;
   RefusalCode conclude_save(bool saved);
+  BlockStore* store_of(StoredBlock block);
+  void repair_one(uint64_t now_us);
 
   static constexpr uint64_t kRunDownUs = 2'000'000;
   static constexpr uint64_t kSlowUs = 500'000;
+  /// After a repair that failed: each one stalls the chip.
+  static constexpr uint64_t kRepairIntervalUs = 10'000'000;
   /// Beside the flags of `reflex` that stand for a direction.
   static constexpr uint8_t kUnarmed = 0x80;
 
@@ -291,6 +300,9 @@ class Robot {
   Drive drive_;
   LatchKeeper latches_;
   uint32_t refused_contradictions_ = 0;
+  uint8_t lost_copies_ = 0;  // Bits by StoredBlock,
+  uint8_t repairs_ = 0;      // and of those that are to be written anew.
+  uint64_t next_repair_us_ = 0;
   Parameters::Load store_state_ = Parameters::Load::kLoaded;
   Parameters parameters_;
   Trial trial_;

@@ -9,77 +9,163 @@
 namespace wheelwire {
 namespace {
 
-constexpr size_t kTail = 8;  // The number and the checksum.
+// After the block: this, the records, the number, the checksum. Earlier firmware left out the first
+// two.
+constexpr uint16_t kMagic = 0x3257;  // "W2"
 constexpr int kAttempts = 2;
 
 }  // namespace
 
+void TwinStore::record(TwinStore& parameters, TwinStore& latches) {
+  others_[0] = &parameters;
+  others_[1] = &latches;
+  parameters.recorder_ = latches.recorder_ = this;
+  parameters.flag_ = 1;
+  latches.flag_ = 2;
+  parameters.waits_ = true;
+}
+
 size_t TwinStore::load(uint8_t* out, size_t capacity) {
-  uint32_t number;
-  const int slot = find(number);
+  Slot content;
+  const int slot = find(content);
   if (slot < 0) return 0;
-  const size_t size = read(slot).size;
-  memcpy(out, buffer_, size < capacity ? size : capacity);
-  return size;
+  read(slot);
+  memcpy(out, buffer_, content.size < capacity ? content.size : capacity);
+  return content.size;
 }
 
 bool TwinStore::save(const uint8_t* data, size_t size) {
   if (size == 0 || size > kCapacity) return false;
-  uint32_t number = 0;
-  const int to = find(number) == 0 ? 1 : 0;
-  ++number;
-  for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    memcpy(buffer_, data, size);
-    uint8_t* at = buffer_ + size;
-    wire::put(at, number);
-    wire::put(at, crc32(buffer_, size + sizeof number));
-    if (!slots_[to]->save(buffer_, size + kTail)) return false;
-    const Slot written = read(to);
-    if (written.size == size && written.number == number && memcmp(buffer_, data, size) == 0) {
-      faults_ = 0;
-      return true;
-    }
-  }
-  return false;
+  if (waits_ && !recorder_->note(0)) return false;
+  Slot content;
+  const int last = find(content) == 0 ? 0 : 1;
+  content.size = size;
+  ++content.number;
+  content.records |= existing();
+  is_incomplete_ = true;
+  // The one that counts last: until then a cut of the power leaves it.
+  if (!write(1 - last, content, data) || !write(last, content, data)) return false;
+  is_incomplete_ = false;
+  faults_ = 0;
+  const bool is_recorded = recorder_ == nullptr || recorder_->note(flag_);
+  return is_recorded || !waits_;
 }
 
-bool TwinStore::erase() {
-  // The valid one last: until it is gone, a cut of the power leaves it and not the one before.
-  uint32_t number;
-  const int last = find(number) == 0 ? 0 : 1;
-  const bool both_erased = slots_[1 - last]->erase() && slots_[last]->erase();
-  if (both_erased) faults_ = 0;
-  return both_erased;
+bool TwinStore::repair() {
+  Slot content;
+  const int slot = find(content);
+  if (slot < 0 || !is_incomplete_) return true;
+  read(slot);
+  is_incomplete_ = !write(1 - slot, content) || (recorder_ != nullptr && !recorder_->note(flag_));
+  return !is_incomplete_;
 }
 
 TwinStore::Slot TwinStore::read(int slot) {
   Slot found;
   const size_t size = slots_[slot]->load(buffer_, sizeof buffer_);
   if (size == 0) return found;
-  if (size <= kTail || size > sizeof buffer_ || crc32(buffer_, size) != kCrcResidue) {
-    found.is_damaged = true;
-    return found;
-  }
+  found.state = State::kDamaged;
+  if (size < kTail || size > sizeof buffer_ || crc32(buffer_, size) != kCrcResidue) return found;
   found.size = size - kTail;
   const uint8_t* at = buffer_ + found.size;
+  uint16_t magic;
+  wire::get(at, magic);
+  wire::get(at, found.records);
   wire::get(at, found.number);
+  found.state = magic == kMagic ? State::kWhole : State::kOutdated;
   return found;
 }
 
-int TwinStore::find(uint32_t& number) {
+int TwinStore::find(Slot& content) {
   const Slot slots[2] = {read(0), read(1)};
+  const bool whole[2] = {slots[0].state == State::kWhole, slots[1].state == State::kWhole};
   // The difference, as the numbers may wrap.
-  const bool is_second_newer =
-      slots[0].size == 0 || static_cast<int32_t>(slots[1].number - slots[0].number) > 0;
-  const int newest = slots[1].size != 0 && is_second_newer ? 1 : 0;
-  if (slots[newest].size != 0) {
+  const auto ahead = static_cast<int32_t>(slots[1].number - slots[0].number);
+  is_incomplete_ = has_lost_copy_ = false;
+  if (whole[0] || whole[1]) {
+    const int newest = whole[1] && (!whole[0] || ahead > 0) ? 1 : 0;
+    content = slots[newest];
     faults_ = 0;
-    number = slots[newest].number;
+    has_lost_copy_ = !(whole[0] && whole[1]);
+    is_incomplete_ =
+        has_lost_copy_ || ahead != 0 || (recorder_ != nullptr && !recorder_->records(flag_));
     return newest;
   }
   faults_ = slots_[0]->faults() | slots_[1]->faults();
-  if (slots[0].is_damaged || slots[1].is_damaged) faults_ |= fault::kStoreUnreadable;
+  const auto either = [&slots](State state) {
+    return slots[0].state == state || slots[1].state == state;
+  };
+  if (either(State::kOutdated)) {
+    faults_ |= fault::kStoreOutdated;
+  } else if (either(State::kDamaged) || is_gone()) {
+    faults_ |= fault::kStoreUnreadable;
+  }
   return -1;
+}
+
+bool TwinStore::write(int slot, const Slot& content, const uint8_t* data) {
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    memcpy(buffer_, data, content.size);
+    if (write(slot, content)) return true;
+  }
+  return false;
+}
+
+bool TwinStore::write(int slot, const Slot& content) {
+  uint8_t* at = buffer_ + content.size;
+  wire::put(at, kMagic);
+  wire::put(at, content.records);
+  wire::put(at, content.number);
+  const uint32_t crc = crc32(buffer_, static_cast<size_t>(at - buffer_));
+  wire::put(at, crc);
+  if (!slots_[slot]->save(buffer_, content.size + kTail)) return false;
+  // Flash that was written while the power failed may take a later write badly, and NVS may lose an
+  // entry that it has just taken.
+  const Slot written = read(slot);
+  if (written.state != State::kWhole || written.size != content.size) return false;
+  const uint8_t* end = buffer_ + content.size + kTail - sizeof crc;
+  uint32_t read_back;
+  wire::get(end, read_back);
+  return read_back == crc;
+}
+
+/// Records that another block exists; 0: only makes sure that there is a record at all.
+bool TwinStore::note(uint8_t flag) {
+  Slot content;
+  const int found = find(content);
+  // A configuration that is damaged stays so until another one is written.
+  if (found < 0 && faults_ != 0) return true;
+  if (found >= 0 && (content.records | flag) == content.records) return true;
+  const int last = found == 0 ? 0 : 1;
+  content.records |= static_cast<uint8_t>(flag | existing());
+  ++content.number;
+  if (found >= 0) read(found);
+  // What the first one holds afterwards is the block for the second one.
+  is_incomplete_ = !write(1 - last, content) || !write(last, content);
+  return !is_incomplete_;
+}
+
+/// Flags of the other blocks that exist.
+uint8_t TwinStore::existing() {
+  uint8_t flags = 0;
+  for (TwinStore* const other : others_)
+    if (other != nullptr && other->exists()) flags |= other->flag_;
+  return flags;
+}
+
+bool TwinStore::records(uint8_t flag) {
+  Slot content;
+  return find(content) >= 0 && (content.records & flag) != 0;
+}
+
+bool TwinStore::exists() {
+  return read(0).state != State::kEmpty || read(1).state != State::kEmpty;
+}
+
+/// Both slots are empty. Whether there was a block.
+bool TwinStore::is_gone() {
+  if (recorder_ != nullptr) return recorder_->records(flag_);
+  return others_[0] != nullptr && others_[0]->exists();
 }
 
 }  // namespace wheelwire

@@ -1,42 +1,70 @@
-// A block in two slots, written alternately, so that no save overwrites the valid one.
+// A block in two slots, which hold the same: one that is lost is written anew from the other.
 #pragma once
 
 #include "hal.hpp"
 
 namespace wheelwire {
 
-/// Each slot holds the block, a number that grows with each save, and a checksum over both; the
-/// highest number is the valid one. A save goes to the other slot and is read back: flash that was
-/// written while the power failed may take a later write badly, and a store that keeps its entries
-/// there may lose one that it has just taken.
-class TwinStore final : public ParameterStore {
+/// Each slot holds the block, a number that grows with each save, and a checksum. A save is done
+/// once both slots hold it and were read back. If the power goes in the middle, the slot with the
+/// higher number counts: it holds the old block or the new one. Where neither slot is whole, the
+/// block is damaged.
+///
+/// Flash may lose a slot without a trace: NVS erases a blob whose checksum is wrong. So one store,
+/// that of the configuration, records which other blocks exist: see `record`.
+class TwinStore final : public BlockStore {
  public:
   /// The longest block.
-  static constexpr size_t kCapacity = 400;
+  static constexpr size_t kCapacity = 480;
+  /// What a slot has beside the block.
+  static constexpr size_t kTail = 11;
 
-  TwinStore(ParameterStore& first, ParameterStore& second) : slots_{&first, &second} {}
+  TwinStore(BlockStore& first, BlockStore& second) : slots_{&first, &second} {}
+  /// From now on this store records whether these have a block. `parameters` get none before this
+  /// store has something, so they prove that it had. An e-stop does not wait for a record.
+  void record(TwinStore& parameters, TwinStore& latches);
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
-  bool erase() override;
-  /// As of the last load(): 0 as long as one slot is good, or both are empty.
+  bool format() override { return slots_[0]->format() && slots_[1]->format(); }
+  /// As of the last load().
   uint32_t faults() override { return faults_; }
+  bool has_lost_copy() override { return has_lost_copy_; }
+  bool is_incomplete() override { return is_incomplete_; }
+  bool repair() override;
 
  private:
+  enum class State : uint8_t { kEmpty, kWhole, kDamaged, kOutdated };
   struct Slot {
-    size_t size = 0;  ///< Of the block; 0: it is empty or damaged.
+    State state = State::kEmpty;
+    uint8_t records = 0;  ///< Flags of the other blocks that exist.
+    size_t size = 0;      ///< Of the block.
     uint32_t number = 0;
-    bool is_damaged = false;
   };
 
   /// Reads into buffer_.
   Slot read(int slot);
-  /// The valid slot; -1 if there is none.
-  int find(uint32_t& number);
+  /// The slot that counts, and what it holds; -1 if neither is whole.
+  int find(Slot& content);
+  /// Writes the block in buffer_, which afterwards holds what was read back.
+  bool write(int slot, const Slot& content);
+  bool write(int slot, const Slot& content, const uint8_t* data);
+  bool note(uint8_t flag);
+  uint8_t existing();
+  bool records(uint8_t flag);
+  /// Whether a slot holds anything, be it damaged.
+  bool exists();
+  bool is_gone();
 
-  ParameterStore* slots_[2];
+  BlockStore* slots_[2];
+  TwinStore* others_[2]{};         ///< What this one records.
+  TwinStore* recorder_ = nullptr;  ///< What records this one,
+  uint8_t flag_ = 0;               ///< and as what,
+  bool waits_ = false;             ///< before it is saved.
+  bool has_lost_copy_ = false;
+  bool is_incomplete_ = false;
   uint32_t faults_ = 0;
-  uint8_t buffer_[kCapacity + 8];
+  uint8_t buffer_[kCapacity + kTail];
 };
 
 }  // namespace wheelwire

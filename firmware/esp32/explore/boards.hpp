@@ -3,7 +3,9 @@
 
 #include <vector>
 
+#include "configuration.hpp"
 #include "own_board.hpp"
+#include "sensors.hpp"
 #include "shipped_boards.hpp"
 
 namespace wheelwire::explore {
@@ -17,9 +19,10 @@ inline const std::vector<BoardDescription>& shipped_boards() {
   return boards;
 }
 
-/// What the simulated robot is on while no board is stored.
-inline const BoardDescription& built_in_board(bool is_unwritten) {
-  return is_unwritten ? kBoardOfEsp32 : sim::kOwnBoard;
+/// What the simulated robot is on while none is stored.
+inline Configuration built_in_configuration(bool is_unwritten) {
+  if (is_unwritten) return {.board = kBoardOfEsp32, .peripherals = {}};
+  return {.board = sim::kOwnBoard, .peripherals = sim::default_peripherals()};
 }
 
 }  // namespace wheelwire::explore

@@ -24,7 +24,7 @@ class Coverage {
   void reset(ResetReason reason, SupervisorState state) {
     ++counts_["reset"][name_of(reason) + " " + name_of(state)];
   }
-  void board(uint32_t believed, uint32_t wired, BoardState state) {
+  void board(uint32_t believed, uint32_t wired, ConfigurationState state) {
     ++counts_["board"]
              [name_of_board(believed) + ", " + name_of_board(wired) + ", " + name_of(state)];
   }

@@ -34,8 +34,8 @@ std::vector<Operations> boards() {
   return {
       {boot, open},
       {make(Kind::kWire, {-1, 1, 1}), boot, open},
-      {boot, open, make(Kind::kBoardWrite, {0, kLateBoard}), restart, restarting, open},
-      {boot, open, make(Kind::kPeripherals, {0, 2}), restart, restarting, open},
+      {boot, open, make(Kind::kConfigure, {0, kLateBoard, 0}), restart, restarting, open},
+      {boot, open, make(Kind::kConfigure, {0, -1, 2}), restart, restarting, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 1}), boot, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 0}), boot, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreFull}, 2}), boot, open},
@@ -62,7 +62,7 @@ std::vector<Operations> states() {
        moment},
       {make(Kind::kEstop, {0}), moment, make(Kind::kClearEstop, {0, 1}), moment},
       {make(Kind::kRestart, {0}), make(Kind::kService)},
-      {make(Kind::kBoardWrite, {0, kLateBoard}), moment},
+      {make(Kind::kConfigure, {0, kLateBoard, 0}), moment},
       {make(Kind::kHello, {0, 1}), moment},
       {make(Kind::kHello, {1, 1}), moment},
   };
@@ -74,8 +74,7 @@ std::vector<Operations> circumstances() {
   return {{},
           {make(Kind::kContact, {1})},
           {make(Kind::kContact, {1}), make(Kind::kRun, {2e3}), make(Kind::kContact, {0})},
-          {make(Kind::kStoreFails, {0, 1}), make(Kind::kStoreFails, {1, 1}),
-           make(Kind::kStoreFails, {3, 1})}};
+          {make(Kind::kStoreFails, {0, 1}), make(Kind::kStoreFails, {1, 1})}};
 }
 
 std::vector<Operation> messages() {
@@ -137,22 +136,19 @@ std::vector<Operation> messages() {
       make(Kind::kGroup, {0, 7}),
       make(Kind::kContradictions, {0}),
       make(Kind::kRestart, {0}),
-      make(Kind::kBoardGet, {0}),
-      make(Kind::kBoardWrite, {0, kLateBoard}),
-      make(Kind::kBoardWrite, {0, kLateBoard, 1}),
-      make(Kind::kBoardConfirm, {0, 0}),
-      make(Kind::kBoardConfirm, {0, 1}),
+      make(Kind::kConfigurationGet, {0}),
+      make(Kind::kConfigure, {0, kLateBoard, 0}),
+      make(Kind::kConfigure, {0, kLateBoard, 0, 1}),
+      make(Kind::kConfirm, {0, 0}),
+      make(Kind::kConfirm, {0, 1}),
       make(Kind::kBoxGet, {0, 0}),
       make(Kind::kBoxRead, {0, 1, 0}),
       make(Kind::kLedger, {0}),
       make(Kind::kUnsaved, {0}),
       make(Kind::kSensorStream, {0, 100}),
       make(Kind::kPeripheralGet, {0, 0}),
-      make(Kind::kPeripherals, {0, 1}),
-      make(Kind::kPeripherals, {0, 1, 1}),
-      make(Kind::kPeripherals, {0, 1, 3}),
-      make(Kind::kPeripheralsConfirm, {0, 0}),
-      make(Kind::kPeripheralsConfirm, {0, 1}),
+      make(Kind::kConfigure, {0, -1, 1}),
+      make(Kind::kConfigure, {0, -1, 1, 4}),
       make(Kind::kRepeat, {0, 0}),
       make(Kind::kRepeat, {0, 1}),
   };

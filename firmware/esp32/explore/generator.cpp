@@ -470,7 +470,8 @@ class Generator {
       add(chance(50) ? Kind::kContact : Kind::kEstop, {chance(50) ? 1.0 : 0.0});
       moment();
     }
-    add(Kind::kBoardWrite, {host_, which, chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
+    add(Kind::kConfigure, {host_, which, static_cast<double>(list_ = below(kLists)),
+                           chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
     moment();
     if (chance(10)) add(Kind::kOpen, {side()});
     if (chance(85)) add(Kind::kRestart, {host_});
@@ -480,7 +481,7 @@ class Generator {
     if (chance(40)) setpoint(host_);
     if (chance(25)) contact_or_estop();
     if (chance(15)) add(Kind::kRun, {11e6});
-    if (chance(80)) add(Kind::kBoardConfirm, {host_, chance(90) ? 0.0 : 1.0});
+    if (chance(80)) add(Kind::kConfirm, {host_, chance(90) ? 0.0 : 1.0});
     moment();
     if (chance(30)) add(Kind::kRun, {130e3});
     if (chance(40)) add(Kind::kOpen, {0});
@@ -649,13 +650,12 @@ class Generator {
     drive(std::floor(spread(50e3, 600e3)));
   }
 
-  /// Another list of peripherals, or the same one for another board.
+  /// Other peripherals on the same board.
   void peripherals(size_t list) {
     if (chance(20)) contact_or_estop();
-    if (chance(20)) add(Kind::kBoardWrite, {host_, static_cast<double>(below(8)), 0});
     list_ = list;
-    add(Kind::kPeripherals, {host_, static_cast<double>(list_),
-                             chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
+    add(Kind::kConfigure, {host_, -1, static_cast<double>(list_),
+                           chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
     moment();
     if (chance(10)) add(Kind::kOpen, {side()});
     if (chance(85)) add(Kind::kRestart, {host_});
@@ -664,9 +664,7 @@ class Generator {
     if (chance(90)) open();
     if (chance(30)) setpoint(host_);
     if (chance(10)) add(Kind::kRun, {11e6});
-    if (chance(85)) add(Kind::kPeripheralsConfirm, {host_, chance(90) ? 0.0 : 1.0});
-    moment();
-    if (chance(40)) add(Kind::kBoardConfirm, {host_, 0});
+    if (chance(85)) add(Kind::kConfirm, {host_, chance(90) ? 0.0 : 1.0});
     moment();
     if (chance(60)) add(Kind::kSensorStream, {host_, one_of({0, 10, 200, 1000})});
     bump();
@@ -682,7 +680,7 @@ class Generator {
   void confirm() {
     setpoint(host_);
     moment();
-    add(Kind::kBoardConfirm, {host_, chance(85) ? 0.0 : 1.0});
+    add(Kind::kConfirm, {host_, chance(85) ? 0.0 : 1.0});
     if (chance(30)) setpoint(host_);
     add(Kind::kRun, {130e3});
     add(Kind::kOpen, {0});
@@ -694,8 +692,8 @@ class Generator {
   void flash() {
     if (chance(50)) fill_flash();
     if (chance(70))
-      add(Kind::kPowerCut, {static_cast<double>(below(3)), static_cast<double>(below(3))});
-    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(4)), side()});
+      add(Kind::kPowerCut, {static_cast<double>(below(7)), static_cast<double>(below(3))});
+    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(3)), side()});
     switch (below(6)) {
       case 5:
         return damage();
@@ -724,51 +722,61 @@ class Generator {
     }
     wait();
     reset();
-    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(4)), 0});
+    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
   }
 
-  /// Both slots of the parameters hold a block, and these differ.
+  /// Each block was saved.
   void fill_flash() {
     if (chance(70)) add(Kind::kStop, {host_, 0, 1});
-    for (int i = 0; i < 2; ++i) {
-      set(ParameterId::kBrakeTimeS, between(0.1, 2));
-      add(Kind::kSave, {host_, 0});
-      moment();
-    }
+    set(ParameterId::kBrakeTimeS, between(0.1, 2));
+    add(Kind::kSave, {host_, 0});
+    moment();
+    if (chance(50)) return;
+    add(Kind::kEstop, {host_});
+    add(Kind::kRun, {std::floor(spread(1e6, 14e6))});
+    if (chance(70)) add(Kind::kClearEstop, {host_, 1});
+    add(Kind::kRun, {std::floor(spread(1e3, 3e6))});
   }
 
-  /// A board or a list is damaged; perhaps another one is then written, and perhaps tried.
+  /// One slot of a block is damaged, or both; perhaps the robot rests for long enough to repair it,
+  /// or somebody does what the fault's text says.
   void damage() {
-    const bool is_board = chance(40);
     if (chance(70)) make_ready();
-    if (chance(80)) is_board ? board() : peripherals(below(kLists));
+    if (chance(60)) fill_flash();
+    if (chance(60)) chance(40) ? board() : peripherals(below(kLists));
     add(Kind::kStop, {host_, 0, 1});
-    for (size_t i = 1 + below(2); i > 0; --i) {
-      add(Kind::kDamage, {is_board ? 0.0 : 1.0, static_cast<double>(below(3))});
+    for (size_t i = 1 + below(3); i > 0; --i) {
+      const double block = one_of({0, 0, 1, 1, 2});
+      add(Kind::kDamage, {block, static_cast<double>(below(3))});
       add(Kind::kRun, {60e3});
       add(Kind::kOpen, {0});
       if (chance(20)) setpoint(host_);
-      if (chance(60)) {
-        if (is_board) {
-          add(Kind::kBoardWrite, {host_, static_cast<double>(below(8)), 0});
-        } else {
-          add(Kind::kPeripherals, {host_, static_cast<double>(below(kLists)), 0});
-        }
-        moment();
-        if (chance(40)) add(Kind::kRestart, {host_});
-        add(Kind::kRun, {130e3});
-        if (chance(20)) add(Kind::kRun, {11e6});
-        if (chance(30)) {
-          add(Kind::kOpen, {0});
-          add(is_board ? Kind::kBoardConfirm : Kind::kPeripheralsConfirm, {host_, 0});
-          moment();
-        }
-      }
+      if (chance(40)) add(Kind::kRun, {std::floor(spread(1e6, 4e6))});
+      if (chance(60)) mend(block);
       if (chance(70)) reset();
     }
     add(Kind::kOpen, {0});
     make_ready();
     drive(std::floor(spread(50e3, 600e3)));
+  }
+
+  void mend(double block) {
+    if (block == 2.0) return add(Kind::kClearEstop, {host_, 1});
+    if (block == 1.0) {
+      add(chance(50) ? Kind::kResetParameters : Kind::kSave, {host_, 0});
+      moment();
+      return add(Kind::kClearFault, {host_, 1});
+    }
+    add(Kind::kConfigure, {host_, one_of({-1, 0, 1, 3}), static_cast<double>(below(kLists)), 0});
+    moment();
+    if (chance(40)) add(Kind::kRestart, {host_});
+    add(Kind::kRun, {130e3});
+    if (chance(20)) add(Kind::kRun, {11e6});
+    if (chance(30)) {
+      add(Kind::kOpen, {0});
+      add(Kind::kConfirm, {host_, 0});
+      moment();
+    }
   }
 
   /// The cure that the fault's text proposes, and what the device is then.
@@ -951,7 +959,7 @@ class Generator {
       case 3:
         return add(Kind::kUnsaved, {who});
       default:
-        return add(Kind::kBoardGet, {who});
+        return add(Kind::kConfigurationGet, {who});
     }
   }
 
@@ -982,19 +990,20 @@ class Generator {
           add(Kind::kSave, {side(), static_cast<double>(below(kParameterCount + 2))});
           break;
         case 8:
-          add(Kind::kBoardConfirm, {side(), side()});
+          add(Kind::kConfirm, {side(), side()});
           break;
         case 10:
           if (chance(50)) {
             add(Kind::kSensor, {sensed(), side()});
           } else {
-            add(Kind::kPeripherals,
-                {side(), static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3})});
-            add(Kind::kPeripheralsConfirm, {side(), side()});
+            add(Kind::kConfigure,
+                {side(), -1, static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
+            add(Kind::kConfirm, {side(), side()});
           }
           break;
         case 9:
-          add(Kind::kBoardWrite, {side(), static_cast<double>(below(20)), one_of({0, 0, 1, 2, 3})});
+          add(Kind::kConfigure, {side(), static_cast<double>(below(20)),
+                                 static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
           break;
         default:
           any_request();

@@ -43,18 +43,17 @@ constexpr MessageName kMessages[] = {
     {GroupGet::kId, "GroupGet", GroupInfo::kId},
     {Restart::kId, "Restart", Ack::kId},
     {ContradictionsGet::kId, "ContradictionsGet", Contradictions::kId},
-    {BoardGet::kId, "BoardGet", BoardValue::kId},
-    {BoardWrite::kId, "BoardWrite", Ack::kId},
-    {BoardConfirm::kId, "BoardConfirm", Ack::kId},
+    {ConfigurationGet::kId, "ConfigurationGet", ConfigurationValue::kId},
+    {PeripheralGet::kId, "PeripheralGet", PeripheralValue::kId},
+    {BoardSet::kId, "BoardSet", Ack::kId},
+    {PeripheralSet::kId, "PeripheralSet", Ack::kId},
+    {ConfigurationWrite::kId, "ConfigurationWrite", Ack::kId},
+    {ConfigurationConfirm::kId, "ConfigurationConfirm", Ack::kId},
     {BoxGet::kId, "BoxGet", BoxValue::kId},
     {BoxRead::kId, "BoxRead", BoxPart::kId},
     {LedgerGet::kId, "LedgerGet", LedgerValue::kId},
     {UnsavedGet::kId, "UnsavedGet", UnsavedValue::kId},
     {SensorStream::kId, "SensorStream", Ack::kId},
-    {PeripheralGet::kId, "PeripheralGet", PeripheralValue::kId},
-    {PeripheralSet::kId, "PeripheralSet", Ack::kId},
-    {PeripheralsWrite::kId, "PeripheralsWrite", Ack::kId},
-    {PeripheralsConfirm::kId, "PeripheralsConfirm", Ack::kId},
     {DeviceHello::kId, "DeviceHello", 0},
     {WheelState::kId, "WheelState", 0},
     {Refuse::kId, "Refuse", 0},
@@ -67,7 +66,7 @@ constexpr MessageName kMessages[] = {
     {ControlCounters::kId, "ControlCounters", 0},
     {GroupInfo::kId, "GroupInfo", 0},
     {Contradictions::kId, "Contradictions", 0},
-    {BoardValue::kId, "BoardValue", 0},
+    {ConfigurationValue::kId, "ConfigurationValue", 0},
     {BoxValue::kId, "BoxValue", 0},
     {BoxPart::kId, "BoxPart", 0},
     {LedgerValue::kId, "LedgerValue", 0},
@@ -132,14 +131,9 @@ std::string name_of(SupervisorEvent event) {
   return look_up(kNames, event);
 }
 
-std::string name_of(BoardState state) {
-  static constexpr std::array<const char*, kBoardStates> kNames = {"NONE", "BUILT_IN", "STORED",
-                                                                   "TRIAL"};
-  return look_up(kNames, state);
-}
-
-std::string name_of(PeripheralsState state) {
-  static constexpr std::array<const char*, 4> kNames = {"EMPTY", "STORED", "TRIAL", "UNUSABLE"};
+std::string name_of(ConfigurationState state) {
+  static constexpr std::array<const char*, kConfigurationStates> kNames = {"DAMAGED", "BUILT_IN",
+                                                                           "STORED", "TRIAL"};
   return look_up(kNames, state);
 }
 
@@ -149,7 +143,7 @@ std::string name_of(ResetReason reason) {
 
 std::string name_of_board(uint32_t wanted) {
   for (const sim::ShippedBoard& board : sim::kShippedBoards)
-    if (fingerprint(board.board) == wanted) return std::string(board.name);
+    if (checksum(board.board) == wanted) return std::string(board.name);
   return "another board";
 }
 

@@ -10,11 +10,10 @@ namespace wheelwire::explore {
 std::string name_of(RefusalCode code);
 std::string name_of(SupervisorState state);
 std::string name_of(SupervisorEvent event);
-std::string name_of(BoardState state);
-std::string name_of(PeripheralsState state);
+std::string name_of(ConfigurationState state);
 std::string name_of(ResetReason reason);
-/// Of a shipped board, by its fingerprint.
-std::string name_of_board(uint32_t fingerprint);
+/// Of a shipped board, by its checksum.
+std::string name_of_board(uint32_t checksum);
 /// Of a message.
 std::string name_of_message(uint8_t id);
 /// The message with what tells it from others of its kind.
@@ -26,6 +25,6 @@ std::string text_of(double value);
 constexpr size_t kRefusalCodes = static_cast<size_t>(RefusalCode::kCommandSeqSpent) + 1;
 constexpr size_t kStates = static_cast<size_t>(SupervisorState::kFault) + 1;
 constexpr size_t kEvents = static_cast<size_t>(SupervisorEvent::kClearFault) + 1;
-constexpr size_t kBoardStates = static_cast<size_t>(BoardState::kTrial) + 1;
+constexpr size_t kConfigurationStates = static_cast<size_t>(ConfigurationState::kTrial) + 1;
 
 }  // namespace wheelwire::explore

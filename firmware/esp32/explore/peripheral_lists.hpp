@@ -20,8 +20,8 @@ constexpr bool guards_battery(size_t which) { return which == kBatteryList || wh
 
 /// None; two bumpers; a cliff sensor and the fault output of a power stage; a battery's levels; and
 /// mixtures of these.
-inline PeripheralList list_of(size_t which, uint32_t board) {
-  PeripheralList list{.board = board};
+inline PeripheralList list_of(size_t which) {
+  PeripheralList list;
   const auto add = [&list](Peripheral entry) { list.entries[list.count++] = entry; };
   const auto bumper = [&](Place place, int8_t pin) {
     add({.kind = PeripheralKind::kBumper, .place = place, .pin_a = pin});

@@ -36,7 +36,7 @@ enum class Rule : uint8_t {
   kFlashOnlyAtRest,
   kNotAgainstABumper,
   kExternalStops,
-  kPeripheralsOfTheBoard,
+  kLostIsNotEmpty,
   kStartDoesNotDrive,
   kReleaseDoesNotRestart,
   kStopHolds,

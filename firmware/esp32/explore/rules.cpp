@@ -43,7 +43,7 @@ constexpr RuleSpec kRules[] = {
     {Rule::kFlashOnlyAtRest, "S27", "flash-only-at-rest"},
     {Rule::kNotAgainstABumper, "S28", "not-against-a-bumper"},
     {Rule::kExternalStops, "S29", "external-stops"},
-    {Rule::kPeripheralsOfTheBoard, "S30", "peripherals-of-the-board"},
+    {Rule::kLostIsNotEmpty, "S30", "lost-is-not-empty"},
     {Rule::kStartDoesNotDrive, "S31", "start-does-not-drive"},
     {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
     {Rule::kStopHolds, "S33", "stop-holds"},
@@ -56,6 +56,7 @@ constexpr uint64_t kSlackUs = 10'000;
 /// A wheel that was just pushed or loaded is not what the times of S06 are for.
 constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
+constexpr uint64_t kRepairUs = 13'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
 constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// Less than the firmware waits, by a control step at 100 Hz.
@@ -139,7 +140,7 @@ void Judge::driven_by_right() {
 
 /// S04, however it is wired: until a board is confirmed its pins float, and on trial it coasts.
 void Judge::confirmed_board_only() {
-  if (witness_.board_state() == BoardState::kStored) return;
+  if (witness_.configuration_state() == ConfigurationState::kStored) return;
   check(Rule::kConfirmedBoardOnly, simulator_.state() != SupervisorState::kDriving,
         "it is in DRIVING on a board that nobody confirmed");
   check(Rule::kConfirmedBoardOnly, !simulator_.board.drives(),
@@ -329,8 +330,7 @@ void Judge::message_moves_the_state() {
   if (after == expected) return;
   const bool may_notice_contact =
       task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
-                      id == BoardWrite::kId || id == BoardConfirm::kId ||
-                      id == PeripheralsWrite::kId || id == PeripheralsConfirm::kId);
+                      id == ConfigurationWrite::kId || id == ConfigurationConfirm::kId);
   // A setpoint that is to drive shows that a sensor has stopped the robot.
   if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && !task.is_zero &&
       after == SupervisorState::kFault && (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
@@ -359,9 +359,7 @@ void Judge::stop_at_once() {
 void Judge::board_stays_while_estopped() {
   const Task& task = *witness_.task();
   const uint8_t id = task.message.id;
-  if (id != BoardWrite::kId && id != BoardConfirm::kId && id != PeripheralsWrite::kId &&
-      id != PeripheralsConfirm::kId)
-    return;
+  if (id != ConfigurationWrite::kId && id != ConfigurationConfirm::kId) return;
   const bool estopped = task.before == SupervisorState::kEstopped || witness_.contact_open();
   check(Rule::kBoardStaysWhileEstopped,
         !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
@@ -555,7 +553,8 @@ void Judge::not_against_a_bumper() {
     }
     if ((granted->ways & flag) == 0) continue;
     is_held = true;
-    // An open loop cannot hold it there.
+    // An open loop cannot hold it there, and what holds it afterwards begins anew.
+    if (granted->duty) memory_.held_since_us = 0;
     check(rule, !granted->duty || !simulator_.board.drives(),
           "a winding is driven, and a bumper forbids to go ", name);
     check(rule, granted->duty || !is_to_stand(), "it is to stand, as a bumper forbids to go ",
@@ -633,14 +632,6 @@ void Judge::half_of_the_speed() {
   }
 }
 
-/// S30.
-void Judge::peripherals_of_the_board() {
-  const PeripheralsState state = witness_.peripherals_state();
-  if (state != PeripheralsState::kTrial && state != PeripheralsState::kUnusable) return;
-  check(Rule::kPeripheralsOfTheBoard, simulator_.state() != SupervisorState::kDriving,
-        "it is in DRIVING, and nobody confirmed the peripherals of this board");
-}
-
 /// S34: a mean of half as much again as it may, for a second in all, is a fault.
 void Judge::not_too_fast() {
   // What the firmware measures lags, and is noisy.
@@ -695,6 +686,22 @@ void Judge::estop_is_noted() {
   if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
   check(Rule::kEstopSurvivesPowerLoss, now_us() <= memory_.latch_due_us,
         estopped ? "an e-stop" : "its end", " was not recorded in flash");
+}
+
+/// S30: a copy that the start found lost is written anew.
+void Judge::lost_copy_is_repaired() {
+  const sim::SimulatedBoard& board = simulator_.board;
+  const bool rests = board.plant.stands_still() &&
+                     simulator_.state() != SupervisorState::kDriving &&
+                     !board.configuration_store.failing && !board.store.failing &&
+                     !board.latch_store.failing && board.flash.faults == 0;
+  if (!rests || !witness_.has_lost_copy()) {
+    memory_.repair_due_us = 0;
+    return;
+  }
+  if (memory_.repair_due_us == 0) memory_.repair_due_us = now_us() + kRepairUs;
+  check(Rule::kLostIsNotEmpty, now_us() <= memory_.repair_due_us,
+        "a lost copy of a stored block was not written anew");
 }
 
 // --- what a stop does ----------------------------------------------------------------------------
@@ -842,7 +849,7 @@ void Judge::stops_as_asked() {
     memory_.braking_steps = memory_.coasting_steps = 0;
     return;
   }
-  const bool may_brake = witness_.board_state() == BoardState::kStored;
+  const bool may_brake = witness_.configuration_state() == ConfigurationState::kStored;
   const auto asks = [this](const Action& action, bool turns) {
     if (action.mode != StopMode::kBrake) return action.mode == StopMode::kBrakeUntilDriven;
     return now_us() < action.until_us || (action.guards && turns);
@@ -851,7 +858,7 @@ void Judge::stops_as_asked() {
   const bool coasts = !may_brake || !asks(memory_.most, !surely_still());
   memory_.braking_steps = brakes ? memory_.braking_steps + 1 : 0;
   memory_.coasting_steps = coasts ? memory_.coasting_steps + 1 : 0;
-  const bool can_coast = witness_.board_state() != BoardState::kNone &&
+  const bool can_coast = witness_.configuration_state() != ConfigurationState::kDamaged &&
                          kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
   const bool began = memory_.braking_steps == kPauseSteps;
   for (const Side side : kSides) {
@@ -1030,7 +1037,6 @@ void Judge::after_call(bool stepped) {
   if (stepped) follow_step();
   drive_only_in_driving();
   confirmed_board_only();
-  peripherals_of_the_board();
   driven_by_right();
   contradictions_never_drive();
   values_are_as_acknowledged();
@@ -1051,6 +1057,7 @@ void Judge::after_call(bool stepped) {
     pauses_for_a_period();
     late_step_is_a_fault();
     estop_is_noted();
+    lost_copy_is_repaired();
     rolling_is_reported();
     follow_ticks();
     stops_as_asked();
@@ -1115,7 +1122,7 @@ void Judge::after_start() {
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
   check(Rule::kContactInputOfItsBoard,
         !contact_off || (witness_.flash().parameters &&
-                         witness_.flash().parameters_board == fingerprint(witness_.board())),
+                         witness_.flash().parameters_board == checksum(witness_.board())),
         "a board with a contact ignores it, by a value that was saved for another board");
   check(Rule::kDriveOnlyInDriving, !simulator_.board.drives() || !world_.wired_as_believed,
         "a winding is driven as the firmware starts");

@@ -80,6 +80,7 @@ struct Memory {
   double held_from_umps = 0.0;
 
   // S09.
+  uint64_t repair_due_us = 0;
   uint64_t latch_due_us = 0;
 
   // S27. When a level of the encoder last changed, and when a winding was last driven, or the chip
@@ -210,7 +211,7 @@ class Judge {
   bool is_to_stand();
   void external_stops();
   void half_of_the_speed();
-  void peripherals_of_the_board();
+  void lost_copy_is_repaired();
   void not_too_fast();
   void estop_is_noted();
   void follow_message();

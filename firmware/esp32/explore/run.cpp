@@ -42,9 +42,8 @@ Run::Run(const Scenario& scenario, Coverage& coverage)
              Host(static_cast<uint32_t>(sim::mix(scenario.seed + 1)))},
       boot_id_(simulator_.boot_id()) {
   simulator_.board.line.set_tap(this);
+  simulator_.board.configuration_store.watch = this;
   simulator_.board.store.watch = this;
-  simulator_.board.board_store.watch = this;
-  simulator_.board.peripheral_store.watch = this;
   simulator_.board.latch_store.watch = this;
   simulator_.board.recorder_flash.watch = this;
 }
@@ -90,8 +89,8 @@ void Run::call(bool stepped) {
     started_ = true;
     judge_.accuse(witness_.starts());
     compare_boards();
-    coverage_.board(fingerprint(witness_.board()), fingerprint(simulator_.board.wired()),
-                    witness_.board_state());
+    coverage_.board(checksum(witness_.board()), checksum(simulator_.board.wired()),
+                    witness_.configuration_state());
     judge_.after_start();
     return;
   }
@@ -204,24 +203,27 @@ void Run::send(const Bytes& bytes) {
 
 // --- flash ---------------------------------------------------------------------------------------
 
-sim::WriteFate Run::fate_of_write(const sim::Store& store) {
+sim::WriteFate Run::fate_of_write(const sim::Store& store, int slot) {
   using enum sim::WriteFate;
   if (dead_) return kUntouched;
-  const Witness::Written what = &store == &simulator_.board.store ? Witness::Written::kParameters
-                                : &store == &simulator_.board.board_store ? Witness::Written::kBoard
-                                : &store == &simulator_.board.peripheral_store
-                                    ? Witness::Written::kPeripherals
-                                    : Witness::Written::kLatch;
+  const StoredBlock block = &store == &simulator_.board.configuration_store
+                                ? StoredBlock::kConfiguration
+                            : &store == &simulator_.board.store ? StoredBlock::kParameterValues
+                                                                : StoredBlock::kLatches;
   world_.writes_flash = true;
-  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest(true);
+  if (block == StoredBlock::kLatches) judge_.flash_only_at_rest(true);
+  if (slot == kFormat) {
+    witness_.formats();
+    return kDone;
+  }
   if (cut_in_ == 0) {
     cut_in_ = -1;
     dead_ = true;
-    witness_.cut_at_write(what);
+    witness_.cut_at_write(block, slot, cut_fate_);
     return cut_fate_;
   }
   if (cut_in_ > 0) --cut_in_;
-  if (what == Witness::Written::kLatch) witness_.notes_latch();
+  witness_.writes(block, slot);
   return kDone;
 }
 
@@ -345,13 +347,14 @@ void Run::message(const Operation& operation) {
       return send_request(host, ContradictionsGet{});
     case Kind::kRestart:
       return send_request(host, Restart{});
-    case Kind::kBoardGet:
-      return send_request(host, BoardGet{});
-    case Kind::kBoardWrite:
-      return write_board(operation, host);
-    case Kind::kBoardConfirm: {
-      const uint32_t meant = fingerprint(witness_.board()) + static_cast<uint32_t>(integer(1));
-      return send_request(host, BoardConfirm{.fingerprint = meant});
+    case Kind::kConfigurationGet:
+      return send_request(host, ConfigurationGet{});
+    case Kind::kConfigure:
+      return configure(operation, host);
+    case Kind::kConfirm: {
+      const uint32_t meant =
+          witness_.configuration().fingerprint() + static_cast<uint32_t>(integer(1));
+      return send_request(host, ConfigurationConfirm{.fingerprint = meant});
     }
     case Kind::kBoxGet:
       return send_request(host, BoxGet{.age = byte(1)});
@@ -366,14 +369,6 @@ void Run::message(const Operation& operation) {
       return send_request(host, SensorStream{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
     case Kind::kPeripheralGet:
       return send_request(host, PeripheralGet{.channel = byte(1)});
-    case Kind::kPeripherals:
-      return write_peripherals(operation, host);
-    case Kind::kPeripheralsConfirm: {
-      PackedList packed;
-      const uint32_t meant =
-          write_list(witness_.peripherals(), packed.data()) + static_cast<uint32_t>(integer(1));
-      return send_request(host, PeripheralsConfirm{.crc = meant});
-    }
     case Kind::kRepeat:
       return send(host.repeated(whole(values[1])));
     default:
@@ -440,37 +435,29 @@ void Run::drive_with_gaps(const Operation& operation) {
   disturb();
 }
 
-void Run::write_board(const Operation& operation, Host& host) {
+/// Board -1: the active one.
+void Run::configure(const Operation& operation, Host& host) {
   const auto& boards = shipped_boards();
-  BoardDescription board = boards[whole(operation.values[1]) % boards.size()];
-  const auto damage = static_cast<int>(operation.values[2]);
-  if (damage == 2) board.left_encoder_a = board.left_encoder_b;
-  if (damage == 3) board.stage = static_cast<Stage>(kStages);
-  uint8_t body[BoardWrite::kSize] = {};
-  wheelwire::write_board(board, body + BoardWrite::kSize - BoardDescription::kSize);
-  if (damage == 1) body[BoardWrite::kSize - 1] ^= 1;
-  send_request(host, BoardWrite::decode(body));
-}
-
-/// For the board that is active after the next restart, if the host knows it.
-void Run::write_peripherals(const Operation& operation, Host& host) {
-  const auto damage = static_cast<int>(operation.values[2]);
-  const bool has_candidate =
-      witness_.flash().board.candidate && witness_.flash().board.state == Candidate::kWritten;
-  const BoardDescription& board =
-      has_candidate ? *witness_.flash().board.candidate : witness_.board();
-  const PeripheralList list =
-      list_of(whole(operation.values[1]), fingerprint(board) + (damage == 2 ? 1 : 0));
+  Configuration wanted{.board = witness_.board(),
+                       .peripherals = list_of(whole(operation.values[2]))};
+  if (operation.values[1] >= 0.0) wanted.board = boards[whole(operation.values[1]) % boards.size()];
+  const auto damage = static_cast<int>(operation.values[3]);
+  if (damage == 2) wanted.board.left_encoder_a = wanted.board.left_encoder_b;
+  if (damage == 3) wanted.board.stage = static_cast<Stage>(kStages);
+  uint8_t body[BoardSet::kSize] = {};
+  wanted.board.encode(body + BoardSet::kSize - BoardDescription::kSize);
+  send_request(host, BoardSet::decode(body));
+  const PeripheralList& list = wanted.peripherals;
   for (uint8_t i = 0; i < list.count; ++i) {
-    uint8_t body[PeripheralSet::kSize];
-    PeripheralSet{.channel = damage == 3 ? static_cast<uint8_t>(kMostPeripherals) : i}.encode(body);
-    list.entries[i].encode(body + PeripheralSet::kSize - Peripheral::kSize);
-    send_request(host, PeripheralSet::decode(body));
+    uint8_t entry[PeripheralSet::kSize];
+    PeripheralSet{.channel = damage == 4 ? static_cast<uint8_t>(kMostPeripherals) : i}.encode(
+        entry);
+    list.entries[i].encode(entry + PeripheralSet::kSize - Peripheral::kSize);
+    send_request(host, PeripheralSet::decode(entry));
   }
-  PackedList packed;
-  const uint32_t crc = write_list(list, packed.data()) + (damage == 1 ? 1 : 0);
   send_request(host,
-               PeripheralsWrite{.channel_count = list.count, .board = list.board, .crc = crc});
+               ConfigurationWrite{.peripheral_count = list.count,
+                                  .fingerprint = wanted.fingerprint() + (damage == 1 ? 1 : 0)});
 }
 
 void Run::disturb(bool lasts) {
@@ -514,25 +501,26 @@ void Run::change_robot(const Operation& operation) {
       const bool fails = values[1] != 0.0;
       const auto store = whole(values[0]);
       (store == 0   ? board.store
-       : store == 1 ? board.board_store
-       : store == 2 ? board.latch_store
-                    : board.peripheral_store)
+       : store == 1 ? board.configuration_store
+                    : board.latch_store)
           .failing = fails;
       return;
     }
     case Kind::kStoreUnreadable:
       (values[1] == 0.0   ? board.store.unreadable
-       : values[1] == 1.0 ? board.board_store.unreadable
+       : values[1] == 1.0 ? board.configuration_store.unreadable
                           : board.flash.faults) =
           static_cast<uint32_t>(whole(values[0])) &
           (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
       return reset(ResetReason::kPowerOn);
     case Kind::kDamage: {
-      const bool is_board = values[0] == 0.0;
+      const auto block = static_cast<StoredBlock>(whole(values[0]) % kStoredBlocks);
       const auto damage = static_cast<sim::Damage>(whole(values[1]) % 3);
-      witness_.damages(is_board ? Witness::Written::kBoard : Witness::Written::kPeripherals,
-                       damage == sim::Damage::kAll);
-      (is_board ? board.board_store : board.peripheral_store).damage(damage);
+      witness_.damages(block, damage);
+      (block == StoredBlock::kConfiguration     ? board.configuration_store
+       : block == StoredBlock::kParameterValues ? board.store
+                                                : board.latch_store)
+          .damage(damage);
       return reset(ResetReason::kPowerOn);
     }
     case Kind::kDriverFails:
@@ -660,10 +648,9 @@ void Run::wire(int board) {
 
 /// Whether the firmware believes in the board that is there. Without one it sees no wheel.
 void Run::compare_boards() {
-  world_.wired_as_believed =
-      witness_.board_state() != BoardState::kNone &&
-      (simulator_.board.is_wired_as_active() ||
-       fingerprint(simulator_.board.wired()) == fingerprint(witness_.board()));
+  world_.wired_as_believed = witness_.configuration_state() != ConfigurationState::kDamaged &&
+                             (simulator_.board.is_wired_as_active() ||
+                              checksum(simulator_.board.wired()) == checksum(witness_.board()));
 }
 
 }  // namespace wheelwire::explore

@@ -30,7 +30,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
 
   void on_read(const uint8_t* data, size_t size) override;
   void on_write(const uint8_t* data, size_t size) override;
-  sim::WriteFate fate_of_write(const sim::Store& store) override;
+  sim::WriteFate fate_of_write(const sim::Store& store, int slot) override;
   void on_flash() override;
 
  private:
@@ -55,10 +55,9 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   void hold(const Operation& operation);
   void open(Host& host, bool arms);
   void drive_with_gaps(const Operation& operation);
-  void write_board(const Operation& operation, Host& host);
   void change_robot(const Operation& operation);
   void change_plant(const Operation& operation);
-  void write_peripherals(const Operation& operation, Host& host);
+  void configure(const Operation& operation, Host& host);
   void touch(const Operation& operation);
   void wire(int board);
   void compare_boards();

@@ -17,7 +17,10 @@ constexpr double kDoubt = 1e-5;
 /// Room for what a message may be answered with, and the events that it causes.
 constexpr size_t kLongestFrames = 3 * 90;
 constexpr uint32_t kLineShare[] = {4, 5};
-constexpr uint32_t kStoreFaults = fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable;
+constexpr uint32_t kStoreFaults =
+    fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable | fault::kStoreOutdated;
+constexpr StoredBlock kBlocks[] = {StoredBlock::kConfiguration, StoredBlock::kParameterValues,
+                                   StoredBlock::kLatches};
 
 /// The message's fields that every request begins with.
 struct Head {
@@ -37,8 +40,8 @@ bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDu
 
 /// Whether a repeat of the request is carried out once more.
 bool is_answered_afresh(uint8_t id) {
-  return id == BoardGet::kId || id == BoxGet::kId || id == BoxRead::kId || id == LedgerGet::kId ||
-         id == PeripheralGet::kId;
+  return id == ConfigurationGet::kId || id == BoxGet::kId || id == BoxRead::kId ||
+         id == LedgerGet::kId || id == PeripheralGet::kId;
 }
 
 /// What is sent unasked once a host has asked for it.
@@ -47,58 +50,33 @@ bool is_of_sensors(uint8_t id) {
          id == SensorEvent::kId;
 }
 
-/// The board in a BoardWrite, which ends with it.
-const uint8_t* packed_board(const Seen& message) {
-  return message.body.data() + message.body.size() - BoardDescription::kSize;
+/// Of a battery, which the board has to measure.
+bool has_levels(const PeripheralList& list) {
+  return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
+    return entry.kind == PeripheralKind::kBattery;
+  });
 }
 
 /// Boards are written as they are shipped, or broken; those of other chips are refused.
-bool fits_the_chip(const Seen& message) {
-  for (const BoardDescription& board : shipped_boards()) {
-    if (board.chip != kBoardOfEsp32.chip) continue;
-    uint8_t packed[BoardDescription::kSize];
-    write_board(board, packed);
-    if (std::memcmp(packed, packed_board(message), sizeof packed) == 0) return true;
-  }
-  return false;
+bool can_be_used(const Configuration& configuration) {
+  const auto is_same = [&](const BoardDescription& board) {
+    return board.chip == kBoardOfEsp32.chip && board == configuration.board;
+  };
+  const auto& boards = shipped_boards();
+  return (is_same(sim::kOwnBoard) || std::any_of(boards.begin(), boards.end(), is_same)) &&
+         (!has_levels(configuration.peripherals) || configuration.board.battery >= 0);
 }
 
-/// A restart was asked for, which tries what was written.
-template <typename Item>
-void request(Stored<Item>& stored) {
-  stored.state = Candidate::kRequested;
-  stored.requested = stored.candidate;
+PackedConfiguration packed(const Configuration& configuration) {
+  PackedConfiguration bytes;
+  configuration.encode(bytes.data());
+  return bytes;
 }
 
-/// Nothing was ever confirmed: what was written lies in one slot, which may be empty in the end.
-template <typename Item>
-bool may_be_none(const Stored<Item>& stored) {
-  return !stored.confirmed && !stored.was_confirmed;
-}
-
-/// What may be found of what was stored, once the last block that was written is damaged, or all.
-template <typename Item>
-std::vector<Stored<Item>> damaged(const Stored<Item>& stored, bool all) {
-  std::vector<Stored<Item>> found;
-  if (!all) {
-    Stored<Item> earlier = stored;
-    earlier.state = Candidate::kNone;
-    found.push_back(earlier);
-    if (stored.requested) {
-      earlier.state = Candidate::kRequested;
-      earlier.candidate = stored.requested;
-      found.push_back(earlier);
-    }
-    Stored<Item> former;
-    former.confirmed = stored.former;
-    if (stored.is_single) found.push_back(former);
-  }
-  Stored<Item> lost;
-  lost.is_lost = true;
-  lost.was_confirmed = stored.was_confirmed || stored.confirmed.has_value();
-  found.push_back(lost);
-  if (may_be_none(stored)) found.push_back({});
-  return found;
+Configuration unpacked(const PackedConfiguration& bytes) {
+  Configuration configuration;
+  Configuration::decode(bytes.data(), bytes.size(), configuration);
+  return configuration;
 }
 
 }  // namespace
@@ -208,8 +186,8 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
 Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero, uint8_t ways) {
   Codes codes;
   const uint64_t now = now_us();
-  if (board_state_ == BoardState::kBuiltIn) codes |= RefusalCode::kBoardUnconfirmed;
-  if (board_state_ == BoardState::kTrial) codes |= RefusalCode::kBoardOnTrial;
+  if (configuration_state_ == ConfigurationState::kBuiltIn) codes |= RefusalCode::kBoardUnconfirmed;
+  if (configuration_state_ == ConfigurationState::kTrial) codes |= RefusalCode::kBoardOnTrial;
   if (restarting_) codes |= RefusalCode::kBooting;
   if (!synchronised_) codes |= RefusalCode::kClockUnsynchronised;
   const bool is_gap = now >= setpoint_us_ + gap_us();
@@ -220,8 +198,6 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero, uint8_t ways) {
   if (task_->before == SupervisorState::kEstopped) codes |= RefusalCode::kEstopped;
   if (task_->before == SupervisorState::kFault) codes |= RefusalCode::kFault;
   if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
-  if (peripherals_state_ == PeripheralsState::kTrial) codes |= RefusalCode::kBoardOnTrial;
-  if (peripherals_state_ == PeripheralsState::kUnusable) codes |= RefusalCode::kBoardUnconfirmed;
   if (are_sensors_unread()) codes |= RefusalCode::kBooting;
   if ((forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kFault;
   const bool rests = unarmed_ && !is_zero;
@@ -300,7 +276,6 @@ Codes Witness::stopped_code() const {
 
 Codes Witness::request_codes(const Seen& message) const {
   const Codes none = RefusalCode::kNone;
-  const Codes store_failed = RefusalCode::kStoreFailed;
   switch (message.id) {
     case ClearEstop::kId:
       return contact_open() ? RefusalCode::kCausePresent : RefusalCode::kNone;
@@ -331,14 +306,23 @@ Codes Witness::request_codes(const Seen& message) const {
         return RefusalCode::kUnknownParameter;
       const Codes stopped = stopped_code();
       if (!stopped.empty()) return stopped;
-      return (lasting_ & kStoreFaults) != 0 || simulator_.board.store.failing ? store_failed : none;
+      // One value is not saved over others that cannot be read.
+      const bool is_one = message.as<ParameterSave>().parameter != 0;
+      return is_one && (lasting_ & kStoreFaults) != 0 ? Codes(RefusalCode::kStoreFailed)
+                                                      : save_codes();
     }
     case ParameterReset::kId: {
       const Codes lasting = lasting_code();
       if (!lasting.empty()) return lasting;
       if (estopped() || simulator_.state() == SupervisorState::kDriving)
         return RefusalCode::kNotStopped;
-      return simulator_.board.store.failing ? store_failed : none;
+      if (nothing_saved_) return none;
+      // Formatting is a write to the store, too.
+      if (flash_damaged_ && !simulator_.board.store.failing) {
+        return simulator_.board.configuration_store.failing ? RefusalCode::kStoreFailed
+                                                            : RefusalCode::kNone;
+      }
+      return save_codes();
     }
     case ParameterTrial::kId:
       return codes(message.as<ParameterTrial>());
@@ -351,65 +335,65 @@ Codes Witness::request_codes(const Seen& message) const {
     case Restart::kId: {
       const Codes stopped = stopped_code();
       if (!stopped.empty()) return stopped;
-      if (!fresh_candidate_ && !fresh_list_) return none;
+      if (!fresh_candidate_) return none;
       if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
-      const bool fails =
-          (fresh_candidate_ && cannot_write_board()) || (fresh_list_ && cannot_write_list());
-      return fails ? store_failed : none;
+      return cannot_write_configuration() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
     }
     case PeripheralSet::kId:
       return message.as<PeripheralSet>().channel < kMostPeripherals ? RefusalCode::kNone
                                                                     : RefusalCode::kOutOfRange;
-    case PeripheralsWrite::kId: {
-      const auto request = message.as<PeripheralsWrite>();
-      PeripheralList list = staged_;
-      list.count = request.channel_count;
-      list.board = request.board;
-      PackedList packed;
-      const bool is_meant = request.channel_count <= kMostPeripherals &&
-                            write_list(list, packed.data()) == request.crc;
-      const Codes refused = peripherals_state_ == PeripheralsState::kTrial
-                                ? Codes(RefusalCode::kBoardOnTrial)
-                            : !is_meant ? Codes(RefusalCode::kBoardRefused)
-                                        : Codes();
-      return board_codes(refused, cannot_write_list());
+    case ConfigurationWrite::kId: {
+      const auto request = message.as<ConfigurationWrite>();
+      Configuration wanted = staged_;
+      wanted.peripherals.count = request.peripheral_count;
+      const bool is_meant = request.peripheral_count <= kMostPeripherals &&
+                            wanted.fingerprint() == request.fingerprint && can_be_used(wanted);
+      return configuration_codes(configuration_state_ == ConfigurationState::kTrial
+                                     ? Codes(RefusalCode::kBoardOnTrial)
+                                 : !is_meant ? Codes(RefusalCode::kBoardRefused)
+                                             : Codes());
     }
-    case PeripheralsConfirm::kId: {
-      PackedList packed;
-      const bool meant =
-          message.as<PeripheralsConfirm>().crc == write_list(peripherals_, packed.data());
-      const Codes refused = peripherals_state_ != PeripheralsState::kTrial
-                                ? Codes(RefusalCode::kNoBoardOnTrial)
-                            : !meant ? Codes(RefusalCode::kBoardRefused)
-                                     : Codes();
-      return board_codes(refused, cannot_write_list());
-    }
-    case BoardWrite::kId: {
-      const Codes refused = board_state_ == BoardState::kTrial ? Codes(RefusalCode::kBoardOnTrial)
-                            : !fits_the_chip(message)          ? Codes(RefusalCode::kBoardRefused)
-                                                               : Codes();
-      return board_codes(refused, cannot_write_board());
-    }
-    case BoardConfirm::kId: {
-      const bool waits = board_state_ == BoardState::kTrial || board_state_ == BoardState::kBuiltIn;
-      const bool meant = message.as<BoardConfirm>().fingerprint == fingerprint(board_);
-      const Codes refused = !waits   ? Codes(RefusalCode::kNoBoardOnTrial)
-                            : !meant ? Codes(RefusalCode::kBoardRefused)
-                                     : Codes();
-      return board_codes(refused, cannot_write_board());
+    case ConfigurationConfirm::kId: {
+      const bool waits = configuration_state_ == ConfigurationState::kTrial ||
+                         configuration_state_ == ConfigurationState::kBuiltIn;
+      const bool is_meant =
+          message.as<ConfigurationConfirm>().fingerprint == configuration_.fingerprint();
+      return configuration_codes(!waits      ? Codes(RefusalCode::kNoBoardOnTrial)
+                                 : !is_meant ? Codes(RefusalCode::kBoardRefused)
+                                             : Codes());
     }
     default:
       return none;
   }
 }
 
+/// Of a save of parameters that nothing else speaks against. The configuration's store records that
+/// there are some, once.
+Codes Witness::save_codes() const {
+  if (simulator_.board.store.failing || flash_damaged_) return RefusalCode::kStoreFailed;
+  if (!simulator_.board.configuration_store.failing) return RefusalCode::kNone;
+  // One that is damaged records nothing before another one is written.
+  if (may_be_lost(StoredBlock::kConfiguration)) return RefusalCode::kNone;
+  switch (slots_of(StoredBlock::kParameterValues).exists) {
+    case Slots::Exists::kYes:
+      return RefusalCode::kNone;
+    case Slots::Exists::kNo:
+      return RefusalCode::kStoreFailed;
+    case Slots::Exists::kMaybe:
+      break;
+  }
+  Codes codes = RefusalCode::kNone;
+  codes |= RefusalCode::kStoreFailed;
+  return codes;
+}
+
 /// `refused`: what speaks against it beside the robot's state.
-Codes Witness::board_codes(Codes refused, bool cannot_write) const {
+Codes Witness::configuration_codes(Codes refused) const {
   const Codes stopped = stopped_code();
   if (!stopped.empty()) return stopped;
   if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
   if (!refused.empty()) return refused;
-  return cannot_write ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+  return cannot_write_configuration() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
 }
 
 /// A fault that a sensor caused lasts as long as it is triggered.
@@ -427,9 +411,7 @@ Codes Witness::fault_codes() const {
 
 /// What those of the active list forbid that are triggered now.
 uint8_t Witness::triggered() const {
-  if (peripherals_state_ != PeripheralsState::kStored &&
-      peripherals_state_ != PeripheralsState::kTrial)
-    return 0;
+  if (!board_confirmed()) return 0;
   const sim::Sensors& sensors = simulator_.board.sensors;
   // A pin that the board uses otherwise shows the sensor's input open, which is high.
   const auto is_open = [this](const Peripheral& entry) {
@@ -438,7 +420,7 @@ uint8_t Witness::triggered() const {
     return false;
   };
   uint8_t forbidden = 0;
-  for (const Peripheral& entry : peripherals_) {
+  for (const Peripheral& entry : peripherals()) {
     const auto place = static_cast<size_t>(entry.place);
     const bool is_front = entry.place == Place::kFrontLeft || entry.place == Place::kFrontRight;
     if (entry.kind == PeripheralKind::kBumper && (sensors.bumpers[place] || is_open(entry)))
@@ -576,17 +558,21 @@ Finding Witness::takes_effect(const Seen& answer) {
     task_->carried_out = true;
   }
   if (task_->is_new) remembers(answer);
-  if (message.id == BoardWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
-    fresh_candidate_ = false;
-  if (message.id == PeripheralsWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
-    fresh_list_ = false;
-  // The list's request was written, and the board's was not.
-  if (message.id == Restart::kId && task_->refusal == RefusalCode::kStoreFailed && fresh_list_ &&
-      !cannot_write_list())
-    request(flash_.list);
+  const bool failed = task_->refusal == RefusalCode::kStoreFailed;
+  if (message.id == ConfigurationWrite::kId && failed) fresh_candidate_ = false;
+  // Only the record of it may have failed.
+  const bool is_save = message.id == ParameterSave::kId || message.id == ParameterReset::kId;
+  if (is_save && (failed || task_->carried_out))
+    nothing_saved_ = !failed && message.id == ParameterReset::kId;
+  if (is_save && failed && !simulator_.board.store.failing) {
+    Flash saved = flash_;
+    change_flash(message, saved);
+    maybe_flashes_.push_back(saved);
+    Slots::Exists& exists = slots_of(StoredBlock::kParameterValues).exists;
+    if (exists == Slots::Exists::kNo) exists = Slots::Exists::kMaybe;
+  }
   // A save that fails for good leaves the values as they are set; so does a reset of them.
-  if (message.id == ParameterReset::kId && task_->refusal == RefusalCode::kStoreFailed)
-    values_ = defaults();
+  if (message.id == ParameterReset::kId && failed) values_ = defaults();
   if (task_->carried_out && (task_->is_new || message.id == Ping::kId)) acts(message);
   return {};
 }
@@ -606,7 +592,7 @@ Finding Witness::opens(const DeviceHello& hello) {
   newest_command_ = 0;
   newest_request_ = 0;
   kept_.clear();
-  fresh_candidate_ = fresh_list_ = false;
+  fresh_candidate_ = false;
   staged_ = {};
   return {};
 }
@@ -626,6 +612,7 @@ void Witness::expires_trial() {
 /// The message is carried out.
 void Witness::acts(const Seen& message) {
   change_flash(message, flash_);
+  for (Flash& flash : maybe_flashes_) change_flash(message, flash);
   switch (message.id) {
     case Stop::kId: {
       const auto stop = message.as<Stop>();
@@ -657,33 +644,32 @@ void Witness::acts(const Seen& message) {
     case ParameterReset::kId:
       values_ = defaults();
       lasting_ &= ~kStoreFaults;
-      formatted_ = formatted_ || flash_damaged_;
       flash_damaged_ = false;
+      return;
+    case ParameterSave::kId:
+      lasting_ &= ~kStoreFaults;
       return;
     case ParameterTrial::kId:
       return acts(message.as<ParameterTrial>());
     case Restart::kId:
       restarting_ = true;
       return;
-    case BoardWrite::kId:
-      fresh_candidate_ = true;
+    case BoardSet::kId:
+      staged_.board = BoardDescription::decode(message.body.data() + message.body.size() -
+                                               BoardDescription::kSize);
       return;
     case PeripheralSet::kId: {
       const uint8_t* const entry = message.body.data() + message.body.size() - Peripheral::kSize;
-      staged_.entries[message.as<PeripheralSet>().channel] = Peripheral::decode(entry);
+      staged_.peripherals.entries[message.as<PeripheralSet>().channel] = Peripheral::decode(entry);
       return;
     }
-    case PeripheralsWrite::kId:
-      fresh_list_ = true;
+    case ConfigurationWrite::kId:
+      fresh_candidate_ = true;
       return;
-    case PeripheralsConfirm::kId:
-      fresh_list_ = false;
-      peripherals_state_ = PeripheralsState::kStored;
-      return;
-    case BoardConfirm::kId:
+    case ConfigurationConfirm::kId:
       fresh_candidate_ = false;
-      if (board_state_ == BoardState::kTrial) {
-        board_state_ = BoardState::kStored;
+      if (configuration_state_ == ConfigurationState::kTrial) {
+        configuration_state_ = ConfigurationState::kStored;
       } else {
         restarting_ = true;
       }
@@ -723,47 +709,31 @@ void Witness::change_flash(const Seen& message, Flash& flash) const {
         saved[id - 1U] = values_[id - 1U];
       }
       flash.parameters = saved;
-      flash.parameters_board = board_fingerprint();
+      flash.parameters_board = board_checksum();
       return;
     }
     case ParameterReset::kId:
-      // Formatting a partition that cannot be opened erases all that lies in it.
-      if (flash_damaged_) {
-        flash = {};
-      } else {
-        flash.parameters.reset();
+      flash.parameters.reset();
+      return;
+    case ConfigurationWrite::kId: {
+      Configuration wanted = staged_;
+      wanted.peripherals.count = message.as<ConfigurationWrite>().peripheral_count;
+      flash.candidate = packed(wanted);
+      flash.candidate_state = Candidate::kWritten;
+      // What cannot be loaded is not written again.
+      if (configuration_state_ == ConfigurationState::kDamaged) {
+        flash.confirmed.reset();
+        flash.is_lost = true;
       }
       return;
-    case BoardWrite::kId:
-      flash.board.candidate = BoardDescription::decode(packed_board(message));
-      flash.board.state = Candidate::kWritten;
-      flash.board.is_single = false;
-      flash.board.is_lost = flash.board.is_lost || formatted_;
-      return;
-    case Restart::kId:
-      if (fresh_candidate_) request(flash.board);
-      if (fresh_list_) request(flash.list);
-      return;
-    case PeripheralsWrite::kId: {
-      const auto request = message.as<PeripheralsWrite>();
-      PeripheralList list = staged_;
-      list.count = request.channel_count;
-      list.board = request.board;
-      write_list(list, flash.list.candidate.emplace().data());
-      flash.list.state = Candidate::kWritten;
-      flash.list.is_single = false;
-      flash.list.is_lost = flash.list.is_lost || formatted_;
-      return;
     }
-    case PeripheralsConfirm::kId:
-      write_list(peripherals_, flash.list.confirmed.emplace().data());
-      flash.list.is_lost = flash.list.is_single = false;
-      flash.list.state = Candidate::kNone;
+    case Restart::kId:
+      if (fresh_candidate_) flash.candidate_state = Candidate::kRequested;
       return;
-    case BoardConfirm::kId:
-      flash.board.confirmed = board_;
-      flash.board.is_lost = flash.board.is_single = false;
-      flash.board.state = Candidate::kNone;
+    case ConfigurationConfirm::kId:
+      flash.confirmed = packed(configuration_);
+      flash.is_lost = false;
+      flash.candidate_state = Candidate::kNone;
       return;
   }
 }
@@ -819,67 +789,98 @@ void Witness::notes_stop() {
 
 // --- resets --------------------------------------------------------------------------------------
 
-void Witness::cut_at_write(Written what) {
-  // The power may go once more before a start has shown which of them it is.
-  const std::vector<Flash> before = possible_flashes();
-  for (Flash flash : before) {
-    const bool no_board = flash.board.is_lost && may_be_none(flash.board);
-    const bool no_list = flash.list.is_lost && may_be_none(flash.list);
-    if (no_board || no_list) {
-      Flash emptied = flash;
-      if (no_board) emptied.board = {};
-      if (no_list) emptied.list = {};
-      maybe_flashes_.push_back(emptied);
-    }
-    if (what == Written::kLatch) {
-      flash.estop = !flash.estop;
-    } else if (task_ && task_->is_new) {
-      // A restart notes the list first, and then the board.
-      if (task_->message.id == Restart::kId && fresh_list_) {
-        Flash list_alone = flash;
-        request(list_alone.list);
-        maybe_flashes_.push_back(list_alone);
-      }
-      const Flash earlier = flash;
-      change_flash(task_->message, flash);
-      const auto add_single = [&](auto Flash::* item) {
-        Flash single = flash;
-        (single.*item).is_single = true;
-        (single.*item).former = (earlier.*item).confirmed;
-        maybe_flashes_.push_back(single);
-      };
-      if (task_->message.id == BoardConfirm::kId) add_single(&Flash::board);
-      if (task_->message.id == PeripheralsConfirm::kId) add_single(&Flash::list);
-    } else {
-      // A start writes what it tries, the board's first.
-      flash.board.state = boot_of(flash).candidate_state;
-      flash.board.is_single = boot_of(flash).board_single;
-      if (what == Written::kPeripherals) {
-        maybe_flashes_.push_back(flash);
-        flash.list.state = boot_of(flash).list_state;
-        flash.list.is_single = boot_of(flash).list_single;
-      }
-    }
-    maybe_flashes_.push_back(flash);
+void Witness::writes(StoredBlock block, int slot) {
+  const bool was_gone = slots_of(block).are_gone();
+  slots_of(block).whole[static_cast<size_t>(slot)] = true;
+  formers_[static_cast<size_t>(block)].reset();
+  if (block == StoredBlock::kLatches)
+    flash_.estop = simulator_.state() == SupervisorState::kEstopped;
+  // The configuration records another block after that was written.
+  record_writes_ = block == StoredBlock::kConfiguration ? record_writes_ + 1 : 0;
+  for (const StoredBlock other : {StoredBlock::kParameterValues, StoredBlock::kLatches}) {
+    Slots& slots = slots_of(other);
+    if (block == other && slots.exists == Slots::Exists::kNo) slots.exists = Slots::Exists::kMaybe;
+    if (block != StoredBlock::kConfiguration) continue;
+    if (was_gone && slots.are_gone()) slots.exists = Slots::Exists::kNo;
+    if (record_writes_ >= 2 && slots.exists == Slots::Exists::kMaybe && !slots.are_gone())
+      slots.exists = Slots::Exists::kYes;
   }
 }
 
-void Witness::damages(Written what, bool all) {
-  std::vector<Flash> found;
-  for (const Flash& before : possible_flashes()) {
-    const auto damage = [&](auto Flash::* item) {
-      for (const auto& one : damaged(before.*item, all)) {
-        found.push_back(before);
-        found.back().*item = one;
-      }
-    };
-    if (what == Written::kBoard)
-      damage(&Flash::board);
-    else
-      damage(&Flash::list);
+void Witness::formats() {
+  slots_ = {};
+  formers_ = {};
+  flash_ = {};
+  maybe_flashes_.clear();
+}
+
+void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
+  std::optional<Flash>& former = formers_[static_cast<size_t>(block)];
+  if (!former) former = flash_;
+  // The power may go once more before a start has shown which of them it is.
+  for (Flash flash : possible_flashes()) {
+    if (block == StoredBlock::kLatches) {
+      flash.estop = !flash.estop;
+    } else if (task_ && task_->is_new) {
+      change_flash(task_->message, flash);
+    } else {
+      flash.candidate_state = boot_of(flash).candidate_state;  // A start writes what it tries.
+    }
+    maybe_flashes_.push_back(flash);
   }
-  flash_ = found.front();
-  maybe_flashes_.assign(found.begin() + 1, found.end());
+  Slots& slots = slots_of(block);
+  if (fate != sim::WriteFate::kUntouched)
+    slots.whole[static_cast<size_t>(slot)] = fate == sim::WriteFate::kDone;
+  if (slots.exists == Slots::Exists::kNo) slots.exists = Slots::Exists::kMaybe;
+}
+
+void Witness::damages(StoredBlock block, sim::Damage what) {
+  Slots& slots = slots_of(block);
+  if (what != sim::Damage::kSecond) slots.whole[0] = false;
+  if (what != sim::Damage::kFirst) slots.whole[1] = false;
+  const auto change = [&](Flash& flash, const Flash& other) {
+    switch (block) {
+      case StoredBlock::kConfiguration:
+        flash.confirmed = other.confirmed;
+        flash.candidate = other.candidate;
+        flash.candidate_state = other.candidate_state;
+        flash.is_lost = other.is_lost;
+        return;
+      case StoredBlock::kParameterValues:
+        flash.parameters = other.parameters;
+        flash.parameters_board = other.parameters_board;
+        return;
+      case StoredBlock::kLatches:
+        flash.estop = other.estop;
+        return;
+    }
+  };
+  if (slots.are_gone()) {
+    change(flash_, {});
+    for (Flash& flash : maybe_flashes_) change(flash, {});
+  } else if (const std::optional<Flash>& former = formers_[static_cast<size_t>(block)]) {
+    for (Flash flash : possible_flashes()) {
+      change(flash, *former);
+      maybe_flashes_.push_back(flash);
+    }
+  }
+}
+
+/// Whether there was a block in slots that hold nothing. One that is recorded, for certain.
+bool Witness::may_be_lost(StoredBlock block) const {
+  if (!slots_of(block).are_gone()) return false;
+  const bool has_configuration = !slots_of(StoredBlock::kConfiguration).are_gone();
+  if (block != StoredBlock::kConfiguration)
+    return has_configuration && slots_of(block).exists != Slots::Exists::kNo;
+  return !slots_of(StoredBlock::kParameterValues).are_gone();
+}
+
+bool Witness::has_lost_copy() const {
+  for (const StoredBlock block : kBlocks) {
+    const Slots& slots = slots_of(block);
+    if (lost_copies_[static_cast<size_t>(block)] && slots.whole[0] != slots.whole[1]) return true;
+  }
+  return false;
 }
 
 std::vector<Flash> Witness::possible_flashes() const {
@@ -904,111 +905,75 @@ void Witness::resets(bool loses_memory) {
   granted_.reset();
   task_.reset();
   trial_ = Trial::kNone;
-  restarting_ = fresh_candidate_ = fresh_list_ = false;
+  restarting_ = fresh_candidate_ = false;
   staged_ = {};
 }
 
-/// Of a battery, which the board has to measure.
-bool has_levels(const PeripheralList& list) {
-  return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
-    return entry.kind == PeripheralKind::kBattery;
-  });
-}
-
-/// Which list the board that is active then has.
-void Witness::boot_peripherals(const Flash& flash, Start& start) const {
-  start.list_state = flash.list.state;
-  const sim::SimulatedBoard& board = simulator_.board;
-  const bool confirmed = start.state == BoardState::kStored || start.state == BoardState::kTrial;
-  const auto is_usable = [&](const PackedList& packed) {
-    PeripheralList list;
-    return read_list(packed.data(), packed.size(), list) == PeripheralFault::kNone && confirmed &&
-           list.board == fingerprint(start.board) &&
-           (!has_levels(list) || start.board.battery >= 0);
-  };
-  const auto take = [&](const PackedList& packed, PeripheralsState state) {
-    start.peripherals_state = is_usable(packed) ? state : PeripheralsState::kUnusable;
-    if (is_usable(packed)) read_list(packed.data(), packed.size(), start.peripherals);
-  };
-  if (board.peripheral_store.unreadable != 0 || board.flash.faults != 0) {
-    start.peripherals_state = PeripheralsState::kUnusable;
-    return;
-  }
-  const bool writable = !board.peripheral_store.failing;
-  start.list_single = flash.list.is_single && !writable;
-  if (flash.list.state == Candidate::kRequested && writable) {
-    start.list_state = Candidate::kTried;
-    if (is_usable(*flash.list.candidate))
-      return take(*flash.list.candidate, PeripheralsState::kTrial);
-  }
-  if (writable) start.list_state = Candidate::kNone;
-  if (flash.list.is_lost || start.list_single) {
-    start.peripherals_state = PeripheralsState::kUnusable;
-    return;
-  }
-  if (flash.list.confirmed) return take(*flash.list.confirmed, PeripheralsState::kStored);
-  // The simulated robot's own.
-  if (!confirmed || fingerprint(start.board) != fingerprint(sim::kOwnBoard)) return;
-  start.peripherals_state = PeripheralsState::kStored;
-  start.peripherals = sim::default_peripherals();
-}
-
 Witness::Start Witness::boot_of(const Flash& flash) const {
-  Start start = boot_board(flash);
-  boot_peripherals(flash, start);
-  return start;
-}
-
-Witness::Start Witness::boot_board(const Flash& flash) const {
   Start start;
-  start.candidate_state = flash.board.state;
+  start.candidate_state = flash.candidate_state;
   // Nothing is known of the wiring.
-  if (simulator_.board.board_store.unreadable != 0 || simulator_.board.flash.faults != 0)
+  if (simulator_.board.configuration_store.unreadable != 0 || simulator_.board.flash.faults != 0 ||
+      may_be_lost(StoredBlock::kConfiguration))
     return start;
-  const bool writable = !simulator_.board.board_store.failing;
-  start.board_single = flash.board.is_single && !writable;
-  if (flash.board.state == Candidate::kRequested && writable) {
+  const bool writable = !simulator_.board.configuration_store.failing;
+  if (flash.candidate_state == Candidate::kRequested && writable) {
     start.candidate_state = Candidate::kTried;
-    start.state = BoardState::kTrial;
-    start.board = *flash.board.candidate;
+    start.state = ConfigurationState::kTrial;
+    start.configuration = unpacked(*flash.candidate);
     return start;
   }
   if (writable) start.candidate_state = Candidate::kNone;
-  if (flash.board.is_lost || start.board_single) return start;
-  if (flash.board.confirmed) {
-    start.state = BoardState::kStored;
-    start.board = *flash.board.confirmed;
+  if (flash.is_lost) return start;
+  if (flash.confirmed) {
+    start.state = ConfigurationState::kStored;
+    start.configuration = unpacked(*flash.confirmed);
   } else {
-    start.state = simulator_.board_unwritten ? BoardState::kBuiltIn : BoardState::kStored;
-    start.board = built_in_board(simulator_.board_unwritten);
+    start.state =
+        simulator_.board_unwritten ? ConfigurationState::kBuiltIn : ConfigurationState::kStored;
+    start.configuration = built_in_configuration(simulator_.board_unwritten);
   }
   return start;
 }
 
 Finding Witness::starts() {
-  Finding problem = starts_from(flash_);
-  const Finding first = problem;
-  for (const Flash& flash : maybe_flashes_) {
-    if (problem.text.empty()) break;
-    const Finding other = starts_from(flash);
-    if (other.text.empty()) {
-      flash_ = flash;
-      problem.text.clear();
-    } else {
-      const bool is_of_list = first.rule == Rule::kPeripheralsOfTheBoard;
-      problem = {is_of_list ? first.rule : Rule::kFlashOldOrNew,
-                 first.text + "; or else: " + other.text};
+  // Of a block whose first save was cut nobody knows whether it is lost or never was.
+  std::vector<std::array<bool, kStoredBlocks>> losses{{}};
+  for (const StoredBlock block : kBlocks) {
+    const auto index = static_cast<size_t>(block);
+    const size_t count = may_be_lost(block) ? losses.size() : 0;
+    const bool is_certain =
+        block == StoredBlock::kConfiguration || slots_of(block).exists == Slots::Exists::kYes;
+    for (size_t i = 0; i < count; ++i) {
+      if (!is_certain) losses.push_back(losses[i]);
+      losses[i][index] = true;
+    }
+  }
+  Finding problem;
+  bool is_first = true;
+  for (const Flash& flash : possible_flashes()) {
+    for (const auto& lost : losses) {
+      if (!is_first && problem.text.empty()) break;
+      const Finding other = starts_from(flash, lost);
+      if (other.text.empty()) {
+        flash_ = flash;
+        problem.text.clear();
+      } else {
+        const bool is_of_cut = !is_first && problem.rule != Rule::kLostIsNotEmpty;
+        problem = {is_of_cut  ? Rule::kFlashOldOrNew
+                   : is_first ? other.rule
+                              : problem.rule,
+                   is_first ? other.text : problem.text + "; or else: " + other.text};
+      }
+      is_first = false;
     }
   }
   maybe_flashes_.clear();
-  formatted_ = false;
-  if (problem.text.empty()) {
-    const Start start = boot_of(flash_);
-    flash_.board.state = start.candidate_state;
-    flash_.board.is_single = start.board_single;
-    flash_.list.state = start.list_state;
-    flash_.list.is_single = start.list_single;
-  }
+  record_writes_ = 0;
+  for (const StoredBlock block : kBlocks)
+    lost_copies_[static_cast<size_t>(block)] = slots_of(block).whole[0] != slots_of(block).whole[1];
+  if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
+  nothing_saved_ = !flash_.parameters && (lasting_ & kStoreFaults) == 0;
   note_state();
   kept_memory_ = memory_kept_;
   memory_kept_ = false;
@@ -1017,35 +982,30 @@ Finding Witness::starts() {
   return problem;
 }
 
-Finding Witness::starts_from(const Flash& flash) {
+Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredBlocks>& lost) {
+  const auto is_lost = [&lost](StoredBlock block) { return lost[static_cast<size_t>(block)]; };
   const Start start = boot_of(flash);
-  board_state_ = start.state;
-  board_ = start.board;
-  if (simulator_.board_state() != start.state) {
-    return {start.state == BoardState::kBuiltIn ? Rule::kConfirmedBoardOnly : Rule::kFlashOldOrNew,
-            "the board is " + name_of(simulator_.board_state()) + " instead of " +
+  configuration_state_ = start.state;
+  configuration_ = start.configuration;
+  if (simulator_.configuration_state() != start.state) {
+    return {is_lost(StoredBlock::kConfiguration)          ? Rule::kLostIsNotEmpty
+            : start.state == ConfigurationState::kBuiltIn ? Rule::kConfirmedBoardOnly
+                                                          : Rule::kFlashOldOrNew,
+            "the configuration is " + name_of(simulator_.configuration_state()) + " instead of " +
                 name_of(start.state)};
   }
-  if (simulator_.board_fingerprint() != board_fingerprint())
-    return {Rule::kFlashOldOrNew, "it starts with another board than the confirmed one"};
-  peripherals_state_ = start.peripherals_state;
-  peripherals_ = start.peripherals;
-  sensors_unread_ = peripherals_.count != 0;
+  const bool has_one = start.state != ConfigurationState::kDamaged;
+  if (simulator_.configuration_fingerprint() != (has_one ? configuration_.fingerprint() : 0))
+    return {Rule::kFlashOldOrNew, "it starts with another configuration than the confirmed one"};
+  sensors_unread_ = board_confirmed() && peripherals().count != 0;
   forbidden_ = perhaps_forbidden_ = touched_ = 0;
-  battery_.start(peripherals_);
-  if (simulator_.peripherals_state() != start.peripherals_state)
-    return {Rule::kPeripheralsOfTheBoard, "the peripherals are " +
-                                              name_of(simulator_.peripherals_state()) +
-                                              " instead of " + name_of(start.peripherals_state)};
-  PackedList packed;
-  if (simulator_.peripherals_fingerprint() !=
-      (peripherals_.board == 0 ? 0 : write_list(peripherals_, packed.data())))
-    return {Rule::kPeripheralsOfTheBoard, "it starts with another list than the confirmed one"};
+  battery_.start(board_confirmed() ? peripherals() : PeripheralList{});
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
   lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;
+  if (is_lost(StoredBlock::kParameterValues)) lasting_ |= fault::kStoreUnreadable;
   if (simulator_.driver_failed()) lasting_ |= fault::kDriverFailed;
-  if (board_state_ == BoardState::kNone) lasting_ |= fault::kNoBoard;
+  if (!has_one) lasting_ |= fault::kNoBoard;
   if (lasting_ & kStoreFaults) values_ = defaults();
   for (const ParameterSpec& spec : kParameters) {
     if (simulator_.parameter(spec.id) != value(spec.id))
@@ -1055,9 +1015,11 @@ Finding Witness::starts_from(const Flash& flash) {
                   text_of(static_cast<double>(simulator_.parameter(spec.id))) + " instead of " +
                   text_of(static_cast<double>(value(spec.id)))};
   }
-  // A record of flash that cannot be read counts as an e-stop.
-  const bool noted = flash.estop || simulator_.board.flash.faults != 0;
-  const bool estop = memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : noted;
+  // A note in flash that cannot be read counts as an e-stop, whatever the memory says.
+  const bool is_unreadable = is_lost(StoredBlock::kLatches) || simulator_.board.flash.faults != 0;
+  const bool estop =
+      is_unreadable ||
+      (memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : flash.estop);
   const uint32_t faults = lasting_ | (memory_kept_ ? faults_before_reset_ & ~fault::kNoBoard : 0U);
   unarmed_ = true;
   cleared_ = false;
@@ -1065,12 +1027,16 @@ Finding Witness::starts_from(const Flash& flash) {
                                 : faults != 0 ? SupervisorState::kFault
                                               : SupervisorState::kIdle;
   if (simulator_.state() != state)
-    return {memory_kept_ ? Rule::kLatchEndsByClear : Rule::kEstopSurvivesPowerLoss,
+    return {is_lost(StoredBlock::kLatches) || is_lost(StoredBlock::kParameterValues)
+                ? Rule::kLostIsNotEmpty
+            : memory_kept_ ? Rule::kLatchEndsByClear
+                           : Rule::kEstopSurvivesPowerLoss,
             "it starts in " + name_of(simulator_.state()) + " instead of " + name_of(state)};
   if (simulator_.faults() != faults)
-    return {Rule::kLatchEndsByClear, "it starts with the faults " +
-                                         std::to_string(simulator_.faults()) + " instead of " +
-                                         std::to_string(faults)};
+    return {
+        is_lost(StoredBlock::kParameterValues) ? Rule::kLostIsNotEmpty : Rule::kLatchEndsByClear,
+        "it starts with the faults " + std::to_string(simulator_.faults()) + " instead of " +
+            std::to_string(faults)};
   return {};
 }
 
@@ -1079,9 +1045,9 @@ Values Witness::defaults() const {
   Values values;
   for (size_t i = 0; i < kParameterCount; ++i) values[i] = kParameters[i].default_value;
   if (!board_confirmed()) return values;
-  values[index_of(ParameterId::kPwmFrequencyHz)] = board_.pwm_frequency_hz;
-  values[index_of(ParameterId::kGlitchFilterNs)] = board_.encoder_filter_ns;
-  if (board_.estop < 0) values[index_of(ParameterId::kEstopInputEnabled)] = 0;
+  values[index_of(ParameterId::kPwmFrequencyHz)] = board().pwm_frequency_hz;
+  values[index_of(ParameterId::kGlitchFilterNs)] = board().encoder_filter_ns;
+  if (board().estop < 0) values[index_of(ParameterId::kEstopInputEnabled)] = 0;
   return values;
 }
 
@@ -1089,16 +1055,14 @@ Values Witness::defaults() const {
 Values Witness::loaded(const Flash& flash) const {
   if (!flash.parameters) return defaults();
   Values values = *flash.parameters;
-  if (flash.parameters_board != board_fingerprint()) {
+  if (flash.parameters_board != board_checksum()) {
     const size_t contact = index_of(ParameterId::kEstopInputEnabled);
     values[contact] = defaults()[contact];
   }
   return values;
 }
 
-uint32_t Witness::board_fingerprint() const {
-  return board_state_ == BoardState::kNone ? 0 : fingerprint(board_);
-}
+uint32_t Witness::board_checksum() const { return checksum(board()); }
 
 // --- contradictions ------------------------------------------------------------------------------
 
@@ -1120,7 +1084,7 @@ uint32_t Witness::contradictions(const Values& values, double doubt) const {
   uint32_t flags = 0;
   if (of(kOverrunLimitUs) < 1.5e6 / rate_hz * (1.0 - doubt)) flags |= contradiction::kOverrunLimit;
   if (board_confirmed() &&
-      of(kPwmFrequencyHz) > kStageTables[static_cast<size_t>(board_.stage)].max_frequency_hz)
+      of(kPwmFrequencyHz) > kStageTables[static_cast<size_t>(board().stage)].max_frequency_hz)
     flags |= contradiction::kPwmFrequency;
   if (of(kStreamRateHz) > rate_hz) flags |= contradiction::kStreamRate;
   if (of(kSupplyDropV) >= std::min(of(kNominalSupplyV), of(kUnmeasuredSupplyV)))

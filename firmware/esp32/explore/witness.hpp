@@ -51,35 +51,33 @@ struct Granted {
   uint32_t command_seq = 0;
 };
 
-/// How far the board that was written is on its way.
+/// How far the configuration that was written is on its way.
 enum class Candidate { kNone, kWritten, kRequested, kTried };
 
-using PackedList = std::array<uint8_t, PeripheralList::kSize>;
-
-/// A board or a list of peripherals in flash, and the one that is tried in its place.
-template <typename Item>
-struct Stored {
-  std::optional<Item> confirmed{};
-  bool is_lost = false;          ///< It is damaged: nothing drives until somebody confirms one.
-  bool was_confirmed = false;    ///< What is lost was.
-  bool is_single = false;        ///< The power went before it was written a second time.
-  std::optional<Item> former{};  ///< What was confirmed before one that is single.
-  std::optional<Item> candidate{};
-  Candidate state = Candidate::kNone;
-  std::optional<Item> requested{};  ///< The last one that a restart was asked for.
-
-  bool operator==(const Stored&) const = default;
-};
+using PackedConfiguration = std::array<uint8_t, Configuration::kSize>;
 
 /// What lies in flash.
 struct Flash {
   std::optional<Values> parameters;  ///< None: the defaults.
-  uint32_t parameters_board = 0;     ///< The board that they were saved for, by its fingerprint.
-  Stored<BoardDescription> board;
-  Stored<PackedList> list;  ///< Of peripherals.
+  uint32_t parameters_board = 0;     ///< Checksum of the board that they were saved for.
+  std::optional<PackedConfiguration> confirmed;
+  std::optional<PackedConfiguration> candidate;
+  Candidate candidate_state = Candidate::kNone;
+  bool is_lost = false;  ///< What was confirmed was damaged: nothing drives until one is confirmed.
   bool estop = false;
 
   bool operator==(const Flash&) const = default;
+};
+
+/// The two slots of a block.
+struct Slots {
+  /// Since a first save was cut nobody knows.
+  enum class Exists { kNo, kMaybe, kYes };
+
+  std::array<bool, 2> whole{};
+  Exists exists = Exists::kNo;
+
+  bool are_gone() const { return !whole[0] && !whole[1]; }
 };
 
 /// The message that the firmware handles, and what it has to answer.
@@ -114,13 +112,14 @@ class Witness {
   void expires_trial();
   /// Once the robot does not drive, its setpoint does not count any more.
   void notes_stop();
-  /// It wrote, or erased, its note of a latched e-stop.
-  void notes_latch() { flash_.estop = simulator_.state() == SupervisorState::kEstopped; }
-  /// The power went at a write: what it was to change may have changed.
-  enum class Written { kParameters, kBoard, kPeripherals, kLatch };
-  void cut_at_write(Written what);
-  /// What was written last of a board or a list is damaged; `all`: and what was before it.
-  void damages(Written what, bool all);
+  /// It writes a slot.
+  void writes(StoredBlock block, int slot);
+  /// The power goes at a write, which is done or not, or has lost what was in the slot.
+  void cut_at_write(StoredBlock block, int slot, sim::WriteFate fate);
+  /// All stores are formatted.
+  void formats();
+  /// Time has damaged slots of a block.
+  void damages(StoredBlock block, sim::Damage what);
   /// The chip was reset, and begins to boot.
   void resets(bool loses_memory);
   /// It has started.
@@ -140,14 +139,15 @@ class Witness {
   uint64_t trial_until_us() const { return trial_until_us_; }
   const std::optional<Task>& task() const { return task_; }
   const Flash& flash() const { return flash_; }
-  BoardState board_state() const { return board_state_; }
-  const BoardDescription& board() const { return board_; }
+  ConfigurationState configuration_state() const { return configuration_state_; }
+  /// The active one; empty if there is none.
+  const Configuration& configuration() const { return configuration_; }
+  const BoardDescription& board() const { return configuration_.board; }
+  const PeripheralList& peripherals() const { return configuration_.peripherals; }
   bool board_confirmed() const {
-    return board_state_ == BoardState::kStored || board_state_ == BoardState::kTrial;
+    return configuration_state_ == ConfigurationState::kStored ||
+           configuration_state_ == ConfigurationState::kTrial;
   }
-  PeripheralsState peripherals_state() const { return peripherals_state_; }
-  /// The active list; empty if there is none.
-  const PeripheralList& peripherals() const { return peripherals_; }
   /// What the sensors forbid for certain, as flags of `reflex`: they are triggered, and were so
   /// when the firmware last read them.
   uint8_t forbidden() const {
@@ -170,6 +170,8 @@ class Witness {
   uint8_t perhaps_held_ways() const { return perhaps_held_ways_; }
   /// A control step has ended, in DRIVING: what it did not do because of a bumper.
   void notes_hold();
+  /// Whether a start found only one of two copies of a block, and the other one is not written yet.
+  bool has_lost_copy() const;
   /// Memory that outlives a reset of the processor was not lost before this start.
   bool kept_memory() const { return kept_memory_; }
   uint32_t lasting_faults() const { return lasting_; }
@@ -182,7 +184,7 @@ class Witness {
   }
   /// The contact stops the robot while it is open.
   bool contact_counts() const {
-    return board_confirmed() && board_.estop >= 0 && value(ParameterId::kEstopInputEnabled) != 0;
+    return board_confirmed() && board().estop >= 0 && value(ParameterId::kEstopInputEnabled) != 0;
   }
   bool contact_open() const { return contact_counts() && simulator_.board.estop.is_open(); }
   bool contradicts() const { return contradictions(values_) != 0; }
@@ -207,7 +209,8 @@ class Witness {
   Codes request_codes(const Seen& message) const;
   Codes codes(const ParameterSet& request) const;
   Codes codes(const ParameterTrial& request) const;
-  Codes board_codes(Codes last, bool cannot_write) const;
+  Codes save_codes() const;
+  Codes configuration_codes(Codes last) const;
   Codes fault_codes() const;
   uint8_t triggered() const;
   /// For certain.
@@ -223,31 +226,26 @@ class Witness {
   void change_flash(const Seen& message, Flash& flash) const;
   void ends_session();
   struct Start {
-    BoardState state = BoardState::kNone;
-    BoardDescription board;
+    ConfigurationState state = ConfigurationState::kDamaged;
+    Configuration configuration;
     Candidate candidate_state = Candidate::kNone;
-    bool board_single = false;
-    PeripheralsState peripherals_state = PeripheralsState::kEmpty;
-    PeripheralList peripherals;
-    Candidate list_state = Candidate::kNone;
-    bool list_single = false;
   };
-  void boot_peripherals(const Flash& flash, Start& start) const;
   Start boot_of(const Flash& flash) const;
-  Start boot_board(const Flash& flash) const;
   std::vector<Flash> possible_flashes() const;
-  Finding starts_from(const Flash& flash);
+  Finding starts_from(const Flash& flash, const std::array<bool, kStoredBlocks>& lost);
+  bool may_be_lost(StoredBlock block) const;
+  Slots& slots_of(StoredBlock block) { return slots_[static_cast<size_t>(block)]; }
+  const Slots& slots_of(StoredBlock block) const { return slots_[static_cast<size_t>(block)]; }
   void presumes();
   Values defaults() const;
   Values loaded(const Flash& flash) const;
-  uint32_t board_fingerprint() const;
+  uint32_t board_checksum() const;
   uint32_t contradictions(const Values& values) const;
   uint32_t doubtful_contradictions(const Values& values) const;
   uint32_t contradictions(const Values& values, double margin) const;
-  bool cannot_write_list() const {
-    return simulator_.board.peripheral_store.failing || flash_damaged_;
+  bool cannot_write_configuration() const {
+    return simulator_.board.configuration_store.failing || flash_damaged_;
   }
-  bool cannot_write_board() const { return simulator_.board.board_store.failing || flash_damaged_; }
   bool estopped() const {
     return simulator_.state() == SupervisorState::kEstopped || contact_open();
   }
@@ -281,19 +279,20 @@ class Witness {
   uint64_t trial_until_us_ = 0;
   Flash flash_;
   std::vector<Flash> maybe_flashes_;  ///< What may lie there instead since a write was cut.
+  bool nothing_saved_ = true;  ///< No parameters are, for certain, and none that cannot be read.
   uint32_t lasting_ = 0;
   bool flash_damaged_ = false;  ///< Its partition cannot be opened.
-  bool formatted_ = false;      ///< It was, by this start: a reset of the parameters erased it all.
+  std::array<Slots, kStoredBlocks> slots_;
+  /// What the other slot of a block may still hold since a save was cut.
+  std::array<std::optional<Flash>, kStoredBlocks> formers_;
+  int record_writes_ = 0;  ///< Of the configuration, since another block was written.
+  std::array<bool, kStoredBlocks> lost_copies_{};
 
-  BoardState board_state_ = BoardState::kNone;
-  BoardDescription board_;
+  ConfigurationState configuration_state_ = ConfigurationState::kDamaged;
+  Configuration configuration_;
   bool fresh_candidate_ = false;  ///< Written in this session.
-
-  PeripheralsState peripherals_state_ = PeripheralsState::kEmpty;
-  PeripheralList peripherals_;
-  bool fresh_list_ = false;      ///< Written in this session.
-  PeripheralList staged_;        ///< What PeripheralSet has set in this session.
-  bool sensors_unread_ = false;  ///< No control step has read them since the start.
+  Configuration staged_;          ///< What was set in this session.
+  bool sensors_unread_ = false;   ///< No control step has read them since the start.
   uint8_t forbidden_ = 0;
   uint8_t perhaps_forbidden_ = 0;
   BatteryWitness battery_;

@@ -14,7 +14,6 @@
 #include "line.hpp"
 #include "nvs_store.hpp"
 #include "partition_flash.hpp"
-#include "peripheral_keeper.hpp"
 #include "pins.hpp"
 #include "recorder_keeper.hpp"
 #include "sdkconfig.h"
@@ -35,20 +34,19 @@ using Machine = wheelwire::WiredRobot;
 namespace wheelwire {
 namespace {
 
-NvsStore parameter_slots[2]{NvsStore{"parameters.0"}, NvsStore{"parameters.1"}};
-NvsStore board_slots[2]{NvsStore{"board.0"}, NvsStore{"board.1"}};
-NvsStore peripheral_slots[2]{NvsStore{"peripherals.0"}, NvsStore{"peripherals.1"}};
-NvsStore latch_slots[2]{NvsStore{"latch.0"}, NvsStore{"latch.1"}};
-TwinStore store{parameter_slots[0], parameter_slots[1]};
-TwinStore board_store{board_slots[0], board_slots[1]};
-TwinStore peripheral_store{peripheral_slots[0], peripheral_slots[1]};
-TwinStore latch_store{latch_slots[0], latch_slots[1]};
+// The keys are those of earlier firmware, whose blocks are found by them and refused.
+NvsStore slots[kStoredBlocks][2]{{NvsStore{"board.0"}, NvsStore{"board.1"}},
+                                 {NvsStore{"parameters.0"}, NvsStore{"parameters.1"}},
+                                 {NvsStore{"latch.0"}, NvsStore{"latch.1"}}};
+TwinStore configuration_store{slots[0][0], slots[0][1]};
+TwinStore store{slots[1][0], slots[1][1]};
+TwinStore latch_store{slots[2][0], slots[2][1]};
 RtcLatchMemory latches;
 PartitionFlash recorder_flash;
 /// Start-up code leaves it as it is, so that what was recorded outlives a panic and a watchdog.
 __NOINIT_ATTR RecorderMemory recorder_memory;
-BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
-PeripheralKeeper peripherals{peripheral_store};
+const Configuration kImageConfiguration{.board = kImageBoard, .peripherals = {}};
+ActiveConfiguration configuration{&configuration_store, kImageBoard.chip, &kImageConfiguration};
 ParameterSpec specs[kParameterCount];
 Adc adc;
 Battery battery;
@@ -73,10 +71,10 @@ uint32_t capabilities(bool has_battery) {
 
 /// Decides which board is active. False: its pins cannot be set up.
 bool choose_board() {
-  keeper.start();
+  configuration.start();
   platform_specs(kImageBoard.chip, specs);
-  if (keeper.is_confirmed()) apply_board(keeper.board(), specs);
-  return take_pins(keeper.state(), keeper.board());
+  if (configuration.is_confirmed()) apply_board(configuration.board(), specs);
+  return take_pins(configuration.state(), configuration.board());
 }
 
 /// Where the host is. Nobody has said so yet while the image's own board is active, or none.
@@ -85,13 +83,13 @@ Line& choose_line() {
 #if SOC_USB_SERIAL_JTAG_SUPPORTED
   static UsbLine usb;
   static EitherLine either{uart, usb};
-  switch (keeper.state()) {
-    case BoardState::kTrial:
-    case BoardState::kStored:
-      if (keeper.board().line == BoardLine::kUsb) return usb;
+  switch (configuration.state()) {
+    case ConfigurationState::kTrial:
+    case ConfigurationState::kStored:
+      if (configuration.board().line == BoardLine::kUsb) return usb;
       return uart;
-    case BoardState::kNone:
-    case BoardState::kBuiltIn:
+    case ConfigurationState::kDamaged:
+    case ConfigurationState::kBuiltIn:
       return either;
   }
 #endif
@@ -100,22 +98,20 @@ Line& choose_line() {
 
 void start() {
   const bool could_float = float_pins();
-  for (NvsStore& slot : parameter_slots) slot.start();
-  for (NvsStore& slot : board_slots) slot.start();
-  for (NvsStore& slot : peripheral_slots) slot.start();
-  for (NvsStore& slot : latch_slots) slot.start();
+  for (auto& block : slots)
+    for (NvsStore& slot : block) slot.start();
+  configuration_store.record(store, latch_store);
   const bool has_pins = choose_board() && could_float;
   Line& line = choose_line();
-  const bool has_board = keeper.is_confirmed();
+  const bool has_board = configuration.is_confirmed();
   const bool has_line = line.start();
-  static Machine machine{keeper.board()};
-  peripherals.start(has_board ? &keeper.board() : nullptr);
-  bool has_sensors = sensors.start(peripherals.list());
+  static Machine machine{configuration.board()};
+  bool has_sensors = sensors.start(configuration.peripherals());
   const bool has_machine = !has_board || (has_pins && machine.start(stored_parameters()));
   // Its entropy source is the ADC, so this comes before others take that.
   Identity identity = make_identity(0);
-  const bool has_battery = has_board && battery.start(keeper.board(), adc);
-  has_sensors = sensors.start_analog(peripherals.list(), adc) && has_sensors;
+  const bool has_battery = has_board && battery.start(configuration.board(), adc);
+  has_sensors = sensors.start_analog(configuration.peripherals(), adc) && has_sensors;
   identity.capabilities = capabilities(has_battery);
 
   // Up to here it was the bootloader's watchdog. Configured before the dead-man starts: that one
@@ -132,22 +128,24 @@ void start() {
                         .latches = latches,
                         .latch_store = latch_store,
                         .estop = machine.estop,
-                        .battery = latest_battery},
+                        .battery = latest_battery,
+                        .configuration = &configuration_store},
                        identity,
                        specs,
-                       &keeper};
+                       configuration};
   // A robot that cannot drive safely still reports why.
   if (!(has_line && has_machine && has_sensors && is_watched)) device.report_driver_failure();
 
-  static SensorServer sensor_server{peripherals, &sensors, has_battery ? &latest_battery : nullptr};
+  static SensorServer sensor_server{configuration.peripherals(), &sensors,
+                                    has_battery ? &latest_battery : nullptr};
   device.sense(sensor_server);
 
   static RecorderKeeper recorder{recorder_memory, recorder_flash, origin_of(identity),
-                                 identity.reset_reason, keeper.fingerprint()};
+                                 identity.reset_reason, configuration.fingerprint()};
   const bool can_record = recorder_flash.start(RecorderKeeper::kFlashSize);
   static ControlTask control{device, line, dead_man, shared_state,
                              can_record ? &recorder : nullptr};
-  housekeeping.start(has_battery, has_board ? keeper.board().led : -1);
+  housekeeping.start(has_battery, has_board ? configuration.board().led : -1);
   control.start();
 }
 

@@ -47,21 +47,17 @@ size_t NvsStore::load(uint8_t* out, size_t capacity) {
 
 bool NvsStore::save(const uint8_t* data, size_t size) {
   const SlowOperation flash_write;
-  // Another block's erasure may have formatted the storage.
+  // Another block's call may have formatted the storage.
   if (!open_ && !open()) return false;
   if (nvs_set_blob(handle_, key_, data, size) != ESP_OK) return false;
   return nvs_commit(handle_) == ESP_OK;
 }
 
-bool NvsStore::erase() {
+bool NvsStore::format() {
   const SlowOperation flash_write;
-  // Storage that cannot be opened is formatted, unless another block's erasure has done so.
-  if (!open_ && !open()) return nvs_flash_erase() == ESP_OK && open();
-  const esp_err_t result = nvs_erase_key(handle_, key_);
-  if (result != ESP_OK && result != ESP_ERR_NVS_NOT_FOUND) return false;
-  if (nvs_commit(handle_) != ESP_OK) return false;
-  faults_ = 0;
-  return true;
+  // Another block's call may have done so.
+  if (open_ || open()) return true;
+  return nvs_flash_erase() == ESP_OK && open();
 }
 
 }  // namespace wheelwire

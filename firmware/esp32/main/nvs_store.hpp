@@ -1,5 +1,4 @@
-// A block in the chip's non-volatile storage (NVS): a slot of the parameters, of the board or of
-// the latched e-stop.
+// A block in the chip's non-volatile storage (NVS): a slot of a TwinStore.
 #pragma once
 
 #include "hal.hpp"
@@ -7,9 +6,9 @@
 
 namespace wheelwire {
 
-/// Erases only when the host asks for it: a block that cannot be read may still be needed. A cut of
-/// the power may lose the block: a TwinStore has two.
-class NvsStore final : public ParameterStore {
+/// Formats only when the host asks for it: what cannot be read may still be needed. A cut of the
+/// power may lose the block: a TwinStore has two.
+class NvsStore final : public BlockStore {
  public:
   /// `key`: of the block, at most 15 letters.
   explicit NvsStore(const char* key) : key_(key) {}
@@ -20,7 +19,7 @@ class NvsStore final : public ParameterStore {
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
-  bool erase() override;
+  bool format() override;
   uint32_t faults() override { return faults_; }
 
  private:

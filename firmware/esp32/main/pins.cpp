@@ -34,10 +34,10 @@ bool let_float(PinMask pins) {
 // Before a board is read no module is known, and the pins of an octal flash must stay as they are.
 bool float_pins() { return let_float(drivable_pins(kChip) & ~saved_release_pins()); }
 
-bool take_pins(BoardState state, const BoardDescription& board) {
+bool take_pins(ConfigurationState state, const BoardDescription& board) {
   const PinMask held = is_confirmed(state) ? release_pins(board) : 0;
   // A board on trial may be the wrong one: after a reset its pins float, too.
-  set_release_pins(held, state == BoardState::kStored ? held : 0);
+  set_release_pins(held, state == ConfigurationState::kStored ? held : 0);
   release_motors();
   const Module module = is_confirmed(state) ? board.module : Module::kAny;
   return let_float(drivable_pins(kChip, module) & ~held);

@@ -1,7 +1,7 @@
 // Which pins the chip may drive at all: those of a board that somebody confirmed. All others float.
 #pragma once
 
-#include "board_keeper.hpp"
+#include "configuration.hpp"
 
 namespace wheelwire {
 
@@ -12,6 +12,6 @@ bool float_pins();
 /// Call when the board is known: its pins that hold the motors off are low, all others float, also
 /// those of a previous board. While nobody has confirmed the board all float: where they lead is a
 /// guess.
-bool take_pins(BoardState state, const BoardDescription& board);
+bool take_pins(ConfigurationState state, const BoardDescription& board);
 
 }  // namespace wheelwire

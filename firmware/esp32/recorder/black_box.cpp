@@ -121,7 +121,7 @@ void BlackBox::note_state(MessageServer& device) {
   begin_segment();
   uint32_t* const out = memory_ + at_ + 1;
   out[0] = (in_step_ ? box::kInStep : 0) | (open_ ? box::kOpenContact : 0) |
-           (device.has_keeper() ? box::kHasKeeper : 0) |
+           (device.has_configuration() ? box::kHasConfiguration : 0) |
            (device.has_archive() ? box::kHasArchive : 0) |
            (device.has_sensors() ? box::kHasPeripherals : 0);
   StateWriter writer(out + 1, memory_ + end_);

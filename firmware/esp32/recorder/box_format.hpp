@@ -52,7 +52,7 @@ constexpr size_t kEndWords = 3;
 /// Flags of a kState's first word, and of a kMessage's.
 constexpr uint32_t kInStep = 1;
 constexpr uint32_t kOpenContact = 2;
-constexpr uint32_t kHasKeeper = 4;
+constexpr uint32_t kHasConfiguration = 4;
 constexpr uint32_t kHasArchive = 8;
 constexpr uint32_t kHasPeripherals = 16;
 

@@ -38,16 +38,17 @@ void Rerun::restore() {
                 .latches = latches_,
                 .latch_store = store_,
                 .estop = estop_,
-                .battery = battery_};
-  if ((flags & box::kHasKeeper) != 0) {
-    keeper_.emplace(store_, Chip::kSimulated, nullptr);
-    device_.emplace(hal, Identity{}, kParameters, &*keeper_);
+                .battery = battery_,
+                .configuration = &store_};
+  if ((flags & box::kHasConfiguration) != 0) {
+    configuration_.emplace(&store_, Chip::kSimulated, nullptr);
+    device_.emplace(hal, Identity{}, kParameters, *configuration_);
   } else {
     device_.emplace(hal, Identity{});
   }
   if ((flags & box::kHasArchive) != 0) device_->offer(archive_);
   if ((flags & box::kHasPeripherals) != 0)
-    device_->sense(sensors_.emplace(peripherals_.emplace(store_), nullptr, nullptr));
+    device_->sense(sensors_.emplace(PeripheralList{}, nullptr, nullptr));
   contact_ = (flags & box::kOpenContact) != 0;
   is_pending_ = (flags & box::kInStep) != 0;
   StateReader reader(next_.payload + 1, next_.words - 1);

@@ -5,8 +5,8 @@
 
 #include <optional>
 
-#include "board_keeper.hpp"
 #include "box_reader.hpp"
+#include "configuration.hpp"
 #include "core_hash.hpp"
 #include "device.hpp"
 #include "sensor_server.hpp"
@@ -71,11 +71,12 @@ class Rerun final : public Recorder {
     uint32_t bytes_per_second() const override { return 0; }
   };
   /// What became of a write is in the box.
-  struct Store final : ParameterStore {
+  struct Store final : BlockStore {
     explicit Store(Rerun& rerun) : rerun_(rerun) {}
     size_t load(uint8_t*, size_t) override { return 0; }
     bool save(const uint8_t*, size_t) override { return rerun_.write_was_done(); }
-    bool erase() override { return rerun_.write_was_done(); }
+    bool format() override { return rerun_.write_was_done(); }
+    bool repair() override { return rerun_.write_was_done(); }
     uint32_t faults() override { return rerun_.recorded_store_faults(); }
     Rerun& rerun_;
   };
@@ -135,8 +136,7 @@ class Rerun final : public Recorder {
   Archive archive_;
   Contact estop_{*this};
   Battery battery_;
-  std::optional<BoardKeeper> keeper_;
-  std::optional<PeripheralKeeper> peripherals_;
+  std::optional<ActiveConfiguration> configuration_;
   std::optional<SensorServer> sensors_;
   std::optional<Device> device_;
 };

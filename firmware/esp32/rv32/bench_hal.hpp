@@ -95,11 +95,10 @@ class BenchLine final : public ByteStream {
   uint16_t seq_ = 0;
 };
 
-class EmptyStore final : public ParameterStore {
+class EmptyStore final : public BlockStore {
  public:
   size_t load(uint8_t*, size_t) override { return 0; }
   bool save(const uint8_t*, size_t) override { return true; }
-  bool erase() override { return true; }
 };
 
 class NoLatches final : public LatchMemory {

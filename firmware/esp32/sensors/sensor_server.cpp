@@ -23,11 +23,9 @@ uint32_t range_bytes_per_second(const PeripheralList& list) {
 
 }  // namespace
 
-SensorServer::SensorServer(PeripheralKeeper& keeper, SensorPort* port, BatterySense* divider)
-    : keeper_(keeper),
-      divider_(divider),
-      is_active_(port != nullptr && keeper.is_active() && keeper.list().count != 0) {
-  if (is_active_) hub_.start(*port, keeper.list());
+SensorServer::SensorServer(const PeripheralList& list, SensorPort* port, BatterySense* divider)
+    : divider_(divider), is_active_(port != nullptr && list.count != 0) {
+  if (is_active_) hub_.start(*port, list);
 }
 
 uint8_t SensorServer::update(uint64_t now_us) {
@@ -37,78 +35,14 @@ uint8_t SensorServer::update(uint64_t now_us) {
 // --- requests ------------------------------------------------------------------------------------
 
 void SensorServer::serve(const Frame& frame, uint16_t request_id, uint64_t now_us) {
-  RefusalCode refusal = RefusalCode::kNone;
-  switch (frame.id) {
-    case SensorStream::kId:
-      return on(SensorStream::decode(frame.body), now_us);
-    case PeripheralGet::kId:
-      return on(PeripheralGet::decode(frame.body));
-    case PeripheralSet::kId:
-      refusal = set(frame);
-      break;
-    case PeripheralsWrite::kId:
-      refusal = write(PeripheralsWrite::decode(frame.body), now_us);
-      break;
-    case PeripheralsConfirm::kId:
-      refusal = confirm(PeripheralsConfirm::decode(frame.body), now_us);
-      break;
-  }
-  server_->conclude(frame.id, request_id, refusal);
-}
-
-void SensorServer::on(const SensorStream& request, uint64_t now_us) {
-  server_->conclude(request.kId, request.request_id, RefusalCode::kNone);
+  server_->conclude(frame.id, request_id, RefusalCode::kNone);
   streams_ = {};
   if (!is_active_) return;
-  streams_.asked_hz = streams_.imu_hz = request.rate_hz;
+  streams_.asked_hz = streams_.imu_hz = SensorStream::decode(frame.body).rate_hz;
   streams_.infos_left = hub_.list().count;
   streams_.next_power_us = now_us;
   const uint32_t interval_us = server_->state_interval_us();
   fit_to_line(interval_us == 0 ? 0 : static_cast<uint32_t>(kSecondUs) / interval_us, now_us);
-}
-
-void SensorServer::on(const PeripheralGet& request) {
-  const PeripheralList& list = keeper_.list();
-  // The message's last fields are the packed entry's: its bytes are copied as they are.
-  uint8_t body[PeripheralValue::kSize];
-  PeripheralValue{.session_id = server_->session_id(),
-                  .request_id = request.request_id,
-                  .channel = request.channel,
-                  .channel_count = list.count,
-                  .state = keeper_.state(),
-                  .board = list.board,
-                  .crc = keeper_.fingerprint()}
-      .encode(body);
-  const bool exists = request.channel < list.count;
-  (exists ? list.entries[request.channel] : Peripheral{})
-      .encode(body + PeripheralValue::kSize - Peripheral::kSize);
-  server_->answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
-}
-
-RefusalCode SensorServer::set(const Frame& frame) {
-  const uint8_t* const entry = frame.body + PeripheralSet::kSize - Peripheral::kSize;
-  return keeper_.set(PeripheralSet::decode(frame.body).channel, entry);
-}
-
-RefusalCode SensorServer::write(const PeripheralsWrite& request, uint64_t now_us) {
-  RefusalCode refusal = server_->check_board_change(&keeper_, now_us);
-  if (refusal != RefusalCode::kNone) return refusal;
-  refusal = keeper_.write(request.channel_count, request.board, request.crc);
-  server_->note_board_write(refusal);
-  return refusal;
-}
-
-RefusalCode SensorServer::confirm(const PeripheralsConfirm& request, uint64_t now_us) {
-  RefusalCode refusal = server_->check_board_change(&keeper_, now_us);
-  if (refusal != RefusalCode::kNone) return refusal;
-  refusal = keeper_.confirm(request.crc);
-  server_->note_board_write(refusal);
-  return refusal;
-}
-
-void SensorServer::end_session() {
-  keeper_.drop_candidate();
-  streams_ = {};
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------

@@ -3,16 +3,15 @@
 #pragma once
 
 #include "message_server.hpp"
-#include "peripheral_keeper.hpp"
 #include "sensor_hub.hpp"
 
 namespace wheelwire {
 
 class SensorServer final : public SensorMessages, public SensorObserver {
  public:
-  /// `keeper`: started. `port`: nullptr where nothing is read, as in a re-run. `divider`: what
-  /// measures the battery; nullptr: the board does not. All must outlive it.
-  SensorServer(PeripheralKeeper& keeper, SensorPort* port, BatterySense* divider);
+  /// `port`: nullptr where nothing is read, as in a re-run. `divider`: what measures the battery;
+  /// nullptr: the board does not. All must outlive it.
+  SensorServer(const PeripheralList& list, SensorPort* port, BatterySense* divider);
 
   void attach(MessageServer& server) override { server_ = &server; }
   bool is_active() const override { return is_active_; }
@@ -21,14 +20,7 @@ class SensorServer final : public SensorMessages, public SensorObserver {
   void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) override;
   void stream(uint64_t now_us) override;
   void fit_to_line(uint32_t state_hz, uint64_t now_us) override;
-  void end_session() override;
-  RefusalCode refusal() const override { return keeper_.refusal(); }
-  bool has_candidate() const override { return keeper_.has_candidate(); }
-  RefusalCode request_trial() override { return keeper_.request_trial(); }
-  bool is_overdue(uint64_t now_us) const override { return keeper_.is_overdue(now_us); }
-  size_t state_words() const override { return PeripheralKeeper::kStateWords; }
-  uint32_t state_word(size_t index) const override { return keeper_.state_word(index); }
-  void set_state_word(size_t index, uint32_t word) override { keeper_.set_state_word(index, word); }
+  void end_session() override { streams_ = {}; }
 
   void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
                        uint64_t now_us) override;
@@ -49,18 +41,12 @@ class SensorServer final : public SensorMessages, public SensorObserver {
     uint16_t analog_mv[kMostAnalog]{};
   };
 
-  void on(const SensorStream& request, uint64_t now_us);
-  void on(const PeripheralGet& request);
-  RefusalCode set(const Frame& frame);
-  RefusalCode write(const PeripheralsWrite& request, uint64_t now_us);
-  RefusalCode confirm(const PeripheralsConfirm& request, uint64_t now_us);
   void send_info(size_t channel);
   void send_power(uint64_t now_us);
   void send_inputs(uint64_t now_us);
   Inputs digital_inputs() const;
   bool has_analog_moved() const;
 
-  PeripheralKeeper& keeper_;
   BatterySense* divider_;
   bool is_active_;
   MessageServer* server_ = nullptr;

@@ -28,8 +28,8 @@ SimulatedBoard::SimulatedBoard(uint64_t seed)
       sensors(*this, mix(seed + 2)),
       active_(kOwnBoard),
       wired_(kOwnBoard) {
-  for (Store* const one : {&store, &board_store, &peripheral_store, &latch_store})
-    one->lie_in(flash);
+  for (Store* const one : {&configuration_store, &store, &latch_store}) one->lie_in(flash);
+  configuration_store.record(store, latch_store);
   reset();
 }
 
@@ -172,7 +172,8 @@ Hal SimulatedBoard::hal() {
           .latches = latches,
           .latch_store = latch_store,
           .estop = estop,
-          .battery = battery};
+          .battery = battery,
+          .configuration = &configuration_store};
 }
 
 std::array<BridgeState, 2> SimulatedBoard::bridges() const {

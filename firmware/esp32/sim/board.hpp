@@ -85,8 +85,7 @@ class SimulatedBoard final : public EncoderPort {
   Line line;
   Partition flash;
   Store store;
-  Store board_store;
-  Store peripheral_store;
+  Store configuration_store;
   RetainedMemory latches;
   Store latch_store;
   Flash recorder_flash{RecorderKeeper::kFlashSize};
@@ -99,8 +98,7 @@ class SimulatedBoard final : public EncoderPort {
   /// recorded in files beside it.
   void use_files(const std::string& path) {
     store.use_file(path);
-    board_store.use_file(path + ".board");
-    peripheral_store.use_file(path + ".peripherals");
+    configuration_store.use_file(path + ".board");
     latch_store.use_file(path + ".latch");
     recorder_flash.use_file(path + ".recorder");
   }

@@ -164,13 +164,13 @@ int fwsim_describe(size_t index, fwsim_variable* description) {
 
 fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size, int counts_per_revolution,
                                 int64_t now_ns) {
-  wheelwire::BoardDescription description;
+  wheelwire::Configuration configuration;
   if (board == nullptr || counts_per_revolution <= 0 ||
-      wheelwire::read_board(board, size, description) != wheelwire::BoardFault::kNone) {
+      !wheelwire::Configuration::decode(board, size, configuration)) {
     return nullptr;
   }
   try {
-    return new fwsim_robot{{description, counts_per_revolution, now_ns}};
+    return new fwsim_robot{{configuration.board, counts_per_revolution, now_ns}};
   } catch (const std::exception&) {
     return nullptr;
   }

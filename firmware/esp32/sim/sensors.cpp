@@ -9,7 +9,7 @@
 namespace wheelwire::sim {
 
 PeripheralList default_peripherals() {
-  PeripheralList list{.count = 4, .board = fingerprint(kOwnBoard)};
+  PeripheralList list{.count = 4};
   list.entries[0] = {.kind = PeripheralKind::kImu,
                      .chip = SensorChip::kMpu6050,
                      .pin_a = 16,

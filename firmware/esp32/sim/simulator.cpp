@@ -87,27 +87,26 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
-  const BoardDescription& built_in = board_unwritten ? kBoardOfEsp32 : kOwnBoard;
+  static const Configuration unwritten{.board = kBoardOfEsp32, .peripherals = {}};
+  static const Configuration own{.board = kOwnBoard, .peripherals = default_peripherals()};
+  const Configuration& built_in = board_unwritten ? unwritten : own;
   // The chip that is simulated: it refuses boards of others, as the real one does.
-  keeper_.emplace(
-      board.board_store, built_in.chip, &built_in,
-      board_unwritten ? BoardKeeper::BuiltIn::kUnconfirmed : BoardKeeper::BuiltIn::kConfirmed);
-  keeper_->start();
+  configuration_.emplace(&board.configuration_store, built_in.board.chip, &built_in,
+                         board_unwritten ? ActiveConfiguration::BuiltIn::kUnconfirmed
+                                         : ActiveConfiguration::BuiltIn::kConfirmed);
+  configuration_->start();
   std::copy(std::begin(specs_), std::end(specs_), boot_specs_);
-  if (keeper_->is_confirmed()) apply_board(keeper_->board(), boot_specs_);
-  board.take_up(keeper_->board(), keeper_->is_confirmed());
-  device_.emplace(board.hal(), identity_, boot_specs_, &*keeper_);
-  static const PeripheralList own_peripherals = default_peripherals();
-  peripherals_.emplace(board.peripheral_store, &own_peripherals);
-  peripherals_->start(keeper_->is_confirmed() ? &keeper_->board() : nullptr);
-  board.sensors.take_up(peripherals_->list());
-  sensors_.emplace(*peripherals_, &board.sensors, &board.battery);
+  if (configuration_->is_confirmed()) apply_board(configuration_->board(), boot_specs_);
+  board.take_up(configuration_->board(), configuration_->is_confirmed());
+  device_.emplace(board.hal(), identity_, boot_specs_, *configuration_);
+  board.sensors.take_up(configuration_->peripherals());
+  sensors_.emplace(configuration_->peripherals(), &board.sensors, &board.battery);
   device_->sense(*sensors_);
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();
   device_->start(now_us);
   recorder_.emplace(recorder_memory_, board.recorder_flash, origin_of(identity_),
-                    identity_.reset_reason, keeper_->fingerprint());
+                    identity_.reset_reason, configuration_->fingerprint());
   recorder_->start();
   device_->record(recorder_->black_box());
   device_->offer(*recorder_);
@@ -136,9 +135,8 @@ void Simulator::service_link() {
 void Simulator::reset(ResetReason reason) {
   device_.reset();
   recorder_.reset();
-  keeper_.reset();
   sensors_.reset();
-  peripherals_.reset();
+  configuration_.reset();
   board.reset();
   if (loses_memory(reason)) {
     board.latches.lose();
@@ -165,7 +163,7 @@ std::vector<uint32_t> Simulator::box_image() {
   const BoxHead head{.cause = is_closed ? recorder_->black_box().cause() : BoxCause::kRequest,
                      .reset_reason = identity_.reset_reason,
                      .origin = origin_of(identity_),
-                     .board = keeper_ ? keeper_->fingerprint() : 0,
+                     .board = configuration_fingerprint(),
                      .faults = faults(),
                      .stored_us = board.device_us(),
                      .check = box_check(recorder_memory_.box)};

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "board.hpp"
-#include "board_keeper.hpp"
 #include "box_image.hpp"
+#include "configuration.hpp"
 #include "device.hpp"
 #include "random.hpp"
 #include "sensor_server.hpp"
@@ -66,14 +66,12 @@ class Simulator {
   /// none, the last second or two.
   std::vector<uint32_t> box_image();
 
-  BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
-  uint32_t board_fingerprint() const { return keeper_ ? keeper_->fingerprint() : 0; }
-
-  PeripheralsState peripherals_state() const {
-    return peripherals_ ? peripherals_->state() : PeripheralsState::kEmpty;
+  /// DAMAGED while the chip boots.
+  ConfigurationState configuration_state() const {
+    return configuration_ ? configuration_->state() : ConfigurationState::kDamaged;
   }
-  uint32_t peripherals_fingerprint() const {
-    return peripherals_ ? peripherals_->fingerprint() : 0;
+  uint32_t configuration_fingerprint() const {
+    return configuration_ ? configuration_->fingerprint() : 0;
   }
   uint8_t reflexes() const { return device_ ? device_->reflexes() : uint8_t{0}; }
 
@@ -102,9 +100,8 @@ class Simulator {
   Random random_;
   Identity identity_;
   ParameterSpec specs_[kParameterCount];
-  ParameterSpec boot_specs_[kParameterCount];  // With the defaults that the board gives.
-  std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
-  std::optional<PeripheralKeeper> peripherals_;
+  ParameterSpec boot_specs_[kParameterCount];         // With the defaults that the board gives.
+  std::optional<ActiveConfiguration> configuration_;  // None while the chip boots, as the device.
   std::optional<SensorServer> sensors_;
   RecorderMemory recorder_memory_{};
   std::optional<RecorderKeeper> recorder_;

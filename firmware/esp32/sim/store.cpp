@@ -42,9 +42,9 @@ bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
   return false;
 }
 
-constexpr std::string_view kHeader = "WWS2";
+constexpr std::string_view kHeader = "WWS3";
 /// In the file: the size of what the slot holds, and room for it.
-constexpr size_t kSlotRoom = 512;
+constexpr size_t kSlotRoom = 1024;
 
 void append_slot(Bytes& file, const Bytes& slot) {
   const size_t end = file.size() + kSlotRoom;
@@ -72,9 +72,8 @@ void Store::use_file(const std::string& path) {
   if (has_slots) {
     first_.put(slot_of(file, 0));
     second_.put(slot_of(file, 1));
-  } else if (!file.empty() && !twin_.save(file.data(), file.size())) {
-    // Neither is it one block, as earlier releases wrote it.
-    first_.put(file);
+  } else if (!file.empty()) {
+    first_.put(file);  // Of an earlier release, or damaged.
   }
   path_ = path;
 }
@@ -84,33 +83,28 @@ size_t Store::load(uint8_t* out, size_t capacity) {
 }
 
 bool Store::save(const uint8_t* data, size_t size) {
-  return partition_faults() == 0 && twin_.save(data, size);
+  if (partition_faults() != 0 || !twin_.save(data, size)) return false;
+  unreadable = 0;
+  return true;
 }
 
-bool Store::erase() {
-  if (partition_faults() == 0) {
-    if (!twin_.erase()) return false;
-    unreadable = 0;
-    return true;
-  }
-  if (fate() != WriteFate::kDone) return false;
+bool Store::format() {
+  if (partition_faults() == 0) return true;
+  if (fate(StoreWatch::kFormat) != WriteFate::kDone) return false;
   partition_->faults = 0;
-  bool formatted = true;
-  for (Store* const store : partition_->stores) formatted = store->format() && formatted;
-  return formatted;
+  bool is_clear = true;
+  for (Store* const store : partition_->stores) is_clear = store->clear() && is_clear;
+  return is_clear;
 }
 
 void Store::damage(Damage what) {
-  // Flash that loses both entries without a trace is as one that was never written.
-  const bool leaves_other = !first_.bytes().empty() && !second_.bytes().empty();
-  for (Slot* const slot : {&first_, &second_}) {
-    if (slot->bytes().empty() || (what != Damage::kAll && slot != newest_)) continue;
-    slot->put(Bytes(what == Damage::kNewestEmpty && leaves_other ? 0 : 1));
-  }
+  if (what != Damage::kSecond) first_.put({});
+  if (what != Damage::kFirst) second_.put({});
+  write_file();
 }
 
 /// Nothing is left of it.
-bool Store::format() {
+bool Store::clear() {
   unreadable = 0;
   first_.put({});
   second_.put({});
@@ -132,19 +126,13 @@ size_t Store::Slot::load(uint8_t* out, size_t capacity) {
   return bytes_.size();
 }
 
-bool Store::Slot::save(const uint8_t* data, size_t size) { return write(Bytes(data, data + size)); }
-
-bool Store::Slot::erase() { return write({}); }
-
-bool Store::Slot::write(Bytes bytes) {
-  const WriteFate fate = store_.fate();
+bool Store::Slot::save(const uint8_t* data, size_t size) {
+  const WriteFate fate = store_.fate(this == &store_.first_ ? 0 : 1);
   if (fate == WriteFate::kUntouched) return false;
+  Bytes bytes(data, data + size);
   if (fate == WriteFate::kLost) bytes.clear();
   bytes_.swap(bytes);
-  if (store_.write_file()) {
-    if (fate == WriteFate::kDone) store_.newest_ = this;
-    return fate == WriteFate::kDone;
-  }
+  if (store_.write_file()) return fate == WriteFate::kDone;
   bytes_.swap(bytes);
   return false;
 }

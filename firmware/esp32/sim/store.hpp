@@ -17,36 +17,41 @@ class Store;
 /// What becomes of a write. Where the power goes in the middle of it, what was there is lost.
 enum class WriteFate { kDone, kUntouched, kLost };
 
-/// Asked before each write to a slot: saving makes one, erasing both slots two.
+/// Asked before each write to a slot, and before all is formatted.
 class StoreWatch {
  public:
-  virtual WriteFate fate_of_write(const Store& store) = 0;
+  static constexpr int kFormat = -1;
+
+  /// `slot`: 0, 1 or kFormat.
+  virtual WriteFate fate_of_write(const Store& store, int slot) = 0;
 
  protected:
   ~StoreWatch() = default;
 };
 
-/// What time does to flash: a slot cannot be read; or, if the other one holds something, is empty.
-enum class Damage { kNewest, kAll, kNewestEmpty };
+/// What time does to flash. NVS erases what it cannot read, so a slot that is damaged is empty.
+enum class Damage { kFirst, kSecond, kBoth };
 
-/// What all stores lie in. Where it cannot be opened, none can be read or written, and erasing any
-/// of them formats it, as on the chip (main/nvs_store.cpp).
+/// What all stores lie in. Where it cannot be opened, none can be read or written before one of
+/// them formats it, as on the chip (main/nvs_store.cpp).
 struct Partition {
   uint32_t faults = 0;  ///< Why it cannot be opened, as flags of `fault`.
   std::vector<Store*> stores;
 };
 
-class Store final : public ParameterStore {
+class Store final : public BlockStore {
  public:
-  bool failing = false;  ///< Saving and erasing fail, and change nothing.
+  bool failing = false;  ///< Saving and formatting fail, and change nothing.
   StoreWatch* watch = nullptr;
-  uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; erasing clears it.
+  uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; a save clears it.
 
   /// From now on it is one of those in this partition.
   void lie_in(Partition& partition) {
     partition_ = &partition;
     partition.stores.push_back(this);
   }
+  /// From now on this one records whether these have a block.
+  void record(Store& parameters, Store& latches) { twin_.record(parameters.twin_, latches.twin_); }
   /// From now on this file holds both slots. It is read here, and written whenever one changes.
   void use_file(const std::string& path);
 
@@ -56,42 +61,41 @@ class Store final : public ParameterStore {
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
-  bool erase() override;
+  bool format() override;
   /// Of the slots that hold something.
   void damage(Damage what);
   uint32_t faults() override { return unreadable | partition_faults() | twin_.faults(); }
+  bool has_lost_copy() override { return twin_.has_lost_copy(); }
+  bool is_incomplete() override { return twin_.is_incomplete(); }
+  bool repair() override { return partition_faults() == 0 && twin_.repair(); }
 
  private:
-  class Slot final : public ParameterStore {
+  class Slot final : public BlockStore {
    public:
     explicit Slot(Store& store) : store_(store) {}
     size_t load(uint8_t* out, size_t capacity) override;
     bool save(const uint8_t* data, size_t size) override;
-    bool erase() override;
     const Bytes& bytes() const { return bytes_; }
     void put(Bytes bytes) { bytes_.swap(bytes); }
 
    private:
-    bool write(Bytes bytes);
-
     Store& store_;
     Bytes bytes_;
   };
 
   uint32_t partition_faults() const { return partition_ != nullptr ? partition_->faults : 0; }
-  bool format();
+  bool clear();
   /// Where there is a file. It holds what was in it before, or all of both slots.
   bool write_file() const;
-  WriteFate fate() {
+  WriteFate fate(int slot) {
     if (failing) return WriteFate::kUntouched;
-    return watch != nullptr ? watch->fate_of_write(*this) : WriteFate::kDone;
+    return watch != nullptr ? watch->fate_of_write(*this, slot) : WriteFate::kDone;
   }
 
   Partition* partition_ = nullptr;
   std::optional<std::string> path_;
   Slot first_{*this};
   Slot second_{*this};
-  Slot* newest_ = nullptr;  ///< The last one that was written.
   TwinStore twin_{first_, second_};
 };
 

@@ -445,10 +445,8 @@ void add_device(std::vector<Variable>& table) {
                    "What the battery input senses, less what the supply sags; 0: not measured.")),
           with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
               toggle("store_failing", "The parameter store cannot be written.")),
-          with_field<[](auto& s) -> auto& { return s.board.board_store.failing; }>(
-              toggle("board_store_failing", "The store of the board cannot be written.")),
-          with_field<[](auto& s) -> auto& { return s.board.peripheral_store.failing; }>(toggle(
-              "peripheral_store_failing", "The store of the peripherals cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board.configuration_store.failing; }>(
+              toggle("board_store_failing", "The store of the configuration cannot be written.")),
           with_field<[](auto& s) -> auto& { return s.board_unwritten; }>(
               toggle("board_unwritten",
                      "No board was written or confirmed, as on a fresh chip: nothing drives. From "
@@ -456,7 +454,7 @@ void add_device(std::vector<Variable>& table) {
           with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
               whole("store_unreadable", "", 0, 0xFFFF,
                     "Why the saved parameters cannot be read, as the fault flag of that "
-                    "name; checked when the firmware starts, cleared by erasing.")),
+                    "name; checked when the firmware starts, cleared by a save or a reset.")),
           with_field<[](auto& s) -> auto& { return s.board.flash.faults; }>(
               whole("flash_unreadable", "", 0, 0xFFFF,
                     "Why the flash of parameters, board and e-stop cannot be opened, as the fault "

@@ -106,7 +106,8 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
     bench.drive_on(0.2f, 0.2f, 90);
     bench.device.hang_up(bench.now_us);
     bench.run(5);
-    CHECK(bench.refusal(PeripheralsWrite{.channel_count = 2, .crc = 1}) != RefusalCode::kNone);
+    CHECK(bench.refusal(ConfigurationWrite{.peripheral_count = 2, .fingerprint = 1}) !=
+          RefusalCode::kNone);
     bench.send(RobotBench::hello(RobotBench::kNonce + 1));
     bench.step();
     Rerun rerun(memory.data());

@@ -181,31 +181,6 @@ TEST(board_resources_are_counted) {
   CHECK((found == std::vector{BoardFault::kCounters, BoardFault::kPwmOutputs}));
 }
 
-TEST(board_survives_the_way_to_bytes_and_back) {
-  BoardDescription board = good();
-  uint8_t bytes[BoardDescription::kSize];
-  write_board(board, bytes);
-  BoardDescription back;
-  CHECK(read_board(bytes, sizeof bytes, back) == BoardFault::kNone);
-  board.crc = back.crc;
-  CHECK(back == board);
-}
-
-TEST(board_damaged_anywhere_is_not_read) {
-  uint8_t bytes[BoardDescription::kSize];
-  write_board(good(), bytes);
-  const BoardDescription untouched;
-  for (size_t bit = 0; bit < 8 * sizeof bytes; ++bit) {
-    const auto mask = static_cast<uint8_t>(1 << bit % 8);
-    bytes[bit / 8] ^= mask;
-    BoardDescription back;
-    CHECK(read_board(bytes, sizeof bytes, back) == BoardFault::kDamaged && back == untouched);
-    bytes[bit / 8] ^= mask;
-  }
-  BoardDescription back;
-  CHECK(read_board(bytes, sizeof bytes - 1, back) == BoardFault::kDamaged);
-}
-
 /// By hand: the inputs that let a motor coast when they are low; the others of a stage only choose
 /// a direction.
 TEST(the_pins_to_release_are_standby_and_those_of_both_wheels_that_coast) {

@@ -8,7 +8,7 @@
 
 namespace wheelwire {
 
-class MemoryStore final : public ParameterStore {
+class MemoryStore final : public BlockStore {
  public:
   size_t load(uint8_t* out, size_t capacity) override {
     std::copy_n(block.begin(), std::min(capacity, block.size()), out);
@@ -19,14 +19,10 @@ class MemoryStore final : public ParameterStore {
     if (!failing) block.assign(data, data + size);
     return !failing;
   }
-  bool erase() override {
-    if (!failing) block.clear();
-    return !failing;
-  }
 
   std::vector<uint8_t> block;
   int saves = 0;
-  bool failing = false;  ///< Saving and erasing fail, and change nothing.
+  bool failing = false;  ///< Saving fails, and changes nothing.
 };
 
 /// Survives a reset, as long as its owner does.

@@ -266,19 +266,3 @@ TEST(a_computer_times_no_echoes_and_measures_no_voltage) {
   for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
     CHECK(fault_of(pi, {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }
-
-TEST(a_packed_list_is_read_back_and_each_bit_counts) {
-  const PeripheralList list = list_of({imu(), bumper(Place::kRear)});
-  uint8_t packed[PeripheralList::kSize];
-  write_list(list, packed);
-  PeripheralList found;
-  CHECK(read_list(packed, sizeof packed, found) == kNone);
-  CHECK(found.count == 2 && found.board == list.board);
-  CHECK(found.entries[0] == list.entries[0] && found.entries[1] == list.entries[1]);
-  CHECK(read_list(packed, sizeof packed - 1, found) == kDamaged);
-  for (size_t i = 0; i < sizeof packed; ++i) {
-    packed[i] ^= 0x10;
-    CHECK(read_list(packed, sizeof packed, found) == kDamaged);
-    packed[i] ^= 0x10;
-  }
-}

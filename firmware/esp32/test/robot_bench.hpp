@@ -114,7 +114,7 @@ class RobotBench {
   /// `start_us`: the device's clock at the start.
   explicit RobotBench(uint64_t start_us = 1'000'000) : now_us(start_us) {}
   /// With these in place of its own two stores.
-  RobotBench(ParameterStore& parameters, ParameterStore& latched)
+  RobotBench(BlockStore& parameters, BlockStore& latched)
       : now_us(1'000'000), parameter_store_(parameters), latched_store_(latched) {}
 
   /// Powers up, opens a session, synchronises the clock, and arms the robot.
@@ -243,8 +243,8 @@ class RobotBench {
   PowerStage right_motor{right};
 
  private:
-  ParameterStore& parameter_store_ = store;
-  ParameterStore& latched_store_ = latch_store;
+  BlockStore& parameter_store_ = store;
+  BlockStore& latched_store_ = latch_store;
 
  public:
   Device device{{left_motor, right_motor, encoders, line, parameter_store_, latches, latched_store_,

@@ -34,7 +34,7 @@ struct BenchSensors final : SensorPort {
 };
 
 inline PeripheralList list_of(std::initializer_list<Peripheral> entries) {
-  PeripheralList list{.board = fingerprint(kBoardOfEsp32)};
+  PeripheralList list;
   for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
   return list;
 }
@@ -52,9 +52,8 @@ inline Peripheral battery(uint16_t warn_mv, uint16_t limit_mv, uint16_t stop_mv)
 class SensorBench : public RobotBench {
  public:
   explicit SensorBench(const PeripheralList& peripherals, bool has_divider = true)
-      : list(peripherals), keeper(peripheral_store, &list) {
-    keeper.start(&kBoardOfEsp32);
-    device.sense(server.emplace(keeper, &sensors, has_divider ? &battery : nullptr));
+      : list(peripherals) {
+    device.sense(server.emplace(list, &sensors, has_divider ? &battery : nullptr));
   }
 
   void set_level(size_t channel, bool high) {
@@ -72,9 +71,7 @@ class SensorBench : public RobotBench {
   }
 
   PeripheralList list;
-  MemoryStore peripheral_store;
   BenchSensors sensors;
-  PeripheralKeeper keeper;
   std::optional<SensorServer> server;
 
  private:

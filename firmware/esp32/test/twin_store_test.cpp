@@ -4,6 +4,7 @@
 #include "crc32.hpp"
 #include "memory_store.hpp"
 #include "protocol.hpp"
+#include "wire.hpp"
 
 using namespace wheelwire;
 
@@ -14,12 +15,13 @@ using Block = std::vector<uint8_t>;
 const Block kOld{1, 2, 3};
 const Block kNew{4, 5};
 
-/// A slot whose saves can go wrong without a word.
-class BadSlot final : public ParameterStore {
+/// A slot whose saves can go wrong.
+class BadSlot final : public BlockStore {
  public:
   size_t load(uint8_t* out, size_t capacity) override { return memory.load(out, capacity); }
   bool save(const uint8_t* data, size_t size) override {
     ++saves;
+    if (left != nullptr && (*left)-- <= 0) return false;
     if (lost > 0) {
       --lost;
       memory.block.clear();
@@ -27,168 +29,311 @@ class BadSlot final : public ParameterStore {
     }
     return memory.save(data, size);
   }
-  bool erase() override {
-    return erasures == nullptr || (*erasures)-- > 0 ? memory.erase() : false;
-  }
   uint32_t faults() override { return found; }
 
   MemoryStore memory;
   int lost = 0;  ///< So many saves are taken, and lost.
   int saves = 0;
-  int* erasures = nullptr;  ///< So many more before the power fails.
+  int* left = nullptr;  ///< So many more before the power fails.
   uint32_t found = 0;
 };
 
-struct Bench {
-  BadSlot slots[2];
-  TwinStore store{slots[0], slots[1]};
-
-  bool save(const Block& block) { return store.save(block.data(), block.size()); }
-  Block load() {
-    // Another one reads: after a restart nothing is known.
-    TwinStore restarted{slots[0], slots[1]};
-    uint8_t bytes[TwinStore::kCapacity];
-    const size_t size = restarted.load(bytes, sizeof bytes);
-    faults = restarted.faults();
-    return {bytes, bytes + size};
-  }
-  uint32_t faults = 0;
+/// What a start finds, which knows nothing of the one before.
+struct Found {
+  Block block;
+  uint32_t faults;
+  bool has_lost_copy;
+  bool is_incomplete;
 };
+
+struct Slots {
+  BadSlot slots[2];
+
+  Block& operator[](int slot) { return slots[slot].memory.block; }
+  bool save(const Block& block) {
+    return TwinStore(slots[0], slots[1]).save(block.data(), block.size());
+  }
+  Found start() {
+    TwinStore store(slots[0], slots[1]);
+    return start(store);
+  }
+  static Found start(TwinStore& store) {
+    uint8_t bytes[TwinStore::kCapacity];
+    const size_t size = store.load(bytes, sizeof bytes);
+    return {{bytes, bytes + size}, store.faults(), store.has_lost_copy(), store.is_incomplete()};
+  }
+  bool repair() {
+    TwinStore store(slots[0], slots[1]);
+    start(store);
+    return store.repair();
+  }
+  void cut_after(int& writes) {
+    for (BadSlot& slot : slots) slot.left = &writes;
+  }
+};
+
+Block outdated(const Block& block) {
+  // By hand: the block, its number and the checksum over both, as earlier firmware wrote it.
+  Block bytes = block;
+  for (const int byte : {1, 0, 0, 0}) bytes.push_back(static_cast<uint8_t>(byte));
+  const uint32_t sum = crc32(bytes.data(), bytes.size());
+  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<uint8_t>(sum >> 8 * i));
+  return bytes;
+}
 
 }  // namespace
 
-TEST(the_last_block_is_in_force_and_the_one_before_is_left_alone) {
-  Bench bench;
-  CHECK(bench.load().empty() && bench.faults == 0);
+TEST(a_save_is_done_once_both_slots_hold_it) {
+  Slots slots;
+  CHECK(slots.start().block.empty() && slots.start().faults == 0);
   for (uint8_t i = 1; i < 20; ++i) {
-    const Block before[2] = {bench.slots[0].memory.block, bench.slots[1].memory.block};
-    CHECK(bench.save({i, i}));
-    CHECK(bench.load() == Block({i, i}));
-    const bool first_kept = bench.slots[0].memory.block == before[0];
-    const bool second_kept = bench.slots[1].memory.block == before[1];
-    CHECK(first_kept != second_kept);
-    CHECK(bench.slots[first_kept ? 1 : 0].memory.block != before[first_kept ? 1 : 0]);
+    CHECK(slots.save({i, i}));
+    CHECK(slots[0] == slots[1]);
+    const Found found = slots.start();
+    CHECK(found.block == Block({i, i}) && !found.has_lost_copy && !found.is_incomplete);
   }
 }
 
-TEST(a_save_that_is_torn_at_any_byte_leaves_the_old_block) {
-  Bench bench;
-  CHECK(bench.save(kOld) && bench.save(kNew));
-  // The newest is in the second slot.
-  const Block whole = bench.slots[1].memory.block;
-  for (size_t size = 0; size < whole.size(); ++size) {
-    bench.slots[1].memory.block.assign(whole.begin(), whole.begin() + static_cast<long>(size));
-    CHECK(bench.load() == kOld && bench.faults == 0);
+TEST(a_slot_with_any_damaged_bit_is_reported_and_repaired) {
+  Slots slots;
+  CHECK(slots.save(kOld) && slots.save(kNew));
+  const Block whole = slots[0];
+  for (const int slot : {0, 1}) {
+    for (size_t bit = 0; bit < whole.size() * 8; ++bit) {
+      slots[slot][bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+      const Found found = slots.start();
+      CHECK(found.block == kNew && found.faults == 0 && found.has_lost_copy && found.is_incomplete);
+      CHECK(slots.repair() && slots[slot] == whole);
+      CHECK(!slots.start().has_lost_copy && !slots.start().is_incomplete);
+    }
+    for (size_t size = 0; size < whole.size(); ++size) {
+      slots[slot].resize(size);
+      CHECK(slots.start().block == kNew && slots.start().has_lost_copy && slots.repair());
+    }
   }
-  for (size_t i = 0; i < whole.size(); ++i) {
-    bench.slots[1].memory.block = whole;
-    bench.slots[1].memory.block[i] ^= 0x10;
-    CHECK(bench.load() == kOld && bench.faults == 0);
-    CHECK(bench.save(kNew) && bench.load() == kNew);
+}
+
+TEST(a_repair_that_fails_is_still_to_be_done) {
+  Slots slots;
+  CHECK(slots.save(kNew));
+  slots[1].clear();
+  int writes = 0;
+  slots.cut_after(writes);
+  CHECK(!slots.repair() && slots.start().is_incomplete);
+  writes = 1;
+  CHECK(slots.repair() && !slots.start().is_incomplete && slots[0] == slots[1]);
+}
+
+TEST(two_damaged_slots_are_a_fault_until_the_next_save) {
+  for (const bool both_damaged : {true, false}) {
+    Slots slots;
+    CHECK(slots.save(kOld));
+    slots[0][0] ^= 1;
+    if (both_damaged) slots[1].back() ^= 1;
+    if (!both_damaged) slots[1].clear();
+    CHECK(slots.start().block.empty() && slots.start().faults == fault::kStoreUnreadable);
+    CHECK(slots.save(kNew) && slots.start().block == kNew && slots.start().faults == 0);
+  }
+}
+
+TEST(a_power_cut_at_any_write_leaves_the_old_block_or_the_new_one) {
+  for (const bool loses : {false, true}) {
+    for (int writes = 0; writes < 3; ++writes) {
+      Slots slots;
+      CHECK(slots.save(kOld));
+      int left = writes;
+      slots.cut_after(left);
+      CHECK(slots.save(kNew) == (writes == 2));
+      // What was being written is lost.
+      if (loses && writes < 2) slots[writes == 0 ? 1 : 0].clear();
+      slots.cut_after(left = 99);
+      const Found found = slots.start();
+      CHECK(found.faults == 0 && found.block == (writes == 0 ? kOld : kNew));
+      CHECK(slots.repair() && slots[0] == slots[1] && slots.start().block == found.block);
+    }
   }
 }
 
 TEST(a_save_that_was_lost_without_a_word_is_repeated) {
-  Bench bench;
-  CHECK(bench.save(kOld));
-  bench.slots[1].lost = 1;
-  CHECK(bench.save(kNew));
-  CHECK(bench.slots[1].saves == 2 && bench.load() == kNew);
+  Slots slots;
+  CHECK(slots.save(kOld));
+  slots.slots[1].lost = 1;
+  slots.slots[1].saves = 0;
+  CHECK(slots.save(kNew));
+  CHECK(slots.slots[1].saves == 2 && slots.start().block == kNew);
 }
 
-TEST(a_slot_that_keeps_nothing_is_told) {
-  Bench bench;
-  CHECK(bench.save(kOld));
-  bench.slots[1].lost = 99;
-  CHECK(!bench.save(kNew));
-  CHECK(bench.load() == kOld);
-}
-
-TEST(an_erasure_that_is_cut_leaves_the_block_in_force) {
-  for (int newest = 0; newest < 2; ++newest) {
-    Bench bench;
-    CHECK(bench.save({9}) && bench.save(kOld));
-    if (newest == 0) CHECK(bench.save(kNew));
-    const Block in_force = newest == 0 ? kNew : kOld;
-    int left = 1;
-    for (BadSlot& slot : bench.slots) slot.erasures = &left;
-    CHECK(!bench.store.erase());
-    CHECK(bench.load() == in_force);
-    left = 2;
-    CHECK(bench.store.erase() && bench.load().empty());
-  }
-}
-
-TEST(two_damaged_slots_are_a_fault_and_two_empty_ones_are_not) {
-  Bench bench;
-  CHECK(bench.save(kOld) && bench.save(kNew));
-  for (BadSlot& slot : bench.slots) slot.memory.block[0] ^= 1;
-  CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
-  CHECK(bench.store.erase());
-  CHECK(bench.load().empty() && bench.faults == 0);
+TEST(a_slot_that_keeps_nothing_is_reported) {
+  Slots slots;
+  CHECK(slots.save(kOld));
+  slots.slots[1].lost = 99;
+  CHECK(!slots.save(kNew));
+  CHECK(slots.start().block == kOld && slots.start().is_incomplete);
 }
 
 TEST(a_slot_that_cannot_be_read_counts_only_where_the_other_is_no_good) {
   for (const int unread : {0, 1}) {
-    Bench bench;
-    CHECK(bench.save(kOld) && bench.save(kNew));
-    bench.slots[unread].memory.block.clear();
-    bench.slots[unread].found = fault::kStoreUnreadable;
-    CHECK(bench.load() == (unread == 0 ? kNew : kOld) && bench.faults == 0);
-    bench.slots[1 - unread].memory.block.clear();
-    CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
-  }
-}
-
-TEST(what_is_wrong_with_one_slot_stands_beside_the_damage_of_the_other) {
-  for (const int newer : {0, 1}) {
-    Bench bench;
-    CHECK(bench.save(kOld) && bench.save(kNew));
-    bench.slots[newer].memory.block.clear();
-    bench.slots[newer].found = fault::kStoreNewer;
-    bench.slots[1 - newer].memory.block.back() ^= 1;
-    CHECK(bench.load().empty() && bench.faults == (fault::kStoreNewer | fault::kStoreUnreadable));
+    Slots slots;
+    CHECK(slots.save(kOld));
+    slots[unread].clear();
+    slots.slots[unread].found = fault::kStoreNewer;
+    CHECK(slots.start().block == kOld && slots.start().faults == 0);
+    slots[1 - unread].back() ^= 1;
+    CHECK(slots.start().faults == (fault::kStoreNewer | fault::kStoreUnreadable));
   }
 }
 
 TEST(the_number_may_wrap) {
-  Bench bench;
-  CHECK(bench.save(kOld));
-  // Numbers only grow by saves: from -2 on, as four bytes before the checksum.
-  uint8_t at_the_end[] = {1, 2, 3, 0xfe, 0xff, 0xff, 0xff};
-  Block bytes(at_the_end, at_the_end + sizeof at_the_end);
+  Slots slots;
+  CHECK(slots.save(kOld));
+  // By hand: -2 as the number, four bytes before the checksum.
+  Block bytes(slots[0].begin(), slots[0].end() - 8);
+  for (const int byte : {0xfe, 0xff, 0xff, 0xff}) bytes.push_back(static_cast<uint8_t>(byte));
   const uint32_t sum = crc32(bytes.data(), bytes.size());
   for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<uint8_t>(sum >> 8 * i));
-  bench.slots[0].memory.block = bytes;
+  slots[0] = slots[1] = bytes;
   for (uint8_t i = 10; i < 16; ++i) {
-    CHECK(bench.save({i}));
-    CHECK(bench.load() == Block({i}));
+    int writes = 1;
+    slots.cut_after(writes);
+    CHECK(!slots.save({i}));
+    CHECK(slots.start().block == Block({i}) && slots.start().is_incomplete);
+    slots.cut_after(writes = 99);
+    CHECK(slots.repair());
   }
 }
 
 TEST(what_is_too_long_is_refused) {
-  Bench bench;
-  CHECK(!bench.save(Block(TwinStore::kCapacity + 1)));
-  CHECK(bench.save(Block(TwinStore::kCapacity, 7)));
-  CHECK(bench.load() == Block(TwinStore::kCapacity, 7));
+  Slots slots;
+  CHECK(!slots.save(Block(TwinStore::kCapacity + 1)) && !slots.save({}));
+  CHECK(slots.save(Block(TwinStore::kCapacity, 7)));
+  CHECK(slots.start().block == Block(TwinStore::kCapacity, 7));
+  slots[0].resize(TwinStore::kCapacity + TwinStore::kTail + 1);
+  CHECK(slots.start().has_lost_copy);
 }
 
-TEST(a_damaged_slot_is_told_of_whatever_is_in_the_other_one) {
-  for (const int damaged : {0, 1}) {
-    for (const bool is_other_damaged : {false, true}) {
-      Bench bench;
-      CHECK(bench.save(kOld) && bench.save(kNew));
-      Block& block = bench.slots[damaged].memory.block;
-      block.back() ^= 1;
-      Block& other = bench.slots[1 - damaged].memory.block;
-      if (is_other_damaged) {
-        other.back() ^= 1;
-      } else {
-        other.clear();  // never saved
+TEST(what_earlier_firmware_wrote_is_named) {
+  Slots slots;
+  slots[0] = outdated(kOld);
+  CHECK(slots.start().block.empty() && slots.start().faults == fault::kStoreOutdated);
+  slots[1] = outdated(kNew);
+  CHECK(slots.start().faults == fault::kStoreOutdated);
+  CHECK(slots.save(kNew) && slots.start().block == kNew && slots.start().faults == 0);
+}
+
+// --- which blocks exist --------------------------------------------------------------------------
+
+namespace {
+
+struct Recorded {
+  Slots configuration;
+  Slots other;
+  Slots latches;
+
+  /// Calls `use` with two stores of which the first one records the second, as after a start.
+  template <typename Use>
+  auto with(Use use) {
+    TwinStore first(configuration.slots[0], configuration.slots[1]);
+    TwinStore second(other.slots[0], other.slots[1]);
+    TwinStore third(latches.slots[0], latches.slots[1]);
+    if (is_of_latches)
+      first.record(third, second);
+    else
+      first.record(second, third);
+    return use(first, second);
+  }
+  Found start(bool of_configuration = false) {
+    return with([&](TwinStore& first, TwinStore& second) {
+      return Slots::start(of_configuration ? first : second);
+    });
+  }
+  bool save(const Block& block) {
+    return with(
+        [&](TwinStore&, TwinStore& second) { return second.save(block.data(), block.size()); });
+  }
+  bool save_configuration(const Block& block) {
+    return with(
+        [&](TwinStore& first, TwinStore&) { return first.save(block.data(), block.size()); });
+  }
+  void clear(Slots& slots) { slots[0] = slots[1] = {}; }
+
+  bool is_of_latches = false;  ///< The other block is that of the latches.
+};
+
+}  // namespace
+
+TEST(a_block_that_is_gone_is_damaged_and_not_one_that_never_was) {
+  for (const bool has_configuration : {false, true}) {
+    Recorded flash;
+    CHECK(flash.start().faults == 0 && flash.start(true).faults == 0);
+    if (has_configuration) CHECK(flash.save_configuration(kOld));
+    CHECK(flash.start().faults == 0);
+    CHECK(flash.save(kNew) && flash.start().block == kNew);
+    CHECK(flash.start(true).block == (has_configuration ? kOld : Block{}));
+    CHECK(flash.start(true).faults == 0);
+    flash.clear(flash.other);
+    CHECK(flash.start().block.empty() && flash.start().faults == fault::kStoreUnreadable);
+    CHECK(flash.save(kOld) && flash.start().block == kOld && flash.start().faults == 0);
+  }
+}
+
+TEST(a_configuration_that_is_gone_is_damaged_where_another_block_is_left) {
+  Recorded flash;
+  CHECK(flash.save_configuration(kOld) && flash.save(kNew));
+  flash.clear(flash.configuration);
+  CHECK(flash.start(true).faults == fault::kStoreUnreadable);
+  CHECK(flash.start().block == kNew && flash.start().faults == 0);
+  // Saving another block leaves it damaged; saving a configuration ends it, and knows of the rest.
+  CHECK(flash.save(kOld) && flash.start(true).faults == fault::kStoreUnreadable);
+  CHECK(flash.save_configuration(kNew) && flash.start(true).faults == 0);
+  flash.clear(flash.other);
+  CHECK(flash.start().faults == fault::kStoreUnreadable);
+}
+
+TEST(a_first_save_that_is_cut_at_any_write_leaves_no_block_or_the_new_one) {
+  for (const bool has_configuration : {false, true}) {
+    for (int writes = 0;; ++writes) {
+      Recorded flash;
+      if (has_configuration) CHECK(flash.save_configuration(kOld));
+      int left = writes;
+      flash.configuration.cut_after(left);
+      flash.other.cut_after(left);
+      const bool done = flash.save(kNew);
+      left = 99;
+      const Found found = flash.start();
+      CHECK(found.faults == 0 && (found.block.empty() || found.block == kNew));
+      CHECK(!done || found.block == kNew);
+      CHECK(flash.start(true).faults == 0);
+      CHECK(flash.start(true).block == (has_configuration ? kOld : Block{}));
+      // A repair completes it.
+      flash.with([](TwinStore& first, TwinStore& second) {
+        Slots::start(first);
+        CHECK(first.repair());
+        Slots::start(second);
+        CHECK(second.repair());
+        return 0;
+      });
+      CHECK(!flash.start().is_incomplete && !flash.start(true).is_incomplete);
+      if (!found.block.empty()) {
+        flash.clear(flash.other);
+        CHECK(flash.start().faults == fault::kStoreUnreadable);
       }
-      CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
-      // The next save ends that.
-      CHECK(bench.save(kNew) && bench.load() == kNew && bench.faults == 0);
+      if (done) {
+        CHECK(writes == (has_configuration ? 4 : 6));
+        break;
+      }
     }
   }
+}
+
+TEST(an_estop_is_stored_though_the_configuration_cannot_be_written) {
+  Recorded flash;
+  flash.is_of_latches = true;
+  int none = 0;
+  flash.configuration.cut_after(none);
+  CHECK(flash.save(kNew) && flash.start().block == kNew);
+  CHECK(flash.start(true).faults == 0 && flash.start(true).block.empty());
+  flash.configuration.cut_after(none = 99);
+  CHECK(flash.start().is_incomplete);
+  flash.clear(flash.other);
+  CHECK(flash.start().faults == 0);  // Nothing has recorded it.
 }

@@ -1,105 +1,205 @@
-// A whole device on the chip's stores, of two slots each, that a power cut or worn flash has
-// damaged.
+// A whole device on the chip's flash, which a power cut or time has damaged.
 #include "robot_bench.hpp"
-#include "twin_store.hpp"
+#include "slots.hpp"
 
 using namespace wheelwire;
 using enum ParameterId;
 using test::RobotBench;
+using test::SlotFlash;
 
 namespace {
 
-/// The flash, which outlives each device on it.
-struct Slots {
-  MemoryStore first;
-  MemoryStore second;
-  TwinStore store{first, second};
-
-  void damage(MemoryStore& slot) { slot.block.back() ^= 1; }
-  /// Those that were ever saved.
-  void damage_all() {
-    for (MemoryStore* const slot : {&first, &second}) {
-      if (!slot->block.empty()) damage(*slot);
-    }
+struct SlotRobot : RobotBench {
+  explicit SlotRobot(SlotFlash& flash) : RobotBench(flash.parameters(), flash.latches()) {
+    flash.configuration().load(bytes_, sizeof bytes_);
   }
+  bool reports(EventCode code) {
+    for (const Event& event : of<Event>())
+      if (event.code == code) return true;
+    return false;
+  }
+  /// Opens a session, with the events that it begins with.
+  SlotRobot& greet() {
+    start();
+    send(hello(kNonce));
+    send(Ping{session_id(), ++request_id, 0});
+    step();
+    return *this;
+  }
+
+ private:
+  uint8_t bytes_[TwinStore::kCapacity];
 };
 
-struct Flash {
-  Slots parameters;
-  Slots latched;
+void save_duty(SlotFlash& flash, float duty) {
+  SlotRobot robot{flash};
+  robot.open();
+  CHECK(robot.set(kMaxDuty, duty) == RefusalCode::kNone);
+  CHECK(robot.refusal(ParameterSave{}) == RefusalCode::kNone);
+}
 
-  /// Sets a duty limit for each of the values, and saves it.
-  void save(std::initializer_list<float> duties) {
-    RobotBench robot{parameters.store, latched.store};
-    robot.open();
-    for (const float duty : duties) {
-      CHECK(robot.set(kMaxDuty, duty) == RefusalCode::kNone);
-      CHECK(robot.refusal(ParameterSave{}) == RefusalCode::kNone);
-    }
-  }
-};
+void latch_estop(SlotFlash& flash) {
+  SlotRobot robot{flash};
+  robot.open().send(Estop{});
+  robot.run(3000);
+}
 
 }  // namespace
 
-TEST(a_robot_drives_on_the_last_block_but_one_if_the_last_is_damaged) {
-  Flash flash;
-  flash.save({0.5f, 0.25f});
-  flash.parameters.damage(flash.parameters.second);
-  RobotBench robot{flash.parameters.store, flash.latched.store};
-  robot.open();
-  CHECK(robot.of<Event>().empty());
-  robot.drive(0.2f, 0.2f);
-  CHECK(robot.driven());
-  robot.send(robot.duty(32'767, 32'767));
-  robot.run(250);
-  CHECK(robot.left.duty() == 16'384 && robot.right.duty() == 16'384);
-}
-
-TEST(a_robot_none_of_whose_saved_blocks_is_whole_does_not_drive_until_they_are_erased) {
-  for (const bool only_one_was_saved : {true, false}) {
-    Flash flash;
-    flash.save({0.5f});
-    if (!only_one_was_saved) flash.save({0.25f});
-    CHECK(flash.parameters.second.block.empty() == only_one_was_saved);
-    flash.parameters.damage_all();
-    RobotBench robot{flash.parameters.store, flash.latched.store};
-    robot.open().drive(0.2f, 0.2f);
-    CHECK(robot.state() == SupervisorState::kFault && !robot.driven());
-    CHECK(robot.of<WheelState>().back().faults == fault::kStoreUnreadable);
-    CHECK(robot.clear_fault() == RefusalCode::kCausePresent);
-    CHECK(robot.refusal(ParameterSave{}) == RefusalCode::kStoreFailed);
-    CHECK(robot.refusal(ParameterReset{}) == RefusalCode::kNone);
-    CHECK(robot.clear_fault() == RefusalCode::kNone);
-    robot.drive(0.0f, 0.0f);
-    robot.drive(0.2f, 0.2f);
-    CHECK(robot.driven());
-    RobotBench next{flash.parameters.store, flash.latched.store};
-    next.open().drive(0.2f, 0.2f);
-    CHECK(next.driven());
+TEST(a_robot_drives_on_the_saved_values_though_a_slot_is_damaged) {
+  for (const int slot : {0, 1}) {
+    SlotFlash flash;
+    save_duty(flash, 0.5f);
+    save_duty(flash, 0.25f);
+    const std::vector<uint8_t> whole = flash.bytes(StoredBlock::kParameterValues, slot);
+    flash.bytes(StoredBlock::kParameterValues, slot).back() ^= 1;
+    SlotRobot robot{flash};
+    robot.greet();
+    CHECK(robot.reports(EventCode::kParametersCopyLost));
+    robot.arm();
+    robot.send(robot.duty(32'767, 32'767));
+    robot.run(250);
+    CHECK(robot.left.duty() == 8'192 && robot.right.duty() == 8'192);
+    // Nothing is written while it drives; at rest the slot is repaired.
+    CHECK(flash.bytes(StoredBlock::kParameterValues, slot) != whole);
+    robot.send(robot.stop());
+    robot.run(5000);
+    CHECK(flash.bytes(StoredBlock::kParameterValues, slot) == whole);
+    SlotRobot next{flash};
+    next.greet();
+    CHECK(!next.reports(EventCode::kParametersCopyLost));
   }
 }
 
-TEST(a_note_of_an_estop_of_which_no_slot_is_whole_is_an_estop) {
-  for (const bool only_one_was_saved : {true, false}) {
-    Flash flash;
-    {
-      RobotBench robot{flash.parameters.store, flash.latched.store};
-      robot.open().send(Estop{});
-      robot.run(3000);
-      if (!only_one_was_saved) {
+TEST(a_robot_whose_saved_values_are_damaged_or_gone_does_not_drive_on_defaults) {
+  for (const bool are_gone : {true, false}) {
+    for (const bool loads : {true, false}) {
+      SlotFlash flash;
+      save_duty(flash, 0.5f);
+      for (const int slot : {0, 1}) {
+        std::vector<uint8_t>& bytes = flash.bytes(StoredBlock::kParameterValues, slot);
+        if (are_gone) {
+          bytes.clear();
+        } else {
+          bytes.back() ^= 1;
+        }
+      }
+      SlotRobot robot{flash};
+      robot.open().drive(0.2f, 0.2f);
+      CHECK(robot.state() == SupervisorState::kFault && !robot.driven());
+      CHECK(robot.of<WheelState>().back().faults == fault::kStoreUnreadable);
+      CHECK(robot.clear_fault() == RefusalCode::kCausePresent);
+      const ParameterSave one{.parameter = static_cast<uint8_t>(kMaxDuty)};
+      CHECK(robot.refusal(one) == RefusalCode::kStoreFailed);
+      if (loads) {
+        CHECK(robot.set(kMaxDuty, 0.25f) == RefusalCode::kNone);
+        CHECK(robot.refusal(ParameterSave{}) == RefusalCode::kNone);
+      } else {
+        CHECK(robot.refusal(ParameterReset{}) == RefusalCode::kNone);
+      }
+      CHECK(robot.clear_fault() == RefusalCode::kNone);
+      robot.drive(0.0f, 0.0f);
+      robot.drive(0.2f, 0.2f);
+      CHECK(robot.driven());
+      SlotRobot next{flash};
+      next.open().drive(0.2f, 0.2f);
+      CHECK(next.driven());
+      CHECK(next.device.parameter(kMaxDuty) == (loads ? 0.25f : Parameters().get(kMaxDuty)));
+    }
+  }
+}
+
+TEST(damaged_latches_are_an_estop_until_it_is_cleared) {
+  for (const bool are_gone : {true, false}) {
+    for (const bool was_cleared : {true, false}) {
+      for (const bool keeps_memory : {true, false}) {
+        SlotFlash flash;
+        latch_estop(flash);
+        if (was_cleared) {
+          SlotRobot robot{flash};
+          robot.open();
+          CHECK(robot.clear_estop() == RefusalCode::kNone);
+          robot.run(3000);
+        }
+        for (const int slot : {0, 1}) {
+          std::vector<uint8_t>& bytes = flash.bytes(StoredBlock::kLatches, slot);
+          if (are_gone) {
+            bytes.clear();
+          } else {
+            bytes.back() ^= 1;
+          }
+        }
+        SlotRobot robot{flash};
+        if (keeps_memory) {
+          uint8_t record[Latches::kSize];
+          Latches{}.encode(record);
+          robot.latches.save(record, sizeof record);
+        }
+        robot.open();
+        CHECK(robot.state() == SupervisorState::kEstopped);
         CHECK(robot.clear_estop() == RefusalCode::kNone);
-        robot.run(100);
+        robot.run(3000);
+        SlotRobot next{flash};
+        next.open();
+        CHECK(next.state() == SupervisorState::kIdle);
       }
     }
-    CHECK(flash.latched.second.block.empty() == only_one_was_saved);
-    flash.latched.damage_all();
-    RobotBench robot{flash.parameters.store, flash.latched.store};
-    robot.open();
+  }
+}
+
+TEST(an_estop_outlives_the_loss_of_either_slot) {
+  for (const int slot : {0, 1}) {
+    SlotFlash flash;
+    latch_estop(flash);
+    flash.bytes(StoredBlock::kLatches, slot).clear();
+    SlotRobot robot{flash};
+    robot.greet();
     CHECK(robot.state() == SupervisorState::kEstopped);
-    CHECK(robot.clear_estop() == RefusalCode::kNone);
+    CHECK(robot.reports(EventCode::kLatchesCopyLost));
     robot.run(3000);
-    RobotBench next{flash.parameters.store, flash.latched.store};
-    next.open();
-    CHECK(next.state() == SupervisorState::kIdle);
+    CHECK(flash.bytes(StoredBlock::kLatches, 0) == flash.bytes(StoredBlock::kLatches, 1));
+  }
+}
+
+/// Whatever write the power is cut at, of whatever block: each block is then the one before or the
+/// one after, and none is damaged.
+TEST(a_power_cut_at_any_write_damages_no_block) {
+  for (const bool were_saved : {false, true}) {
+    int most = 0;
+    for (int cut = 0; cut <= most; ++cut) {
+      SlotFlash flash;
+      if (were_saved) {
+        save_duty(flash, 0.5f);
+        latch_estop(flash);
+        SlotRobot robot{flash};
+        robot.open();
+        CHECK(robot.clear_estop() == RefusalCode::kNone);
+        robot.run(3000);
+      }
+      flash.writes_left = cut == 0 ? SlotFlash::kPlenty : cut - 1;
+      bool saved = false;
+      {
+        SlotRobot robot{flash};
+        robot.open();
+        CHECK(robot.set(kMaxDuty, 0.25f) == RefusalCode::kNone);
+        saved = robot.refusal(ParameterSave{}) == RefusalCode::kNone;
+        robot.send(Estop{});
+        robot.run(15'000);
+      }
+      if (cut == 0) most = SlotFlash::kPlenty - flash.writes_left;
+      const bool is_latched = cut == 0;
+      flash.writes_left = SlotFlash::kPlenty;
+      SlotRobot robot{flash};
+      robot.greet();
+      CHECK((robot.device.faults() & fault::kStoreUnreadable) == 0);
+      const float duty = robot.device.parameter(kMaxDuty);
+      const float before = were_saved ? 0.5f : Parameters().get(kMaxDuty);
+      CHECK(duty == 0.25f || (!saved && duty == before));
+      if (is_latched) CHECK(robot.state() == SupervisorState::kEstopped);
+      uint8_t bytes[TwinStore::kCapacity];
+      flash.configuration().load(bytes, sizeof bytes);
+      CHECK(flash.configuration().faults() == 0);
+    }
+    CHECK(most >= 4);
   }
 }

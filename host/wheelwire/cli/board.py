@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from wheelwire.board import BoardDescription, WheelPins, chip_of_pins, sentence
+from wheelwire.board import Configuration, WheelPins, chip_of_pins, sentence
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
@@ -36,14 +36,13 @@ from wheelwire_protocol.board import (
     BoardFault,
     BoardLine,
     BoardPin,
-    BoardState,
+    ConfigurationState,
     EncoderPulls,
     Level,
     Stage,
 )
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.native import check_board
-from wheelwire_protocol.sensors import PeripheralsState
 
 from .address import (
     ROBOT_HELP,
@@ -133,7 +132,7 @@ def show(
     _show(load_board(name), as_json=as_json)
 
 
-def _show(found: BoardDescription, *, as_json: bool) -> None:
+def _show(found: Configuration, *, as_json: bool) -> None:
     if as_json:
         print_json(board_mapping(found))
         return
@@ -166,7 +165,7 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
         console.print(f"{what}: {text}")
 
 
-def _show_peripherals(found: BoardDescription) -> None:
+def _show_peripherals(found: Configuration) -> None:
     rows = peripheral_sections(found.peripherals)
     for group in ("inputs", "ranges"):
         rows |= {f"{group}.{name}": each for name, each in rows.pop(group, {}).items()}
@@ -286,12 +285,9 @@ def confirm(
                 "the device has no board that could be confirmed: write one with "
                 "`wheelwire board write`"
             )
-        stored = board.read_peripherals()
-        of_list = PeripheralsState.EMPTY if stored is None else stored.state
-        is_new = state is not BoardState.STORED or of_list is PeripheralsState.TRIAL
+        is_new = state is not ConfigurationState.STORED
         if is_new:
             _ask_to_confirm(found, yes=yes, as_json=as_json)
-        if is_new or of_list is PeripheralsState.UNUSABLE:  # which it refuses
             board.accept(found)
     print_result(
         {"board": found.name, "confirmed": True, "was_confirmed": not is_new},
@@ -300,7 +296,7 @@ def confirm(
     )
 
 
-def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> None:
+def _ask_to_confirm(found: Configuration, *, yes: bool, as_json: bool) -> None:
     if yes:
         return
     if not can_ask():
@@ -326,20 +322,11 @@ def read(
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         board = _with_a_board(driver).board
         state, found = board.read()
-        stored = board.read_peripherals()
     if as_json:
-        print_json(
-            {
-                "state": state,
-                "board": board_mapping(found) if found else None,
-                "peripherals": stored.state if stored else None,
-            }
-        )
+        print_json({"state": state, "board": board_mapping(found) if found else None})
         return
-    # The states are comments of YAML, so that the output is a board's file.
+    # The state is a comment of YAML, so that the output is a board's file.
     typer.echo(f"# {state.doc}")
-    if stored is not None:
-        typer.echo(f"# peripherals: {stored.state.doc}")
     if found is not None:
         typer.echo(to_yaml(found), nl=False)
 
@@ -391,7 +378,7 @@ def init(
         raise typer.Exit(ConfigurationError.exit_code)
 
 
-def _ask_for_board(like: str | None) -> BoardDescription:
+def _ask_for_board(like: str | None) -> Configuration:
     base = load_board(like) if like else None
     # Questions and hints go to standard error: with --json, standard output is the result alone.
     for stage, table in STAGES.items():
@@ -402,7 +389,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     default_stage = base.stage if base else Stage.ENABLE_IN1_IN2
     stage = STAGE_BY_NAME[_choose("stage", list(STAGE_BY_NAME), default_stage.name.lower())]
     name = ask("name", base.name if base else None)
-    made = BoardDescription(name, chip, stage, WheelPins(), WheelPins(), encoder_filter_ns=1000)
+    made = Configuration(name, chip, stage, WheelPins(), WheelPins(), encoder_filter_ns=1000)
     made = _ask_for_module(made, base)
     if base is not None:
         made = replace(
@@ -444,7 +431,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     return _ask_for_pull_downs(made, base)
 
 
-def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
+def _ask_for_module(made: Configuration, base: Configuration | None) -> Configuration:
     """Ask what carries the chip, if modules with different pins do."""
     names = [
         name for name, m in MODULE_BY_NAME.items() if m in MODULES and MODULES[m].chip is made.chip
@@ -466,12 +453,12 @@ def _ask_for_divider(default: float) -> float:
 
 
 def _ask_for_pin(
-    made: BoardDescription,
+    made: Configuration,
     function: BoardPin,
-    base: BoardDescription | None,
+    base: Configuration | None,
     *,
     optional: bool = False,
-) -> BoardDescription:
+) -> Configuration:
     """Ask until the pin can be used, or is left out."""
     default = base.pin(function) if base else None
     prompt = f"{function.doc}: GPIO" + (", - for none" if optional else "")
@@ -492,7 +479,7 @@ def _ask_for_pin(
         default = None
 
 
-def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDescription:
+def _with_pin(made: Configuration, function: BoardPin, pin: int) -> Configuration:
     # Without a side the whole name is in `side`: STANDBY is the board's attribute `standby`.
     side, _, name = function.name.lower().partition("_")
     if side not in ("left", "right"):
@@ -501,7 +488,7 @@ def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDesc
     return replace(made, **{side: wheel})
 
 
-def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], list[str]]:
+def _issues_of(made: Configuration, function: BoardPin) -> tuple[list[str], list[str]]:
     """Problems and warnings of this pin; later, `check` reports missing and unheld pins."""
     later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     found: tuple[list[str], list[str]] = ([], [])
@@ -511,7 +498,7 @@ def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], l
     return found
 
 
-def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
+def _ask_for_pull_downs(made: Configuration, base: Configuration | None) -> Configuration:
     missing = (BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     for issue in check_board(made.packed()):
         if issue.fault not in missing:

@@ -241,8 +241,8 @@ def reset_all(
     """Reset all parameters to their defaults, the saved ones included.
 
     A copy of the present values is written first; `params import` sets them again. If the flash
-    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board and its list of
-    peripherals, too: then nothing drives until `wheelwire board write`.
+    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives
+    until `wheelwire board write`.
     """
     address = resolve(robot, as_json=as_json)
     # Before the robot is opened, which stops it.
@@ -278,8 +278,8 @@ def _reset_question(present: Sequence[ParameterInfo], faults: Fault) -> str:
     if damaged := faults & _FLASH_FAULTS:
         names = " and ".join(str(fault.name) for fault in Fault if fault in damaged)
         text += (
-            f"{names}: if the flash cannot be opened, this erases the board and its list of "
-            "peripherals, too; then nothing drives until `wheelwire board write`. "
+            f"{names}: if the flash cannot be opened, this erases the board, too; then nothing "
+            "drives until `wheelwire board write`. "
         )
     return f"{text}Reset all parameters?"
 

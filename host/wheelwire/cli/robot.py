@@ -24,7 +24,7 @@ from wheelwire.errors import (
     WheelwireError,
     fault_names,
 )
-from wheelwire.link.info import ActiveBoard, ActivePeripherals, DeviceInfo
+from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
@@ -75,7 +75,7 @@ def info(
         sample = driver.read()
         device_counters = driver.device_counters()
         ledger = driver.recorder.read(boxes=False).ledger
-        warnings = _warnings(driver)
+        warnings = _warnings(driver, sample, address.text)
         link, statistics = driver.info, driver.statistics
     if as_json:
         print_json(
@@ -98,7 +98,6 @@ def info(
         [
             ("chip", f"{device.board.name}, {device.board_id}"),
             ("board", _board(link.board)),
-            ("peripherals", _peripherals(link.peripherals)),
             ("firmware", _firmware(device)),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
@@ -126,20 +125,24 @@ def _firmware(device: DeviceInfo) -> str:
 def _board(board: ActiveBoard | None) -> str:
     if board is None:
         return "not stored on the device"
-    return f"{board.name}, {board.fingerprint:08x}: {board.state.doc}"
+    if not board.name:
+        return f"{board.state.name}: {board.state.doc}"
+    peripherals = (
+        "1 peripheral" if board.peripheral_count == 1 else (f"{board.peripheral_count} peripherals")
+    )
+    return f"{board.name}, {peripherals}, {board.fingerprint:08x}: {board.state.doc}"
 
 
-def _peripherals(found: ActivePeripherals | None) -> str:
-    if found is None:
-        return "unknown to the firmware"
-    return f"{found.size}, {found.fingerprint:08x}: {found.state.doc}"
+def _warnings(driver: DeviceDriver, sample: WheelSample, address: str) -> list[str]:
+    """What keeps the robot from driving, or makes it less safe; of a fault how to end it."""
+    from wheelwire.diagnosis.cures import cure_of_stores
 
-
-def _warnings(driver: DeviceDriver) -> list[str]:
-    """What keeps the robot from driving, or makes it less safe, without being a fault."""
     active = driver.contradictions()
     found = [flag.doc for flag in Contradiction if flag in active]
     found += driver.warnings
+    found += [code.doc for code in driver.info.copies_lost]
+    if cure := cure_of_stores(sample.faults, address):
+        found.append(f"What is stored cannot be used: run {cure}.")
     if driver.rolling_mps is not None:
         found.append(f"{EventCode.ROLLING.doc} It did at {driver.rolling_mps:.2f} m/s.")
     return found
@@ -470,7 +473,8 @@ def restart(
         sample = driver.read()
         while sample.boot_id == before:  # it was on its way
             sample = driver.read()
-        device, board, warnings = driver.info.device, driver.info.board, _warnings(driver)
+        device, board = driver.info.device, driver.info.board
+        warnings = _warnings(driver, sample, address.text)
     if as_json:
         print_json(
             {

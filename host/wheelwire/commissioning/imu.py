@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, TypeVar, cast
 
-from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codes import Capability
 from wheelwire_protocol.sensors import Axis, SensorState
 
-from ..board import BoardDescription
+from ..board import Configuration
 from ..drivers.base import BaseDriver
 from ..drivers.device_sensors import DEFAULT_RATE_HZ
 from ..drivers.transport_driver import DeviceDriver
@@ -192,7 +193,7 @@ def _save(
     person: Person,
     say: Say,
     note: Callable[[str], None],
-    board: BoardDescription,
+    board: Configuration,
 ) -> bool:
     if person.answer(SAVE) != YES:
         say("not saved")
@@ -206,12 +207,14 @@ def _save(
     return True
 
 
-def _board_of(robot: DeviceDriver) -> BoardDescription | None:
+def _board_of(robot: DeviceDriver) -> Configuration | None:
+    if Capability.RESTART not in robot.info.device.capabilities:
+        return None  # it cannot store another one
     try:
         state, board = robot.board.read()
     except GroupUnavailable:
         return None
-    return board if state is BoardState.STORED else None
+    return board if state is ConfigurationState.STORED else None
 
 
 def _find(

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Contradiction, Fault, ResetReason
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codes import Capability, Contradiction, Fault, ResetReason
 
-from ..board import BoardDescription, chip_of_pins
+from ..board import Configuration, chip_of_pins
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, DeviceRefused, GroupUnavailable, OutputFailed, fault_names
@@ -489,11 +489,13 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     """
     if not isinstance(robot, DeviceDriver):
         return
+    if Capability.RESTART not in robot.info.device.capabilities:
+        return  # its pins are in the robot's file
     try:
         state, present = robot.board.read()
     except GroupUnavailable:
         return  # the device has its pins otherwise
-    if state is BoardState.STORED and present is not None:
+    if state is ConfigurationState.STORED and present is not None:
         say(f"board: {present.name}")
         return
     chip = chip_of_pins(robot.info.device.board)
@@ -516,17 +518,17 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     chosen = present if answer == KEEP else offered[answer]
     if chosen is None:
         return
-    if _is_same(chosen, present):
-        robot.board.accept(chosen)
-        say(f"{chosen.name}: confirmed")
+    if present is not None and _is_same(chosen, present):
+        robot.board.accept(present)
+        say(f"{present.name}: confirmed")
     else:
         robot.board.take_up(chosen)
         say(f"{chosen.name}: written, tried and confirmed")
 
 
-def _is_same(board: BoardDescription, present: BoardDescription | None) -> bool:
+def _is_same(board: Configuration, present: Configuration | None) -> bool:
     """Whatever its peripherals."""
-    return present is not None and board.packed() == present.packed()
+    return present is not None and board == replace(present, peripherals=board.peripherals)
 
 
 def tell_contradictions(robot: BaseDriver, say: Say) -> None:

@@ -73,7 +73,13 @@ CAUSES: dict[str, Cause] = {
         "The flash of the saved parameters has no free page", "the flash: reset the parameters"
     ),
     "store_newer": Cause("The saved parameters are of a newer firmware", "the firmware's release"),
-    "store_unreadable": Cause("The saved parameters cannot be read from flash", "the flash"),
+    "store_unreadable": Cause(
+        "The saved parameters are damaged or gone", "`wheelwire params import`, or a reset of them"
+    ),
+    "store_outdated": Cause(
+        "An earlier firmware wrote the board or the parameters that are stored",
+        "`wheelwire board write`, then `wheelwire params import`",
+    ),
     "no_board": Cause("No board is stored that this device can use", "`wheelwire board write`"),
     "external_fault": Cause(
         "An input of the board stopped the robot", "`wheelwire sensors`, then what is wired to it"
@@ -245,6 +251,7 @@ OTHER_FAULTS: dict[Fault, str] = {
     Fault.STORE_FULL: "store_full",
     Fault.STORE_NEWER: "store_newer",
     Fault.STORE_UNREADABLE: "store_unreadable",
+    Fault.STORE_OUTDATED: "store_outdated",
     Fault.NO_BOARD: "no_board",
     Fault.EXTERNAL: "external_fault",
     Fault.OVERSPEED: "overspeed",

@@ -74,8 +74,13 @@ EXPIRY_US = 30_000
 MOVING_MPS = 0.02
 STANDING_MPS = 0.005
 LASTING = (
-    Fault.DRIVER_FAILED | Fault.STORE_FULL | Fault.STORE_NEWER | Fault.STORE_UNREADABLE
-) | Fault.NO_BOARD
+    Fault.DRIVER_FAILED
+    | Fault.STORE_FULL
+    | Fault.STORE_NEWER
+    | Fault.STORE_UNREADABLE
+    | Fault.STORE_OUTDATED
+    | Fault.NO_BOARD
+)
 """Faults that each start finds anew."""
 SAG_V = 0.3
 EMPTY_V = 0.3

@@ -17,6 +17,7 @@ from .causes import (
     sensor_causes,
     sentence_of,
 )
+from .cures import cure_of_stores
 
 # A refused setpoint must not wait for what only a watch needs.
 if TYPE_CHECKING:
@@ -33,13 +34,19 @@ _Sensors: TypeAlias = "Callable[[], SensorStream]"
 
 
 def explain(
-    error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None = None
+    error: WheelwireError,
+    watch: StopWatch | None,
+    sensors: _Sensors | None = None,
+    robot: str = "ROBOT",
 ) -> None:
     """Have the error say why the robot does not drive, answer or do what it was asked for.
 
-    As far as the error, a watch of stops and the sensors know.
+    As far as the error, a watch of stops and the sensors know. `robot`: its address, for commands.
     """
     error.why, error.evidence, error.look_at = _said(error, watch, sensors)
+    if isinstance(error, DeviceRefused) and (cure := cure_of_stores(error.faults, robot)):
+        error.why = f"{error.why} Run {cure}.".lstrip()
+        error.look_at = cure
 
 
 def _said(error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None) -> _Said:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterator
 
-from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent
-from wheelwire_protocol.sensors import (
-    BatteryLevel,
-    PeripheralsState,
-    SensorEventCode,
-    SensorState,
-)
+from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent, SupervisorState
+from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorState
 
+from ..diagnosis.causes import latched_causes, sentence_of
+from ..diagnosis.cures import STORED, cure_of_stores
 from ..diagnosis.device import FAILURES, counts_text
 from ..diagnosis.standing import standing_stops
 from ..drivers.device_sensors import wait_until_read
@@ -47,7 +44,7 @@ def examine_robot(
     for check in (
         _firmware,
         _groups,
-        _peripherals,
+        _stores,
         _core_dump,
         _contradictions,
         _contact,
@@ -92,18 +89,17 @@ def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         )
 
 
-def _peripherals(driver: DeviceDriver, address: str) -> Iterator[Finding]:
-    active, board = driver.info.peripherals, driver.info.board
-    if active is None or active.state is not PeripheralsState.UNUSABLE:
-        return
-    name = "its board" if board is None else board.name
-    yield Finding(
-        "peripherals",
-        f"the list of sensors and bumpers that is stored is damaged, or not for {name}: nothing "
-        "drives.",
-        f"wheelwire board write {address} with the file of the board that the robot is on, which "
-        "names its sensors",
-    )
+def _stores(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    faults = driver.read().faults & STORED
+    if faults:
+        sentences = " ".join(sentence_of(causes) for _, causes, _ in latched_causes(faults))
+        yield Finding("store", f"{sentences} Nothing drives.", cure_of_stores(faults, address))
+    for code in driver.info.copies_lost:
+        yield Finding(
+            "store-copy",
+            code.doc,
+            "nothing now; if it recurs, the flash wears out: replace the board",
+        )
 
 
 def _core_dump(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
@@ -155,11 +151,16 @@ def _contact(driver: DeviceDriver, address: str) -> Iterator[Finding]:
 def _stops(driver: DeviceDriver, address: str) -> Iterator[Finding]:
     sample = driver.read()
     device = driver.info.device
-    for stop in standing_stops(device, sample.state, sample.faults, host_clock_us()):
+    end = ""
+    if sample.state in (SupervisorState.ESTOPPED, SupervisorState.FAULT):
+        end = f"; wheelwire clear {address} ends it"
+    # `_stores` reports the others.
+    faults = sample.faults & ~STORED
+    for stop in standing_stops(device, sample.state, faults, host_clock_us()):
         yield Finding(
             "stopped",
             stop.sentence,
-            f"look first at {stop.look_at}; wheelwire why {address} has the evidence",
+            f"look first at {stop.look_at}; wheelwire why {address} has the evidence{end}",
         )
 
 

@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 from wheelwire_protocol.codes import Group
 from wheelwire_protocol.sensors import PeripheralKind, SensorState
-from wheelwire_protocol.types import PeripheralGet, SensorStream
+from wheelwire_protocol.types import ConfigurationGet, SensorStream
 
 from ..arguments import timeout_s, whole
 from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
@@ -109,7 +109,8 @@ class Streams:
         await self.requests.check_group(Group.SENSOR)
         try:
             if not link.knows_list:
-                await self.requests.ask(PeripheralGet(0, 0, 0))
+                await self.requests.check_group(Group.CONFIGURATION)
+                await self.requests.ask(ConfigurationGet(0, 0))
             await self.requests.ask(SensorStream(0, 0, rate_hz))
         except InvalidCommand:
             from ..link.attached import AttachedLink  # here: few programs attach

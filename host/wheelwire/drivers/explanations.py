@@ -29,7 +29,7 @@ class Explanations(AbstractContextManager["Explanations"]):
         """Add to the error the sentence of its stop, the evidence and what to look at."""
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
-        explain(error, self.watch, lambda: self.link.sensors)
+        explain(error, self.watch, lambda: self.link.sensors, self.link.name)
 
     def __exit__(
         self,

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
@@ -43,14 +42,8 @@ CONTACT_IGNORED = (
 )
 
 _DOES_NOT_DRIVE = {
-    BoardState.BUILT_IN: RefusalCode.BOARD_UNCONFIRMED.doc,
-    BoardState.TRIAL: RefusalCode.BOARD_ON_TRIAL.doc,
-}
-_LIST_DOES_NOT_DRIVE = {
-    PeripheralsState.TRIAL: "Peripherals are on trial: confirm them with `wheelwire board "
-    "confirm`, or wait until the previous ones return.",
-    PeripheralsState.UNUSABLE: "The stored list of peripherals is damaged or of another board, and "
-    "nothing drives: write the board's file, which names them, with `wheelwire board write`.",
+    ConfigurationState.BUILT_IN: RefusalCode.BOARD_UNCONFIRMED.doc,
+    ConfigurationState.TRIAL: RefusalCode.BOARD_ON_TRIAL.doc,
 }
 
 
@@ -144,19 +137,16 @@ class LinkedRobot(Driving):
     def warnings(self) -> tuple[str, ...]:
         """Sentences: what of its board keeps the device from driving, or makes it less safe.
 
-        That is a board that nobody confirmed, or one on trial; peripherals on trial, or of another
-        board; or an e-stop contact whose input is switched off. Never waits. `contradictions` finds
-        parameters that contradict each other.
+        That is a board that nobody confirmed, or one on trial, or an e-stop contact whose input is
+        switched off. Never waits. `contradictions` finds parameters that contradict each other.
 
         Raises:
             LinkLost: The robot is out of reach.
         """
         values, info = self._link.watched_values, self.info
-        board, peripherals = info.board, info.peripherals
+        board = info.board
         if board is not None and board.state in _DOES_NOT_DRIVE:
             return (_DOES_NOT_DRIVE[board.state],)
-        if peripherals is not None and peripherals.state in _LIST_DOES_NOT_DRIVE:
-            return (_LIST_DOES_NOT_DRIVE[peripherals.state],)
         # The contact of a board that nobody confirmed counts for nothing either way.
         if board is not None and board.has_contact and not values[_ESTOP_INPUT]:
             return (CONTACT_IGNORED,)

@@ -20,7 +20,6 @@ from ..arguments import flag, path, timeout_s
 from ..errors import InvalidArgument, LinkLost
 from ..link.connection import Link, LinkOptions
 from ..link.transports import SocketTransport, Transport
-from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
 from ..simulation.libfwsim import FwSim
 from ..simulation.simulator import Simulator
@@ -183,7 +182,7 @@ class MockProcess:
 
 
 def _converted(store: Path | None) -> Path | None:
-    return None if store is None else converted_store(path("store", store))
+    return None if store is None else path("store", store).absolute()
 
 
 def _powered_on(values: dict[str, float], store: Path | None) -> FwSim:

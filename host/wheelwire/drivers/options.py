@@ -17,13 +17,12 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, is_number, path, text, timeout_s, whole
-from ..board import BoardDescription
+from ..board import Configuration
 from ..errors import InvalidArgument, shown
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
 from ..parameters import checked_values
-from ..peripherals import fingerprint
 from .linked import WATCHED
 
 DEFAULT_BAUD_RATE = 921_600
@@ -82,7 +81,7 @@ class DeviceOptions:
         name: str,
         open_port: OpenPort | None = None,
         *,
-        board: str | Path | BoardDescription | None = None,
+        board: str | Path | Configuration | None = None,
         parameters: Mapping[str, float] | None = None,
     ) -> LinkOptions:
         """The link to a port, or to what `open_port` opens; these options are checked."""
@@ -96,7 +95,7 @@ class DeviceOptions:
                     "shows them"
                 )
             board_id = board_id.lower()  # as `DeviceInfo` writes it: ids are compared as text
-        if board is not None and not isinstance(board, BoardDescription):
+        if board is not None and not isinstance(board, Configuration):
             from ..files.board import load_board  # here, for most give no board
 
             board = load_board(board)
@@ -145,7 +144,7 @@ class SerialDriverOptions(SerialOptions):
     """The options of `SerialDriver`, which needs a port."""
 
     port: str = field()
-    board: str | Path | BoardDescription | None = field(default=None, kw_only=True)
+    board: str | Path | Configuration | None = field(default=None, kw_only=True)
     parameters: Mapping[str, float] | None = field(default=None, kw_only=True)
 
     def checked(self) -> LinkOptions:
@@ -181,8 +180,5 @@ class ReplayOptions:
         return path("file", self.file), float(self.speed)
 
 
-def _expected(board: BoardDescription) -> ExpectedBoard:
-    of_board = board.fingerprint()
-    # Without any in the file the robot may have some: they only forbid.
-    of_list = fingerprint(board.peripherals, of_board) if board.peripherals else 0
-    return ExpectedBoard(board.name, of_board, of_list)
+def _expected(board: Configuration) -> ExpectedBoard:
+    return ExpectedBoard(board.name, board.fingerprint(), is_bare=not board.peripherals)

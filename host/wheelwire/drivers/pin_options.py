@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import path, text, whole
-from ..board import BoardDescription
+from ..board import Configuration
 from ..errors import ConfigurationError, InvalidArgument, shown
 from ..files.pins import Pins
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
-from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
 
 MAX_CORE_TIMEOUT_MS = 60_000
@@ -25,14 +24,14 @@ PWM_DIRECTORY = Path("/sys/class/pwm")
 class PinOptions:
     """The options of both drivers of this computer's own pins; see `L298NDriver`."""
 
-    pins: BoardDescription | None = None
+    pins: Configuration | None = None
     parameters: Mapping[str, float] | None = None
     store: Path | None = None
     core_timeout_ms: int = CORE_TIMEOUT_MS
 
     def _common(self) -> dict[str, Any]:
         """The settings of the process that are the same for both drivers, checked."""
-        if self.pins is not None and not isinstance(self.pins, BoardDescription):
+        if self.pins is not None and not isinstance(self.pins, Configuration):
             raise InvalidArgument(
                 f"pins = {shown(self.pins)}: give `wheelwire.Pins(...)`, or another board"
             )
@@ -41,8 +40,7 @@ class PinOptions:
         return {
             "board": self.pins or Pins(),
             "parameters": checked_values(self.parameters),
-            # Here: the process itself reads no other format than the core's.
-            "store": None if store is None else str(converted_store(store)),
+            "store": None if store is None else str(store.absolute()),
             "core_timeout_ms": timeout_ms,
         }
 

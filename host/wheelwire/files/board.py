@@ -18,7 +18,7 @@ from wheelwire_protocol.board import (
     Stage,
 )
 
-from ..board import BoardDescription, WheelPins
+from ..board import Configuration, WheelPins
 from ..errors import ConfigurationError
 from .peripherals import SECTIONS, parse_peripherals, peripheral_sections, without_none
 from .reading import Section, file_named, names_in, reading
@@ -60,7 +60,7 @@ def shipped_boards() -> list[str]:
     return names_in(shipped_directory())
 
 
-def load_board(name: str | Path) -> BoardDescription:
+def load_board(name: str | Path) -> Configuration:
     """Read a board from a file, or a built-in one by its name, without checking its rules.
 
     Raises:
@@ -71,7 +71,7 @@ def load_board(name: str | Path) -> BoardDescription:
         return parse_board(content)
 
 
-def checked_board(name: str | Path) -> BoardDescription:
+def checked_board(name: str | Path) -> Configuration:
     """Load a board as `load_board` does, and check its rules.
 
     Raises:
@@ -84,7 +84,7 @@ def checked_board(name: str | Path) -> BoardDescription:
     return board
 
 
-def parse_board(content: object) -> BoardDescription:
+def parse_board(content: object) -> Configuration:
     """Build a board from the content of a file. Checks names and types; `problems` checks the rest.
 
     Raises:
@@ -102,7 +102,7 @@ def parse_board(content: object) -> BoardDescription:
         type(pin) is int and 0 <= pin <= _LAST_PULLED_DOWN for pin in pulldowns
     ):
         raise board.refusal("pulldowns", f"give a list of GPIO numbers, 0 to {_LAST_PULLED_DOWN}")
-    return BoardDescription(
+    return Configuration(
         name=name,
         chip=board.code("chip", CHIP_BY_NAME),
         module=board.code("module", MODULE_BY_NAME, ANY_MODULE),
@@ -124,7 +124,7 @@ def parse_board(content: object) -> BoardDescription:
     )
 
 
-def board_mapping(board: BoardDescription) -> dict[str, Any]:
+def board_mapping(board: Configuration) -> dict[str, Any]:
     """The content of a file with this board; `parse_board` makes the same board from it."""
     content = {
         "name": board.name,
@@ -152,7 +152,7 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
     return without_none(content) | peripheral_sections(board.peripherals)
 
 
-def to_yaml(board: BoardDescription) -> str:
+def to_yaml(board: Configuration) -> str:
     """The text of a file with this board."""
     from .yaml_text import dump  # here, for it is slow to import
 

@@ -7,7 +7,7 @@ from inspect import signature
 from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codes import Chip
 
-from ..board import BoardDescription, WheelPins
+from ..board import Configuration, WheelPins
 from ..errors import ConfigurationError, shown
 from ..linux_mcu.gpio.base import PWM_CHANNEL
 
@@ -27,7 +27,7 @@ def Pins(  # noqa: N802 - it makes an object, as a class does
     right_enc_a: int = 22,
     right_enc_b: int = 10,
     estop: int | None = None,
-) -> BoardDescription:
+) -> Configuration:
     """The board of an L298N, assumed to have pull-downs, on a Raspberry Pi's header.
 
     The defaults are those of the wiring guide for a Raspberry Pi 4B.
@@ -61,7 +61,7 @@ def Pins(  # noqa: N802 - it makes an object, as a class does
                 f"pins.{name} = {pin}: pins.{names[pin]} is on this GPIO; choose another one"
             )
         names[pin] = name
-    return BoardDescription(
+    return Configuration(
         name="L298N, these pins",
         chip=Chip.LINUX,
         stage=Stage.ENABLE_IN1_IN2,
@@ -87,7 +87,7 @@ def Pins(  # noqa: N802 - it makes an object, as a class does
 PIN_NAMES = tuple(signature(Pins).parameters)
 
 
-def check_hardware_pwm(pins: BoardDescription) -> None:
+def check_hardware_pwm(pins: Configuration) -> None:
     """Raise `ConfigurationError` unless each wheel has its own channel of the PWM hardware."""
     left, right = pins.left.enable, pins.right.enable
     for name, pin in (("left_pwm", left), ("right_pwm", right)):

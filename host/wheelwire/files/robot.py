@@ -12,7 +12,7 @@ from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import is_number
-from ..board import BoardDescription
+from ..board import Configuration
 from ..errors import ConfigurationError, shown
 from .parameters import parameter_value, parameter_values
 from .peripherals import SECTIONS, parse_peripherals
@@ -96,7 +96,7 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     return {**found, "aliases": aliases}
 
 
-def _check_pins(driver: str | None, pins: BoardDescription) -> None:
+def _check_pins(driver: str | None, pins: Configuration) -> None:
     if driver == "pigpio":
         check_hardware_pwm(pins)  # as a board, it may use the daemon's own timing
     if driver not in OWN_PINS:

@@ -313,7 +313,7 @@ class AttachedLink(RerunLink):
             status.get("low_latency"),
             device,
             session.board,
-            session.peripherals,
+            session.copies_lost,
         )
 
     @property

@@ -242,7 +242,7 @@ class Link(DeviceLink):
             loop.low_latency,
             self._device,
             session.board,
-            session.peripherals,
+            session.copies_lost,
         )
 
     @property

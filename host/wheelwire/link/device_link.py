@@ -121,13 +121,13 @@ class DeviceLink(Reporter, ABC):
     @property
     def knows_list(self) -> bool:
         """Whether the device has said how many channels it has."""
-        return self._session.peripherals is not None
+        return self._session.board is not None
 
     @property
     def knows_sensors(self) -> bool:
         """Whether samples were asked for, and each channel has said what it is."""
-        peripherals = self._session.peripherals
-        return self.sensors.is_complete(None if peripherals is None else peripherals.size)
+        board = self._session.board
+        return self.sensors.is_complete(None if board is None else board.peripheral_count)
 
     def why_no_sensors(self, waited_s: float) -> WheelwireError:
         """The error of a caller to whom the device did not say which sensors it has."""

@@ -8,19 +8,20 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codec import BY_TYPE, PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import (
     Capability,
     Chip,
+    EventCode,
     Fault,
     RefusalCode,
     ResetReason,
     SupervisorState,
 )
-from wheelwire_protocol.sensors import PeripheralsState
-from wheelwire_protocol.types import BoardValue, DeviceHello, PeripheralValue
+from wheelwire_protocol.types import ConfigurationValue, DeviceHello
 
+from ..board import BOARD, assembled, fingerprint_of
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 
 
@@ -71,58 +72,44 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class ActiveBoard:
-    """The board that a device is on.
+    """The board that a device is on, with its peripherals.
 
     Attributes:
-        name: As in its file.
+        name: As in its file; empty while none can be used.
         state: Whether it was confirmed, or is on trial.
-        fingerprint: The checksum that names it.
+        fingerprint: The checksum that names it and its peripherals.
         has_contact: Whether it has an e-stop contact.
+        peripheral_count: How many peripherals it has.
+        bare_fingerprint: The one that it would have without them.
     """
 
     name: str
-    state: BoardState
+    state: ConfigurationState
     fingerprint: int
     has_contact: bool
+    peripheral_count: int
+    bare_fingerprint: int
 
     @property
     def is_confirmed(self) -> bool:
         """Whether the device drives on it."""
-        return self.state is BoardState.STORED
+        return self.state is ConfigurationState.STORED
 
     @classmethod
-    def from_value(cls, value: BoardValue) -> ActiveBoard:
+    def from_value(cls, value: ConfigurationValue) -> ActiveBoard:
         """Read a device's answer.
 
         Raises:
             ValueError: It has a state that means nothing.
         """
+        state = ConfigurationState(value.state)
+        if state is ConfigurationState.DAMAGED:  # the fields of a board mean nothing
+            return cls("", state, 0, False, 0, 0)
         name = bytes(value.name).rstrip(b"\0").decode("ascii", "replace")
-        state = BoardState(value.state)
-        return cls(name, state, value.crc, value.estop >= 0)
-
-
-class ActivePeripherals(NamedTuple):
-    """The list of a device's peripherals.
-
-    Attributes:
-        state: Whether it was confirmed, is on trial, or cannot be used.
-        size: How many entries it has.
-        fingerprint: The checksum that names it.
-    """
-
-    state: PeripheralsState
-    size: int
-    fingerprint: int
-
-    @classmethod
-    def from_value(cls, value: PeripheralValue) -> ActivePeripherals:
-        """Read a device's answer.
-
-        Raises:
-            ValueError: It has a state that means nothing.
-        """
-        return cls(PeripheralsState(value.state), value.channel_count, value.crc)
+        body = BY_TYPE[ConfigurationValue].pack_body(*value)
+        bare = fingerprint_of(assembled(body[-BOARD.size :], []))
+        has_contact, count = value.estop >= 0, value.peripheral_count
+        return cls(name, state, value.fingerprint, has_contact, count, bare)
 
 
 @dataclass(frozen=True)
@@ -137,8 +124,8 @@ class LinkInfo:
     device: DeviceInfo
     board: ActiveBoard | None
     """The board that the device is on; None until it has said so, and where it cannot tell."""
-    peripherals: ActivePeripherals | None = None
-    """The list of its peripherals; None as for `board`."""
+    copies_lost: tuple[EventCode, ...] = ()
+    """Of which stored blocks the device's start found only one of two copies."""
 
 
 class ExpectedBoard(NamedTuple):
@@ -146,8 +133,8 @@ class ExpectedBoard(NamedTuple):
 
     name: str
     fingerprint: int
-    peripherals: int = 0
-    """Fingerprint of the list that it has to have, too; 0: any, or none."""
+    is_bare: bool
+    """It names no peripherals: the robot may have any, for they only forbid."""
 
 
 class BootHistory:

@@ -22,7 +22,7 @@ class InlineLink(DeviceLink):
     def info(self) -> LinkInfo:
         """The name and the device."""
         session = self._session
-        return LinkInfo(self.name, None, None, self._device, session.board, session.peripherals)
+        return LinkInfo(self.name, None, None, self._device, session.board, session.copies_lost)
 
     @property
     @abstractmethod

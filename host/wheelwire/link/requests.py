@@ -13,16 +13,17 @@ from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
-    BoardConfirm,
-    BoardGet,
-    BoardValue,
-    BoardWrite,
+    BoardSet,
     BoxGet,
     BoxPart,
     BoxRead,
     BoxValue,
     ClearEstop,
     ClearFault,
+    ConfigurationConfirm,
+    ConfigurationGet,
+    ConfigurationValue,
+    ConfigurationWrite,
     Contradictions,
     ContradictionsGet,
     ControlCounters,
@@ -43,9 +44,7 @@ from wheelwire_protocol.types import (
     ParameterTrial,
     ParameterValue,
     PeripheralGet,
-    PeripheralsConfirm,
     PeripheralSet,
-    PeripheralsWrite,
     PeripheralValue,
     Refuse,
     Restart,
@@ -75,9 +74,10 @@ RequestMessage: TypeAlias = (
     | ContradictionsGet
     | GroupGet
     | Restart
-    | BoardGet
-    | BoardWrite
-    | BoardConfirm
+    | ConfigurationGet
+    | BoardSet
+    | ConfigurationWrite
+    | ConfigurationConfirm
     | BoxGet
     | BoxRead
     | LedgerGet
@@ -85,8 +85,6 @@ RequestMessage: TypeAlias = (
     | SensorStream
     | PeripheralGet
     | PeripheralSet
-    | PeripheralsWrite
-    | PeripheralsConfirm
 )
 Answer: TypeAlias = (
     Ack
@@ -96,7 +94,7 @@ Answer: TypeAlias = (
     | ControlCounters
     | Contradictions
     | GroupInfo
-    | BoardValue
+    | ConfigurationValue
     | BoxValue
     | BoxPart
     | LedgerValue
@@ -127,7 +125,7 @@ ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ControlCountersGet: ControlCounters,
     ContradictionsGet: Contradictions,
     GroupGet: GroupInfo,
-    BoardGet: BoardValue,
+    ConfigurationGet: ConfigurationValue,
     BoxGet: BoxValue,
     BoxRead: BoxPart,
     LedgerGet: LedgerValue,

@@ -25,12 +25,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import partial
 from itertools import count
 from typing import Any
 
-from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
 from wheelwire_protocol.codes import (
     Capability,
@@ -44,17 +44,16 @@ from wheelwire_protocol.codes import (
 )
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder, encode_frame
-from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
-    BoardConfirm,
-    BoardGet,
-    BoardValue,
     BoxPart,
     BoxValue,
     ClearEstop,
     ClearFault,
+    ConfigurationConfirm,
+    ConfigurationGet,
+    ConfigurationValue,
     Contradictions,
     ControlCounters,
     DeviceHello,
@@ -74,8 +73,6 @@ from wheelwire_protocol.types import (
     ParameterSet,
     ParameterTrial,
     ParameterValue,
-    PeripheralGet,
-    PeripheralsConfirm,
     PeripheralValue,
     Pong,
     Power,
@@ -102,7 +99,6 @@ from ..errors import (
 from .clock import ClockEstimator, Synchroniser
 from .info import (
     ActiveBoard,
-    ActivePeripherals,
     BootHistory,
     DeviceInfo,
     ExpectedBoard,
@@ -129,7 +125,11 @@ RETRY_US = 1_000_000
 
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 """Requests that an application sends for the values that are on trial."""
-_CONFIRMS = (BoardConfirm, PeripheralsConfirm)
+_COPIES = (
+    EventCode.CONFIGURATION_COPY_LOST,
+    EventCode.PARAMETERS_COPY_LOST,
+    EventCode.LATCHES_COPY_LOST,
+)
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 _LOG = logging.getLogger("wheelwire")
 _LINK_LOG = logging.getLogger("wheelwire.link")
@@ -160,7 +160,7 @@ class Session:
 
     Attributes:
         board: What is known in this session of the device's board; None where it cannot tell.
-        peripherals: The same of the list of its peripherals.
+        copies_lost: Of which stored blocks the device's start found only one of two copies.
         rolling_mps: How fast the robot rolled, by the device's report, although nothing drives it;
             None before there is one, and once it slowed down or drives.
         phase: Phase of the session.
@@ -197,7 +197,7 @@ class Session:
         self.phase = Phase.CLOSED
         self.id = 0
         self.board: ActiveBoard | None = None
-        self.peripherals: ActivePeripherals | None = None
+        self.copies_lost: tuple[EventCode, ...] = ()
         self.rolling_mps: float | None = None
         self.error: WheelwireError = LinkLost("the port was not opened yet")
         self.device: DeviceInfo | None = None
@@ -221,8 +221,8 @@ class Session:
         self._settings = dict(settings or {})
         self._any_board = any_board
         self._expected_board = expected_board
-        self._unknown: set[Group] = set()
-        """BOARD and SENSOR until the device has said what it has, or that it cannot tell."""
+        self._asks_for_board = False
+        """Until the device has said which board it is on, or that it cannot tell."""
         self._own_questions = 0
         """Beside those that prepare the session; what follows from an answer is another one."""
 
@@ -280,7 +280,7 @@ class Session:
             ControlCounters: self._on_answer,
             Contradictions: self._on_answer,
             GroupInfo: self._on_answer,
-            BoardValue: self._on_answer,
+            ConfigurationValue: self._on_answer,
             BoxValue: self._on_answer,
             BoxPart: self._on_answer,
             LedgerValue: self._on_answer,
@@ -414,7 +414,7 @@ class Session:
                 self._synchroniser.ping(now_us)
             sensors_due_us = self.sensors.due_us
             if sensors_due_us is not None and now_us >= sensors_due_us:
-                self._ask_for_sensors(now_us)
+                self._ask(self._sensor_request(), lambda _: None, now_us)
             renewal = self._trial.renewal(now_us)
             if renewal is not None:
                 renewal = renewal._replace(session_id=self.id)
@@ -469,7 +469,7 @@ class Session:
 
     @property
     def knows_device(self) -> bool:
-        """Whether it is open, and the device has said which board and peripherals it has.
+        """Whether it is open, and the device has said which board it has.
 
         What the device cannot tell, or whose answer was lost, is not waited for any longer.
         """
@@ -629,6 +629,7 @@ class Session:
         """The device has opened a session: synchronise the clock, send preparing requests."""
         if self.count and self._boots.is_new(device.boot_id):
             self.setpoints.hold(now_us)
+            self.copies_lost = ()
         self._boots.enter(device.boot_id)
         if self.device is None or self.device.board_id != device.board_id:
             self._latched = NO_FAULT
@@ -666,28 +667,31 @@ class Session:
 
     def _ask_for_board(self, device: DeviceInfo, now_us: int) -> None:
         """Ask for the device's board; the session needs the answer only if it expects one."""
-        self.board = self.peripherals = None
-        self._unknown.clear()
+        self.board = None
         # Only a device that restarts when asked can have another board.
-        if Capability.RESTART in device.capabilities:
-            self._unknown |= {Group.BOARD, Group.SENSOR}
-            self._ask_for_group(Group.BOARD, BoardGet(self.id, 0), now_us)
-        # If the board stays the same, only a program that uses the sensors needs them.
-        if self._unknown or self.sensors.rate_hz:
-            self._ask_for_group(Group.SENSOR, PeripheralGet(self.id, 0, 0), now_us)
+        self._asks_for_board = Capability.RESTART in device.capabilities
 
-    def _ask_for_group(self, group: Group, question: RequestMessage, now_us: int) -> None:
+        def end(_: Answer | WheelwireError) -> None:
+            self._asks_for_board = False
+
+        # If the board stays the same, only a program that uses the sensors needs it.
+        if self._asks_for_board or self.sensors.rate_hz:
+            # The answer is recorded like every other one.
+            self._ask_for_group(Group.CONFIGURATION, ConfigurationGet(self.id, 0), end, now_us)
+        if self.sensors.rate_hz:
+            self._ask_for_group(Group.SENSOR, self._sensor_request(), lambda _: None, now_us)
+
+    def _ask_for_group(
+        self, group: Group, question: RequestMessage, done: Done, now_us: int
+    ) -> None:
         """Ask `question`, if the device means the same by the messages of that group."""
 
         def take_group(answer: Answer | WheelwireError) -> None:
             # A device of another release may mean something else by them.
             if isinstance(answer, GroupInfo) and answer.hash == schema_hash(group):
-                # The answer is recorded like every other one.
-                self._ask(question, lambda _: self._unknown.discard(group), now_us)
-                if group is Group.SENSOR and self.sensors.rate_hz:
-                    self._ask_for_sensors(now_us)
+                self._ask(question, done, now_us)
             else:
-                self._unknown.discard(group)
+                done(answer)
 
         self._ask(GroupGet(self.id, 0, group), take_group, now_us)
 
@@ -702,11 +706,10 @@ class Session:
 
         self._requests.submit(message, take, now_us)
 
-    def _ask_for_sensors(self, now_us: int) -> None:
-        """As the application did before, in this session or in an earlier one."""
+    def _sensor_request(self) -> SensorStream:
+        """As the application asked before, in this session or in an earlier one."""
         self.sensors.due_us = None
-        asked = SensorStream(self.id, 0, self.sensors.rate_hz)
-        self._ask(asked, lambda _: None, now_us)
+        return SensorStream(self.id, 0, self.sensors.rate_hz)
 
     def _board_mismatch(self) -> BoardMismatch | None:
         expected, found = self._expected_board, self.board
@@ -714,15 +717,13 @@ class Session:
             return None
         if found is None:
             return BoardMismatch(expected.name, "unknown: the device cannot tell")
-        if found.state is BoardState.NONE:
+        if found.state is ConfigurationState.DAMAGED:
             return BoardMismatch(expected.name, "none")
-        if found.fingerprint != expected.fingerprint:
-            return BoardMismatch(expected.name, found.name, confirmed=found.is_confirmed)
-        has = 0 if self.peripherals is None else self.peripherals.fingerprint
-        if expected.peripherals not in (0, has):
-            return BoardMismatch(
-                f"{expected.name} with the sensors of the file", f"{found.name} with others"
-            )
+        has = found.bare_fingerprint if expected.is_bare else found.fingerprint
+        if has != expected.fingerprint:
+            # Of the same name with other pins or peripherals.
+            another = " with other pins or sensors" * (found.name == expected.name)
+            return BoardMismatch(expected.name, found.name + another, confirmed=found.is_confirmed)
         return None
 
     def _on_prepared(self, answer: Answer | WheelwireError) -> None:
@@ -740,7 +741,7 @@ class Session:
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif not self._unprepared and self._synchroniser.ready:
-            if self._expected_board is not None and self._unknown:
+            if self._expected_board is not None and self._asks_for_board:
                 return
             mismatch = self._board_mismatch()
             if mismatch is not None:
@@ -832,7 +833,10 @@ class Session:
                 "to 3 (brake until driven) and block the wheels",
                 event.speed_mps,
             )
-        # All other events tell the state in `after`, also those about the parameter store.
+        if event.code in _COPIES and (code := EventCode(event.code)) not in self.copies_lost:
+            self.copies_lost = *self.copies_lost, code
+            self.warn("%s If it recurs, the flash wears out: replace the board.", code.doc)
+        # All other events tell the state in `after`, also those about the stores.
         try:
             self.setpoints.supervisor = SupervisorState(event.after)
             self.setpoints.faults = Fault(event.faults)
@@ -903,10 +907,10 @@ class Session:
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self._take_value(answer.parameter, answer.value)
-        elif isinstance(answer, (BoardValue, PeripheralValue)) or isinstance(request, _CONFIRMS):
-            self._take_stored(request, answer)
+        elif isinstance(answer, ConfigurationValue) or isinstance(request, ConfigurationConfirm):
+            self._take_board(answer)
         elif isinstance(request, SensorStream):
-            size = None if self.peripherals is None else self.peripherals.size
+            size = None if self.board is None else self.board.peripheral_count
             self.sensors.note_asked(request.rate_hz, size, now_us)
         elif isinstance(request, (Stop, Estop)):
             self.setpoints.moves_until_us = 0
@@ -925,21 +929,14 @@ class Session:
         if parameter in self._watched and self.phase is Phase.OPEN:
             self._collect_watched()
 
-    def _take_stored(self, request: RequestMessage, answer: Answer) -> None:
-        """Take the device's report of its board or its peripherals, or that one is confirmed."""
-        board, peripherals = self.board, self.peripherals
-        with suppress(ValueError):
-            if isinstance(answer, BoardValue):
+    def _take_board(self, answer: Answer) -> None:
+        """Take the device's report of its board, or that it was confirmed."""
+        if isinstance(answer, ConfigurationValue):
+            with suppress(ValueError):
                 self.board = ActiveBoard.from_value(answer)
-            elif isinstance(answer, PeripheralValue):
-                self.peripherals = ActivePeripherals.from_value(answer)
-            elif isinstance(request, PeripheralsConfirm):
-                self.peripherals = peripherals and peripherals._replace(
-                    state=PeripheralsState.STORED
-                )
-            # The image's own board takes a restart, after which the device is asked anew.
-            elif board is not None and board.state is BoardState.TRIAL:
-                self.board = replace(board, state=BoardState.STORED)
+        # The image's own board takes a restart, after which the device is asked anew.
+        elif self.board is not None and self.board.state is ConfigurationState.TRIAL:
+            self.board = replace(self.board, state=ConfigurationState.STORED)
 
     def _begin_after_trial(self, now_us: int) -> None:
         """Void all known values: the device has reverted a trial by itself."""
@@ -972,7 +969,6 @@ class Session:
 
     def _snapshot(self) -> dict[str, Any]:
         """What `resume` needs. Counters start anew there, and open requests are left out."""
-        board, expected = self.board, self._expected_board
         snapshot: dict[str, Any] = {
             "phase": self.phase.name,
             "error": str(self.error),
@@ -982,7 +978,7 @@ class Session:
             "watched": self._watched,
             "settings": list(self._settings.items()),
             "any_board": self._any_board,
-            "expected_board": expected,
+            "expected_board": self._expected_board,
             "hello": self._hello,
             "boots": self._boots.ids,
             "latched": self._latched,
@@ -992,8 +988,8 @@ class Session:
             liveness, stream = self._liveness, self._state_stream
             snapshot |= {
                 "values": list(self.values.items()),
-                "board": board and [board.name, board.state, board.fingerprint, board.has_contact],
-                "peripherals": self.peripherals,
+                "board": self.board and astuple(self.board),
+                "copies_lost": self.copies_lost,
                 "sensors": self.sensors.snapshot(),
                 "clock": self._synchroniser.snapshot(),
                 "liveness": [liveness.heard_us, liveness.state_us],
@@ -1045,11 +1041,9 @@ class Session:
         self.id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
         self.values = dict(known["values"])
         if known["board"] is not None:
-            name, state, fingerprint, has_contact = known["board"]
-            self.board = ActiveBoard(name, BoardState(state), fingerprint, has_contact)
-        if known.get("peripherals") is not None:
-            state, *others = known["peripherals"]
-            self.peripherals = ActivePeripherals(PeripheralsState(state), *others)
+            board = ActiveBoard(*known["board"])
+            self.board = replace(board, state=ConfigurationState(board.state))
+        self.copies_lost = tuple(map(EventCode, known["copies_lost"]))
         if "sensors" in known:  # not of earlier releases
             self.sensors.resume(known["sensors"])
         self._synchroniser = Synchroniser.resumed(self.id, self._send, known["clock"])

@@ -29,9 +29,9 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import (
     AnyMessage,
-    BoardGet,
     BoxGet,
     BoxRead,
+    ConfigurationGet,
     ContradictionsGet,
     ControlCountersGet,
     Estop,
@@ -69,9 +69,9 @@ if TYPE_CHECKING:
     from .connection import Link
 
 READ_ONLY = (
-    BoardGet,
     BoxGet,
     BoxRead,
+    ConfigurationGet,
     ContradictionsGet,
     ControlCountersGet,
     GroupGet,

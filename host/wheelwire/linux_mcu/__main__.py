@@ -82,7 +82,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     # Before there are pins: a reader that does not end must not hold any.
     try:
         check_board(settings)  # or a bus that a pin of the list excludes would be what is reported
-        sensors = Sensors(settings.packed_peripherals())
+        sensors = Sensors(settings.board.packed())
         readers = BusReaders(sensors, settings.buses, start_ns)
     except (WheelwireError, NativeMissingError, OSError) as error:
         return _fail(settings, error)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
-from ..board import BoardDescription, unpacked
-from ..peripherals import ImuSensor, PowerSensor, packed_list, unpacked_list
+from ..board import Configuration, unpacked
+from ..peripherals import ImuSensor, PowerSensor
 
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""
@@ -35,7 +35,7 @@ class McuSettings:
     """
 
     backend: Literal["l298n", "pigpio"]
-    board: BoardDescription
+    board: Configuration
     parameters: dict[str, float] = field(default_factory=dict)
     store: str | None = None
     pwm_directory: str = "/sys/class/pwm"
@@ -62,17 +62,10 @@ class McuSettings:
     def to_json(self) -> str:
         """The settings as one line of JSON, with the board in its packed form."""
         # JSON knows neither the board's enumerations nor its set of pins.
-        board = {"board": self.board.packed().hex(), "peripherals": self.packed_peripherals().hex()}
-        return json.dumps({**vars(self), **board})
-
-    def packed_peripherals(self) -> bytes:
-        """The list of the board's peripherals, which its own packed form does not have."""
-        return packed_list(self.board.peripherals, self.board.fingerprint())
+        return json.dumps({**vars(self), "board": self.board.packed().hex()})
 
     @classmethod
     def from_json(cls, text: str) -> McuSettings:
         """The settings from the output of `to_json`."""
         content = json.loads(text)
-        board = unpacked(bytes.fromhex(content["board"]))
-        peripherals, _ = unpacked_list(bytes.fromhex(content.pop("peripherals")))
-        return cls(**{**content, "board": replace(board, peripherals=peripherals)})
+        return cls(**{**content, "board": unpacked(bytes.fromhex(content["board"]))})

@@ -21,7 +21,7 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
-    BoardValue,
+    ConfigurationValue,
     Contradictions,
     ControlCounters,
     GroupGet,
@@ -64,7 +64,7 @@ _ANSWERS: dict[type[AnyMessage], str] = {
     LinkCounters: "",
     ControlCounters: "",
     Contradictions: "",
-    BoardValue: "",
+    ConfigurationValue: "",
 }
 """What a replay answers, and which field of an answer and of its request says which one it is."""
 OPEN_S = 10.0

@@ -40,7 +40,7 @@ def outputs(root: Path) -> dict[Path, str]:
         Path("protocol/vectors/generated.json"): generated,
         Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
         Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),
-        Path("firmware/esp32/sensors/sensor_tables.hpp"): _clang_format(
+        Path("firmware/esp32/core/sensor_tables.hpp"): _clang_format(
             root, sensor_tables.generate()
         ),
         Path("firmware/esp32/test/vectors.hpp"): _clang_format(root, cpp_vectors_text),

@@ -13,13 +13,13 @@ from ..parameters import PARAMETERS
 
 CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
-    Group.BOARD: board.CODES,
+    Group.CONFIGURATION: (*board.CODES, *sensors.PERIPHERAL_CODES, sensors.PeripheralFlag),
     Group.RECORDER: RECORDER_CODES,
     Group.STORE: (),
     Group.SENSOR: (*sensors.CODES, *sensors.FLAGS),
 }
 # A new group is no change of BASE, or each would part all hosts from all devices before it.
-_GROUPS_OF_BASE = (Group.BASE, Group.BOARD)
+_GROUPS_OF_BASE = (Group.BASE, Group.CONFIGURATION)
 # The hash covers these names: devices in the field have it with this one.
 _LAYOUT_NAMES: dict[type[enum.Enum], str] = {Chip: "Board"}
 

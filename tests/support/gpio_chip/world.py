@@ -9,7 +9,7 @@ from support.bare_robot import BareRobot
 from support.gpio_chip.chip import Chip
 from support.gpio_chip.factory import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.linux_mcu.gpio.base import PWM_CHANNEL, encoder_pins
 
 BATCH_S = 0.001
@@ -20,7 +20,7 @@ PART = 64 * EVENT.size
 class World:
     """Moves the robot as the pins say and reports its encoders' edges."""
 
-    def __init__(self, path: Path, pwm: PwmDirectory | None, board: BoardDescription) -> None:
+    def __init__(self, path: Path, pwm: PwmDirectory | None, board: Configuration) -> None:
         self.pwm = pwm
         self.robot = BareRobot(board)
         self._encoders = (*encoder_pins(board.left), *encoder_pins(board.right))

@@ -8,7 +8,7 @@ import time
 from support.bare_robot import BareRobot, clock_us
 from support.pigpiod.pins import PinBank
 from support.pigpiod.reports import Notification, Sampler
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.linux_mcu.gpio.base import encoder_pins
 
 BATCH_S = 0.001
@@ -17,7 +17,7 @@ BATCH_S = 0.001
 class World:
     """Moves the robot as the pins say and reports its encoders' levels."""
 
-    def __init__(self, bank: PinBank, board: BoardDescription) -> None:
+    def __init__(self, bank: PinBank, board: Configuration) -> None:
         self.robot = BareRobot(board)
         self.writer = ""
         """Who writes pins: a client, or a script inside the daemon."""

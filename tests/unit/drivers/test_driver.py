@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, cast, get_args, get_type_hints
+from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -356,7 +356,12 @@ def check_types(record: Any) -> None:
     hints = get_type_hints(type(record))
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
-        allowed = get_args(hints[field.name]) or (hints[field.name],)
+        hint = hints[field.name]
+        if get_origin(hint) is tuple:
+            assert type(value) is tuple, field.name
+            assert all(type(one) is get_args(hint)[0] for one in value), field.name
+            continue
+        allowed = get_args(hint) or (hint,)
         assert type(value) in allowed, field.name
         if dataclasses.is_dataclass(value):
             check_types(value)

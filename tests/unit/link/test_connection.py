@@ -26,10 +26,9 @@ from wheelwire.link.transports import SerialTransport, SocketTransport, Transpor
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.types import (
     AnyMessage,
-    BoardValue,
+    ConfigurationValue,
     DeviceHello,
     GroupInfo,
-    PeripheralValue,
     SetWheelVelocity,
 )
 
@@ -249,7 +248,7 @@ def test_every_refusal_says_what_to_do_in_one_line() -> None:
         assert len(text) > 40
 
 
-@pytest.mark.parametrize("kind", [GroupInfo, BoardValue, PeripheralValue])
+@pytest.mark.parametrize("kind", [GroupInfo, ConfigurationValue])
 def test_a_robot_knows_its_board_once_it_is_open_or_restarted(
     monkeypatch: pytest.MonkeyPatch, kind: type[AnyMessage]
 ) -> None:
@@ -262,8 +261,7 @@ def test_a_robot_knows_its_board_once_it_is_open_or_restarted(
         restarted = robot.info
         assert lost.left == 0
     assert opened.board is not None
-    assert opened.peripherals is not None
-    assert (restarted.board, restarted.peripherals) == (opened.board, opened.peripherals)
+    assert restarted.board == opened.board
 
 
 async def test_in_a_loop_a_robot_knows_its_board_once_it_is_open_or_restarted(

@@ -38,19 +38,18 @@ from wheelwire.link.tap_wire import VERSION, Say, message, tagged
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import (
-    BoardConfirm,
-    BoardWrite,
+    BoardSet,
     ClearEstop,
     ClearFault,
+    ConfigurationConfirm,
+    ConfigurationWrite,
     Estop,
     ParameterGet,
     ParameterReset,
     ParameterSave,
     ParameterSet,
     ParameterTrial,
-    PeripheralsConfirm,
     PeripheralSet,
-    PeripheralsWrite,
     Restart,
     SensorStream,
     SetDuty,
@@ -488,15 +487,14 @@ class TestStopping:
 
 class TestRefusals:
     CHANGES = (
-        BoardConfirm(0, 0, 0),
+        ConfigurationConfirm(0, 0, 0),
+        ConfigurationWrite(0, 0, 0, 0),
         ClearEstop(0, 0),
         ClearFault(0, 0),
         ParameterReset(0, 0),
         ParameterSave(0, 0, 1),
         ParameterSet(0, 0, 1, 1.0),
         ParameterTrial(0, 0, 0, 1.0),
-        PeripheralsConfirm(0, 0, 0),
-        PeripheralsWrite(0, 0, 0, 0, 0),
         Restart(0, 0),
         SensorStream(0, 0, 200),
         SetStreamRate(0, 0, 100),
@@ -516,7 +514,7 @@ class TestRefusals:
 
         from wheelwire.link.requests import RequestMessage
 
-        changing = {type(change) for change in self.CHANGES} | {BoardWrite, PeripheralSet}
+        changing = {type(change) for change in self.CHANGES} | {BoardSet, PeripheralSet}
         assert set(get_args(RequestMessage)) == {*tap_server.READ_ONLY, Stop, Estop, *changing}
 
     @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from wheelwire.board import BoardDescription
+from wheelwire.board import Configuration
 from wheelwire.errors import LinkLost
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu import core as core_module
@@ -46,7 +46,7 @@ ARMED = (SupervisorEvent.STOP, 2600)
 class Wires(StagePins):
     """The inputs of a stage; notes when the motor is driven, braked or let go."""
 
-    def __init__(self, board: BoardDescription, world: World) -> None:
+    def __init__(self, board: Configuration, world: World) -> None:
         super().__init__(inputs_of(board))
         self._world = world
         self.duty = dict.fromkeys(inputs_of(board), 0.0)
@@ -63,7 +63,7 @@ class Wires(StagePins):
 
 
 class FakeGpio(Gpio):
-    def __init__(self, board: BoardDescription, world: World) -> None:
+    def __init__(self, board: Configuration, world: World) -> None:
         self.board = board
         self._world = world
         self.left, self.right = Wires(board, world), Wires(board, world)

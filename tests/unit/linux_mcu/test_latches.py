@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from support.core_host import CoreHost
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu import latches
 from wheelwire.linux_mcu.core import make_core
 from wheelwire.linux_mcu.latches import latch_file, runtime_directory
 from wheelwire.linux_mcu.settings import McuSettings
-from wheelwire.linux_mcu.store import CoreHost
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import ClearEstop, Estop
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pigpio
 import pytest
 
-from wheelwire.board import BoardDescription, WheelPins
+from wheelwire.board import Configuration, WheelPins
 from wheelwire.files.board import load_board, shipped_boards
 from wheelwire.linux_mcu.gpio import library, pigpiod
 from wheelwire.linux_mcu.gpio.base import HIGH_Q15, Gpio, pwm_pins, release_pins
@@ -37,7 +37,7 @@ The others of a stage only choose a direction."""
 HELD = [(stage, side) for stage in STAGES for side in (0, 1)]
 
 
-def board_of(stage: Stage, standby: int | None = None) -> BoardDescription:
+def board_of(stage: Stage, standby: int | None = None) -> Configuration:
     left, right = (
         WheelPins(
             encoder_a=wheel.encoder_a,

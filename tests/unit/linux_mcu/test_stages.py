@@ -18,7 +18,7 @@ from support.pigpio_process import PigpioProcess
 from support.processes import children
 from support.stand_in import StandIn
 from support.waiting import wait_until
-from wheelwire.board import BoardDescription, WheelPins
+from wheelwire.board import Configuration, WheelPins
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
@@ -41,7 +41,7 @@ PWM, ENABLE, IN1, IN2, STANDBY = (18, 19), (12, 13), (23, 20), (24, 21), 25
 
 def board(
     stage: Stage, pulldowns: tuple[int, ...] = (), **inputs: tuple[int, int]
-) -> BoardDescription:
+) -> Configuration:
     left, right = (
         replace(
             WheelPins(encoder_a=wheel.encoder_a, encoder_b=wheel.encoder_b),
@@ -64,7 +64,7 @@ BOARDS = [
 
 
 Rig = tuple[DeviceDriver, StandIn]
-Open = Callable[[BoardDescription], AbstractContextManager[Rig]]
+Open = Callable[[Configuration], AbstractContextManager[Rig]]
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
     """Opens `l298n` on a board's pins, with that kind of board behind them."""
 
     @contextmanager
-    def library(board: BoardDescription) -> Iterator[Rig]:
+    def library(board: Configuration) -> Iterator[Rig]:
         with GpioChip(tmp_path, kernel_pwm=False, board=board) as chip:
             for name, value in chip.environment.items():
                 monkeypatch.setenv(name, value)
@@ -88,7 +88,7 @@ def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
 
 
 @contextmanager
-def daemon(board: BoardDescription) -> Iterator[Rig]:
+def daemon(board: Configuration) -> Iterator[Rig]:
     """`pigpio`, likewise."""
     with (
         PigpioProcess("--board", board.packed().hex()) as process,
@@ -134,7 +134,7 @@ def drive(robot: DeviceDriver, stand_in: StandIn, speed_mps: float) -> None:
 
 @pytest.mark.whole
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
-def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescription) -> None:
+def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: Configuration) -> None:
     assert board.problems() == []
     with open_rig(board) as (robot, stand_in):
         drive(robot, stand_in, SPEED_MPS)
@@ -185,7 +185,7 @@ def test_the_contact_is_open_when_two_samples_say_so(samples: list[int], is_open
 @pytest.mark.whole
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
 def test_each_stage_is_released_when_its_core_is_killed(
-    open_library: Open, board: BoardDescription
+    open_library: Open, board: Configuration
 ) -> None:
     with open_library(board) as (robot, chip):
         drive(robot, chip, SPEED_MPS)

@@ -1,16 +1,16 @@
-"""The parameters that a computer's robot keeps in a file, and those of previous releases."""
+"""The parameters that a computer's robot keeps in a file."""
 
-import json
 from pathlib import Path
 
 import pytest
 
+from support.core_host import CoreHost
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.errors import ConfigurationError, DeviceRefused
+from wheelwire.errors import DeviceRefused
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.core import active_parameters, make_core
 from wheelwire.linux_mcu.settings import McuSettings
-from wheelwire.linux_mcu.store import converted_store
+from wheelwire_protocol.types import ParameterSave
 
 
 def in_force(store: Path, **parameters: float) -> dict[str, float]:
@@ -31,31 +31,9 @@ def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
         assert driver.parameters["integral_gain"] == default
 
 
-def test_values_of_a_former_release_are_taken_over(tmp_path: Path) -> None:
-    store = tmp_path / "parameters.json"
-    former = {"wheel_radius": 0.04, "integral_gain": 7.5, "control_rate_hz": 200.0}
-    store.write_text(json.dumps(former))
-    converted_store(store)
-    assert store.read_bytes()[:4] != b"{"
-    values = in_force(store)
-    assert {name: pytest.approx(values[name]) for name in former} == former
-    with MockDriver(realtime=False, store=store) as driver:
-        assert driver.parameters["integral_gain"] == 7.5
-
-
-@pytest.mark.parametrize("content", ["{", "[1]", '{"wheel_radius": 7}', '{"wheel": 1}'])
-def test_a_store_of_something_else_is_told(tmp_path: Path, content: str) -> None:
-    store = tmp_path / "parameters.json"
-    store.write_text(content)
-    with pytest.raises(ConfigurationError, match=r"parameters.json: .*correct the file"):
-        MockDriver(realtime=False, store=store)
-    assert store.read_text() == content
-
-
 def test_the_file_precedes_the_configuration_which_a_reset_restores(tmp_path: Path) -> None:
-    store = tmp_path / "parameters.json"
-    store.write_text(json.dumps({"integral_gain": 7.5}))
-    converted_store(store)
+    store = tmp_path / "parameters"
+    _save_on(McuSettings("l298n", Pins(), {"integral_gain": 7.5}, str(store)))
     assert in_force(store, integral_gain=3.0)["integral_gain"] == 7.5
     store.unlink()
     assert in_force(store, integral_gain=3.0)["integral_gain"] == 3.0
@@ -89,9 +67,6 @@ def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> Non
 
 
 def _save_on(settings: McuSettings) -> None:
-    from wheelwire.linux_mcu.store import CoreHost
-    from wheelwire_protocol.types import ParameterSave
-
     CoreHost(make_core(settings)).ask(ParameterSave(0, 0, 0))
 
 

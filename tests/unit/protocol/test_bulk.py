@@ -7,7 +7,7 @@ import pytest
 
 from wheelwire_protocol import decode_capture, dtype, iter_capture, native
 from wheelwire_protocol.framing import PythonDecoder, encode_frame
-from wheelwire_protocol.types import BoardValue, ClearFault, Estop, WheelState
+from wheelwire_protocol.types import ClearFault, ConfigurationValue, Estop, WheelState
 
 
 @pytest.fixture(params=[True, False], ids=["firmware's decoder", "numpy"], autouse=True)
@@ -31,9 +31,9 @@ def test_any_bytes_like_capture(buffer: type) -> None:
 
 
 def test_a_text_keeps_the_zeros_that_fill_it() -> None:
-    zeros: list[Any] = [0] * len(BoardValue._fields)
-    board = BoardValue(*zeros)._replace(name=b"rover".ljust(24, b"\0"))
-    rows = decode_capture(encode_frame(board, 5), BoardValue)
+    zeros: list[Any] = [0] * len(ConfigurationValue._fields)
+    board = ConfigurationValue(*zeros)._replace(name=b"rover".ljust(24, b"\0"))
+    rows = decode_capture(encode_frame(board, 5), ConfigurationValue)
     assert rows.tolist() == [tuple(board)]
 
 

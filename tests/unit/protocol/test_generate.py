@@ -18,7 +18,7 @@ INPUTS = [
     "protocol",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
-    "firmware/esp32/sensors/sensor_tables.hpp",
+    "firmware/esp32/core/sensor_tables.hpp",
     "firmware/esp32/test",
 ]
 OUTPUTS = [
@@ -27,7 +27,7 @@ OUTPUTS = [
     "protocol/vectors/generated.json",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
-    "firmware/esp32/sensors/sensor_tables.hpp",
+    "firmware/esp32/core/sensor_tables.hpp",
     "firmware/esp32/test/vectors.hpp",
 ]
 OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name]

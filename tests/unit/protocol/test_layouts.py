@@ -139,6 +139,7 @@ def test_the_numbers_of_what_stops_a_robot_are_those_of_the_first_release() -> N
     faults += ["CONTROL_OVERRUN", "DRIVER_FAILED"]
     faults += ["LEFT_ENCODER_IMPLAUSIBLE", "RIGHT_ENCODER_IMPLAUSIBLE"]
     faults += ["STORE_FULL", "STORE_NEWER", "STORE_UNREADABLE", "NO_BOARD", "EXTERNAL", "OVERSPEED"]
+    faults += ["STORE_OUTDATED"]
     assert {fault.name: int(fault) for fault in Fault} == {
         name: 1 << bit for bit, name in enumerate(faults)
     }

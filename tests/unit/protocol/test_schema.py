@@ -72,19 +72,19 @@ def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch, group: Group)
 
 
 def test_a_message_changes_the_hash_of_its_group_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    more = (*MESSAGES, replace(PING, group=Group.BOARD))
+    more = (*MESSAGES, replace(PING, group=Group.CONFIGURATION))
     assert hash_with(monkeypatch, "MESSAGES", more) == schema_hash()
-    assert wire_layout.layout_hash(Group.BOARD) != schema_hash(Group.BOARD)
+    assert wire_layout.layout_hash(Group.CONFIGURATION) != schema_hash(Group.CONFIGURATION)
 
 
 def test_the_ids_of_a_group_are_in_its_range() -> None:
     for message in MESSAGES:
         number = message.id & 0x7F
-        assert (0x20 <= number <= 0x2F) == (message.group is Group.BOARD)
+        assert (0x20 <= number <= 0x2F) == (message.group is Group.CONFIGURATION)
         assert (0x30 <= number <= 0x3F) == (message.group is Group.RECORDER)
         assert (0x40 <= number <= 0x4F) == (message.group is Group.STORE)
 
 
 def test_the_groups_of_devices_in_the_field_are_as_they_were() -> None:
-    assert schema_hash() == 0x9CAD6F10
-    assert schema_hash(Group.BOARD) == 0x4CD2F265
+    assert schema_hash() == 0x0AE08FBB
+    assert schema_hash(Group.CONFIGURATION) == 0x3FE4DDFC

@@ -65,7 +65,7 @@ struct Rig {
   }
   bool start() {
     fake_matrix = {};
-    return take_pins(BoardState::kStored, board) && robot.start(Parameters{});
+    return take_pins(ConfigurationState::kStored, board) && robot.start(Parameters{});
   }
 };
 

@@ -21,7 +21,7 @@ struct Watched {
   explicit Watched(Stage stage) : board(board_of(stage)) {
     fake_matrix = {};
     fake_core = 1;
-    CHECK(take_pins(BoardState::kStored, board));
+    CHECK(take_pins(ConfigurationState::kStored, board));
     CHECK(robot.start(Parameters{}));
     CHECK(dead_man.watch_from_this_core());
     dead_man.follow_period(1000);

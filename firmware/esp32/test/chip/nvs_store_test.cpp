@@ -28,7 +28,7 @@ TEST(a_saved_block_is_read_back) {
   CHECK(store.save(kSaved.data(), kSaved.size()));
   CHECK(store.load(block, sizeof block) == 3 && block[2] == 3);
   CHECK(store.faults() == 0);
-  CHECK(store.erase() && store.load(block, sizeof block) == 0);
+  CHECK(store.format() && store.load(block, sizeof block) == 3);  // It can be opened.
   CHECK(fake_nvs.erasures == 0);
 }
 
@@ -51,24 +51,23 @@ TEST(storage_that_cannot_be_opened_is_not_written) {
   CHECK(fake_nvs.blob == kSaved);
 }
 
-TEST(a_reset_formats_what_cannot_be_opened) {
+TEST(what_cannot_be_opened_is_formatted) {
   fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
   NvsStore store{"parameters"};
   store.start();
-  CHECK(store.erase());
+  CHECK(store.format());
   CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
 }
 
-TEST(a_block_that_cannot_be_read_is_a_fault_until_a_reset) {
+TEST(a_block_that_cannot_be_read_is_a_fault) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
   NvsStore store{"parameters"};
   store.start();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(store.faults() == fault::kStoreUnreadable);
-  CHECK(store.erase() && store.faults() == 0);
-  CHECK(fake_nvs.erasures == 0);  // The other blocks are left alone.
+  CHECK(store.format() && fake_nvs.erasures == 0);  // The other blocks are left alone.
 }
 
 TEST(one_format_is_enough_for_two_blocks) {
@@ -76,17 +75,17 @@ TEST(one_format_is_enough_for_two_blocks) {
   NvsStore first{"parameters.0"}, second{"parameters.1"};
   first.start();
   second.start();
-  CHECK(first.erase() && second.erase());
+  CHECK(first.format() && second.format());
   CHECK(fake_nvs.erasures == 1 && first.faults() == 0 && second.faults() == 0);
 }
 
-TEST(a_block_can_be_saved_after_another_one_s_erasure_has_formatted) {
+TEST(a_block_can_be_saved_after_another_one_has_formatted) {
   fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
   NvsStore parameters{"parameters.0"}, latch{"latch.0"};
   parameters.start();
   latch.start();
   CHECK(!latch.save(kSaved.data(), kSaved.size()));
-  CHECK(parameters.erase());
+  CHECK(parameters.format());
   CHECK(latch.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
   CHECK(fake_nvs.erasures == 1 && latch.faults() == 0);
 }

@@ -29,7 +29,7 @@ PinMask encoder_pins(const BoardDescription& board) {
 }
 
 /// From a reset of the CPU, which leaves all registers of the pins, to the control task.
-void start(WiredRobot& robot, BoardState state, const BoardDescription& board) {
+void start(WiredRobot& robot, ConfigurationState state, const BoardDescription& board) {
   bootloader_before_init();
   CHECK(float_pins());
   CHECK(take_pins(state, board));
@@ -64,7 +64,8 @@ BoardDescription with_encoders_on_outputs_of(const BoardDescription& before) {
 }  // namespace
 
 TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
-  for (const BoardState state : {BoardState::kNone, BoardState::kBuiltIn}) {
+  for (const ConfigurationState state :
+       {ConfigurationState::kDamaged, ConfigurationState::kBuiltIn}) {
     power_on();
     WiredRobot robot(kImageBoard);
     start(robot, state, kImageBoard);
@@ -77,7 +78,7 @@ TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
 }
 
 TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone) {
-  for (const BoardState state : {BoardState::kTrial, BoardState::kStored}) {
+  for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     for (size_t i = 0; i < kStages; ++i) {
       power_on();
       const BoardDescription board = board_of(static_cast<Stage>(i));
@@ -94,13 +95,13 @@ TEST(the_pins_of_the_previous_board_float_after_a_change) {
       power_on();
       const BoardDescription former = board_of(static_cast<Stage>(before));
       WiredRobot driver(former);
-      start(driver, BoardState::kStored, former);
+      start(driver, ConfigurationState::kStored, former);
       driver.left_motor.drive(20'000);
       driver.right_motor.drive(-20'000);
 
       const BoardDescription board = board_of(static_cast<Stage>(after));
       WiredRobot robot(board);
-      start(robot, BoardState::kTrial, board);
+      start(robot, ConfigurationState::kTrial, board);
       CHECK(driven() == stage_pins(board));
       CHECK((driven() & encoder_pins(board)) == 0);
     }
@@ -112,11 +113,11 @@ TEST(no_encoder_fights_an_output_of_the_previous_board) {
   const BoardDescription board = with_encoders_on_outputs_of(former);
   power_on();
   WiredRobot driver(former);
-  start(driver, BoardState::kStored, former);
+  start(driver, ConfigurationState::kStored, former);
   driver.left_motor.drive(20'000);
   CHECK((driven() & encoder_pins(board)) == encoder_pins(board));
   WiredRobot robot(board);
-  start(robot, BoardState::kStored, board);
+  start(robot, ConfigurationState::kStored, board);
   CHECK((driven() & encoder_pins(board)) == 0);
 }
 
@@ -124,10 +125,10 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   power_on();
   const BoardDescription former = board_of(Stage::kPwmIn1In2);
   WiredRobot driver(former);
-  start(driver, BoardState::kStored, former);
+  start(driver, ConfigurationState::kStored, former);
   driver.left_motor.drive(20'000);
   WiredRobot robot(kImageBoard);
-  start(robot, BoardState::kBuiltIn, kImageBoard);
+  start(robot, ConfigurationState::kBuiltIn, kImageBoard);
   CHECK(driven() == 0);
   // And once more: nothing of it is left for the bootloader.
   bootloader_before_init();
@@ -136,16 +137,16 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
 
 TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
   const BoardDescription board = board_of(Stage::kEnableIn1In2);
-  for (const BoardState state : {BoardState::kTrial, BoardState::kStored}) {
+  for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     power_on();
     WiredRobot robot(board);
     start(robot, state, board);
     robot.left_motor.drive(20'000);
     bootloader_before_init();
-    CHECK(driven() == (state == BoardState::kStored ? release_pins(board) : 0));
+    CHECK(driven() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
     // What it holds, the application goes on holding until it knows the board.
     CHECK(float_pins());
-    CHECK(driven() == (state == BoardState::kStored ? release_pins(board) : 0));
+    CHECK(driven() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
   }
 }
 
@@ -156,7 +157,7 @@ TEST(the_board_says_who_pulls_the_encoders_up) {
     board.encoder_pulls = pulls;
     if (pulls == EncoderPulls::kExternal) board.left_encoder_a = 36;  // An input only.
     WiredRobot robot(board);
-    start(robot, BoardState::kStored, board);
+    start(robot, ConfigurationState::kStored, board);
     for (const BoardPin function : kEncoderPins)
       CHECK(fake_matrix.pulled_up[board.pin(function)] == (pulls == EncoderPulls::kInternal));
   }

@@ -18,7 +18,7 @@ namespace {
 struct Driving {
   explicit Driving(Stage stage) : board(board_of(stage)) {
     fake_matrix = {};
-    CHECK(take_pins(BoardState::kStored, board));
+    CHECK(take_pins(ConfigurationState::kStored, board));
     CHECK(robot.start(Parameters{}));
     robot.left_motor.drive(20'000);
     robot.right_motor.drive(-20'000);

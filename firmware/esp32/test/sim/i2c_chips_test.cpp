@@ -17,7 +17,6 @@ namespace {
 struct Bench {
   explicit Bench(const std::vector<Peripheral>& entries, uint64_t seed = 1) : board(seed) {
     board.take_up(kBoardL298n);
-    list.board = fingerprint(kBoardL298n);
     for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
     board.sensors.take_up(list);
   }

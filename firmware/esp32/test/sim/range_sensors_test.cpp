@@ -34,7 +34,6 @@ constexpr Peripheral kImu{
 struct Bench {
   explicit Bench(std::initializer_list<Peripheral> entries) {
     board.take_up(kBoardL298n);
-    list.board = fingerprint(kBoardL298n);
     for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
     board.sensors.take_up(list);
   }

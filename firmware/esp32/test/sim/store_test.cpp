@@ -11,6 +11,7 @@
 #include "check.hpp"
 #include "protocol.hpp"
 
+using wheelwire::sim::Damage;
 using wheelwire::sim::Partition;
 using wheelwire::sim::Store;
 using wheelwire::sim::StoreWatch;
@@ -27,11 +28,10 @@ void keeps_what_is_saved(Store& store) {
   CHECK(store.load(out, sizeof out) == 3 && out[0] == 1 && out[2] == 3);
   CHECK(store.load(out, 1) == 3);
   store.failing = true;
-  CHECK(!store.save(kBlock, 1) && !store.erase());
+  CHECK(!store.save(kBlock, 1));
   CHECK(store.load(out, sizeof out) == 3);
   store.failing = false;
-  CHECK(store.erase() && store.load(out, sizeof out) == 0);
-  CHECK(store.erase());
+  CHECK(store.format() && store.load(out, sizeof out) == 3);  // It can be opened.
 }
 
 }  // namespace
@@ -72,9 +72,9 @@ struct Folder {
   }
 };
 
-// By hand: a header of 4 bytes, then each slot with its size of 2 bytes, in 512 bytes.
-constexpr size_t kSlotAt[] = {4, 4 + 512};
-constexpr size_t kFileSize = 4 + 2 * 512;
+// By hand: a header of 4 bytes, then each slot with its size of 2 bytes, in 1024 bytes.
+constexpr size_t kSlotAt[] = {4, 4 + 1024};
+constexpr size_t kFileSize = 4 + 2 * 1024;
 
 }  // namespace
 
@@ -89,44 +89,41 @@ TEST(store_in_a_file) {
   another.use_file(path);
   uint8_t out[8] = {};
   CHECK(another.load(out, sizeof out) == 3);
-  CHECK(another.erase());
+  another.damage(Damage::kBoth);
   CHECK(::access(path.c_str(), F_OK) != 0);
 }
 
-TEST(a_file_has_two_slots_of_which_the_newest_whole_one_is_in_force) {
+TEST(a_file_has_two_slots_that_hold_the_same) {
   const Folder folder;
-  const uint8_t second[] = {4, 5};
   {
     Store store;
     store.use_file(folder.path);
     CHECK(store.save(kBlock, sizeof kBlock));
   }
-  const std::string one = folder.read();
-  {
-    Store store;
-    store.use_file(folder.path);
-    CHECK(store.save(second, sizeof second));
-  }
-  const std::string both = folder.read();
-  CHECK(one.size() == kFileSize && both.size() == kFileSize);
+  const std::string whole = folder.read();
+  CHECK(whole.size() == kFileSize);
   uint32_t faults = 0;
-  CHECK(folder.load(faults) == 2 && faults == 0);
+  CHECK(folder.load(faults) == 3 && faults == 0);
   const auto damaged = [](std::string file, std::initializer_list<int> slots) {
     for (const int slot : slots) file[kSlotAt[slot] + 2] ^= 0x40;
     return file;
   };
-  folder.write(damaged(both, {1}));
-  CHECK(folder.load(faults) == 3 && faults == 0);
-  folder.write(damaged(both, {0}));
-  CHECK(folder.load(faults) == 2 && faults == 0);
-  const std::string too_large = std::string(one).replace(kSlotAt[0], 2, "\xff\xff");
+  for (const int slot : {0, 1}) {
+    folder.write(damaged(whole, {slot}));
+    CHECK(folder.load(faults) == 3 && faults == 0);
+    Store store;
+    store.use_file(folder.path);
+    uint8_t out[8] = {};
+    CHECK(store.load(out, sizeof out) == 3 && store.has_lost_copy() && store.is_incomplete());
+    CHECK(store.repair() && folder.read() == whole);
+  }
+  const std::string too_large = std::string(whole).replace(kSlotAt[0], 2, "\xff\xff");
   for (const std::string& file : {
-           damaged(both, {0, 1}),
-           damaged(one, {0}),  // The only slot that was ever saved.
-           too_large,
-           one.substr(0, 20),
-           one.substr(0, 4),
-           "x" + both,
+           damaged(whole, {0, 1}),
+           damaged(too_large, {1}),
+           whole.substr(0, 20),
+           whole.substr(0, 4),
+           "x" + whole,
        }) {
     folder.write(file);
     CHECK(folder.load(faults) == 0 && faults == wheelwire::fault::kStoreUnreadable);
@@ -136,18 +133,30 @@ TEST(a_file_has_two_slots_of_which_the_newest_whole_one_is_in_force) {
   CHECK(store.save(kBlock, sizeof kBlock) && folder.load(faults) == 3 && faults == 0);
 }
 
-TEST(a_file_of_an_earlier_release_holds_one_block) {
-  const Folder folder;
-  folder.write({1, 2, 3});
-  uint32_t faults = 0;
-  CHECK(folder.load(faults) == 3 && faults == 0);
-  Store store;
-  store.use_file(folder.path);
-  CHECK(store.save(kBlock, 2) && folder.read().size() == kFileSize);
-  CHECK(folder.load(faults) == 2 && faults == 0);
+TEST(a_slot_that_time_damages_is_empty_as_nvs_leaves_it) {
+  for (const auto what : {Damage::kFirst, Damage::kSecond, Damage::kBoth}) {
+    Store store;
+    CHECK(store.save(kBlock, sizeof kBlock));
+    store.damage(what);
+    uint8_t out[8] = {};
+    CHECK(store.load(out, sizeof out) == (what == Damage::kBoth ? 0u : 3u));
+    CHECK(store.has_lost_copy() == (what != Damage::kBoth) && store.faults() == 0);
+  }
 }
 
-TEST(erasing_ends_what_made_a_store_unreadable) {
+TEST(a_block_that_another_store_records_is_missed) {
+  Store configuration;
+  Store parameters;
+  Store latches;
+  configuration.record(parameters, latches);
+  CHECK(parameters.save(kBlock, sizeof kBlock));
+  parameters.damage(Damage::kBoth);
+  uint8_t out[8] = {};
+  CHECK(parameters.load(out, sizeof out) == 0);
+  CHECK(parameters.faults() == wheelwire::fault::kStoreUnreadable);
+}
+
+TEST(a_save_ends_what_made_a_store_unreadable) {
   const Folder folder;
   Store in_file;
   in_file.use_file(folder.path);
@@ -158,10 +167,10 @@ TEST(erasing_ends_what_made_a_store_unreadable) {
     store->unreadable = wheelwire::fault::kStoreNewer;
     CHECK(store->load(out, sizeof out) == 0 && store->faults() == wheelwire::fault::kStoreNewer);
     store->failing = true;
-    CHECK(!store->erase() && store->faults() == wheelwire::fault::kStoreNewer);
+    CHECK(!store->save(kBlock, 1) && store->faults() == wheelwire::fault::kStoreNewer);
     store->failing = false;
-    CHECK(store->erase() && store->faults() == 0);
-    CHECK(store->load(out, sizeof out) == 0 && store->faults() == 0);
+    CHECK(store->save(kBlock, 1) && store->faults() == 0);
+    CHECK(store->load(out, sizeof out) == 1 && store->faults() == 0);
   }
 }
 
@@ -173,7 +182,7 @@ TEST(store_in_a_file_that_cannot_be_written) {
   CHECK(store.load(out, sizeof out) == 0);
 }
 
-TEST(stores_in_a_partition_that_cannot_be_opened_are_erased_together) {
+TEST(stores_in_a_partition_that_cannot_be_opened_are_formatted_together) {
   Partition flash;
   Store parameters;
   Store board;
@@ -184,7 +193,7 @@ TEST(stores_in_a_partition_that_cannot_be_opened_are_erased_together) {
   uint8_t out[8] = {};
   CHECK(board.load(out, sizeof out) == 0 && board.faults() == 256);
   CHECK(!parameters.save(kBlock, sizeof kBlock));
-  CHECK(parameters.erase());
+  CHECK(parameters.format());
   CHECK(board.load(out, sizeof out) == 0 && board.faults() == 0);
   CHECK(board.save(kBlock, sizeof kBlock));
 }
@@ -193,7 +202,7 @@ namespace {
 
 struct Deny final : StoreWatch {
   int asked = 0;
-  WriteFate fate_of_write(const Store&) override {
+  WriteFate fate_of_write(const Store&, int) override {
     ++asked;
     return WriteFate::kUntouched;
   }
@@ -203,7 +212,7 @@ struct Deny final : StoreWatch {
 struct Cut final : StoreWatch {
   explicit Cut(int writes) : writes_left(writes) {}
   int writes_left;
-  WriteFate fate_of_write(const Store&) override {
+  WriteFate fate_of_write(const Store&, int) override {
     if (writes_left < 0) return WriteFate::kUntouched;
     return writes_left-- > 0 ? WriteFate::kDone : WriteFate::kLost;
   }
@@ -216,8 +225,8 @@ TEST(a_watch_may_refuse_each_write) {
   CHECK(store.save(kBlock, sizeof kBlock));
   Deny deny;
   store.watch = &deny;
-  CHECK(!store.save(kBlock, 1) && !store.erase());
-  CHECK(deny.asked == 2);
+  CHECK(!store.save(kBlock, 1));
+  CHECK(deny.asked == 2);  // Each write is tried twice.
   uint8_t out[8] = {};
   CHECK(store.load(out, sizeof out) == 3);
 }
@@ -225,20 +234,14 @@ TEST(a_watch_may_refuse_each_write) {
 TEST(a_cut_in_a_write_leaves_the_block_before_or_after_it) {
   const uint8_t first[] = {1};
   const uint8_t second[] = {2, 2};
-  const uint8_t third[] = {3, 3, 3};
   uint8_t out[8] = {};
   for (const int writes : {0, 1, 2}) {
     Store store;
-    CHECK(store.save(first, sizeof first) && store.save(second, sizeof second));
+    CHECK(store.save(first, sizeof first));
     Cut cut{writes};
     store.watch = &cut;
-    CHECK(store.erase() == (writes == 2));
-    CHECK(store.load(out, sizeof out) == (writes == 0 ? 2u : 0u));
+    CHECK(store.save(second, sizeof second) == (writes == 2));
+    CHECK(store.load(out, sizeof out) == (writes == 0 ? 1u : 2u));
+    CHECK(store.has_lost_copy() == (writes != 2));
   }
-  Store store;
-  CHECK(store.save(first, sizeof first) && store.save(second, sizeof second));
-  Cut cut{0};
-  store.watch = &cut;
-  CHECK(!store.save(third, sizeof third));
-  CHECK(store.load(out, sizeof out) == sizeof second);
 }

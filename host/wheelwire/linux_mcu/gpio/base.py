@@ -9,7 +9,7 @@ from typing import NamedTuple
 from wheelwire_protocol.board import OUTPUTS, STAGES, Action, ContactKind, Level
 from wheelwire_protocol.native import Outputs, StageInputs
 
-from ...board import BoardDescription, WheelPins
+from ...board import Configuration, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
 from ...peripherals import DigitalInput
 from ..encoder import QuadratureDecoder
@@ -62,18 +62,18 @@ class StagePins(ABC):
         """Set the PWM on an input, 0..1: 0 is low, 1 is high."""
 
 
-def inputs_of(board: BoardDescription) -> tuple[str, ...]:
+def inputs_of(board: Configuration) -> tuple[str, ...]:
     """The inputs of each wheel's power stage, in the order of `OUTPUTS`."""
     return tuple(name for name in OUTPUTS if name in STAGES[board.stage].inputs)
 
 
-def pwm_inputs(board: BoardDescription) -> tuple[str, ...]:
+def pwm_inputs(board: Configuration) -> tuple[str, ...]:
     """The inputs that ever take a duty."""
     rows = STAGES[board.stage].rows.values()
     return tuple(name for name in inputs_of(board) if any(r.get(name) is Level.PWM for r in rows))
 
 
-def pwm_pins(board: BoardDescription) -> tuple[int, ...]:
+def pwm_pins(board: Configuration) -> tuple[int, ...]:
     """The GPIOs of `pwm_inputs`, the left wheel's first."""
     names = pwm_inputs(board)
     return tuple(getattr(w, name) for w in (board.left, board.right) for name in names)
@@ -86,19 +86,19 @@ def encoder_pins(wheel: WheelPins) -> tuple[int, int]:
     return wheel.encoder_a, wheel.encoder_b
 
 
-def release_inputs(board: BoardDescription) -> tuple[str, ...]:
+def release_inputs(board: Configuration) -> tuple[str, ...]:
     """The inputs that hold the motor off when they are low, whatever the others do."""
     coast = STAGES[board.stage].rows[Action.COAST]
     return tuple(name for name in inputs_of(board) if coast.get(name) is Level.LOW)
 
 
-def release_pins(board: BoardDescription) -> tuple[int, ...]:
+def release_pins(board: Configuration) -> tuple[int, ...]:
     """The GPIOs of `release_inputs` of both wheels, and standby."""
     pins = [getattr(w, name) for w in (board.left, board.right) for name in release_inputs(board)]
     return tuple(pins if board.standby is None else [*pins, board.standby])
 
 
-def digital_inputs(board: BoardDescription) -> dict[int, DigitalInput]:
+def digital_inputs(board: Configuration) -> dict[int, DigitalInput]:
     """The board's bumpers, cliff sensors and the like, by channel; each has a pin."""
     entries = enumerate(board.peripherals)
     return {channel: one for channel, one in entries if isinstance(one, DigitalInput)}
@@ -116,7 +116,7 @@ class Gpio(ABC):
 
     left: StagePins
     right: StagePins
-    board: BoardDescription
+    board: Configuration
     limits: tuple[str, ...] = ()
 
     decoders: Sequence[QuadratureDecoder]

@@ -5,7 +5,6 @@
 
 namespace wheelwire {
 
-constexpr uint8_t kPeripheralFormat = 1;
 /// Entries of a list. A channel is the index of an entry.
 constexpr size_t kMostPeripherals = 10;
 /// Analogue inputs of a list. Each has a number of its own, from 1.

@@ -1,5 +1,5 @@
-// The list of a board's peripherals, and the rules that it must obey: the only check, on the chip
-// for one that is written to it, and on a computer through the C interface.
+// The peripherals on a board, and the rules that they must obey: the only check, on the chip for
+// those that are written to it, and on a computer through the C interface.
 #pragma once
 
 #include "board_rules.hpp"
@@ -8,23 +8,12 @@
 namespace wheelwire {
 
 struct PeripheralList {
-  /// Format, count, two bytes of zeros, the board's fingerprint, the entries, a checksum.
-  static constexpr size_t kSize = 8 + kMostPeripherals * Peripheral::kSize + 4;
-
   uint8_t count = 0;
-  uint32_t board = 0;  ///< Fingerprint.
   Peripheral entries[kMostPeripherals]{};
 
   constexpr const Peripheral* begin() const { return entries; }
   constexpr const Peripheral* end() const { return entries + count; }
 };
-
-/// Writes PeripheralList::kSize bytes with the checksum that belongs to them; returns it. It names
-/// the list. Entries that do not count are written as those that are left out.
-uint32_t write_list(const PeripheralList& list, uint8_t* out);
-
-/// Reads a list. Returns kNone, or that it cannot be read; `out` is then unchanged.
-PeripheralFault read_list(const uint8_t* data, size_t size, PeripheralList& out);
 
 /// Of Place, NONE included.
 constexpr size_t kPlaces = static_cast<size_t>(Place::kRight) + 1;
