@@ -1,4 +1,4 @@
-# `make demo` and `make test` are all that a new user needs; `make help` lists the rest.
+# `make demo` and `make test` are all that a new user needs; `make help-all` lists the rest.
 
 PYTHON ?= python3
 VENV := .venv
@@ -17,16 +17,38 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
-help:  ## This list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+# $(call targets,mark): the targets whose line has it, with what follows it.
+targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+help:
+	@$(call targets,###)
+	@echo "make help-all lists the rest."
 
-$(VENV)/installed: pyproject.toml tools/check-machine
+help-all:  ## All targets
+	@$(call targets,###?)
+
+# $(call install,extra,options)
+install = $(BIN)/python -m pip install --quiet --disable-pip-version-check $(2) --editable '.[$(1)]'
+$(VENV)/made: tools/check-machine
 	@tools/check-machine $(PYTHON)
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+$(VENV)/installed: pyproject.toml $(VENV)/made
+	@echo "Installing the tools of development into $(VENV): about a minute, once"
+	$(call install,dev)
+	@touch $(VENV)/sim-installed $@
+
+# What the simulated robot needs, and no more: most of it is cmake and numpy.
+$(VENV)/sim-installed: pyproject.toml $(VENV)/made
+	@echo "Installing what the simulated robot needs into $(VENV), once"
+	@$(call install,build,--no-compile)
+	@touch $@
+
+demo: sim  ### Drive the simulated robot: a figure eight, then a stop by watchdog
+	@$(BIN)/wheelwire demo --output build/demo
+	@echo "In this folder the command is $(BIN)/wheelwire; after \`. $(BIN)/activate\`, it is wheelwire."
 
 gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, commands' options, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
@@ -50,7 +72,7 @@ format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(MDFORMAT) $(MD_FILES)
 
-lint: $(VENV)/installed  ## Style, layers, formatting, words that only insiders know
+lint: $(VENV)/installed  ### Style, layers, formatting, words that only insiders know
 	$(BIN)/ruff check $(PYTHON_FOLDERS)
 	$(BIN)/ruff format --check $(PYTHON_FOLDERS)
 	$(BIN)/lint-imports
@@ -70,8 +92,10 @@ lowest: $(VENV)/installed  ## Change to the lowest version of each dependency th
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python tools/lowest_versions.py)
 
 SPHINX = $(BIN)/sphinx-build -q -W --keep-going -d build/docs-doctrees
-docs: $(VENV)/docs-installed  ## The site, to build/docs: its links and anchors lead somewhere
+docs: $(VENV)/docs-installed  ### The site, to build/docs: its links and anchors lead somewhere
+	@echo "Writing the site to build/docs: about two minutes at first"
 	@$(SPHINX) -b html docs build/docs
+	@echo "Open build/docs/index.html"
 
 docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the network
 	@$(SPHINX) -b linkcheck docs build/docs-links
@@ -81,7 +105,8 @@ cmake = $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WAR
 	$(BIN)/cmake --build $(1) --target $(3)
 
 SIM := wheelwire-fwsim fwsim wheelwire_capi
-sim: $(VENV)/installed  ## Build the firmware for this computer, with its simulated robot
+sim: $(VENV)/sim-installed  ## Build the firmware for this computer, with its simulated robot
+	@test -e $(HOST_BUILD)/build.ninja || echo "Compiling the firmware for this computer: about a minute, once"
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,$(SIM))
 
 cpp-tests: $(VENV)/installed  ## Build the C++ tests
@@ -132,10 +157,10 @@ endif
 prepared:
 	@$(MAKE) --no-print-directory --jobs 2 cpp-tests ros-if-available
 
-test: prepared  ## What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
+test: prepared  ### What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
 	$(call pytest,2) -m "not whole" --hypothesis-profile=quick $(ONLY)
 
-test-all: prepared sanitized  ## Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
+test-all: prepared sanitized  ### Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
 ifeq ($(ONLY),tests)
 	$(BIN)/python tests/explore/run.py 10 --quiet
 	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
@@ -161,9 +186,6 @@ wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it 
 
 viewers-check: sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
 	@$(BIN)/python tools/check_viewers.py
-
-demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog
-	@$(BIN)/wheelwire demo --output build/demo
 
 hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]
 	$(BIN)/python -m pytest tests/hardware --port $(PORT) $(if $(WHEELS_FREE),--wheels-free)

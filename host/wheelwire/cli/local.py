@@ -46,6 +46,10 @@ def demo(
         print_json(report)
     else:
         print_facts("Measured", report.rows())
+        console.print(
+            "Next: `wheelwire start` leads to the first drive of your robot; without one, "
+            "`wheelwire setup --simulated` sets up a simulated one"
+        )
     # Last: what was measured is shown in any case.
     if report.picture_error and find_spec("matplotlib") is not None:
         raise OutputFailed(f"the picture was not written: {report.picture_error}")

@@ -192,7 +192,7 @@ class _Demonstration:
             self._save_picture(picture, commanded, self._path, true_path)
         except ImportError as error:
             package = (error.name or "").partition(".")[0]
-            return f"it needs {package}: run pip install 'wheelwire[tools]'"
+            return f"it needs {package}: run pip install {package}"
         except OSError as error:
             return f"{picture}: {error.strerror}"
         return None
