@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wheelwire.commissioning.before_after import Proof, prove, there_and_back
+from wheelwire.commissioning.expectation import expected_rms_mps
 from wheelwire.commissioning.gains import tuned
 from wheelwire.commissioning.identification import STAIRS, Identification, identify
 from wheelwire.drivers.mock import MockDriver
@@ -178,3 +179,25 @@ def commission(plant: str, battery_v: float, *, raised: bool, counts: int = 0) -
         robot.simulator.set("wheels_free", 0)
         true_mps = [true_rms_mps(robot, chosen) for chosen in (before, values)]
     return Outcome(truth, found, values, proof, *true_mps)
+
+
+class Tracking(NamedTuple):
+    """How well a robot follows setup's test drive with the values found for it."""
+
+    rms_mps: tuple[float, float]
+    """The better one of both drives, of each wheel."""
+    expected_mps: float
+    """Of a sound robot."""
+
+
+def tracking(
+    plant: str, counts: int, *, raised: bool, settings: Mapping[str, float] | None = None
+) -> Tracking:
+    """Identify and tune a plant's robot with `counts` ticks per turn, and drive."""
+    own = {"counts_per_revolution": float(counts)}
+    with plant_robot(plant, raised=raised, settings=settings, parameters=own) as robot:
+        values = tuned(identify(robot, lambda _: None, on_the_floor=not raised), robot)
+        proof = prove(robot, {name: robot.parameters[name] for name in values}, values)
+        expected_mps = expected_rms_mps(robot, proof)
+    left, right = (min(rms for rms in proof.rms_mps(w) if rms is not None) for w in (0, 1))
+    return Tracking((left, right), expected_mps)

@@ -144,6 +144,13 @@ FAULTED = Defect(
     "to the question for it",
     "",
 )
+TRACKS_BADLY = Defect(
+    "{side} wheel tracks badly",
+    "its tracking error is {detail}: its encoder may miss a magnet or be uneven: look at the "
+    "magnet ring or code disc, and at its distance from the sensor; then at play in gearbox and "
+    "hub, and at what rubs",
+    "",
+)
 WRONG_WHEEL = Defect(
     "answers and hand disagree",
     "{detail} when the {side} wheel was turned forward by hand: one of the two answers was wrong, "

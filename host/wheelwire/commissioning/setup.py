@@ -21,10 +21,11 @@ from ..parameters import Trial, definition_of, number_text
 from .before_after import Proof, prove
 from .counts import COUNTS, ask_counts
 from .driving import BoardReset, Left, not_watching, untold
+from .expectation import expected_rms_mps, judge
 from .gains import tuned
 from .identification import identify
 from .imu import ImuFindings, set_up_imu
-from .problems import FAULTED, SAGS, VOIDING, Problem, Unfit
+from .problems import FAULTED, MAGNET_MISSING, SAGS, VOIDING, Problem, Unfit
 from .questions import KEEP, NO, YES, Person, Question, Say
 from .wiring import (
     Wiring,
@@ -121,6 +122,7 @@ class Findings:
         static_feedforward: In duty.
         rms_before_mps: Tracking error of a fixed test drive with the previous values. [m/s]
         rms_after_mps: The same with the new ones. [m/s]
+        rms_sound_mps: What a sound robot with as many ticks per turn reaches. [m/s]
         problems: In words, each with what to do.
         is_complete: The set-up came to its end.
         saved: The robot has saved the new values.
@@ -133,6 +135,7 @@ class Findings:
     static_feedforward: float | None = None
     rms_before_mps: float | None = None
     rms_after_mps: float | None = None
+    rms_sound_mps: float | None = None
     problems: tuple[str, ...] = ()
     is_complete: bool = False
     saved: bool = False
@@ -314,18 +317,24 @@ class _SetUp:
             self._note(str(error))
             return
         rms_before_mps, rms_after_mps = proof.rms_mps(0, 1)
+        rms_sound_mps = expected_rms_mps(self.robot, proof)
         self.findings = replace(
             self.findings,
             velocity_feedforward=after["velocity_feedforward"],
             static_feedforward=after["static_feedforward"],
             rms_before_mps=rms_before_mps,
             rms_after_mps=rms_after_mps,
+            rms_sound_mps=rms_sound_mps,
         )
         self.say(proof.table())
+        counts = round(self.robot.parameters[COUNTS])
+        sound = f"{rms_sound_mps * 1e3:.0f} mm/s or less"
+        self.say(f"A sound robot of {counts} ticks per turn reaches {sound}.")
         if self.options.plot is not None:
             self._plot(proof, self.options.plot)
         # Only now: the table and the picture show what the fault has ended.
         self._judge_faults(*proof.faults)
+        self._judge_tracking(judge(proof, rms_sound_mps, counts))
         if proof.better:
             self._set("gains", after)
         else:
@@ -356,6 +365,12 @@ class _SetUp:
             raise Unfit([Problem(FAULTED, detail=f"{which}. {fault_names(after | before)}")])
         if before:
             self.say(f"with the previous values a fault ended the drive: {fault_names(before)}")
+
+    def _judge_tracking(self, problems: Iterable[Problem]) -> None:
+        for problem in problems:
+            # Its cause has a name already.
+            if str(Problem(MAGNET_MISSING, problem.side)) not in self.findings.problems:
+                self._note(problem)
 
     def _plot(self, proof: Proof, file: Path) -> None:
         try:
