@@ -36,6 +36,7 @@ ENDS = {
     "help safety": 0,
     "demo --output TAKEN": errors.OutputFailed.exit_code,
     "setup": errors.InvalidArgument.exit_code,
+    "start": errors.InvalidArgument.exit_code,
     "tune ROBOT --distance 0": errors.InvalidArgument.exit_code,
     "teleop ROBOT": errors.InvalidArgument.exit_code,
     "flash ROBOT --image NONE": errors.FlashFailed.exit_code,

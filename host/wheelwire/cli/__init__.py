@@ -5,6 +5,7 @@ address.py      ROBOT and --baud-rate: which driver opens, also beside the progr
 output.py       tables, JSON and notes; prompts.py: questions; help.py: pages of the documentation
 interruptions.py     what Ctrl-C ends
 robot.py        drive, stop, monitor and the like; the other files are named after their commands
+start.py        flash, board, setup and drive, one after the other
 local.py        demo, mcu and ports; box_rerun.py and device_boxes.py: parts of `wheelwire why`
 """
 

@@ -203,6 +203,18 @@ def outlives_commands(driver: BaseDriver) -> bool:
     return isinstance(driver, SerialDriver)
 
 
+def named_robot(given: str | None) -> Address | None:
+    """The robot that the command line or else $WHEELWIRE_ROBOT names, if one of them does.
+
+    Raises:
+        InvalidArgument: ROBOT is empty.
+    """
+    if given is not None:
+        return Address(named(given))
+    known = os.environ.get(ENVIRONMENT)
+    return Address(known) if known else None
+
+
 def resolve(
     given: str | None, *, moves: bool = False, yes: bool = False, as_json: bool = False
 ) -> Address:
@@ -218,13 +230,11 @@ def resolve(
         InvalidArgument: ROBOT is empty.
         RobotNotNamed: There is no likely board, or several; or the user did not confirm.
     """
-    if given is not None:
-        return Address(named(given))
-    if known := os.environ.get(ENVIRONMENT):
-        if moves and not as_json:
+    if (address := named_robot(given)) is not None:
+        if given is None and moves and not as_json:
             # The name is not on this command line: tell which robot is about to move.
-            print_note(f"using {known}, named by {ENVIRONMENT}", as_json=False)
-        return Address(known)
+            print_note(f"using {address.text}, named by {ENVIRONMENT}", as_json=False)
+        return address
     port = _only_candidate()
     chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
     if moves and not yes:

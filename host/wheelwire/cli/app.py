@@ -10,6 +10,7 @@ import io
 import logging
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +34,7 @@ from .robot import clear, drive, estop, info, monitor, restart, stop
 from .sensors import sensors
 from .setup import setup
 from .sim import app as sim_app
+from .start import start
 from .support import support
 from .teleop import teleop
 from .tune import tune
@@ -47,16 +49,42 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    *(ports, setup, tune, info, drive, teleop, monitor, sensors, stop, estop, clear, restart),
-    *(why, doctor, support, flash, demo, mcu),
-):
-    app.command()(command)
-app.command("help")(help_page)
-app.add_typer(sim_app, name="sim")
-app.add_typer(parameters_app, name="params")
-app.add_typer(board_app, name="board")
-app.add_typer(log_app, name="log")
+_GROUPS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Build a robot": {
+        "start": start,
+        "ports": ports,
+        "flash": flash,
+        "board": board_app,
+        "setup": setup,
+        "tune": tune,
+        "params": parameters_app,
+    },
+    "Drive": {
+        "drive": drive,
+        "teleop": teleop,
+        "stop": stop,
+        "estop": estop,
+        "clear": clear,
+        "restart": restart,
+    },
+    "Look, and find out why": {
+        "info": info,
+        "monitor": monitor,
+        "sensors": sensors,
+        "why": why,
+        "doctor": doctor,
+        "log": log_app,
+        "support": support,
+    },
+    "Without a robot": {"demo": demo, "sim": sim_app, "mcu": mcu, "help": help_page},
+}
+"""The commands by the heading under which the help lists them."""
+for _heading, _commands in _GROUPS.items():
+    for _name, _command in _commands.items():
+        if isinstance(_command, typer.Typer):
+            app.add_typer(_command, name=_name, rich_help_panel=_heading)
+        else:
+            app.command(_name, rich_help_panel=_heading)(_command)
 lead_to_pages(app)
 
 

@@ -61,6 +61,7 @@ PAGE_OF_COMMAND = {
     "sensors": "sensors",
     "setup": "first-hour",
     "sim": "simulator",
+    "start": "first-hour",
     "stop": "stops",
     "support": "recording",
     "teleop": "teleop",

@@ -25,7 +25,7 @@ from .tune import check_plot
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
-    from wheelwire.commissioning.setup import Options
+    from wheelwire.commissioning.setup import Findings, Options
     from wheelwire.drivers.mock import MockDriver
 
 WIRING_VARIABLES = (
@@ -111,7 +111,7 @@ def setup(
     """
     # Here, so that no other command waits until numpy is imported.
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
-    from wheelwire.commissioning.setup import Options, Progress
+    from wheelwire.commissioning.setup import Options
 
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument(
@@ -130,6 +130,11 @@ def setup(
             if answers is not None:
                 person = AnswersFile(answers, person)
             _run(mock, person, options, as_json=as_json)
+        if not as_json:
+            console.print(
+                "Next: `wheelwire sim` runs a simulated robot that stays; with a real one, "
+                "`wheelwire start`"
+            )
         return
     if answers is None and not sys.stdin.isatty():
         raise InvalidArgument(
@@ -138,6 +143,36 @@ def setup(
     person = AnswersFile(answers) if answers is not None else _Terminal(as_json=as_json)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     _check_lasting(address, keep)
+    findings = set_up_at(address, person, options, baud_rate, as_json=as_json)
+    if findings.saved and not as_json:
+        _print_next(address.text, on_the_floor=on_the_floor)
+
+
+def set_up_at(
+    address: Address,
+    person: Person | None = None,
+    options: Options | None = None,
+    baud_rate: int | None = None,
+    *,
+    as_json: bool = False,
+) -> Findings:
+    """Set up the robot at this address.
+
+    Args:
+        address: Where it is.
+        person: Who answers; by default whoever is at this terminal.
+        options: What differs from the ordinary.
+        baud_rate: Baud rate of a port; None: the default.
+        as_json: Standard output is the findings as JSON.
+
+    Raises:
+        typer.Exit: The set-up could not go on.
+        WheelwireError: As `Address.open` and `wheelwire.commissioning.setup.set_up`.
+    """
+    from wheelwire.commissioning.setup import Options, Progress
+
+    person = person or _Terminal(as_json=as_json)
+    options = options or Options()
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
@@ -146,12 +181,24 @@ def setup(
         ended_by_a_loss(),
     ):
         # Only a board with an id is recognised again; on the floor there is nothing to resume.
-        if isinstance(driver, DeviceDriver) and not on_the_floor:
+        if isinstance(driver, DeviceDriver) and not options.on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
-        _run(driver, person, options, as_json=as_json)
+        return _run(driver, person, options, as_json=as_json)
 
 
-def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> None:
+def _print_next(robot: str, *, on_the_floor: bool) -> None:
+    if not on_the_floor:
+        console.print(
+            f"Next: put the robot on the floor with a metre free ahead of it; `wheelwire setup "
+            f"{robot} --on-the-floor` tunes it with its own mass. Or drive it:",
+            soft_wrap=True,
+        )
+    else:
+        console.print("Next:")
+    console.print(f"    wheelwire drive {robot} --linear 0.1 --seconds 2", soft_wrap=True)
+
+
+def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> Findings:
     from wheelwire.commissioning.setup import set_up
 
     # With --json, standard output is the findings alone.
@@ -173,6 +220,7 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
                 "static_feedforward": findings.static_feedforward,
                 "rms_before_mps": findings.rms_before_mps,
                 "rms_after_mps": findings.rms_after_mps,
+                "rms_sound_mps": findings.rms_sound_mps,
                 "problems": findings.problems,
                 "saved": findings.saved,
             }
@@ -185,6 +233,7 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
         console.print("the set-up cannot go on: remove the cause, then run the command again")
     if not findings.is_complete:
         raise typer.Exit(CommissioningFailed.exit_code)
+    return findings
 
 
 class _Shown:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -12,10 +13,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import typer
 
 from support.command import PROGRAM, check_error, run, run_process
 from wheelwire import errors
 from wheelwire.cli import output
+from wheelwire.cli.app import app
 
 
 @pytest.mark.parametrize("option", ["-h", "--help"])
@@ -26,12 +29,21 @@ def test_help_is_asked_for_as_everywhere(command: tuple[str, ...], option: str) 
     assert "Usage: wheelwire" in result.stdout
 
 
-@pytest.mark.parametrize("command", [(), ("params",)])
-def test_without_a_command_the_commands_are_shown(command: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("command", "heading"), [((), "Drive"), (("params",), "Commands")])
+def test_without_a_command_the_commands_are_shown(command: tuple[str, ...], heading: str) -> None:
     result = run(*command)
     assert result.returncode == 2
-    assert "Commands" in result.stdout
+    assert f"─ {heading} ─" in result.stdout
     assert result.stderr == ""
+
+
+def test_the_help_lists_every_command_in_four_groups() -> None:
+    _, _, groups = run("--help").stdout.partition("─ Options ─")
+    headings = re.findall(r"^╭─ (.*?) ─", groups, re.M)
+    assert headings == ["Build a robot", "Drive", "Look, and find out why", "Without a robot"]
+    shown = re.findall(r"^│ ([a-z]+)  ", groups, re.M)
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    assert sorted(shown) == sorted(commands)
 
 
 def test_version() -> None:

@@ -1,0 +1,163 @@
+"""`wheelwire start`: from a board that was just plugged in to the first drive, step by step."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wheelwire.config import MOCK
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import DeviceSilent, ForeignDevice, InvalidArgument, ProtocolMismatch
+from wheelwire.link.port_list import likely_boards
+from wheelwire.parameters import definition_of
+from wheelwire_protocol.board import ConfigurationState
+
+from .address import Address, RobotArgument, named_robot
+from .board import confirm
+from .flash import flash
+from .output import print_lines
+from .prompts import ask
+from .robot import drive
+from .setup import set_up_at
+
+_SPEED_MPS = 0.1
+_SECONDS = 2.0
+_LOOK = "look"
+_SHOWN = 3
+"""So many values show that a robot has been set up."""
+_NO_FIRMWARE = (DeviceSilent, ForeignDevice, ProtocolMismatch)
+
+
+def start(
+    robot: RobotArgument = None,
+    image: Annotated[
+        Path | None,
+        typer.Option(help="Firmware from a release, as for `wheelwire flash`."),
+    ] = None,
+) -> None:
+    """Lead from a board that was just plugged in to the first drive.
+
+    Five steps: find the port, write the firmware, confirm the board, set up, drive 20 cm. Each can
+    be skipped; one that is done already says so. Run the command again to go on after an error.
+    """
+    if not sys.stdin.isatty():
+        raise InvalidArgument(
+            "start asks questions: run it in a terminal; scripts use flash, board, setup and drive"
+        )
+    address = _find(robot)
+    _write_firmware(address, image)
+    _confirm_board(address)
+    _set_up(address)
+    _drive(address)
+    print_lines(
+        f"Next: `wheelwire teleop {address.text}` drives it by keyboard, `wheelwire monitor "
+        f"{address.text}` shows what it does, and `wheelwire help python` has programs"
+    )
+
+
+def _find(given: str | None) -> Address:
+    print_lines("1/5 Port")
+    if (known := named_robot(given)) is not None:
+        if known.text == MOCK:
+            raise InvalidArgument(
+                "mock exists only while one command runs: start `wheelwire sim`, then "
+                "`wheelwire start /tmp/wheelwire`"
+            )
+        port = known.serial_port()
+        print_lines(f"done already: {port} was named")
+        return Address(port)
+    while not (found := likely_boards()):
+        answer = ask(
+            "No board is plugged in. Plug it in with a cable that carries data: many only charge. "
+            "`wheelwire help troubleshooting/port` has more. Type its port, or Enter to look again",
+            _LOOK,
+        )
+        if answer != _LOOK:
+            return Address(Address(answer).serial_port())
+    if len(found) == 1:
+        print_lines(f"found: {found[0].device} ({found[0].note})")
+        return Address(found[0].device)
+    print_lines(*(f"{port.device}: {port.note}" for port in found))
+    return Address(_choose("Which one is the robot?", *(port.device for port in found)))
+
+
+def _write_firmware(address: Address, image: Path | None) -> None:
+    print_lines("2/5 Firmware")
+    try:
+        with address.open_to_look(as_json=False) as driver:
+            release = driver.info.device.release if isinstance(driver, DeviceDriver) else ""
+    except _NO_FIRMWARE as error:
+        print_lines(str(error))
+    else:
+        print_lines(f"done already: firmware {release} answers")
+        return
+    if image is None:
+        given = ask("The image of a release (wheelwire-esp32.bin), `build` or `skip`", "build")
+        if given == "skip":
+            return
+        image = None if given == "build" else Path(given)
+    if _wants(f"Write {image or 'the image of this checkout'} to {address.text}?"):
+        flash(address.text, image=image)
+
+
+def _confirm_board(address: Address) -> None:
+    print_lines("3/5 Board")
+    with address.open_to_look(as_json=False) as driver:
+        if not isinstance(driver, DeviceDriver):
+            return
+        state, found = driver.board.read()
+    if state is ConfigurationState.STORED and found is not None:
+        print_lines(f"done already: {found.name}")
+    elif _wants(
+        "Look at the driver board that the firmware believes in? With another one choose skip, "
+        "and name yours in the next step."
+    ):
+        confirm(address.text)
+
+
+def _set_up(address: Address) -> None:
+    from wheelwire.commissioning.setup import CHANGED  # here: numpy is slow to import
+
+    print_lines("4/5 Set-up")
+    with address.open_to_look(as_json=False) as driver:
+        changed = [
+            f"{name} {driver.parameters[name]:g}"
+            for name in CHANGED
+            if driver.parameters[name] != definition_of(name).default
+        ]
+    question = "Find the wiring, the numbers and the gains? It takes about five minutes."
+    if changed:
+        others = " and others" if len(changed) > _SHOWN else ""
+        print_lines(f"done already: {', '.join(changed[:_SHOWN])}{others}")
+        question = "Set it up again?"
+    if _wants(question, default="skip" if changed else "yes"):
+        set_up_at(address)
+
+
+def _drive(address: Address) -> None:
+    print_lines("5/5 First drive")
+    if _wants(
+        "Put the robot on the floor, with a metre free ahead of it, and a hand near the e-stop. "
+        f"Drive {_SPEED_MPS * _SECONDS * 100:.0f} cm forward?"
+    ):
+        drive(address.text, linear=_SPEED_MPS, seconds=_SECONDS)
+
+
+def _wants(question: str, default: str = "yes") -> bool:
+    """Whether to carry out a step."""
+    return _choose(question, "yes", "skip", default=default) == "yes"
+
+
+def _choose(question: str, *choices: str, default: str | None = None) -> str:
+    """One of the choices, or the only one that begins with what was typed."""
+    while True:
+        given = ask(f"{question} ({', '.join(choices)})", default)
+        if given in choices:
+            return given
+        found = [choice for choice in choices if choice.startswith(given)]
+        if len(found) == 1:
+            return found[0]
+        print_lines(f"answer with {' or '.join(choices)}")
