@@ -209,13 +209,13 @@ class Fault(DocumentedFlag):
     )
     LEFT_REVERSED = (
         4,
-        "The left wheel's speed grew against its drive: "
-        "swap encoder A and B or the motor's wires, or set left_encoder_inverted.",
+        "The left wheel's speed grew against its drive. If it turned backward, swap the motor's "
+        "wires or set left_motor_inverted; if forward, encoder A and B or left_encoder_inverted.",
     )
     RIGHT_REVERSED = (
         8,
-        "The right wheel's speed grew against its drive: "
-        "swap encoder A and B or the motor's wires, or set right_encoder_inverted.",
+        "The right wheel's speed grew against its drive. If it turned backward, swap the motor's "
+        "wires or set right_motor_inverted; if forward, encoder A and B or right_encoder_inverted.",
     )
     CONTROL_OVERRUN = (
         16,

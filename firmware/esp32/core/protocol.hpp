@@ -131,11 +131,11 @@ namespace fault {
 constexpr uint32_t kLeftNotCounting = 1;
 /// The right wheel was driven hard and did not count: encoder dead, wire off, or wheel blocked.
 constexpr uint32_t kRightNotCounting = 2;
-/// The left wheel's speed grew against its drive: swap encoder A and B or the motor's wires, or set
-/// left_encoder_inverted.
+/// The left wheel's speed grew against its drive. If it turned backward, swap the motor's wires or
+/// set left_motor_inverted; if forward, encoder A and B or left_encoder_inverted.
 constexpr uint32_t kLeftReversed = 4;
-/// The right wheel's speed grew against its drive: swap encoder A and B or the motor's wires, or
-/// set right_encoder_inverted.
+/// The right wheel's speed grew against its drive. If it turned backward, swap the motor's wires or
+/// set right_motor_inverted; if forward, encoder A and B or right_encoder_inverted.
 constexpr uint32_t kRightReversed = 8;
 /// The control loop ran too late: reduce the load, or raise overrun_limit_us.
 constexpr uint32_t kControlOverrun = 16;
