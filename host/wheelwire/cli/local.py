@@ -24,7 +24,11 @@ def ports(as_json: JsonFlag = False) -> None:
         print_json(found)
         return
     if not found:
-        console.print("no serial ports: plug the board in, or run `wheelwire sim`")
+        console.print(
+            "no serial ports: plug the board in, with a cable that carries data (many only charge, "
+            "and the board's LED lights all the same); without a board run `wheelwire sim`",
+            soft_wrap=True,
+        )
         return
     used = {True: "yes", False: "no", None: "unknown"}
     print_table(

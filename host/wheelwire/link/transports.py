@@ -8,12 +8,14 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import re
 import socket
 import termios
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import ClassVar
 from urllib.parse import urlsplit
 
@@ -41,6 +43,8 @@ _REMEDIES = {
     errno.EISDIR: "it is not a serial port; `wheelwire ports` lists them",
     errno.ECONNREFUSED: "nobody listens there; start the peer first",
 }
+_PARTS = ("l298n", "pigpio", "tb6612", "drv8833", "bts7960", "mdd10a", "esp32", "serial")
+"""Names of driver boards, chips and drivers."""
 
 
 class Transport(ABC):
@@ -348,7 +352,21 @@ def _unavailable(port: str, error: Exception) -> PortUnavailable:
     # From a serial port: EBUSY where it is held exclusively, EAGAIN where it is locked.
     if number in (errno.EBUSY, errno.EAGAIN):
         return PortUnavailable(port, _in_use(port))
-    return PortUnavailable(port, _REMEDIES.get(number or 0, _text(error)))
+    remedy = _REMEDIES.get(number or 0, _text(error))
+    return PortUnavailable(port, remedy + _meant(port) if number == errno.ENOENT else remedy)
+
+
+def _meant(port: str) -> str:
+    """What somebody may have meant by a name that is no port, as a further sentence."""
+    if "/" in port:
+        return ""
+    if Path("/dev", port).exists():
+        return f". Did you mean /dev/{port}?"
+    if re.fullmatch(r"(?i)com\d+", port):
+        return f". {port} is a name that Windows gives; here it is /dev/ttyUSB0 or the like"
+    if port.lower() in _PARTS:
+        return f". {port} is a part: name the port of the ESP32"
+    return ""
 
 
 def _is_no_terminal(error: Exception) -> bool:

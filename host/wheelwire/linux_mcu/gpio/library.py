@@ -262,12 +262,14 @@ def pin_factory() -> Any:
                 Device.pin_factory = LGPIOFactory()
     except ImportError as error:
         raise DriverUnavailable(
-            f"driver 'l298n' needs gpiozero and lgpio ({error}): run pip install 'wheelwire[pi]'"
+            "driver 'l298n' moves this computer's own pins, and needs gpiozero and lgpio for it "
+            f"({error}): run pip install 'wheelwire[pi]'. If an ESP32 drives the L298N, write "
+            "driver_type: serial"
         ) from error
     except Exception as error:  # each factory has its own errors
         raise DriverUnavailable(
             f"no GPIO on this computer ({error}): run the l298n driver on a Raspberry Pi, as a "
-            "user in the group gpio"
+            "user in the group gpio; if an ESP32 drives the L298N, write driver_type: serial"
         ) from error
     return Device.pin_factory
 

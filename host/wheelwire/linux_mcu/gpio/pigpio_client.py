@@ -37,7 +37,8 @@ class PigpioClient:
             import pigpio
         except ImportError as error:
             raise DriverUnavailable(
-                "driver 'pigpio' needs pigpio's client: run pip install 'wheelwire[pi]'"
+                "driver 'pigpio' moves this computer's own pins and needs pigpio's client: run "
+                "pip install 'wheelwire[pi]'. With an ESP32 write driver_type: serial"
             ) from error
         self.library = pigpio
         self.address = f"{host}:{port}"
