@@ -58,6 +58,7 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 	$(BIN)/python tools/write_simulator_page.py
 	$(BIN)/python tools/write_view.py
 	$(BIN)/python tools/write_boards.py
+	$(BIN)/python tools/draw_wiring.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
@@ -65,6 +66,7 @@ gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python tools/draw_demo.py --check
 	$(BIN)/python tools/write_cli_page.py --check
 	$(BIN)/python tools/write_boards.py --check
+	$(BIN)/python tools/draw_wiring.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	$(BIN)/ruff format $(PYTHON_FOLDERS)
@@ -93,7 +95,7 @@ lowest: $(VENV)/installed  ## Change to the lowest version of each dependency th
 
 SPHINX = $(BIN)/sphinx-build -q -W --keep-going -d build/docs-doctrees
 docs: $(VENV)/docs-installed  ### The site, to build/docs: its links and anchors lead somewhere
-	@echo "Writing the site to build/docs: about two minutes at first"
+	@echo "Writing the site to build/docs: about a minute at first"
 	@$(SPHINX) -b html docs build/docs
 	@echo "Open build/docs/index.html"
 

@@ -56,7 +56,7 @@ class Module(NamedTuple):
 MODULES = {
     Stage.ENABLE_IN1_IN2: Module(
         "L298N",
-        "both EN jumpers off",
+        "EN jumpers off, 5V-EN on",
         {"enable": "ENA", "in1": "IN1", "in2": "IN2"},
         {"enable": "ENB", "in1": "IN3", "in2": "IN4"},
         ("OUT1", "OUT2", "OUT3", "OUT4"),
@@ -270,10 +270,12 @@ class Wiring:
         """Encoders, e-stop and LED; returns where they end."""
         board, y = self.board, TOP + 62
         for side, wheel in zip(SIDES, (board.left, board.right), strict=True):
+            # A DevKit has one such pin.
+            supply = "3V3" if side == "left" else "the same 3V3"
             rows = (
                 ("A", f"GPIO {wheel.encoder_a}", GREEN),
                 ("B", f"GPIO {wheel.encoder_b}", GREEN),
-                ("3V3", "3V3", RED),
+                ("3V3", supply, RED),
                 ("GND", "GND", BLACK),
             )
             self.boxes.box(40, y - 42, 130, 42 + 18 * len(rows), f"{side.capitalize()} encoder")

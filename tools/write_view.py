@@ -1,6 +1,8 @@
 """Write the screens of docs/view.md, by a simulated robot in virtual time: the same at every run.
 
-tools/write_view.py            writes the page
+The picture for the README, docs/monitor.svg, is one of them.
+
+tools/write_view.py            writes the page and the picture
 tools/write_view.py --check    fails when it is not what the view shows
 """
 
@@ -9,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+import re
 import sys
 import time
 from contextlib import suppress
@@ -25,6 +28,8 @@ from wheelwire.view.screens import Panel
 from wheelwire.view.source import Source
 
 PAGE = generated.ROOT / "docs" / "view.md"
+PICTURE = generated.ROOT / "docs" / "monitor.svg"
+REMOTE_FONTS = re.compile(r"\s*@font-face \{.*?\}", re.DOTALL)
 TEN_O_CLOCK_S = 36_000.0
 """The robot's clock at zero, since 1970."""
 SECONDS = 22.0
@@ -53,17 +58,17 @@ def story(robot: VirtualMockDriver, model: Model, seconds: float) -> Still:
     return Still(robot, model)
 
 
-def screen(columns: int, rows: int, seconds: float) -> str:
-    """The view's screen after so long."""
+def screen(columns: int, rows: int, seconds: float) -> tuple[str, str]:
+    """The view's screen after so long, as text and as SVG."""
     model = Model("my_robot.yaml", TEN_O_CLOCK_S)
     with cast("VirtualMockDriver", open_driver("mock", realtime=False)) as robot:
         app = ViewApp(model, story(robot, model, seconds), Controls(robot))
-        lines = asyncio.run(shown(app, (columns, rows)))
-    return "\n".join(["```text", *(line.rstrip() for line in lines), "```", ""])
+        lines, picture = asyncio.run(shown(app, (columns, rows)))
+    return "\n".join(["```text", *(line.rstrip() for line in lines), "```", ""]), picture
 
 
-async def shown(app: ViewApp, size: tuple[int, int]) -> list[str]:
-    """The lines of an application's screen."""
+async def shown(app: ViewApp, size: tuple[int, int]) -> tuple[list[str], str]:
+    """The lines of an application's screen, and a picture of it."""
     async with app.run_test(size=size) as pilot:
         for _ in range(LOOKS_PER_PICTURE):
             await pilot.pause(LOOK_S)
@@ -72,15 +77,19 @@ async def shown(app: ViewApp, size: tuple[int, int]) -> list[str]:
             region = panel.region
             text = panel.render().plain.split("\n")[: region.height]
             lines[region.y : region.y + len(text)] = text
-    return lines
+        # A picture that fetches fonts from elsewhere has none of them inside a page.
+        picture = REMOTE_FONTS.sub("", app.export_screenshot(title="wheelwire monitor"))
+    return lines, picture
 
 
 def main() -> str | None:
     """Write or check the page."""
     os.environ["TZ"] = "UTC"
     time.tzset()
-    parts = {"driving": screen(80, 24, BLOCKED_S), "fault": screen(60, 20, SECONDS)}
-    return generated.write({PAGE: generated.filled(PAGE, parts)})
+    driving, picture = screen(80, 24, BLOCKED_S)
+    fault, _ = screen(60, 20, SECONDS)
+    page = generated.filled(PAGE, {"driving": driving, "fault": fault})
+    return generated.write({PAGE: page, PICTURE: picture})
 
 
 if __name__ == "__main__":
