@@ -8,11 +8,13 @@ such a server shows them. `as_on_the_site` changes what the site has elsewhere, 
 from __future__ import annotations
 
 import os
+import posixpath
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from docutils import nodes
+from furo.navigation import get_navigation_tree
 from sphinx.addnodes import desc
 
 import wheelwire
@@ -34,6 +36,11 @@ html_theme = "furo"
 html_title = f"Wheelwire {release}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
+html_favicon = "static/favicon.svg"
+html_search_scorer = str(DOCS / "static" / "scorer.js")
+highlight_language = "sh"
+"""Of blocks that name none: they are commands."""
 html_copy_source = False
 html_show_sphinx = False
 html_show_copyright = False
@@ -155,7 +162,33 @@ def is_prose(text: Any) -> bool:
     return paragraph
 
 
+def open_pictures(app: Any, tree: Any, page: str) -> None:
+    """Make each picture a link to its file, which a browser shows as large as one likes."""
+    if app.builder.format != "html":
+        return
+    for image in list(tree.findall(nodes.image)):
+        if image["uri"] not in app.env.images or isinstance(image.parent, nodes.reference):
+            continue
+        file = f"{app.builder.imagedir}/{app.env.images[image['uri']][1]}"
+        folder = posixpath.dirname(app.builder.get_target_uri(page)) or "."
+        link = nodes.reference(
+            "", "", internal=True, refuri=posixpath.relpath(file, folder), classes=["picture"]
+        )
+        image.parent.replace(image, link)
+        link.append(image)
+
+
+def fold_sidebar(
+    _app: Any, _page: str, _template: str, context: dict[str, Any], _tree: Any
+) -> None:
+    """Show what is below a page in the sidebar only on that page and beside it."""
+    links = context["toctree"](collapse=True, titles_only=True, maxdepth=-1, includehidden=True)
+    context["furo_navigation_tree"] = get_navigation_tree(links)
+
+
 def setup(app: Any) -> None:
     """For Sphinx."""
     app.connect("source-read", as_on_the_site)
     app.connect("doctree-resolved", explain_words)
+    app.connect("doctree-resolved", open_pictures)
+    app.connect("html-page-context", fold_sidebar, priority=900)  # after the theme

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 CONF = Path(__file__).parents[2] / "docs" / "conf.py"
 APP = SimpleNamespace(builder=SimpleNamespace(get_relative_uri=lambda _page, to: f"{to}.html"))
@@ -69,3 +71,44 @@ def test_the_first_use_of_a_word_leads_to_its_meaning(
         ("stop", "glossary.html#stopping", "end the drive"),
     ]
     assert tree.children[1].astext() == "stop E-stops end a stop. Then"
+
+
+def test_a_picture_leads_to_its_file(conf: Any) -> None:
+    from docutils import nodes
+
+    builder = SimpleNamespace(
+        format="html", imagedir="_images", get_target_uri=lambda page: f"{page}.html"
+    )
+    env = SimpleNamespace(images={"tutorial/a.svg": ({"tutorial/x"}, "a1.svg")})
+    image = nodes.image(uri="tutorial/a.svg")
+    tree = nodes.section("", nodes.paragraph("", "", image))
+    conf.open_pictures(SimpleNamespace(builder=builder, env=env), tree, "tutorial/x")
+    (link,) = tree.findall(nodes.reference)
+    assert link["refuri"] == "../_images/a1.svg"
+    assert link.children == [image]
+    conf.open_pictures(SimpleNamespace(builder=builder, env=env), tree, "tutorial/x")
+    assert len(list(tree.findall(nodes.reference))) == 1
+
+
+def test_the_sidebar_has_at_most_forty_links() -> None:
+    toc = yaml.safe_load((CONF.parent / "_toc.yml").read_text("utf-8"))
+    entries = [entry for group in toc["subtrees"] for entry in group["entries"]]
+    # On a page that has others below it, these are shown, too.
+    tutorial = entries[0]["entries"]
+    pages = sum(
+        len(list(CONF.parent.glob(f"{entry.get('file') or entry['glob']}.md")))
+        for entry in tutorial
+    )
+    assert len(entries) + pages <= 40
+    assert pages >= 10
+
+
+def test_the_search_ranks_no_page_that_is_not_there() -> None:
+    text = (CONF.parent / "static" / "scorer.js").read_text("utf-8")
+    groups = re.findall(r"const (?:FIRST|LAST) =\s*/\^\((.*?)\)/", text)
+    assert len(groups) == 2
+    for group in groups:
+        for name in group.split("|"):
+            wanted = name.replace("\\/", "/").rstrip("$")
+            found = CONF.parent / (wanted if wanted.endswith("/") else f"{wanted}.md")
+            assert found.exists(), wanted
