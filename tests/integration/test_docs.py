@@ -12,15 +12,17 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pytest
+from typer.main import get_command
 
 from support.command import PROGRAM, TIMEOUT_S
-from support.pages import PAGES, REASONS, ROOT, Block, blocks, count
+from support.pages import PAGES, REASONS, ROOT, Block, blocks, code_in_tables, count
 from support.typing_terminal import TypingTerminal
 from wheelwire import WheelwireError, open_driver
-from wheelwire.cli.app import run
+from wheelwire.cli.app import app, run
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -177,6 +179,35 @@ def test_what_is_not_run_says_why(page: str) -> None:
             assert f"def {test}(" in (ROOT / file).read_text("utf-8"), block
 
 
+@pytest.mark.usefixtures("reader")
+def test_code_in_tables_works(subtests: pytest.Subtests) -> None:
+    found = [one for page in PAGES for one in code_in_tables(page)]
+    expressions = {code: place for place, code in found if code.startswith("robot")}
+    assert len(expressions) >= 10
+    for code, place in expressions.items():
+        # Only a robot in real time can be recorded.
+        with subtests.test(place), MockDriver(realtime="record(" in code) as robot:
+            names = {**fragment_names(robot), "seconds": 0.1}
+            exec(compile(code, place, "exec"), names)  # noqa: S102
+
+
+def test_commands_in_tables_exist(subtests: pytest.Subtests) -> None:
+    found = [one for page in PAGES for one in code_in_tables(page)]
+    commands = {code: place for place, code in found if code.startswith("wheelwire ")}
+    assert len(commands) >= 40
+    for line, place in commands.items():
+        with subtests.test(f"{place} {line}"):
+            command: Any = get_command(app)
+            words = line.split()[1:]
+            if words[0] == "COMMAND":
+                continue
+            while words and words[0] in getattr(command, "commands", {}):
+                command = command.commands[words.pop(0)]
+            assert not hasattr(command, "commands") or not words, "no such command"
+            options = {name for one in command.params for name in (*one.opts, *one.secondary_opts)}
+            assert {word for word in words if word.startswith("--")} <= options
+
+
 def test_as_many_blocks_are_run_as_before() -> None:
     numbers = count()
     assert set(numbers) <= REASONS | {"run", "run by another test"}
@@ -244,10 +275,57 @@ def test_the_callbacks_are_used_as_the_page_for_python_says() -> None:
         assert rings == [None]
 
 
+@pytest.mark.parametrize(
+    ("wired", "says"),
+    [
+        ({}, "left +0."),
+        ({"left.motor_reversed": 1}, "LEFT_REVERSED: "),
+        ({"right.encoder_reversed": 1}, "RIGHT_REVERSED: "),
+    ],
+)
+def test_the_way_by_hand_names_the_wheel_that_is_wired_wrongly(
+    wired: dict[str, float], says: str
+) -> None:
+    program, _ = python("docs/tutorial/by-hand.md")
+    with Simulator(settings={"wheels_free": 1, **wired}) as simulator:
+        program = PORTS.sub(simulator.port, program)
+        assert says in program_output(program, "docs/tutorial/by-hand.md")
+
+
+def test_a_robot_that_drifts_drives_straight_as_the_page_says() -> None:
+    (program,) = python("docs/troubleshooting.md")
+
+    def drive(robot: MockDriver, calibrated: str | None) -> tuple[float, float]:
+        names: dict[str, object] = {"robot": robot}
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        for _ in range(100):
+            if calibrated:
+                exec(calibrated, names)  # noqa: S102
+            else:
+                robot.set_velocity(0.2, 0.0, ttl=0.3)
+            robot.advance(0.1)
+        robot.stop()
+        robot.advance(1.0)
+        return robot.simulator.get("true.x_m"), robot.simulator.get("true.y_m")
+
+    ends: list[tuple[float, float]] = []
+    for calibration in (None, program):
+        with MockDriver(realtime=False) as robot:
+            robot.simulator.set("left.radius_scale", 0.99)
+            robot.simulator.set("right.radius_scale", 1.01)
+            if calibration:
+                calibration = calibration.replace("2.0, 0.06", f"{ends[0][0]}, {ends[0][1]}")
+            ends.append(drive(robot, calibration))
+    (x, drifted), (_, straight) = ends
+    assert x == pytest.approx(2.0, abs=0.1)
+    assert drifted > 0.1
+    assert abs(straight) < 0.1 * drifted
+
+
 def test_the_tutorials_way_to_the_feed_forward_finds_it() -> None:
-    (_, program) = python("docs/tutorial/5-numbers.md")
+    (_, program) = python("docs/tutorial/by-hand.md")
     with Simulator() as simulator:  # its counts are the default
         program = PORTS.sub(simulator.port, program)
-        printed = program_output(program, "docs/tutorial/5-numbers.md")
+        printed = program_output(program, "docs/tutorial/by-hand.md")
     found = float(printed.split()[-1])
     assert found == pytest.approx(PARAMETER_BY_NAME["velocity_feedforward"].default, rel=0.03)

@@ -81,6 +81,21 @@ def blocks(page: str) -> list[Block]:
     return found
 
 
+CELL = re.compile(r"(?<!`)`((?:robot\b(?!\.[ch]pp)|wheelwire )[^`]*)`(?!`)")
+
+
+def code_in_tables(page: str) -> list[tuple[str, str]]:
+    """Place and text of each expression of a robot, or command, in the tables of a page."""
+    lines = enumerate((ROOT / page).read_text("utf-8").splitlines(), 1)
+    return [
+        (f"{page}:{number}", code.replace("\\|", "|"))
+        for number, line in lines
+        if line.lstrip().startswith("|")
+        for code in CELL.findall(line)
+        if code.startswith(("robot.", "robot[", "wheelwire "))
+    ]
+
+
 def count() -> Counter[str]:
     """How many blocks are run, here or by another test, and how many are not, by reason."""
     return Counter(
