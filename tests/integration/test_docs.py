@@ -50,6 +50,12 @@ OWN_FILES = {
 def tutorial() -> Iterator[Simulator]:
     """Page after page on one robot, as a reader does."""
     with Simulator(settings=ROBOT) as simulator:
+        # Page 5 asks a person to find it.
+        for name, value in ROBOT.items():
+            code, output = command_line(
+                f"wheelwire params set {simulator.port} {name} {value} --save"
+            )
+            assert code == 0, output
         yield simulator
 
 
