@@ -1,13 +1,18 @@
 // How the search ranks: what builds, drives and mends a robot first, the internals last.
 "use strict";
 
-const FIRST = /^(tutorial\/|first-hour|wiring|troubleshooting|boards|faq|ros$)/;
+const FIRST = /^(tutorial\/|first-hour|wiring|boards|faq|ros$)/;
+const SYMPTOMS = "troubleshooting";
 const LAST =
   /^(adr\/|project\/|internals|architecture|benchmarks|reliability|causes|commissioning|control|wheel-faults|versions|hardware-test|first-change|testing|platformio)/;
 
-const Scorer = {
+// `var`: the theme's script declares it once more.
+var Scorer = {
   // The first of a result is its page, the fifth its score.
-  score: ([page, , , , score]) => score + (FIRST.test(page) ? 20 : LAST.test(page) ? -1000 : 0),
+  score: ([page, , , , score]) => {
+    if (page === SYMPTOMS) return score + 25;
+    return score + (FIRST.test(page) ? 20 : LAST.test(page) ? -1000 : 0);
+  },
   objNameMatch: 11,
   objPartialMatch: 6,
   objPrio: { 0: 15, 1: 5, 2: -5 },
