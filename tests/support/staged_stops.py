@@ -400,7 +400,7 @@ STAGED: dict[str, Staged] = {
         ),
     ),
     "trial": Staged(("trial_expired",), _trial),
-    "program killed": Staged(("host_killed",), lambda _: None, closed=False),
+    "program killed": Staged(("host_killed or recording_cut",), lambda _: None, closed=False),
     "program frozen": Staged(
         ("host_frozen",), _one_by_one(lambda robot: robot.freeze(1.0), lambda robot: robot.run(0.2))
     ),

@@ -201,6 +201,8 @@ def _completeness(file: Path, found: Summary) -> str:
         return "yes"
     if is_being_written(file):
         return "no: it is being recorded"
+    if found.ended_by:
+        return f"no: its recorder gave up ({found.ended_by}); `wheelwire log repair {file}` ends it"
     return f"no: `wheelwire log repair {file}` writes the end that a crash left out"
 
 
@@ -221,14 +223,17 @@ def decode(
 
     `unix_s` is the time of day; `host_s` is the host's monotonic clock, as in a sample's stamp.
     """
-    from wheelwire.recording.reader import metadata, offset_us
+    from wheelwire.recording.reader import check_left_out, metadata, offset_us
 
     wanted = None if message is None else _message(message)
     said = metadata(file)
     offset = offset_us(said)
     found = _checked(file)
     # A file that cannot be read does not even get the heading.
-    found = chain((one for one in [next(found, None)] if one is not None), found)
+    first = next(found, None)
+    if first is None:
+        check_left_out(file)
+    found = chain(() if first is None else (first,), found)
     if as_json:
         for frame in found:
             if wanted is None or isinstance(frame.message, wanted):
@@ -328,7 +333,7 @@ def draw_recording(
         raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
     from wheelwire.commissioning.before_after import check_picture
     from wheelwire.recording.plot import draw
-    from wheelwire.recording.reader import metadata, records
+    from wheelwire.recording.reader import metadata, session_records
     from wheelwire.recording.summary import time_of_day
     from wheelwire.recording.trace import Trace
 
@@ -336,7 +341,7 @@ def draw_recording(
     check_writable(picture)
     check_picture(picture)
     try:
-        trace = Trace.of(records(file))
+        trace = Trace.of(session_records(file))
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from error
     window = None

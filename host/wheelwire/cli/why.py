@@ -109,20 +109,43 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and what was latched before, if that is all."""
     from wheelwire.diagnosis import Diagnosis
-    from wheelwire.recording.reader import metadata, offset_us, records, was_closed
+    from wheelwire.recording.reader import (
+        ENDED,
+        is_being_written,
+        metadata,
+        offset_us,
+        session_records,
+        was_cut,
+    )
 
     diagnosis = Diagnosis()
     try:
-        stops = [*diagnosis.feed_all(records(file)), *diagnosis.end(complete=was_closed(file))]
+        stops = [
+            *diagnosis.feed_all(session_records(file)),
+            *diagnosis.end(complete=not was_cut(file)),
+        ]
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from error
-    added_us = offset_us(metadata(file))
+    if not stops and not diagnosis.has_heard:
+        raise RecordingError(
+            f"{file}: the robot was out of reach all the time, so the recording cannot tell "
+            "whether something stopped it: `wheelwire why ROBOT` asks the robot itself"
+        )
+    said = metadata(file)
+    added_us = offset_us(said)
     if plot is not None:
         _draw(file, stops, plot)
     facts = [] if stops else [NOTHING]
     if facts and diagnosis.latched_before:
         before = ", ".join(diagnosis.latched_before)
         facts.append(f"It was stopped before the recording began: {before}.")
+    if is_being_written(file):
+        facts.append("It is being recorded: what comes is not in this yet.")
+    elif ENDED in said:
+        facts.append(
+            f"The recorder gave up before the robot was closed ({said[ENDED]}): what came later is "
+            "not in the file."
+        )
     return [_said(stop, stop.host_us + added_us) for stop in stops], facts
 
 

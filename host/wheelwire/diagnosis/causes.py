@@ -130,6 +130,11 @@ CAUSES: dict[str, Cause] = {
         "The program ended without closing the robot: it was killed, or its computer lost power",
         "the system's log",
     ),
+    "recording_cut": Cause(
+        "The recording was cut off while the robot drove on: its disk was gone, or only a part of "
+        "the file was copied",
+        "the disk that was recorded to",
+    ),
     "host_frozen": Cause(
         "The program stood still: nothing of it ran, not even its link", "the host's load"
     ),

@@ -136,10 +136,12 @@ class Diagnosis:
 
     Attributes:
         latched_before: The state and faults that were latched before the first record, by name.
+        has_heard: Whether the robot was in reach at all.
     """
 
     def __init__(self) -> None:
         self.latched_before: tuple[str, ...] = ()
+        self.has_heard = False
         self._rerun = Rerun()
         self._frames = FrameReader()
         self._history = History()
@@ -186,6 +188,7 @@ class Diagnosis:
             self._take_sample(measurement)
         session = self._rerun.session
         if session is not None:
+            self.has_heard |= session.phase is Phase.OPEN
             self._history.note_sensors(session.sensors, record.host_us)
             if record.kind is Kind.START:
                 self._begin(session)
@@ -201,7 +204,7 @@ class Diagnosis:
         """No record comes any more; returns the stops that are left.
 
         Args:
-            complete: Whoever recorded closed the recording; else it was cut off.
+            complete: Whoever recorded ended the recording, or records on; else it was cut off.
         """
         self._by_sensor = None  # nothing more will name it
         stops = self._decide(self._rerun.host_us + 2 * ANSWER_US)
@@ -209,13 +212,14 @@ class Diagnosis:
         if self._loss is not None:
             stops.append(self._lost(self._loss))
         elif self._state is _DRIVING and (self._hung_up or not complete):
-            cause, text = "host_hung_up", "the link was closed while a setpoint was obeyed"
-            if not complete:
-                cause = "host_killed"
+            causes: tuple[str, ...] = ("host_hung_up",)
+            text = "the link was closed while a setpoint was obeyed"
+            if not self._hung_up:
+                causes = "host_killed", "recording_cut"
                 text = "the recording ends without a close while the robot drove"
             elif now_us - self._history.stop_us < ANSWER_US:
-                cause, text = "stop_by_session", "it closed the robot, which stops it"
-            stops.append(self._stop(now_us, (cause,), (text,)))
+                causes, text = ("stop_by_session",), "it closed the robot, which stops it"
+            stops.append(self._stop(now_us, causes, (text,)))
         return stops
 
     def latched(self) -> Stop | None:
@@ -280,6 +284,7 @@ class Diagnosis:
             self._loss = None  # the device itself has said why it stopped
 
     def _take_sample(self, measurement: Measurement) -> None:
+        self.has_heard = True
         self._history.note_sample(measurement)
         state, t_us = measurement.supervisor, measurement.state.t_us
         if self._state_t_us is not None and tick_difference(t_us, self._state_t_us) < 0:

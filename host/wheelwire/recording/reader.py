@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from wheelwire_protocol.codec import schema_hash
 
 from ..errors import RecordingError
-from ..link.tap import Record
+from ..link.tap import Kind, Record
 from .raw import TOPICS, decode
 
 if TYPE_CHECKING:
@@ -28,12 +28,19 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 METADATA = "wheelwire"
 """The name of the metadata record that says what was recorded."""
+ENDED = "ended_by"
+"""The entry of `METADATA` that says why a recorder gave up; blank until then."""
 REPAIRED = "wheelwire_repaired"
 """The name of the one that a repair adds: nobody closed the recording."""
 INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
 NOTHING = (
     "it is no MCAP file, or nothing of it was written; name a file that `wheelwire log record` "
     "has made"
+)
+LEFT_OUT = (
+    "what crossed the link is not in it, or not all of it: that takes /wheelwire/received, "
+    "/wheelwire/sent and /wheelwire/session, and its topics are: {topics}. Another program left "
+    "them out, or the recording ended as it began; name the original"
 )
 FOREIGN = (
     "it is no recording of a robot by Wheelwire; name a file that `wheelwire log record` has made"
@@ -44,6 +51,9 @@ HEAD = struct.Struct("<BQ")
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
 ATTACHMENT, METADATA_RECORD, DATA_END = 9, 12, 15
 """Opcodes of MCAP's specification. The last is the highest."""
+_READ = {HEADER: "Header", CHANNEL: "Channel", METADATA_RECORD: "Metadata"}
+"""Parts whose form is checked, by the names of what reads them."""
+RECEIVED_KINDS = frozenset((Kind.RECEIVED, Kind.RECEIVED_EACH))
 _MESSAGE = struct.Struct("<HIQQ")
 """The head of a message: channel, sequence, and two times."""
 _DATA_END = HEAD.pack(DATA_END, 4)
@@ -105,8 +115,8 @@ def parts(file: BinaryIO) -> Iterator[Part]:
 
 def _is_whole(part: Part) -> bool:
     """Whether a part with a checksum, or of a known form, is undamaged."""
+    from mcap import records
     from mcap.exceptions import McapError
-    from mcap.records import Header, Metadata
 
     try:
         if part.opcode == CHUNK:
@@ -118,8 +128,10 @@ def _is_whole(part: Part) -> bool:
         if part.opcode == ATTACHMENT:
             (crc,) = struct.unpack("<I", part.content[-4:])
             return bool(crc == zlib.crc32(part.content[:-4]))
-        if part.opcode in (HEADER, METADATA_RECORD):
-            (Header if part.opcode == HEADER else Metadata).read(stream_of(part.content))
+        if part.opcode == MESSAGE:
+            return len(part.content) >= _MESSAGE.size
+        if part.opcode in _READ:
+            getattr(records, _READ[part.opcode]).read(stream_of(part.content))
     except (McapError, ValueError, OverflowError, struct.error, EOFError):
         return False
     return True
@@ -162,6 +174,36 @@ def records(path: str | Path) -> Iterator[Record]:
                 raise RecordingError(f"{path}: {error}") from error
 
 
+def session_records(path: str | Path) -> Iterator[Record]:
+    """As `records`, for those who run the session again.
+
+    Raises:
+        RecordingError: As `records`; or it is no recording that has just begun, and the session, or
+            what was received, is not in it.
+    """
+    kinds: set[Kind] = set()
+    first = last = None
+    number = 0
+    for record in records(path):
+        kinds.add(record.kind)
+        first = record.number if first is None else first
+        last = record.number
+        number += 1
+        yield record
+    # All records of a link are counted: those that another program left out are missing. A robot
+    # that was out of reach all the time has sent nothing, and then no number is missing.
+    is_whole = first is not None and last is not None and last - first < number
+    if Kind.START not in kinds or not (is_whole or kinds & RECEIVED_KINDS):
+        check_left_out(path)
+
+
+def check_left_out(path: str | Path) -> None:
+    """Raise `RecordingError` for a file without what is to be read, unless it has just begun."""
+    if not is_being_written(path):
+        topics = sorted({topic for topic, _, _ in messages(path)})
+        raise RecordingError(f"{path}: {LEFT_OUT.format(topics=', '.join(topics) or 'none')}")
+
+
 def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
     """Each message's topic, its time [ns since 1970] and what it says, in the file's order.
 
@@ -171,18 +213,19 @@ def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
     topics: dict[int, str] = {}
     with closing(_parts_of(path)) as from_file:
         for part in from_file:
-            if part.opcode != CHUNK:
-                continue
-            chunk = chunk_of(part)
-            if chunk.compression:
-                raise RecordingError(
-                    f"{path} was compressed by another program: `mcap decompress` undoes that"
-                )
-            data = chunk.data
-            for opcode, begin, end in within(data):
+            if part.opcode == CHUNK:
+                chunk = chunk_of(part)
+                if chunk.compression:
+                    raise RecordingError(
+                        f"{path} was compressed by another program: `mcap decompress` undoes that"
+                    )
+                data, inner = chunk.data, within(chunk.data)
+            else:  # another program may have written it without chunks
+                data, inner = part.content, iter(((part.opcode, 0, len(part.content)),))
+            for opcode, begin, end in inner:
                 if opcode == MESSAGE:
                     channel, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
-                    yield topics[channel], time_ns, data[begin + _MESSAGE.size : end]
+                    yield topics.get(channel, ""), time_ns, data[begin + _MESSAGE.size : end]
                 elif opcode == CHANNEL:
                     from mcap.records import Channel  # here: opening the file says what to install
 
@@ -209,7 +252,8 @@ def metadata(path: str | Path) -> dict[str, str]:
     with closing(_parts_of(path)) as from_file:
         for part in from_file:
             if part.opcode == METADATA_RECORD and (said := _said(part, METADATA)) is not None:
-                return said
+                ended = said.pop(ENDED, "").strip()
+                return said | ({ENDED: ended} if ended else {})
     raise RecordingError(f"{path}: {FOREIGN}")
 
 
@@ -275,6 +319,15 @@ def was_closed(path: str | Path) -> bool:
             for part in from_file
         )
     return not is_repaired and is_complete(path)
+
+
+def was_cut(path: str | Path) -> bool:
+    """Whether the recording ends though nobody closed it, nor gave it up, nor writes it now.
+
+    Raises:
+        RecordingError: The file cannot be read.
+    """
+    return not (is_being_written(path) or ENDED in metadata(path) or was_closed(path))
 
 
 def is_being_written(path: str | Path) -> bool:

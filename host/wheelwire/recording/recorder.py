@@ -219,7 +219,7 @@ class Recorder:
         self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
         _LOG.error("%s; the robot is driven on", self.error)
         with suppress(OSError):  # a full disk may report it once more
-            self._file.abandon()
+            self._file.give_up(str(reason))
 
     def _taken(self) -> list[Record]:
         """The records for this file. Begins the next file, or begins anew after a loss."""

@@ -11,7 +11,7 @@ from ..errors import RecordingError
 from ..link.rerun import Rerun
 from ..link.tap import Kind
 from .frames import FrameReader
-from .reader import is_complete, metadata, offset_us, records
+from .reader import ENDED, is_complete, metadata, offset_us, session_records
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Summary:
         frames_lost: On the way from the robot, by their sequence numbers.
         board_id: The robot's board id, as 12 hex digits.
         complete: Whether it has its end; a crash leaves a file without one.
+        ended_by: Why the recorder gave up before its link ended, such as a full disk; else empty.
         began: The time of day, in UTC.
         driver: The name of the program's driver.
         version: Version of the Wheelwire that recorded it.
@@ -37,6 +38,7 @@ class Summary:
     frames_lost: int
     board_id: str
     complete: bool
+    ended_by: str
     began: str
     driver: str
     version: str
@@ -47,7 +49,8 @@ def summary(path: str | Path) -> Summary:
     """Read all of a recording.
 
     Raises:
-        RecordingError: The file cannot be read, is no recording, or of another release.
+        RecordingError: The file cannot be read, is no recording, or of another release; or what
+            crossed the link is not in it.
     """
     said = metadata(path)
     again, reader = Rerun(), FrameReader()
@@ -60,7 +63,7 @@ def summary(path: str | Path) -> Summary:
         return received + counted.frames_received, lost + counted.frames_lost
 
     try:
-        for record in records(path):
+        for record in session_records(path):
             if record.kind is Kind.START:  # anew, where records are missing
                 received, lost = count()
                 first_us = first_us or record.host_us
@@ -77,6 +80,7 @@ def summary(path: str | Path) -> Summary:
         frames_lost=lost,
         board_id=said.get("board_id", ""),
         complete=is_complete(path),
+        ended_by=said.get(ENDED, ""),
         began=time_of_day(first_us, said),
         driver=said.get("driver", ""),
         version=said.get("version", ""),

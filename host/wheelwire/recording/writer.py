@@ -10,11 +10,15 @@ from typing import NamedTuple
 
 from ..link.tap import Record
 from . import raw
-from .reader import METADATA, require_mcap
+from .reader import ENDED, METADATA, require_mcap
 
 LIBRARY = "wheelwire"
 """The entry in the file's header that marks our files."""
 PROFILE = "ros2"
+REASON_SIZE = 96
+"""Room for why a recorder gave up, written at the beginning: a full disk has none at the end."""
+_BEGINNING = 4096
+"""The metadata are within the first bytes."""
 # What rosbag2 itself writes of a reliable publisher: without it `ros2 bag play` has to guess.
 _QOS = """- history: 1
   depth: 10
@@ -115,7 +119,11 @@ class RecordingFile:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = Writer(self._output, compression=CompressionType.NONE)
             self._writer.start(PROFILE, LIBRARY)
-            said = {"unix_minus_monotonic_ns": str(unix_minus_monotonic_ns), **metadata}
+            said = {
+                "unix_minus_monotonic_ns": str(unix_minus_monotonic_ns),
+                ENDED: " " * REASON_SIZE,
+                **metadata,
+            }
             self._writer.add_metadata(METADATA, said)
             self._channels = self._register((*RAW_CHANNELS, *channels))
             self.sync()
@@ -175,6 +183,23 @@ class RecordingFile:
             self.sync()  # first: a file that has an end is whole
             self._writer.finish()
             self._output.flush()
+            os.fdatasync(self._descriptor)
+        finally:
+            self.abandon()
+
+    def give_up(self, reason: str) -> None:
+        """Note in the file why nothing more is written, where there is room for it; close it.
+
+        Raises:
+            OSError: It cannot be written to at all.
+        """
+        try:
+            text = reason.encode()[:REASON_SIZE].decode("utf-8", "ignore").encode()
+            begin = os.pread(self._descriptor, _BEGINNING, 0)
+            blank = ENDED.encode() + REASON_SIZE.to_bytes(4, "little")
+            at = begin.find(blank)
+            if at >= 0:
+                os.pwrite(self._descriptor, text.ljust(REASON_SIZE), at + len(blank))
             os.fdatasync(self._descriptor)
         finally:
             self.abandon()

@@ -14,7 +14,7 @@ from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
 from ..link.clock import host_clock_us
-from ..recording.reader import records, was_closed
+from ..recording.reader import session_records, was_cut
 from .model import Look, Model, Status
 
 LOOKS_PER_STATUS = 10
@@ -117,7 +117,7 @@ class _RecordedStops:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._diagnosis = Diagnosis()
-        self._records = records(file)
+        self._records = session_records(file)
         self._next = next(self._records, None)
 
     def until(self, now_us: int) -> list[Stop]:
@@ -138,4 +138,4 @@ class _RecordedStops:
     def rest(self) -> list[Stop]:
         """The remaining stops up to the end; raises as `until` does."""
         stops = self.until(sys.maxsize)
-        return stops + self._diagnosis.end(complete=was_closed(self._file))
+        return stops + self._diagnosis.end(complete=not was_cut(self._file))

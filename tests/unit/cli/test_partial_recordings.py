@@ -1,0 +1,204 @@
+"""What is not in a recording is not judged: cut, filtered or rewritten by others, still growing."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import pytest
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+
+from support.cases import each
+from support.command import check_error, output, run, run_json
+from support.staged_stops import StagedRobot
+from support.tapped_line import TappedLine
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.link.tap import Kind, Record
+from wheelwire.recording.raw import RECEIVED, SENT, SESSION, TOPICS
+from wheelwire.recording.reader import records
+from wheelwire.recording.recorder import Recorder
+from wheelwire.recording.writer import RecordingFile
+from wheelwire_protocol.types import ClearEstop
+
+SAID = {"driver": "mock", "board_id": "0a1b2c3d4e5f"}
+CUT = "host_killed or recording_cut"
+
+
+def write(path: Path, these: list[Record], *, ends: bool = True) -> Path:
+    file = RecordingFile(path, 1_700_000_000_000_000_000, SAID)
+    for record in these:
+        file.add(record)
+    if ends:
+        file.close()
+    else:
+        file.sync()
+        file.abandon()
+    return path
+
+
+@pytest.fixture(scope="module")
+def drive() -> list[Record]:
+    """A robot that drives at the end, and was e-stopped before."""
+    robot = StagedRobot()
+    robot.open()
+    robot.estop()
+    robot.run(0.3)
+    robot.request(ClearEstop(0, 0))
+    robot.drive(0.0, 0.0, 0.04)
+    robot.drive(0.2, 0.2, 0.5)
+    return robot.reader.take()
+
+
+def rewritten(
+    source: Path, path: Path, topics: Collection[str] = TOPICS, *, chunked: bool = True
+) -> Path:
+    """As another program writes it again."""
+    with source.open("rb") as old, path.open("wb") as new:
+        writer = Writer(new, compression=CompressionType.NONE, use_chunking=chunked)
+        writer.start("ros2", "another program")
+        wanted: set[int] = set()
+        for record in StreamReader(old).records:
+            kind = type(record).__name__
+            if kind == "Metadata":
+                writer.add_metadata(record.name, record.metadata)
+            elif kind == "Schema":
+                writer.register_schema(record.name, record.encoding, record.data)
+            elif kind == "Channel":
+                writer.register_channel(record.topic, "cdr", record.schema_id, record.metadata)
+                wanted |= {record.id} if record.topic in topics else set()
+            elif kind == "Message" and record.channel_id in wanted:
+                writer.add_message(record.channel_id, record.log_time, record.data, 1)
+        writer.finish()
+    return path
+
+
+def causes(path: Path) -> list[str]:
+    return [stop["cause"] for stop in run_json("why", str(path))]
+
+
+def test_what_others_wrote_without_chunks_is_the_same_recording(
+    drive: list[Record], tmp_path: Path
+) -> None:
+    day = write(tmp_path / "day.mcap", drive)
+    flat = rewritten(day, tmp_path / "flat.mcap", chunked=False)
+    assert list(records(flat)) == list(records(day)) == drive
+    assert causes(flat) == causes(day) == ["estop_by_session"]
+    assert output("log", "decode", str(flat)) == output("log", "decode", str(day))
+    data = bytearray(flat.read_bytes())
+    at = data.index(SESSION.encode())
+    data[at - 4 : at] = b"\xff" * 4  # the length of a channel's topic
+    flat.write_bytes(data)
+    check_error(run("why", str(flat)), errors.RecordingError)
+
+
+@each("command", ["why", "log info", "log decode", "log plot", "monitor --plain"])
+@pytest.mark.parametrize("topics", [(), (SENT,), (SESSION, SENT)], ids=len)
+def test_a_recording_without_its_input_says_so(
+    command: str, topics: tuple[str, ...], drive: list[Record], tmp_path: Path
+) -> None:
+    day = write(tmp_path / f"{command}.mcap", drive)
+    path = rewritten(day, tmp_path / f"{command} of odom.mcap", topics)
+    words = command.split()
+    result = run(*words[:2], str(path), *words[2:])
+    if command == "log decode" and topics:
+        assert "SetWheelVelocity" in result.stdout  # what there is
+        return
+    assert result.returncode == errors.RecordingError.exit_code, result.stdout
+    assert result.stderr.startswith("wheelwire: ")
+    assert "what crossed the link is not in it" in result.stderr or command.startswith("monitor")
+
+
+def test_a_robot_that_was_out_of_reach_all_the_time(tmp_path: Path) -> None:
+    robot = StagedRobot()
+    robot.session.connect(0)
+    robot.cable = False
+    robot.run(1.0)
+    path = write(tmp_path / "day.mcap", robot.reader.take())
+    assert "out of reach all the time" in check_error(run("why", str(path)), errors.RecordingError)
+    assert run_json("log", "info", str(path))["frames_received"] == 0
+
+
+def test_a_file_that_is_cut_was_not_always_cut_by_the_program(
+    drive: list[Record], tmp_path: Path
+) -> None:
+    path = write(tmp_path / "day.mcap", drive, ends=False)
+    assert causes(path) == ["estop_by_session", CUT]
+    assert run_json("log", "repair", str(path))["repaired"]
+    assert causes(path) == ["estop_by_session", CUT]
+
+
+def test_what_was_closed_before_the_file_was_cut_is_no_kill(
+    drive: list[Record], tmp_path: Path
+) -> None:
+    last = drive[-1]
+    closed = Record(
+        last.number + 1, Kind.DISCONNECTED, last.host_us, b"the link is closed; open it again"
+    )
+    path = write(tmp_path / "day.mcap", [*drive, closed], ends=False)
+    assert causes(path) == ["estop_by_session", "host_hung_up"]
+
+
+def test_a_recording_that_grows_is_not_over(drive: list[Record], tmp_path: Path) -> None:
+    file = RecordingFile(tmp_path / "day.mcap", 0, SAID)
+    for record in drive:
+        file.add(record)
+    file.sync()
+    try:
+        assert causes(file.path) == ["estop_by_session"]
+        assert "It is being recorded" in output("why", str(file.path))
+    finally:
+        file.close()
+
+
+@pytest.fixture
+def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[TappedLine], Recorder]:
+    """Records until the disk is full."""
+
+    def record(link: TappedLine) -> Recorder:
+        def fail(_: int, __: object) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        recorder = Recorder(link, tmp_path / "day.mcap", SAID)
+        link.drive(1.0)
+        wait_until(lambda: len(list(records(recorder.file))) > 50)
+        monkeypatch.setattr("wheelwire.recording.writer.os.write", fail)
+        link.drive(1.0)
+        wait_until(lambda: recorder.error)
+        recorder.close()
+        monkeypatch.undo()
+        return recorder
+
+    return record
+
+
+def test_a_full_disk_is_no_kill(full: Callable[[TappedLine], Recorder]) -> None:
+    file = full(TappedLine()).file
+    assert causes(file) == []
+    text = "gave up before the robot was closed (No space left on device)"
+    assert text in " ".join(output("why", str(file)).split())
+    info = run_json("log", "info", str(file))
+    assert (info["complete"], info["ended_by"]) == (False, "No space left on device")
+    assert "No space left on device" in output("log", "info", str(file))
+    assert run_json("log", "repair", str(file))["repaired"]
+    assert causes(file) == []
+
+
+def test_a_copy_of_half_a_file(drive: list[Record], tmp_path: Path) -> None:
+    day, half = write(tmp_path / "day.mcap", drive), tmp_path / "half.mcap"
+    shutil.copy(day, half)
+    with half.open("r+b") as file:
+        file.truncate(day.stat().st_size - 2000)
+    assert causes(half)[-1:] == [CUT]
+
+
+def test_received_alone_is_decoded(drive: list[Record], tmp_path: Path) -> None:
+    path = rewritten(write(tmp_path / "day.mcap", drive), tmp_path / "a.mcap", (RECEIVED,))
+    assert "WheelState" in output("log", "decode", str(path))
+    assert "what crossed the link is not" in check_error(
+        run("why", str(path)), errors.RecordingError
+    )
