@@ -52,7 +52,8 @@ CAUSES: dict[str, Cause] = {
     ),
     "wheel_reversed": Cause(
         "{wheel} wheel's speed grew against its drive",
-        "the wires of motor and encoder: swap A and B, or set encoder_inverted",
+        "whether the wheel turned backward: if so its motor is reversed, else its encoder; "
+        "`wheelwire setup` finds out, and corrects the right one",
     ),
     "encoder_implausible": Cause(
         "{wheel} wheel was driven harder than its measured speed explains, while it counted on",
@@ -147,6 +148,10 @@ CAUSES: dict[str, Cause] = {
     "setpoints_expired": Cause(
         "The setpoints were too old when they arrived",
         "the host's load and the setpoints' time to live",
+    ),
+    "ttl_too_short": Cause(
+        "Each setpoint ran out before the next one: the robot starts and stops",
+        "the program's loop: send more often, or give a longer ttl",
     ),
     "program_paused": Cause(
         "The program asked for nothing any more while its link went on",

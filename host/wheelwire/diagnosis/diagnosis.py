@@ -56,7 +56,7 @@ from .causes import (
     look_at_of,
     sentence_of,
 )
-from .history import Asked, History, battery_v, drives
+from .history import SPAN_US, Asked, History, battery_v, drives
 
 DECIDE_US = 60_000
 """A stop is judged this long after it, for later records may explain it."""
@@ -71,6 +71,10 @@ RESTART_US = 5_000_000
 """A Restart that was sent this long before a start may be its cause."""
 EXPIRY_US = 30_000
 """A setpoint that ends this near to a deadline is the one that ran out."""
+RESUMES_US = 500_000
+"""Setpoints may come again within this time, and then show how far apart they are."""
+FROZEN_S = 0.4
+"""A link that waits wakes up twice as often as this."""
 MOVING_MPS = 0.02
 STANDING_MPS = 0.005
 LASTING = (
@@ -131,8 +135,9 @@ class _Loss(NamedTuple):
 class Diagnosis:
     """Runs a session again, and reports its stops.
 
-    Live, a stop is reported some 60 ms after it, with the records that come then; one by a sensor
-    up to 1.2 s after it, until the device has said which one.
+    Live, a stop is reported some 60 ms after it, with the records that come then; that of a
+    setpoint that ran out 0.5 s after it, for the next ones may explain it; one by a sensor up to
+    1.2 s after it, until the device has said which one.
 
     Attributes:
         latched_before: The state and faults that were latched before the first record, by name.
@@ -149,6 +154,8 @@ class Diagnosis:
         """When to judge each stop, and how; in order."""
         self._latch: Callable[[], Stop | None] | None = None
         """Judges the stop that latches the robot now; once reported, it is that."""
+        self._paused: Callable[[], Stop | None] | None = None
+        """Judges a setpoint that ran out, once the next ones have had time to come."""
         self._by_sensor: tuple[Callable[[], Stop | None], int] | None = None
         """Judges the newest stop by a sensor, and when that was."""
         self._state: SupervisorState | None = None
@@ -164,6 +171,8 @@ class Diagnosis:
         self._contact_seen_us = -ANSWER_US
         self._nominal_v: float | None = None
         self._hung_up = False
+        self._too_slow_us = -SPAN_US
+        """When a setpoint last ran out because the program asks too seldom."""
         self._last_stop_us = -2 * ANSWER_US
         self._last_cause = ""
 
@@ -227,18 +236,20 @@ class Diagnosis:
         return self._latch() if self._latch is not None else None
 
     def _decide(self, now_us: int) -> list[Stop]:
-        stops = []
+        stops: list[Stop | None] = []
         while self._undecided and self._undecided[0][0] <= now_us:
             due_us, judge = self._undecided.pop(0)
             if self._waits_for_inputs(judge, now_us):
                 self._later(due_us, judge)
                 continue
-            stop = judge()
+            paused, self._paused = self._paused, None
+            if paused is not None and paused is not judge:  # first: stops are reported in order
+                self._undecided = [one for one in self._undecided if one[1] is not paused]
+                stops.append(paused())
+            stops.append(judge())
             if judge is self._latch:
-                self._latch = partial(_same, stop)
-            if stop is not None:
-                stops.append(stop)
-        return stops
+                self._latch = partial(_same, stops[-1])
+        return [stop for stop in stops if stop is not None]
 
     def _waits_for_inputs(self, judge: Callable[[], Stop | None], now_us: int) -> bool:
         """Whether it judges a stop by a sensor, and the device may still say which one."""
@@ -368,7 +379,7 @@ class Diagnosis:
         elif after is SupervisorState.ESTOPPED:
             judge = self._latch = partial(self._estopped, at_us, first)
         elif before is _DRIVING and after is SupervisorState.TIMED_OUT:
-            judge = partial(self._timed_out, at_us, now_us)
+            judge = partial(self._timed_out, at_us)
         elif before is _DRIVING and after is SupervisorState.IDLE:
             if cause is SupervisorEvent.SESSION:
                 judge = partial(self._new_session, at_us)
@@ -528,13 +539,15 @@ class Diagnosis:
         if self._history.was_sent(Hello, at_us - ANSWER_US):
             error = self._rerun.session.error if self._rerun.session is not None else ""
             gap_s = self._history.longest_gap_s(at_us - 2 * ANSWER_US)
-            cause = "host_frozen" if gap_s > 0.2 or "suspended" in str(error) else "cable_pulled"
+            cause = (
+                "host_frozen" if gap_s > FROZEN_S or "suspended" in str(error) else "cable_pulled"
+            )
             return self._stop(at_us, (cause,), (f"this program opened a new session: {error}",))
         text = "the device began a session that this program did not ask for"
         return self._stop(at_us, ("new_session",), (text,))
 
-    def _timed_out(self, at_us: int, now_us: int) -> Stop:
-        """A setpoint ran out."""
+    def _timed_out(self, at_us: int) -> Stop | None:
+        """A setpoint ran out; None if what follows has to show why."""
         history = self._history
         asked = [one for one in history.asked if one.host_us <= at_us]
         if not asked:
@@ -543,16 +556,28 @@ class Diagnosis:
         quiet_s = (at_us - last.host_us) / 1e6
         if last.expiry_us > at_us + EXPIRY_US:
             return self._unobeyed(at_us, asked)
-        gap_s = history.longest_gap_s(last.host_us - EXPIRY_US)
+        gap_s = history.gap_over_s(at_us, EXPIRY_US)
         evidence = [f"the last setpoint was asked for {quiet_s:.2f} s before"]
         if gap_s >= 0.5 * quiet_s:
             evidence.append(f"for {gap_s:.2f} s nothing of the program ran")
-            if now_us > at_us + EXPIRY_US:
-                evidence.append("what the robot had sent meanwhile was read together afterwards")
+            evidence.append("what the robot had sent meanwhile was read together afterwards")
             return self._stop(at_us, ("host_frozen",), evidence)
         states = sum(1 for one in history.samples if last.host_us < one.arrived_us <= at_us)
         evidence.append(f"{states} samples were received since")
-        return self._stop(at_us, ("program_paused",), evidence)
+        self._paused = partial(self._asked_late, at_us, last, evidence)
+        self._later(at_us, self._paused, RESUMES_US)
+        return None
+
+    def _asked_late(self, at_us: int, last: Asked, evidence: list[str]) -> Stop | None:
+        """The program paused, or asks too seldom; None if that was reported already."""
+        period_s, ttl_s = self._history.period_s(), (last.expiry_us - last.host_us) / 1e6
+        if period_s is None or period_s <= ttl_s:
+            return self._stop(at_us, ("program_paused",), evidence)
+        since_us, self._too_slow_us = self._too_slow_us, at_us
+        if at_us - since_us < SPAN_US:
+            return None
+        text = f"setpoints every {period_s:.2f} s, ttl {ttl_s:.2f} s"
+        return self._stop(at_us, ("ttl_too_short",), (text,))
 
     def _unobeyed(self, at_us: int, asked: list[Asked]) -> Stop:
         """Setpoints were asked for whose time had not run out."""

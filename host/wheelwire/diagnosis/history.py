@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+from statistics import median
 from typing import NamedTuple, TypeVar
 
 from wheelwire_protocol.types import AnyMessage, Refuse
@@ -20,7 +22,8 @@ from .causes import sensor_causes
 T = TypeVar("T")
 SPAN_US = 5_000_000
 GAP_US = 100_000
-"""A link's thread wakes up more often than this, if only for its pings."""
+"""A link's thread wakes up more often than this, if only for its pings. Without a stream it does so
+only every 0.2 s: a gap alone does not show that it stood still."""
 COPIES_US = 30_000
 """Time within which the link sends the copies of one stop."""
 CLOCK_US = 2_000
@@ -200,6 +203,19 @@ class History:
         if abs(nearest - asked_us) < NOTED_US and sent[-1] - nearest < COPIES_US:
             return f"{by}, asked beside this program"
         return "this program asked"
+
+    def period_s(self) -> float | None:
+        """The median time between setpoints of the last seconds; None with less than two."""
+        times = [one.host_us for one in self.asked]
+        return median(later - one for one, later in pairwise(times)) / 1e6 if times[1:] else None
+
+    def gap_over_s(self, at_us: int, after_us: int) -> float:
+        """The time in which nothing of the program ran, from before `at_us` until `after_us` later.
+
+        What the device sends at that moment ends the gap of a link that only waits.
+        """
+        found = (end - begin for begin, end in self.gaps if begin <= at_us <= end - after_us)
+        return max(found, default=0) / 1e6
 
     def longest_gap_s(self, since_us: int) -> float:
         """The longest time since then in which nothing of the program ran, in seconds."""
