@@ -72,14 +72,33 @@ class DeviceSilent(WheelwireError):  # noqa: N818
 
 
 class ForeignDevice(WheelwireError):  # noqa: N818
-    """The device sends bytes, but no Wheelwire frames."""
+    """The device sends bytes, but no Wheelwire frames.
+
+    Args:
+        port: Where.
+        baud_rates: That were tried.
+        bytes_received: At all of them.
+        quote: The newest line of plain text in these, if there is any.
+        cure: What that text means, and what to do, where it is known.
+    """
 
     exit_code = 5
 
-    def __init__(self, port: str, baud_rates: Sequence[int], bytes_received: int) -> None:
-        super().__init__(
-            f"{port} sent {bytes_received} bytes but no Wheelwire frame{_at_rates(baud_rates)}: "
+    def __init__(
+        self,
+        port: str,
+        baud_rates: Sequence[int],
+        bytes_received: int,
+        quote: str = "",
+        cure: str = "",
+    ) -> None:
+        cure = cure or (
             "choose another port (`wheelwire ports`), give its baud rate, or flash the firmware"
+        )
+        said = f", but the text {quote!r}" if quote else ""
+        super().__init__(
+            f"{port} sent {bytes_received} bytes but no Wheelwire frame{_at_rates(baud_rates)}"
+            f"{said}: {cure}"
         )
         self.baud_rates = tuple(baud_rates)
 

@@ -383,7 +383,8 @@ class Link(DeviceLink):
             return PortUnavailable(port, str(policy.lost))
         # Bytes without an answer: another kind of device, or a rate that was not tried.
         if session.bytes_received:
-            return ForeignDevice(port, tried, session.bytes_received)
+            text = session.plain_text
+            return ForeignDevice(port, tried, session.bytes_received, text.quote, text.sentence)
         return DeviceSilent(port, tried)
 
 

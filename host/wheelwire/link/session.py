@@ -110,6 +110,7 @@ from .info import (
 )
 from .liveness import Liveness
 from .news import Happening, News, StandingNews
+from .plain_text import PlainText
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .sensor_stream import SensorStream as Sensors
 from .setpoints import REARM_GAP, SETPOINT_IDS, TTL_MAX, OpenSession, SetpointSender
@@ -175,6 +176,7 @@ class Session:
         watched_values: Parameter id -> value of the watched parameters; None while no session is
             open. Replaced as a whole when one of them changes.
         bytes_received: Since the start.
+        plain_text: That came in place of frames since the device last answered.
         frames_received: Good frames of known messages, since the start.
         sensors: What the sensors measure, once the application asked for it.
         setpoints: Makes the frames of setpoints, for any thread.
@@ -207,6 +209,7 @@ class Session:
         self.values: dict[int, float] = {}
         self.watched_values: Mapping[int, float] | None = None
         self.bytes_received = 0
+        self.plain_text = PlainText()
         self.frames_received = 0
         self.news: deque[News] = deque()
         self.tap = Tap()
@@ -366,7 +369,7 @@ class Session:
         if now_us >= self._recent.due_us:
             lost = self._decoder.counters.seq_lost
             self._recent.note(now_us, self._state_stream.new, self.frames_received, lost)
-        messages = self._decoder.feed(data)
+        messages = self._decoder.feed(data) or self._text_in(data)
         self.frames_received += len(messages)
         found: list[Measurement] = []
         states: list[WheelState] = []
@@ -395,6 +398,16 @@ class Session:
             self._open_when_prepared(now_us)
         self._join()
         return found
+
+    def _text_in(self, data: bytes) -> list[AnyMessage]:
+        """Read the text of a chip that does not run and may say why; no message is in it."""
+        text = self.plain_text
+        if self.phase is Phase.HELLO and text.feed(data):
+            said = f"the device does not answer, and sends {text.quote!r}: {text.sentence}"
+            self.error = LinkLost(said)
+            if self.count:  # else opening it raises this
+                self.warn_held("%s", said)
+        return []
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
@@ -606,6 +619,7 @@ class Session:
             self._foreign += 1
             return
         self.answers += 1
+        self.plain_text.forget()
         if self._in_session:  # the answer to a repeated hello
             self._begin_anew_if_reset(hello.boot_id, now_us)
             return

@@ -33,6 +33,13 @@ HELD = (
     "the robot is held: unarmed; send a zero setpoint (robot.set_velocity(0, 0)) or pause for %g s"
 )
 
+LATE = 5
+"""So many setpoints in a row that came too late, and none in time, are worth a warning."""
+ALL_LATE = (
+    "the setpoints arrive too late, so the robot does not drive: give them a longer ttl, or see "
+    "what holds up this computer or the line"
+)
+
 ASKED = struct.Struct("<ddq")
 """Left, right and expiry of a setpoint, as the application asked for it."""
 
@@ -116,6 +123,8 @@ class SetpointSender:
         self.zero_seq = 0
         self.awaits_fate = False
         self._obeyed_seq = 0
+        self._late = 0
+        """How many in a row came too late; `LATE`, and no more, once the log has it."""
         self._refused: tuple[int, int] | None = None
         """Number of the newest setpoint that the device refused, and why."""
         self._unseen: _Unseen | None = None
@@ -131,7 +140,7 @@ class SetpointSender:
         # First, so that no other thread begins a frame of this session.
         self.opened = None
         self.clear()
-        self.zero_seq = self._obeyed_seq = 0
+        self.zero_seq = self._obeyed_seq = self._late = 0
         self._refused = None
         if self._unarmed_seq is not None:
             self._unarmed_seq = 0  # numbers begin anew
@@ -273,6 +282,8 @@ class SetpointSender:
 
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
+        if command_seq != self._obeyed_seq and self._late < LATE:
+            self._late = 0
         self._obeyed_seq = command_seq
         if self._unarmed_seq is not None and command_seq > self._unarmed_seq:
             self._unarmed_seq = None
@@ -288,6 +299,8 @@ class SetpointSender:
         """The device refused one."""
         if refuse.code == RefusalCode.EXPIRED:
             self.expired += 1  # no reason to keep back the next one, which may be in time
+            if self.refusal_of(refuse.reference) is None:  # its repeat is refused, too
+                self._note_late()
         else:
             self._refusal = refuse.code
         self._refused = refuse.reference, refuse.code
@@ -299,6 +312,13 @@ class SetpointSender:
                 self._refusal = None
             else:
                 self._note_unarmed(refuse.reference)
+
+    def _note_late(self) -> None:
+        """One came too late; say so once a session if none comes in time."""
+        if self._late < LATE:
+            self._late += 1
+            if self._late == LATE:
+                self._warn(ALL_LATE)
 
     def _frame(
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from support.pty_device import PtyDevice
+from support.staged_stops import StagedRobot
 from support.waiting import wait_until
 from wheelwire import aio
 from wheelwire.drivers.mock import VirtualMockDriver
@@ -74,3 +76,34 @@ def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(
         robot.advance(0.05)
         assert robot.read().state is SupervisorState.DRIVING
         assert robot.statistics.setpoints_expired == late
+
+
+def test_a_line_on_which_all_come_too_late_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = StagedRobot()
+    robot.open()
+    robot.drive(0.2, 0.2, 0.3)
+    robot.delay_us = 120_000
+    with caplog.at_level(logging.WARNING, "wheelwire"):
+        robot.drive(0.2, 0.2, 2.0, ttl_s=0.1)
+    said = [one.getMessage() for one in caplog.records if "arrive too late" in one.getMessage()]
+    assert len(said) == 1
+    assert "longer ttl" in said[0]
+    assert robot.session.setpoints.expired > 50
+
+
+def test_some_that_come_too_late_are_not_worth_a_line(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    robot = StagedRobot()
+    robot.open()
+    robot.drive(0.2, 0.2, 0.3)
+    with caplog.at_level(logging.WARNING, "wheelwire"):
+        for _ in range(12):
+            robot.delay_us = 120_000
+            robot.drive(0.2, 0.2, 0.06, ttl_s=0.1)
+            robot.delay_us = 0
+            robot.run(0.15)  # what is on its way comes first
+            robot.drive(0.2, 0.2, 0.04, ttl_s=0.1)
+    assert robot.session.setpoints.expired > 12
+    assert robot.sample.state is SupervisorState.DRIVING
+    assert "too late" not in caplog.text
