@@ -17,6 +17,7 @@ from support.attached import wait_for_holder
 from support.command import PROGRAM, TIMEOUT_S, check_error, run
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
+from support.range_board import simulator_on_board
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
@@ -24,6 +25,7 @@ from wheelwire.drivers.factory import open_driver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.link.tap_directory import DIRECTORY_VARIABLE
+from wheelwire.recording.reader import is_complete, messages, metadata
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
@@ -259,3 +261,43 @@ def check_pins(robot: DeviceDriver, config: Path) -> None:
         result = run("clear", str(config))
         assert result.returncode == errors.DriverUnavailable.exit_code, result.stderr
         robot.clear_estop()
+
+
+def test_a_recording_beside_a_program_that_drives(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    with simulator_on_board() as simulator:
+        # A Simulator is at a name of its own: the program uses that, and this the device's.
+        with another_holder(simulator.port) as holder:
+            port = str(Path(simulator.port).resolve())
+            result = run("log", "record", port, str(path), "--seconds", "2")
+            assert f"wrote {path}" in result.stdout, result.stderr
+            assert result.stderr.startswith("wheelwire: attached to the link of python")
+            assert holder.poll() is None
+            assert simulator.get("true.left_mps") > 0.05
+        causes = json.loads(run("why", str(path), "--json").stdout)
+    assert causes == []  # it drove on all the time
+    found = [topic for topic, _, _ in messages(path)]
+    assert found.count("/imu/data_raw") > 20
+    assert found.count("/odom") > 50
+    setpoints = run("log", "decode", str(path), "--message", "SetWheelVelocity").stdout
+    assert len(setpoints.splitlines()) > 30
+    assert metadata(path)["board_id"] != ""
+    assert is_complete(path)
+
+
+def test_a_recording_ends_with_the_program_beside_which_it_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    with simulator_on(GOOD) as simulator, another_holder(simulator.port) as holder:
+        recording = subprocess.Popen(
+            [*PROGRAM, "log", "record", simulator.port, str(path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        wait_until(lambda: path.exists() and path.stat().st_size > 30_000)
+        holder.kill()
+        said, notes = recording.communicate(timeout=TIMEOUT_S)
+    assert recording.returncode == 0, notes
+    assert f"wrote {path}" in said
+    assert "has ended, and so does the recording" in notes
+    assert is_complete(path)

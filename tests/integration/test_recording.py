@@ -9,12 +9,14 @@ import pytest
 from mcap.reader import make_reader
 
 import wheelwire
+from support.range_board import simulator_on_board
+from support.waiting import wait_until
 from wheelwire import aio
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
 from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Phase
-from wheelwire.recording.reader import metadata, records
+from wheelwire.recording.reader import messages, metadata, records
 from wheelwire.simulation.simulator import Simulator
 
 
@@ -127,3 +129,18 @@ def test_recording_can_begin_and_end_at_any_time(tmp_path: Path) -> None:
     assert set(seen[1:]) <= set(first)
     assert set(seen[1:] + later) <= set(second)
     assert not set(later[5:]) & set(first)
+
+
+def imu_samples(path: Path) -> int:
+    return sum(topic == "/imu/data_raw" for topic, _, _ in messages(path))
+
+
+def test_whoever_records_has_the_sensors_in_the_file(tmp_path: Path) -> None:
+    with simulator_on_board() as simulator:
+        asked = {"port": simulator.port, "record": tmp_path / "asked.mcap"}
+        with wheelwire.open_driver("serial", **asked) as robot:
+            assert isinstance(robot, DeviceDriver)
+            recorder = robot.record(tmp_path / "later.mcap")
+            wait_until(lambda: imu_samples(recorder.file) > 10)
+            assert robot.sensors.imu.latest is not None
+    assert imu_samples(tmp_path / "asked.mcap") > 10

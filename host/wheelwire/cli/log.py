@@ -21,8 +21,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wheelwire.config import driver_at, is_recording
+from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import DriverUnavailable, InvalidArgument, OutputFailed, RecordingError
+from wheelwire.errors import (
+    DriverUnavailable,
+    InvalidArgument,
+    LinkClosed,
+    OutputFailed,
+    RecordingError,
+)
 from wheelwire_protocol.codec import BY_ID
 
 from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
@@ -97,7 +104,8 @@ def record(
 ) -> None:
     """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
 
-    Asks for the sensors' samples, so that the recording has them.
+    Asks for the sensors' samples, so that the recording has them. Beside a program that holds the
+    port it records that program's link, until it ends.
     No file is overwritten: the new one's name gets a number. Goes on when a lost link is back.
     """
     from wheelwire.recording.recorder import recording_path
@@ -115,7 +123,7 @@ def record(
     begin = end = time.monotonic()
     lost = 0
     try:
-        with ended_by_signals(), address.open(baud_rate, bare=True) as driver:
+        with ended_by_signals(), address.open_to_look(baud_rate, as_json=as_json) as driver:
             if not isinstance(driver, DeviceDriver):
                 raise DriverUnavailable(
                     f"the driver of {address.text} has no link that could be recorded: "
@@ -140,13 +148,18 @@ def record(
 
 def _wait(driver: DeviceDriver, recorder: Recorder, until: float, *, as_json: bool) -> None:
     has_asked = ask_for_samples(driver)
-    for news in watch(driver, until):
-        if isinstance(news, str):
-            print_note(news, as_json=as_json)
-        if recorder.error is not None:
-            return
-        has_asked = has_asked or ask_for_samples(driver)
-        time.sleep(max(0.0, min(LOOK_S, until - time.monotonic())))
+    try:
+        for news in watch(driver, until):
+            if isinstance(news, str):
+                print_note(news, as_json=as_json)
+            if recorder.error is not None:
+                return
+            has_asked = has_asked or ask_for_samples(driver)
+            time.sleep(max(0.0, min(LOOK_S, until - time.monotonic())))
+    except LinkClosed:
+        if not isinstance(driver, AttachedDriver):
+            raise
+        print_note(f"{driver.holder.name} has ended, and so does the recording", as_json=as_json)
 
 
 def _say_what_was_written(

@@ -95,7 +95,7 @@ class Streams:
         link = self.requests.link
         link.check()
         if link.sensors.rate_hz != rate_hz:
-            await self._ask(rate_hz)
+            await self.ask(rate_hz)
         elif not link.knows_list:  # since the request, another firmware may run
             await self.requests.check_group(Group.SENSOR)
         await self.requests.wait_for_sample(
@@ -104,7 +104,8 @@ class Streams:
         if not link.knows_sensors:
             raise link.why_no_sensors(INFO_S)
 
-    async def _ask(self, rate_hz: int) -> None:
+    async def ask(self, rate_hz: int) -> None:
+        """As `start`, without waiting for a sample, and whoever has asked before."""
         link = self.requests.link
         await self.requests.check_group(Group.SENSOR)
         try:

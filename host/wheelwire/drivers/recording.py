@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
@@ -10,21 +11,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..arguments import path as checked_path
-from ..errors import InvalidArgument, InvalidCommand, WheelwireError
+from ..errors import InvalidArgument, InvalidCommand, LinkLost, RequestTimeout, WheelwireError
 from ..files.board import to_yaml
 from ..files.parameters import ParameterFile
+from ..link.attached import AttachedLink
 from ..link.connection import Link
 from ..link.device_link import DeviceLink
 from ..link.info import host_release
+from ..link.latest_sample import LatestSample
 from ..recording.recorder import Attachment, Recorder, recording_path
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
+from .device_sensors import DEFAULT_RATE_HZ, Streams
 from .factory import RECORD_VARIABLE
-from .requests import Requests
+from .requests import Requests, run
 
 if TYPE_CHECKING:
     from .base import BaseDriver
 
+ASKS = 10
+"""How often a robot that is out of reach is asked for its sensors' samples."""
+ASK_AGAIN_S = 1.0
 _YAML = "application/yaml"
 
 
@@ -71,7 +78,7 @@ def start(link: DeviceLink, path: str | Path, driver: str) -> Recorder:
         InvalidCommand: The link is not in real time.
         RecordingError: The file cannot be made.
     """
-    if not isinstance(link, Link):
+    if not isinstance(link, (Link, AttachedLink)):
         raise InvalidCommand(f"{link.name}: only a robot in real time can be recorded")
     device, release = link.info.device, host_release()
     said = {
@@ -87,7 +94,8 @@ def start(link: DeviceLink, path: str | Path, driver: str) -> Recorder:
     return Recorder(link, path, said, attachments=partial(_attachments, link, said))
 
 
-def _attachments(link: Link, said: dict[str, str]) -> Iterator[Attachment]:
+def _attachments(link: Link | AttachedLink, said: dict[str, str]) -> Iterator[Attachment]:
+    _ask_for_samples(link)
     versions = "".join(f"{name}: '{value}'\n" for name, value in said.items())
     yield Attachment("versions.yaml", _YAML, versions.encode())
     for name, text_of in (("parameters.yaml", _parameters), ("board.yaml", _board)):
@@ -98,10 +106,24 @@ def _attachments(link: Link, said: dict[str, str]) -> Iterator[Attachment]:
         yield Attachment(name, _YAML, text.encode())
 
 
-def _parameters(link: Link) -> str:
+def _ask_for_samples(link: Link | AttachedLink) -> None:
+    """Ask for the sensors' samples, so that they are recorded; a robot may have none."""
+    streams = Streams(Requests(link), LatestSample())
+    for _ in range(ASKS):
+        if link.has_ended or link.sensors.rate_hz:
+            return
+        try:
+            run(streams.ask, DEFAULT_RATE_HZ)
+        except (LinkLost, RequestTimeout):
+            time.sleep(ASK_AGAIN_S)
+        except WheelwireError:  # the firmware, or the program that holds the port, sends none
+            return
+
+
+def _parameters(link: Link | AttachedLink) -> str:
     return ParameterFile.of_robot(DeviceParameters(Requests(link)).list(), link.info.device).text()
 
 
-def _board(link: Link) -> str:
+def _board(link: Link | AttachedLink) -> str:
     state, found = DeviceBoard(Requests(link)).read()
     return f"# {state.doc}\n{to_yaml(found) if found else ''}"

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
+from .program_name import process_name
+
 PSEUDO_TERMINALS = "/dev/pts/"
 """Where they are; each has a program instead of a device at its other end."""
 
@@ -97,7 +99,7 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
 
 
 def lock_holder(device: str) -> str | None:
-    """Name and process id of the program that has locked a port as pyserial does; None: not known.
+    """Command line and id of the program that has locked a port as pyserial does; None: not known.
 
     This reads one small file, where `is_in_use` looks into every process.
     """
@@ -111,9 +113,7 @@ def lock_holder(device: str) -> str | None:
             # 1: FLOCK  ADVISORY  WRITE 4711 00:16:9 0 EOF
             kind, pid, file = itemgetter(1, 4, 5)(line.split())
             if kind == "FLOCK" and file == target:
-                return (
-                    f"{(proc / pid / 'comm').read_text('utf-8', 'replace').strip()}, process {pid}"
-                )
+                return process_name(int(pid))
     return None
 
 

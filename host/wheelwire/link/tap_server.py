@@ -41,6 +41,7 @@ from wheelwire_protocol.types import (
     ParameterGet,
     ParameterList,
     PeripheralGet,
+    SensorStream,
     Stop,
     UnsavedGet,
 )
@@ -50,6 +51,7 @@ from .attached_stops import AttachedStops
 from .clock import host_clock_us
 from .forking import abandon_in_child
 from .port_list import absolute_port
+from .program_name import process_name, program_name
 from .requests import Answer, Done, RequestMessage
 from .tap import STOP_ASKED, TapReader
 from .tap_directory import SUFFIX, TapDirectory, tap_directory
@@ -82,7 +84,8 @@ READ_ONLY = (
     PeripheralGet,
     UnsavedGet,
 )
-"""Requests that change nothing; besides these only a stop and an e-stop are passed on."""
+"""Requests that change nothing. Besides these only a stop and an e-stop are passed on, and the
+first request for the sensors' samples, which are measured in any case."""
 
 COPY_S = 0.02
 """How often records are copied to those who listen."""
@@ -407,7 +410,7 @@ class _Program:
     def __init__(self, connection: socket.socket, link: Link, wake: Callable[[], None]) -> None:
         self.connection = connection
         pid = _credentials(connection)[0]
-        self._name = f"{_name_of(pid)}, process {pid}"
+        self._name = process_name(pid)
         self._wake = wake
         self._reader = MessageReader(LONGEST_REQUEST)
         self.asked = 0
@@ -417,7 +420,7 @@ class _Program:
             "identity": absolute_port(link.identity),
             "port": absolute_port(link.name),
             "pid": os.getpid(),
-            "program": _name_of(os.getpid()),
+            "program": program_name(os.getpid()),
         }
         self._output = bytearray(VERSION)
         self._output += message(Say.GREETING, json.dumps(greeting).encode())
@@ -468,10 +471,10 @@ class _Program:
                 link.post_stop(done, None)
                 # After the e-stop, which is not to wait.
                 _note_asked(link, self._name)
-            elif not isinstance(asked, READ_ONLY):
+            elif not isinstance(asked, READ_ONLY) and not _only_begins(asked, link):
                 raise InvalidCommand(
                     f"{type(asked).__name__}: a program that is attached reads, stops and "
-                    f"e-stops; only {_name_of(os.getpid())}, process {os.getpid()}, which holds "
+                    f"e-stops; only {process_name(os.getpid())}, which holds "
                     f"{link.name}, drives, sets and clears"
                 )
             elif len(self._waiting) >= MAX_REQUESTS:
@@ -552,6 +555,11 @@ class _Program:
             link.withdraw(done)
 
 
+def _only_begins(asked: AnyMessage, link: Link) -> bool:
+    """Whether it asks for the sensors' samples of a robot of which nobody has asked for any."""
+    return isinstance(asked, SensorStream) and asked.rate_hz > 0 and link.sensors.rate_hz == 0
+
+
 @lru_cache(maxsize=64)
 def _decoded(frame: bytes) -> AnyMessage:
     """The one message in a frame; of a flood each is the same."""
@@ -577,10 +585,3 @@ def _credentials(connection: socket.socket) -> tuple[int, int]:
     data = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     pid, user, _ = _CREDENTIALS.unpack(data)
     return pid, user
-
-
-def _name_of(pid: int) -> str:
-    try:
-        return Path(f"/proc/{pid}/comm").read_text("utf-8").strip()
-    except OSError:
-        return "a program"

@@ -16,6 +16,8 @@ import weakref
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -496,7 +498,7 @@ class TestRefusals:
         ParameterSet(0, 0, 1, 1.0),
         ParameterTrial(0, 0, 0, 1.0),
         Restart(0, 0),
-        SensorStream(0, 0, 200),
+        SensorStream(0, 0, 0),  # ends what others may use
         SetStreamRate(0, 0, 100),
     )
 
@@ -508,6 +510,11 @@ class TestRefusals:
         with pytest.raises(errors.InvalidCommand, match=f"^{type(change).__name__}: .* process "):
             attached._link.request(change)
         assert len(device.device.asked(type(change))) == before
+
+    def test_the_sensors_samples_are_asked_for_once(self) -> None:
+        for has, wanted, passes in ((0, 200, True), (0, 0, False), (200, 100, False)):
+            link: Any = SimpleNamespace(sensors=SimpleNamespace(rate_hz=has))
+            assert tap_server._only_begins(SensorStream(0, 0, wanted), link) is passes
 
     def test_only_what_is_listed_is_passed_on(self) -> None:
         from typing import get_args
