@@ -7,7 +7,7 @@ import os
 from numbers import Real
 from pathlib import Path
 
-from .errors import InvalidArgument, shown
+from .errors import InvalidArgument, shown, with_point
 
 LONGEST_WAIT_S = 3600.0
 """Longest time-out of any call, and longest time to live: every device shortens that further."""
@@ -36,7 +36,9 @@ def number(
         checked = float(value)  # type: ignore[arg-type]
         if low <= checked <= high:
             return checked
-    raise error(f"{name} = {shown(value)}: give a number from {low:g} to {high:g}")
+    raise error(
+        f"{name} = {shown(value)}: give a number from {low:g} to {high:g}{with_point(value)}"
+    )
 
 
 def whole(name: str, value: object, low: int, high: int) -> int:
@@ -82,8 +84,22 @@ def path(name: str, value: object) -> Path:
         InvalidArgument: It is not a path.
     """
     if isinstance(value, (str, os.PathLike)):
-        return Path(os.fspath(value))
+        return at_home(Path(os.fspath(value)))
     raise InvalidArgument(f"{name} = {shown(value)}: give a path")
+
+
+def at_home(path: Path) -> Path:
+    """`path`, where a leading `~` means the home folder, as in a shell.
+
+    Raises:
+        InvalidArgument: There is no home folder.
+    """
+    try:
+        return path.expanduser()
+    except RuntimeError as error:
+        raise InvalidArgument(
+            f"{path}: this program has no home folder (HOME): write the whole path"
+        ) from error
 
 
 def flag(name: str, value: object) -> bool:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import asdict, dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import text
+from .arguments import at_home, text
 from .board import Configuration
 from .drivers.factory import check_options, driver_class, driver_names, open_driver
 from .drivers.options import SerialDriverOptions, SerialOptions
 from .drivers.pin_options import GpioOptions, L298NOptions, PigpioDriverOptions, PigpioOptions
-from .errors import ConfigurationError, InvalidArgument, RobotNotNamed, shown
+from .errors import ConfigurationError, InvalidArgument, RobotNotNamed, meant, shown
 from .files.board import checked_board, shipped_boards
 from .files.pins import Pins
 from .files.reading import reading
-from .files.robot import BUILT_IN, parse_robot
+from .files.robot import BUILT_IN, OWN_PINS, parse_robot
+from .link.port_name import UNIX, port_name
 from .linux_mcu.settings import McuSettings
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class RobotConfig:
 
     def driver_options(self) -> dict[str, Any]:
         """The arguments of this robot's driver."""
-        store = None if self.store is None else Path(self.store)
+        store = None if self.store is None else at_home(Path(self.store))
         # Only where pins are moved: other robots open whatever is wrong with the board's file.
         pins = self.wiring() if self.driver in ("l298n", "pigpio") else self.pins
         local = {"pins": pins, "parameters": self.parameters, "store": store}
@@ -87,7 +87,7 @@ class RobotConfig:
         beside = {
             "parameters": self.parameters or None,
             "board": self.board,
-            "store": None if self.store is None else Path(self.store),
+            "store": None if self.store is None else at_home(Path(self.store)),
             "pins": None if self.pins == Pins() else self.pins,
         }
         # It may take none of them, so it is only given those that the file has.
@@ -129,7 +129,7 @@ def named(robot: str | os.PathLike[str] | None) -> str:
             raise RobotNotNamed(f"no robot was named: give {ADDRESS_KINDS}, or set {ENVIRONMENT}")
     if robot == "":  # an unset shell variable; taking the default would move another robot
         raise InvalidArgument(f"ROBOT is empty (an unset variable?): give {ADDRESS_KINDS}")
-    return text("ROBOT", robot, "/dev/ttyUSB0")
+    return port_name(text("ROBOT", robot, "/dev/ttyUSB0"))
 
 
 def driver_at(
@@ -150,6 +150,7 @@ def driver_at(
     """
     # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
     if address != MOCK and not is_robot_file(address) and not is_recording(address):
+        _refuse_a_part(address)
         return "serial", _port_options(address, baud_rate)
     if baud_rate is not None:
         raise InvalidArgument(
@@ -166,6 +167,19 @@ def driver_at(
         for changing in ("parameters", "board", "stream_rate_hz"):
             del options[changing]
     return name, options
+
+
+def _refuse_a_part(address: str) -> None:
+    """Raise for the name of a driver, a board or a motor driver, which is no place of a robot."""
+    if "/" in address or ":" in address or Path(address).exists():
+        return
+    known = [*shipped_boards(), *OWN_PINS]
+    if near := meant(address, known, cutoff=0.75):
+        raise InvalidArgument(
+            f"{address} is a part of a robot, not its address: give {ADDRESS_KINDS}; did you mean "
+            f"{near} as the `driver` or `board` in a robot's file, or a board's name for "
+            "`wheelwire board write`?"
+        )
 
 
 def is_robot_file(address: str) -> bool:
@@ -233,8 +247,6 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
             `unix:PATH`.
         DriverUnavailable: The core's library is missing.
     """
-    from .link.transports import UNIX  # here: it imports pyserial
-
     path = address.removeprefix(UNIX)
     if path == address or not path:
         raise ConfigurationError(
@@ -255,20 +267,21 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     """
     if file is not None and not isinstance(file, (str, Path)):
         raise ConfigurationError(f"{shown(file)} is not a file: give a path")
-    source = DEFAULT_FILE if file is None else Path(file)
+    source = DEFAULT_FILE if file is None else at_home(Path(file))
     with reading(source, "robot") as content:
         config = parse_config(content)
         if config.driver not in BUILT_IN and config.driver not in driver_names():
-            near = get_close_matches(config.driver, driver_names(), n=1)
-            meant = f"did you mean {near[0]}? " if near else ""
+            near = meant(config.driver, driver_names())
+            hint = f"did you mean {near}? " if near else ""
             raise ConfigurationError(
-                f"driver = {shown(config.driver)}: no driver is called that; {meant}"
+                f"driver = {shown(config.driver)}: no driver is called that; {hint}"
                 f"there are {', '.join(driver_names())}"
             )
     # The name of a built-in board is not a path, even where a file has the same name.
     if config.board is None or config.board in shipped_boards():
         return config
-    return replace(config, board=str(source.parent / config.board))  # relative to this file
+    # Relative to this file.
+    return replace(config, board=str(source.parent / at_home(Path(config.board))))
 
 
 def parse_config(content: object) -> RobotConfig:

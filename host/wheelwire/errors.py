@@ -10,6 +10,7 @@ have a robot's calls within the same `try`.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
@@ -234,11 +235,8 @@ class UnknownParameter(WheelwireError, KeyError):  # noqa: N818
     __str__ = Exception.__str__  # KeyError's own puts the text in quotes
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
-        from difflib import get_close_matches  # here, because it is slow to import
-
-        # By `shown`, because the name may be anything, not only a string.
-        near = get_close_matches(shown(name).strip("'"), list(known), n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}?" if near else "`wheelwire params list` shows the names"
+        near = meant(name, known)
+        hint = f"did you mean {near}?" if near else "`wheelwire params list` shows the names"
         super().__init__(f"no parameter is called {shown(name)}: {hint}")
         self.name = name
 
@@ -252,7 +250,8 @@ class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
         # Anything may be given: a word is not out of a range.
         is_number = isinstance(value, (int, float)) and value == value
         problem = "is out of range" if is_number else "is not a number"
-        super().__init__(f"{key} = {shown(value)} {problem}: it must be {bound}")
+        hint = with_point(value)
+        super().__init__(f"{key} = {shown(value)} {problem}: it must be {bound}{hint}")
         self.key = key
         self.value = value
         self.bound = bound
@@ -413,6 +412,21 @@ def shown(value: object) -> str:
     except Exception:  # such as an int with more digits than Python agrees to print
         text = f"a {type(value).__name__}"
     return text if len(text) <= _MAX_SHOWN_LENGTH else f"{text[:_MAX_SHOWN_LENGTH]}..."
+
+
+def meant(name: object, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """The one of `known` that is most like `name`, whatever its case; empty without one."""
+    from difflib import get_close_matches  # here, because it is slow to import
+
+    by_lower = {one.lower(): one for one in known}
+    near = get_close_matches(shown(name).strip("'").lower(), by_lower, n=1, cutoff=cutoff)
+    return by_lower[near[0]] if near else ""
+
+
+def with_point(value: object) -> str:
+    """A hint for a number with a decimal comma: "; did you mean 0.2?"; empty for anything else."""
+    found = re.fullmatch(r"\s*([-+]?\d+),(\d+)\s*", value) if isinstance(value, str) else None
+    return f"; did you mean {found[1]}.{found[2]}?" if found else ""
 
 
 def fault_names(faults: Fault) -> str:

@@ -150,8 +150,7 @@ def test_whoever_drives_sets_or_clears_needs_the_port(
         wait_for_holder(simulator.port)
         robot.estop()
         line = refused(*(word.format(simulator.port) for word in command))
-        assert "another program uses it (" in line
-        assert OURS in line
+        assert "this program has it open already" in line
         assert robot.read().state is SupervisorState.ESTOPPED
         assert robot.parameters["max_duty"] == 1
         assert robot.sessions == 1

@@ -85,7 +85,7 @@ def test_two_at_once_are_told_apart_by_the_port(simulator: Simulator) -> None:
     """The second one is refused by the name of the first, or finds the port free again."""
     with SerialDriver(simulator.port):
         line = check_error(run("restart", simulator.port), errors.PortUnavailable)
-        assert "another program uses it (" in line
+        assert "this program has it open already" in line
 
 
 def test_a_robot_that_is_simulated_by_the_command_restarts_too() -> None:

@@ -207,7 +207,7 @@ def test_twice_and_beside_another_program(simulator: Simulator) -> None:
         assert list(said["before"]) == ["left"]
     with SerialDriver(simulator.port):
         line = check_error(run("tune", simulator.port, "--yes"), errors.PortUnavailable)
-        assert "another program uses it" in line
+        assert "this program has it open already" in line
     run("estop", simulator.port)
     line = check_error(run("tune", simulator.port, "--yes"), errors.CommissioningFailed)
     assert "the e-stop is latched" in line

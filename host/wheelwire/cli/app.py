@@ -17,14 +17,16 @@ from typing import Annotated
 import typer
 
 from wheelwire import __version__
-from wheelwire.errors import DeviceRefused, OutputFailed, WheelwireError
+from wheelwire.arguments import at_home
+from wheelwire.errors import DeviceRefused, OutputFailed, WheelwireError, with_point
+from wheelwire.link.port_name import UNIX
 from wheelwire_protocol.codes import RefusalCode
 
 from . import INTERRUPTED
 from .board import app as board_app
 from .doctor import doctor
 from .flash import flash
-from .help import help_page, lead_to_pages, more_about
+from .help import help_command, lead_to_pages, more_about
 from .interruptions import Interrupted
 from .local import demo, mcu, ports
 from .log import app as log_app
@@ -76,7 +78,7 @@ _GROUPS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "log": log_app,
         "support": support,
     },
-    "Without a robot": {"demo": demo, "sim": sim_app, "mcu": mcu, "help": help_page},
+    "Without a robot": {"demo": demo, "sim": sim_app, "mcu": mcu, "help": help_command},
 }
 """The commands by the heading under which the help lists them."""
 for _heading, _commands in _GROUPS.items():
@@ -112,6 +114,16 @@ def run() -> int:
     return _result(sys.argv[1:])
 
 
+def _at_home(word: str) -> str:
+    """A path that begins with `~`, which a shell leaves alone in `--output=~/x` and in quotes."""
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    scheme = UNIX if value.startswith(UNIX) else ""
+    path = value.removeprefix(scheme)
+    if path != "~" and not path.startswith("~/"):
+        return word
+    return f"{option}{equals}{scheme}{at_home(Path(path))}"
+
+
 def _open_closed_streams() -> None:
     """A stream that the caller has closed reads and writes nothing, as /dev/null does."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -142,7 +154,8 @@ def _result(arguments: list[str]) -> int:
 def _run_app(arguments: list[str]) -> int:
     try:
         # Not standalone: there Click would print errors in a form of its own, and exit.
-        code = app(arguments, prog_name="wheelwire", standalone_mode=False)
+        words = [_at_home(word) for word in arguments]
+        code = app(words, prog_name="wheelwire", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be reported
     except (BrokenPipeError, SystemExit) as ended:
         # Within a command Typer has made an exit of it.
@@ -177,6 +190,8 @@ def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "wheelwire"
     hint = next((hint for wrong, hint in _MEANT.get(path, ()) if wrong in message), "")
+    if "valid number" in message or "valid float" in message or "valid integer" in message:
+        hint = next(filter(None, map(with_point, sys.argv)), hint)
     return f"{message}{hint}; see `{path} --help`"
 
 

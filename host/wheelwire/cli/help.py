@@ -1,16 +1,20 @@
-"""`wheelwire help PAGE[/SECTION]`: the documentation's pages, which ship with the package."""
+"""`wheelwire help PAGE[/SECTION]`: the documentation's pages, which ship with the package.
+
+`wheelwire help COMMAND` is that command's `--help`.
+"""
 
 from __future__ import annotations
 
 import inspect
 import re
-from difflib import get_close_matches
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.models import CommandInfo, TyperInfo
 
+from wheelwire.errors import meant
 from wheelwire_protocol import native
 
 from .output import console, print_lines
@@ -71,19 +75,35 @@ PAGE_OF_COMMAND = {
 """First word of a command -> the page that explains it; its help ends with that page."""
 
 
-def help_page(
-    page: Annotated[
-        str | None,
-        typer.Argument(help="Such as troubleshooting, or troubleshooting/port: a section of it."),
+def help_command(
+    context: typer.Context,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PAGE | COMMAND]",
+            help="Such as troubleshooting, or troubleshooting/port: a section of it; or a command.",
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
-    """Show a page of the documentation, or list the pages; without a network."""
+    """Show a page of the documentation, or a command's options, or list the pages."""
+    root = context.find_root().command
+    if words and not (len(words) == 1 and words[0] in pages()) and _is_command(root, words):
+        root.main([*words, "--help"], prog_name="wheelwire", standalone_mode=False)
+    elif words and len(words) > 1:
+        raise typer.BadParameter(f"no command is called {' '.join(words)!r}")
+    else:
+        help_page(words[0] if words else None, getattr(root, "commands", ()))
+
+
+def help_page(page: str | None, commands: Iterable[str] = ()) -> None:
+    """Print a page, or the list of them; `commands` may be meant by a name that is no page's."""
     found = pages()
     if page is None:
         width = max(map(len, found))
         print_lines(*(f"{name:{width}}  {_title(file)}" for name, file in found.items()))
         return
-    name, section = _find(page, found)
+    name, section = _find(page, found, commands)
     text = _COMMENT.sub("", found[name].read_text("utf-8"))
     if section:
         text = _section(name, text, section)
@@ -93,6 +113,13 @@ def help_page(
         console.print(Markdown(text))
     else:
         print(text, end="")  # noqa: T201 - plain, for a pipe
+
+
+def _is_command(command: Any, words: Sequence[str]) -> bool:
+    """Whether these words name a command below this one."""
+    for word in words:
+        command = getattr(command, "commands", {}).get(word)
+    return command is not None
 
 
 def pages() -> dict[str, Path]:
@@ -108,15 +135,15 @@ def pages() -> dict[str, Path]:
     return {name: found[name] for name in sorted(found) if name not in _OF_THE_SITE}
 
 
-def _find(address: str, found: dict[str, Path]) -> tuple[str, str]:
+def _find(address: str, found: dict[str, Path], commands: Iterable[str]) -> tuple[str, str]:
     """Page and section; an address may also be a path with an anchor, as messages have it."""
     parts = address.removeprefix("docs/").replace(".md", "").replace("#", "/").split("/")
     # Some pages are in a folder, so the longest name that is a page counts.
     for length in range(len(parts), 0, -1):
         if (name := "/".join(parts[:length])) in found:
             return name, "/".join(parts[length:])
-    near = get_close_matches(address, found, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    near = meant(address, [*found, *commands], cutoff=0.4)
+    hint = f"; did you mean {near}?" if near else ""
     raise typer.BadParameter(f"no page is called {address!r}{hint} `wheelwire help` lists them")
 
 

@@ -16,6 +16,11 @@ from wheelwire.link.port_list import ports as serial_ports
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
 
+PLUG_IN = (
+    "plug the board in with a data cable (many cables only charge), or run `wheelwire sim` for a "
+    "simulated robot"
+)
+
 
 def ports(as_json: JsonFlag = False) -> None:
     """List serial ports, likely robots first. Opens none of them."""
@@ -24,11 +29,7 @@ def ports(as_json: JsonFlag = False) -> None:
         print_json(found)
         return
     if not found:
-        console.print(
-            "no serial ports: plug the board in, with a cable that carries data (many only charge, "
-            "and the board's LED lights all the same); without a board run `wheelwire sim`",
-            soft_wrap=True,
-        )
+        console.print(f"no serial ports: {PLUG_IN}")
         return
     used = {True: "yes", False: "no", None: "unknown"}
     print_table(
@@ -36,6 +37,8 @@ def ports(as_json: JsonFlag = False) -> None:
         ("port", "by path", "in use", "what it may be"),
         [(p.device, p.by_path or "", used[p.in_use], p.note or p.description) for p in found],
     )
+    if all(port.vendor_id is None for port in found):
+        console.print(f"No USB adapter is plugged in, so none of these is a board: {PLUG_IN}")
 
 
 def demo(

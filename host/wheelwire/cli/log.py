@@ -6,7 +6,6 @@ What the commands need of `wheelwire.recording` they import themselves: all othe
 from __future__ import annotations
 
 import csv
-import difflib
 import logging
 import math
 import struct
@@ -29,6 +28,7 @@ from wheelwire.errors import (
     LinkClosed,
     OutputFailed,
     RecordingError,
+    meant,
 )
 from wheelwire_protocol.codec import BY_ID
 
@@ -269,9 +269,9 @@ def decode(
 def _message(name: str) -> Any:
     if name in MESSAGES:
         return MESSAGES[name]
-    near = difflib.get_close_matches(name.lower(), {one.lower(): one for one in MESSAGES}, 3, 0.5)
-    names = [one for one in MESSAGES if one.lower() in near] or list(MESSAGES)
-    raise InvalidArgument(f"no message has the name {name}: {', '.join(names)}")
+    near = meant(name, MESSAGES)
+    hint = f"did you mean {near}?" if near else f"there are {', '.join(MESSAGES)}"
+    raise InvalidArgument(f"no message has the name {name}: {hint}")
 
 
 def _checked(file: Path) -> Iterator[Frame]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from wheelwire.errors import InvalidArgument, SimulatorNotFound, WheelwireError
+from wheelwire.errors import InvalidArgument, SimulatorNotFound, WheelwireError, with_point
 from wheelwire.files.bad_line import load_profile
 from wheelwire.files.plant import load_plant
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
@@ -102,7 +102,9 @@ def setting(text: str) -> tuple[str, float]:
     try:
         return name, float(value)
     except ValueError as error:
-        raise InvalidArgument(f"--set {text}: give NAME=VALUE, with a number") from error
+        raise InvalidArgument(
+            f"--set {text}: give NAME=VALUE, with a number{with_point(value)}"
+        ) from error
 
 
 def _announcement(port: str | Path) -> str:

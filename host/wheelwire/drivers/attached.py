@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ..errors import DriverUnavailable, LinkClosed, PortUnavailable
 from ..link.attached import AttachedLink, Holder, find_holder
+from ..link.port_name import port_name
 from ..linux_mcu.settings import McuSettings
 from .base import BaseDriver
 from .factory import open_driver
@@ -82,7 +83,7 @@ class _Place(NamedTuple):
 def _place(name: str, options: Mapping[str, Any]) -> _Place | None:
     """Where the robot is; None if each program gets a robot of its own."""
     if name == "serial":
-        port, board_id = str(options["port"]), str(options.get("board_id") or "").lower()
+        port, board_id = port_name(str(options["port"])), str(options.get("board_id") or "").lower()
         # For a board's id all free ports are opened. The peer of a socket lets the second
         # connection wait, or drops the first.
         is_slow = bool(board_id) or port.startswith(("socket://", "unix:"))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from difflib import get_close_matches
 from importlib import import_module
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from ..errors import DriverUnavailable, InvalidArgument, shown
+from ..errors import DriverUnavailable, InvalidArgument, meant, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -108,8 +107,12 @@ def driver_class(name: str) -> Any:
     # First the built-in ones: to find the others all installed packages are looked through.
     target = (_BUILT_IN.get(name) or _plug_ins().get(name)) if isinstance(name, str) else None
     if target is None:
-        known = ", ".join(driver_names())
-        raise DriverUnavailable(f"no driver is called {shown(name)}; there are: {known}")
+        known = driver_names()
+        near = meant(name, known)
+        hint = f"did you mean {near!r}? " if near else ""
+        raise DriverUnavailable(
+            f"no driver is called {shown(name)}; {hint}there are: {', '.join(known)}"
+        )
     module, _, attribute = target.partition(":")
     try:
         return getattr(import_module(module), attribute)
@@ -141,8 +144,8 @@ def check_options(name: str, make: Any, options: dict[str, Any], *args: Any) -> 
 
 
 def _suggestion(option: str, known: Iterable[str]) -> str:
-    near = get_close_matches(option, list(known), n=1, cutoff=0.5)
-    return f"did you mean {near[0]!r}?" if near else f"its options are: {', '.join(known)}"
+    near = meant(option, known)
+    return f"did you mean {near!r}?" if near else f"its options are: {', '.join(known)}"
 
 
 def _plug_ins() -> dict[str, str]:

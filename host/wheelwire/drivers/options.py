@@ -22,6 +22,7 @@ from ..errors import InvalidArgument, shown
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
+from ..link.port_name import port_name
 from ..parameters import checked_values
 from .linked import WATCHED
 
@@ -150,7 +151,7 @@ class SerialDriverOptions(SerialOptions):
     def checked(self) -> LinkOptions:
         """The link, with these options, checked."""
         whole("baud_rate", self.baud_rate, 1, MAX_BAUD_RATE)
-        port = text("port", self.port, "/dev/ttyUSB0")
+        port = port_name(text("port", self.port, "/dev/ttyUSB0"))
         return self.link_to(port, board=self.board, parameters=self.parameters)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
 
+from ..arguments import at_home
 from ..errors import ConfigurationError, ParameterOutOfRange
 from ..link.info import DeviceInfo
 from ..parameters import ParameterInfo, checked_value, number_text
@@ -72,7 +73,7 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
         InvalidArgument: The file is a device.
         ConfigurationError: The message has the file, the key, the value and what is allowed.
     """
-    with reading(Path(file), "parameters") as content:
+    with reading(at_home(Path(file)), "parameters") as content:
         given = Section({} if content is None else content, [*_IDENTITY, "parameters"], "", _PLACES)
         values = parameter_values(given.get("parameters", None))
         if not values:

@@ -6,12 +6,11 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from ..arguments import is_number
-from ..errors import ConfigurationError, InvalidArgument, shown
+from ..arguments import at_home, is_number
+from ..errors import ConfigurationError, InvalidArgument, meant, shown, with_point
 
 LARGEST_BYTES = 1_000_000
 """All files of Wheelwire are far smaller; a log or a recording, given by mistake, is larger."""
@@ -96,10 +95,12 @@ def file_named(name: str | Path, folder: Path, kind: str) -> Path:
     known = names_in(folder)
     if str(name) in known:
         return folder / f"{name}.yaml"
-    if Path(name).exists():
-        return Path(name)
+    if (file := at_home(Path(name))).exists():
+        return file
+    near = meant(name, known)
+    hint = f"; did you mean {near}?" if near else ""
     raise ConfigurationError(
-        f"{name}: there is no such file, and the built-in {kind}s are {', '.join(known)}"
+        f"{name}: there is no such file, and the built-in {kind}s are {', '.join(known)}{hint}"
     )
 
 
@@ -148,7 +149,9 @@ class Section:
         value = self.get(name, default)
         # The type first: a list or a mapping cannot be looked up.
         if not isinstance(value, str) or value not in codes:
-            raise self.refusal(name, f"choose one of {', '.join(codes)}")
+            near = meant(value, codes)
+            hint = f"; did you mean {near}?" if near else ""
+            raise self.refusal(name, f"choose one of {', '.join(codes)}{hint}")
         return codes[value]
 
     def whole(self, name: str, high: int, default: object = MISSING, low: int = 0) -> int:
@@ -196,7 +199,10 @@ class Section:
 
     def refusal(self, name: str, rule: str) -> ConfigurationError:
         """The error about a value, which may be missing."""
-        return ConfigurationError(f"{self._prefix}{name} = {shown(self.values.get(name))}: {rule}")
+        value = self.values.get(name)
+        return ConfigurationError(
+            f"{self._prefix}{name} = {shown(value)}: {rule}{with_point(value)}"
+        )
 
     def _check_type(self, name: str, hint: Any) -> None:
         kind, types = type(self.values[name]), get_args(hint) or (hint,)
@@ -214,9 +220,11 @@ class Section:
         """The key that may be meant: the same name in another section, else a similar one here."""
         # Often the key is right and only its section is missing.
         places = [f"{each}.{name}" for each, names in (elsewhere or {}).items() if name in names]
-        near = [self._prefix + one for one in get_close_matches(name, known, n=1, cutoff=0.5)]
-        if meant := " or ".join(places or near):
-            return f"did you mean {meant}?"
+        near = [self._prefix + one for one in [meant(name, known)] if one]
+        if names := " or ".join(places or near):
+            return f"did you mean {names}?"
+        if name.isdigit():  # of `{wheel_radius: 0,03}`
+            return "did you mean a number with a decimal point, such as 0.03?"
         return f"the keys are {', '.join(known)}"
 
 

@@ -33,7 +33,7 @@ from .connection import CONNECT_TIMEOUT_S
 from .device_link import CALL_TIMEOUT_S
 from .info import LinkInfo, LinkStatistics
 from .latest_sample import LatestSample
-from .port_list import absolute_port
+from .port_name import device_of
 from .requests import Answer, Done, RequestMessage
 from .rerun_link import RerunLink
 from .tap import Kind, Record, Tap, TapReader
@@ -87,7 +87,7 @@ def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
         identity: A port, or what stands for it (`LinkOptions.identity`).
         board_id: The id of the board; the identity is then ignored.
     """
-    wanted = absolute_port(identity)
+    wanted = device_of(identity)
     for holder in _holders(board_id or ""):
         if holder.board_id == board_id if board_id else holder.identity == wanted:
             return holder

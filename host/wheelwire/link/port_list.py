@@ -13,8 +13,6 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
-from .program_name import process_name
-
 PSEUDO_TERMINALS = "/dev/pts/"
 """Where they are; each has a program instead of a device at its other end."""
 
@@ -98,8 +96,8 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     return None if None in answers else False
 
 
-def lock_holder(device: str) -> str | None:
-    """Command line and id of the program that has locked a port as pyserial does; None: not known.
+def lock_holder(device: str) -> int | None:
+    """The process that has locked a port as pyserial does; None: not known.
 
     This reads one small file, where `is_in_use` looks into every process.
     """
@@ -113,7 +111,7 @@ def lock_holder(device: str) -> str | None:
             # 1: FLOCK  ADVISORY  WRITE 4711 00:16:9 0 EOF
             kind, pid, file = itemgetter(1, 4, 5)(line.split())
             if kind == "FLOCK" and file == target:
-                return process_name(int(pid))
+                return int(pid)
     return None
 
 
@@ -123,14 +121,6 @@ def final_name(device: str | Path) -> str:
         return str(Path(device).resolve())
     except FileNotFoundError:
         return str(device)
-
-
-def absolute_port(port: str) -> str:
-    """The absolute path of a port, whichever of its names was given."""
-    scheme, _, path = port.partition(":") if port.startswith("unix:") else ("", "", port)
-    if "/" not in path or "://" in path:  # a driver's name, a URL
-        return port
-    return f"{scheme}:{final_name(path)}" if scheme else final_name(path)
 
 
 def _has_open(process: Path, target: str) -> bool | None:

@@ -50,7 +50,7 @@ from ..errors import InvalidCommand, LinkLost, WheelwireError
 from .attached_stops import AttachedStops
 from .clock import host_clock_us
 from .forking import abandon_in_child
-from .port_list import absolute_port
+from .port_name import device_of
 from .program_name import process_name, program_name
 from .requests import Answer, Done, RequestMessage
 from .tap import STOP_ASKED, TapReader
@@ -417,8 +417,8 @@ class _Program:
         """How many requests have come."""
         greeting = {
             "board_id": link.info.device.board_id,
-            "identity": absolute_port(link.identity),
-            "port": absolute_port(link.name),
+            "identity": device_of(link.identity),
+            "port": link.name if "://" in link.name else device_of(link.name),
             "pid": os.getpid(),
             "program": program_name(os.getpid()),
         }

@@ -24,10 +24,11 @@ import serial
 from ..errors import LinkLost, PortUnavailable
 from .forking import abandon_in_child
 from .port_list import PSEUDO_TERMINALS, final_name, lock_holder
+from .port_name import UNIX, meant_port
+from .program_name import process_name
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0
-UNIX = "unix:"
 
 _REMEDIES = {
     errno.ENOENT: (
@@ -43,8 +44,6 @@ _REMEDIES = {
     errno.EISDIR: "it is not a serial port; `wheelwire ports` lists them",
     errno.ECONNREFUSED: "nobody listens there; start the peer first",
 }
-_PARTS = ("l298n", "pigpio", "tb6612", "drv8833", "bts7960", "mdd10a", "esp32", "serial")
-"""Names of driver boards, chips and drivers."""
 
 
 class Transport(ABC):
@@ -352,21 +351,9 @@ def _unavailable(port: str, error: Exception) -> PortUnavailable:
     # From a serial port: EBUSY where it is held exclusively, EAGAIN where it is locked.
     if number in (errno.EBUSY, errno.EAGAIN):
         return PortUnavailable(port, _in_use(port))
-    remedy = _REMEDIES.get(number or 0, _text(error))
-    return PortUnavailable(port, remedy + _meant(port) if number == errno.ENOENT else remedy)
-
-
-def _meant(port: str) -> str:
-    """What somebody may have meant by a name that is no port, as a further sentence."""
-    if "/" in port:
-        return ""
-    if Path("/dev", port).exists():
-        return f". Did you mean /dev/{port}?"
-    if re.fullmatch(r"(?i)com\d+", port):
-        return f". {port} is a name that Windows gives; here it is /dev/ttyUSB0 or the like"
-    if port.lower() in _PARTS:
-        return f". {port} is a part: name the port of the ESP32"
-    return ""
+    reason = _REMEDIES.get(number or 0, _text(error))
+    hint = meant_port(port) if number == errno.ENOENT else ""
+    return PortUnavailable(port, f"{reason}; {hint}" if hint else reason)
 
 
 def _is_no_terminal(error: Exception) -> bool:
@@ -376,8 +363,14 @@ def _is_no_terminal(error: Exception) -> bool:
 
 def _in_use(port: str) -> str:
     holder = lock_holder(port)
+    if holder == os.getpid():
+        return (
+            "this program has it open already, and only one robot object can: use that one, or "
+            "close it first (`robot.close()`; in a notebook it may be of an earlier cell)"
+        )
+    named = f" ({process_name(holder)})" if holder is not None else ""
     return (
-        f"another program uses it{f' ({holder})' if holder else ''}, and only one can: end that "
+        f"another program uses it{named}, and only one can: end that "
         "one with Ctrl-C (a Wheelwire program stops the robot as it ends), or use the robot's "
         "e-stop button"
     )

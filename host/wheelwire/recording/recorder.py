@@ -17,6 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from ..arguments import path as checked_path
 from ..errors import RecordingError
 from ..link.forking import abandon_in_child
 from ..link.tap import Kind, Record, Tap, TapReader
@@ -282,7 +283,7 @@ class Recorder:
 def recording_path(path: str | Path) -> Path:
     """The file that is meant; raises `RecordingError` where none can be made."""
     require_mcap()
-    found = Path(path)
+    found = checked_path("path", path)
     if found.is_dir():
         found /= f"wheelwire-{datetime.now().astimezone():%Y%m%d-%H%M%S}.mcap"
     if not found.parent.is_dir():

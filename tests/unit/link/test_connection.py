@@ -3,6 +3,8 @@
 import os
 import select
 import socket
+import subprocess
+import sys
 import threading
 import time
 import tty
@@ -117,12 +119,32 @@ def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:
         SerialDriver(str(robot.path), connect_timeout=0.3)
 
 
+LOCKING = """
+import fcntl, os, sys
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+fcntl.flock(port, fcntl.LOCK_EX)
+print(flush=True)
+input()
+"""
+
+
 def test_a_port_that_is_in_use(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "robot") as robot, SerialDriver(str(robot.path)) as driver:
+    script = tmp_path / "hold_port.py"
+    script.write_text(LOCKING)
+    pipe = subprocess.PIPE
+    with (
+        PtyDevice(tmp_path / "robot") as robot,
+        subprocess.Popen(
+            [sys.executable, str(script), str(robot.path)], stdin=pipe, stdout=pipe
+        ) as other,
+    ):
+        assert other.stdout is not None
+        other.stdout.readline()
         with pytest.raises(errors.PortUnavailable, match="another program uses it") as caught:
             SerialDriver(str(robot.path))
-        driver.read()
-    assert f"process {os.getpid()}), and only one can: end that one" in str(caught.value)
+        other.communicate(b"\n")
+    named = f"hold_port.py robot, process {other.pid}), and only one can: end that one"
+    assert named in str(caught.value)
     assert "e-stop button" in str(caught.value)
 
 
