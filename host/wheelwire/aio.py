@@ -65,7 +65,8 @@ if TYPE_CHECKING:
     from .drivers.replay import ReplayDriver
     from .drivers.serial import SerialDriver
     from .drivers.transport_driver import DeviceDriver
-    from .recording.recorder import Recorder
+    from .errors import RecordingError
+    from .recording.recorder import Recorder as _SyncRecorder
     from .simulation.libfwsim import FwSim
     from .simulation.simulator import Simulator
 
@@ -76,6 +77,7 @@ __all__ = [
     "Parameters",
     "PinDriver",
     "Ranges",
+    "Recorder",
     "SampleIterator",
     "Sensor",
     "Sensors",
@@ -86,6 +88,8 @@ __all__ = [
 ]
 
 DriverT = TypeVar("DriverT", bound="Driver")
+ClosingT = TypeVar("ClosingT", bound="_Closing")
+ResultT = TypeVar("ResultT")
 SampleT = TypeVar("SampleT")
 SensorSampleT = TypeVar("SensorSampleT", ImuSample, PowerSample, InputsSample)
 
@@ -255,6 +259,8 @@ class Driver(AwaitableDevice, LinkedRobot):
         self._finalizer.detach()
 
     async def __aenter__(self: DriverT) -> DriverT:
+        if self._link.has_ended:
+            self._check_link()  # raises why
         return self
 
     async def __aexit__(
@@ -266,8 +272,9 @@ class Driver(AwaitableDevice, LinkedRobot):
         await self.close()
 
     async def record(self, path: str | Path, driver: str | None = None) -> Recorder:
-        """As `wheelwire.SerialDriver.record`."""
-        return await asyncio.to_thread(self._robot.record, path, driver)
+        """As `wheelwire.SerialDriver.record`; when this is cancelled, nothing is recorded."""
+        begin = partial(self._robot.record, path, driver)
+        return Recorder(await _in_thread(begin, lambda recorder: recorder.close()))
 
     async def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
         """As every driver's; `report` is called in the loop, and may be a coroutine.
@@ -286,25 +293,16 @@ class Driver(AwaitableDevice, LinkedRobot):
         callbacks = LoopCallbacks(self._on_loop.call_in_loop)
         callbacks.set(Happening.STOPPED, report)
         listener = callbacks.listener
-        begun: list[_SyncStopWatch] = []
-        withdrawn = threading.Event()
 
-        def begin() -> None:
-            begun.append(self._robot.watch_stops(lambda stop: listener((Happening.STOPPED, stop))))
-            if withdrawn.is_set():
-                begun[0].close()
+        def begin() -> _SyncStopWatch:
+            return self._robot.watch_stops(lambda stop: listener((Happening.STOPPED, stop)))
 
         try:
-            # In a thread: what it needs is slow to import, and it waits for the board's name.
-            await asyncio.to_thread(begin)
+            begun = await _in_thread(begin, lambda late: late.close())
         except asyncio.CancelledError:
-            # The thread goes on. Whoever comes second, it or this, closes what it began.
-            withdrawn.set()
             callbacks.close()
-            for late in begun:
-                await asyncio.to_thread(late.close)
             raise
-        watch = StopWatch(begun[0], callbacks)
+        watch = StopWatch(begun, callbacks)
         self._watches.append(watch)
         return watch
 
@@ -352,7 +350,77 @@ class MockDriver(Driver):
         self._robot.plug()
 
 
-class StopWatch:
+async def _in_thread(begin: Callable[[], ResultT], undo: Callable[[ResultT], object]) -> ResultT:
+    """Begin something that is slow to import and waits for the robot; undone when cancelled."""
+    begun: list[ResultT] = []
+    withdrawn = threading.Event()
+
+    def in_thread() -> None:
+        begun.append(begin())
+        if withdrawn.is_set():
+            undo(begun[0])
+
+    try:
+        await asyncio.to_thread(in_thread)
+    except asyncio.CancelledError:
+        # The thread goes on. Whoever comes second, it or this, undoes what it began.
+        withdrawn.set()
+        for late in begun:
+            await asyncio.to_thread(undo, late)
+        raise
+    return begun[0]
+
+
+class _Closing:
+    """What `async with` closes."""
+
+    async def close(self) -> None:
+        raise NotImplementedError
+
+    async def __aenter__(self: ClosingT) -> ClosingT:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+
+class Recorder(_Closing):
+    """Records a robot until it is closed, or this is; made by `Driver.record`."""
+
+    def __init__(self, recorder: _SyncRecorder) -> None:
+        self._recorder = recorder
+
+    @property
+    def file(self) -> Path:
+        """The file that is being written, or was last."""
+        return self._recorder.file
+
+    @property
+    def files(self) -> list[Path]:
+        """All that were written, in order; of the last one more may come."""
+        return self._recorder.files
+
+    @property
+    def lost(self) -> int:
+        """Records that came faster than they could be written."""
+        return self._recorder.lost
+
+    @property
+    def error(self) -> RecordingError | None:
+        """Why the recording has ended before the link."""
+        return self._recorder.error
+
+    async def close(self) -> None:
+        """Write what is left and the file's end. Safe to call more than once."""
+        await asyncio.to_thread(self._recorder.close)
+
+
+class StopWatch(_Closing):
     """Watches a robot for stops; made by `Driver.watch_stops`."""
 
     def __init__(self, watch: _SyncStopWatch, callbacks: LoopCallbacks) -> None:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
+from datetime import date
+from datetime import time as datetime_time
+from enum import Enum
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 from .errors import InvalidArgument, shown, with_point
 
@@ -84,7 +89,10 @@ def path(name: str, value: object) -> Path:
         InvalidArgument: It is not a path.
     """
     if isinstance(value, (str, os.PathLike)):
-        return at_home(Path(os.fspath(value)))
+        found = os.fspath(value)
+        if "\0" in found:
+            raise InvalidArgument(f"{name} = {shown(value)}: no file can have this name")
+        return at_home(Path(found))
     raise InvalidArgument(f"{name} = {shown(value)}: give a path")
 
 
@@ -100,6 +108,35 @@ def at_home(path: Path) -> Path:
         raise InvalidArgument(
             f"{path}: this program has no home folder (HOME): write the whole path"
         ) from error
+
+
+def for_json(name: str, value: object) -> Any:
+    """`value` as JSON has it: NumPy's values, paths and times become numbers, lists and texts.
+
+    Raises:
+        InvalidArgument: JSON cannot hold it.
+    """
+    try:
+        return json.loads(json.dumps(value, default=_plain))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InvalidArgument(
+            f"{name} = {shown(value)}: give what JSON can hold (numbers, texts, lists, mappings "
+            f"with texts as keys): {error}"
+        ) from error
+
+
+def _plain(value: object) -> object:
+    """What `json` does not know, as something that it does."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, (date, datetime_time)):  # and datetime
+        return value.isoformat()
+    if isinstance(value, Enum):
+        return value.name
+    tolist = getattr(value, "tolist", None)  # of NumPy's arrays and scalars
+    if callable(tolist):
+        return tolist()
+    raise TypeError(f"it holds a {type(value).__name__}")
 
 
 def flag(name: str, value: object) -> bool:

@@ -380,6 +380,10 @@ def plot(
     as_json: JsonFlag = False,
 ) -> None:
     """Draw speeds asked and measured, duties, states and faults of a recording."""
+    from wheelwire.recording.reader import metadata
+
+    if output is None:
+        metadata(file)  # first: what is no file has no name for a picture
     picture = output or file.with_suffix(".png")
     draw_recording(file, picture)
     print_result({"picture": str(picture)}, f"drew {picture}", as_json=as_json)

@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime, timezone
+from getpass import getuser
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -34,7 +35,13 @@ LEFT_OUT = (
     "(its MAC address) is in it"
 )
 _NETWORK = re.compile(r"(socket|rfc2217|tcp)://[^\s\"',;]*[^\s\"',;:.]")
-_HOMES = re.compile(r"(/home|/Users)/[^/\s\"']+")
+_HOMES = re.compile(r"(/home|/Users|/run/user|/run/media|/media)/[^/\s\"']+")
+_PATH = re.compile(r"(?<![\w/.~-])/(?!/)[^\s\"',;:()<>|]+")
+"""A path from the root. In an address such as `socket://HOST` is none."""
+_SYSTEM = ("/dev", "/sys", "/proc", "/usr", "/etc", "/lib", "/bin", "/sbin", "/boot")
+"""Folders in which nothing has the name of a person."""
+_COMMON_USERS = ("root", "pi", "robot", "ros", "ubuntu", "debian", "user", "wheelwire")
+"""Users whose names are no person's, and may be words of a message."""
 _IPV4 = re.compile(r"\b(?:\d{1,3}\.){3}\d{1,3}\b")
 
 
@@ -164,14 +171,17 @@ def _pack_recording(archive: zipfile.ZipFile, source: Path) -> tuple[str, str]:
 
 @contextmanager
 def _written(target: Path) -> Iterator[zipfile.ZipFile]:
-    """A new archive; one that cannot be finished is removed."""
+    """A new archive, which gets its name once it is finished."""
+    part = target.with_name(f".{target.name}.part")
+    if target.exists():
+        raise OutputFailed(f"{target} exists: name another file with --output")
     try:
-        with target.open("xb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        with part.open("wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             yield archive
-    except FileExistsError as error:
-        raise OutputFailed(f"{target} exists: name another file with --output") from error
+        part.rename(target)
     except BaseException as error:
-        target.unlink(missing_ok=True)
+        with suppress(OSError):  # on a file system that is read-only by now it stays
+            part.unlink(missing_ok=True)
         if isinstance(error, OSError) and not isinstance(error, WheelwireError):
             raise OutputFailed.at(target, error) from error
         raise
@@ -187,6 +197,42 @@ def _anonymous(text: str) -> str:
     for path, stands_for in ((Path.cwd(), "."), (Path.home(), "~")):
         if len(path.parts) > 1:  # not the root, which is in every path
             text = text.replace(str(path), stands_for)
-    text = _HOMES.sub(r"\1/NAME", text)
-    computer = platform.node()
-    return re.sub(rf"\b{re.escape(computer)}\b", "COMPUTER", text) if computer else text
+    # Before what is a path only up to its first space.
+    for folder in (*Path.cwd().parents, *_mounted()):
+        if len(folder.parts) > 1 and not str(folder).startswith(_SYSTEM):
+            text = text.replace(f"{folder}/", "FOLDER/")
+    text = _PATH.sub(_without_folders, _HOMES.sub(r"\1/NAME", text))
+    for name, stands_for in ((platform.node(), "COMPUTER"), (_user(), "USER")):
+        if name:
+            text = re.sub(rf"\b{re.escape(name)}\b", stands_for, text)
+    return text
+
+
+def _without_folders(path: re.Match[str]) -> str:
+    """A path with the name of its file alone, unless it is the system's own."""
+    if path[0].startswith(_SYSTEM):
+        return path[0]
+    place, own, rest = path[0].partition("/NAME")  # of `_HOMES`
+    name = path[0].rpartition("/")[2]
+    if own:
+        return f"{place}/NAME/{name}" if rest else f"{place}/NAME"
+    return f"FOLDER/{name}"
+
+
+def _mounted() -> list[Path]:
+    """Where disks are mounted by their labels, which people choose."""
+    try:
+        lines = Path("/proc/self/mounts").read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return []
+    places = [line.split(" ")[1].replace("\\040", " ") for line in lines if " " in line]
+    return [Path(one) for one in places if one.startswith(("/media/", "/run/media/", "/mnt/"))]
+
+
+def _user() -> str:
+    """The name of the user, if it may be a person's."""
+    try:
+        name = getuser()
+    except (OSError, KeyError):  # it has none
+        return ""
+    return "" if name in _COMMON_USERS else name

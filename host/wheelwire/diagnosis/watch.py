@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
+from types import TracebackType
 
 from ..link.tap import TapReader
 from ..recording.recorder import Tapped, wait_until_it_began
@@ -17,6 +18,8 @@ _LOG = logging.getLogger("wheelwire.diagnosis")
 
 class StopWatch:
     """Calls `report` for each stop, in a thread of its own, until the link ends or `close`.
+
+    The exit of `with` closes it, too.
 
     The thread takes the tap's copies 20 times a second: it costs the link nothing, and some 12 us
     of the processor a record. After more records than its queue holds, it begins anew.
@@ -54,6 +57,17 @@ class StopWatch:
         self._closing.set()
         if threading.current_thread() is not self._thread:
             self._thread.join()
+
+    def __enter__(self) -> StopWatch:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
 
     def _begin(self) -> None:
         self._reader = TapReader()

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from inspect import iscoroutinefunction
 from queue import SimpleQueue
 from typing import Any, TypeAlias
@@ -79,11 +80,26 @@ class Callbacks(ABC):
 
     def _check(self, happening: Happening, handler: Handler) -> None:
         """Raise `InvalidArgument` for a function that would have to be awaited."""
-        if iscoroutinefunction(handler):
-            raise InvalidArgument(
-                f"{happening.value} = {shown(handler)}: give a plain function; coroutines are for "
-                "robots of wheelwire.aio"
-            )
+        check_plain(happening.value, handler)
+
+
+def check_plain(name: str, handler: object) -> None:
+    """Raise `InvalidArgument` for what cannot be called, or would have to be awaited."""
+    if not callable(handler):
+        raise InvalidArgument(f"{name} = {shown(handler)}: give a function")
+    # Also an object whose `__call__` is one, and a partial of one.
+    if iscoroutinefunction(unwrapped(handler)) or iscoroutinefunction(type(handler).__call__):
+        raise InvalidArgument(
+            f"{name} = {shown(handler)}: give a plain function; coroutines are for robots of "
+            "wheelwire.aio"
+        )
+
+
+def unwrapped(handler: object) -> object:
+    """The function within partials."""
+    while isinstance(handler, partial):
+        handler = handler.func
+    return handler
 
 
 def log_failure(happening: Happening) -> None:

@@ -5,12 +5,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from math import isfinite
-from typing import Any
+from typing import Any, NoReturn
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..arguments import LONGEST_WAIT_S, is_number
-from ..errors import NO_FAULT, Expired, InvalidCommand, WheelwireError, shown
+from ..errors import (
+    NO_FAULT,
+    Expired,
+    InvalidArgument,
+    InvalidCommand,
+    WheelwireError,
+    meant,
+    shown,
+)
 from ..link.info import DeviceInfo, Health, LinkStatistics
 from ..link.latest_sample import Latest, LatestSample
 from ..link.news import Happening
@@ -253,6 +261,21 @@ class Driving(ABC):
             )
         # Not below 0: rounding must not give a command more life than its ttl.
         return now_us - max(0, round(age_us)) + life_us
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # A function that is assigned to a wrong name would never be called.
+        if name.startswith("on_") and not hasattr(type(self), name):
+            known = [one for one in dir(type(self)) if one.startswith("on_")]
+            near = meant(name, known)
+            hint = f"did you mean {near}?" if near else f"there are {', '.join(known)}"
+            raise InvalidArgument(f"a robot has no {name}: {hint}")
+        super().__setattr__(name, value)
+
+    def __reduce__(self) -> NoReturn:
+        raise InvalidArgument(
+            f"{self._name}: a robot can be neither copied nor given to another process: open it in "
+            "the process that drives, and give the others what they need to know"
+        )
 
     def __repr__(self) -> str:
         try:

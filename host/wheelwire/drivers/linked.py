@@ -12,6 +12,7 @@ from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
+from ..arguments import for_json, text
 from ..errors import LinkClosed, LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
 from ..link.info import LinkInfo, LinkStatistics
@@ -157,9 +158,13 @@ class LinkedRobot(Driving):
 
         Args:
             name: A name; a replay has the newest value of each name.
-            value: What JSON can hold.
+            value: What JSON can hold, NumPy's values, a path or a time.
+
+        Raises:
+            InvalidArgument: It is anything else.
         """
-        self._link.note({name: value})
+        name = text("name", name, "floor")
+        self._link.note({name: for_json(f"note {name}", value)})
 
     def latest_control_counters(self) -> ControlCounters | None:
         """As `control_counters`, without waiting: the newest answer to an earlier call."""

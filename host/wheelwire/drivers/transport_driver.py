@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InvalidCommand
 from ..link.connection import Link
@@ -15,7 +15,7 @@ from ..link.device_link import DeviceLink
 from ..link.latest_sample import LatestSample
 from ..parameters import Parameters
 from .base import BaseDriver
-from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks
+from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks, check_plain
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .device_recorder import DeviceRecorder
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ..diagnosis.watch import StopWatch
     from ..recording.recorder import Recorder
 
+DriverT = TypeVar("DriverT", bound="DeviceDriver")
 _opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
 _only_looks: ContextVar[bool] = ContextVar("only_looks", default=False)
 
@@ -101,6 +102,11 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         """All sensors of the robot."""
         return self._sensors
 
+    def __enter__(self: DriverT) -> DriverT:
+        if self._link.has_ended:
+            self._check_link()  # raises why
+        return self
+
     def record(self, path: str | Path, driver: str | None = None) -> Recorder:
         """Record all that crosses the link from now on, until the robot is closed.
 
@@ -129,10 +135,12 @@ class DeviceDriver(LinkedRobot, BaseDriver):
                 of its own.
 
         Raises:
+            InvalidArgument: `report` is no plain function.
             InvalidCommand: The robot is in virtual time, or is a recording.
         """
         from ..diagnosis.watch import StopWatch  # here, for most programs ask for none
 
+        check_plain("watch_stops", report)
         if self._link.in_virtual_time:
             raise InvalidCommand(f"{self._link.name}: only a robot in real time can be watched")
         self._explanations.watch = watch = StopWatch(self._link, report)

@@ -335,7 +335,11 @@ class Link(DeviceLink):
             self._session.listen(reader, now_us)
             done(None)
 
-        self._loop.call(listen, lambda _: None)
+        def answered(result: Answer | WheelwireError | None) -> None:
+            if isinstance(result, WheelwireError):
+                reader.failure = result
+
+        self._loop.call(listen, answered)
 
     def leave_tap(self, reader: TapReader) -> None:
         """Give `reader` nothing more."""

@@ -16,6 +16,8 @@ from collections.abc import Mapping
 from itertools import count
 from typing import Any, NamedTuple
 
+from ..errors import WheelwireError
+
 QUEUE = 20_000
 """Records that wait for a listener: 5 s of a link at 1 kHz that is driven at 1 kHz."""
 
@@ -85,10 +87,12 @@ class TapReader:
 
     Attributes:
         lost: How many records fell from the queue before they were taken.
+        failure: Why the link gives it nothing.
     """
 
     def __init__(self, limit: int = QUEUE) -> None:
         self.lost = 0
+        self.failure: WheelwireError | None = None
         self._queue: deque[Record] = deque(maxlen=limit)
         self._limit = limit
         self._missing: int | None = None
@@ -154,8 +158,9 @@ class Tap:
 
     def note(self, what: Mapping[str, Any], host_us: int) -> None:
         """Pass on what the application says; whoever comes later gets the newest of each name."""
+        data = json.dumps(what).encode()  # first: what cannot be written is not kept either
         self._said = {**self._said, **what}
-        self.put(Kind.NOTE, host_us, json.dumps(what).encode())
+        self.put(Kind.NOTE, host_us, data)
 
     def remove(self, reader: TapReader) -> None:
         """`reader` gets nothing more. Harmless when repeated."""

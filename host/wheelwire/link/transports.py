@@ -8,14 +8,12 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import re
 import socket
 import termios
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import ClassVar
 from urllib.parse import urlsplit
 

@@ -105,7 +105,7 @@ def parts(file: BinaryIO) -> Iterator[Part]:
         if not HEADER <= opcode <= DATA_END or offset + HEAD.size + length > size:
             return
         part = Part(offset, opcode, file.read(length))
-        if not _is_whole(part):
+        if not is_whole(part):
             return
         yield part
         if opcode == DATA_END:
@@ -113,7 +113,7 @@ def parts(file: BinaryIO) -> Iterator[Part]:
         offset = part.end
 
 
-def _is_whole(part: Part) -> bool:
+def is_whole(part: Part) -> bool:
     """Whether a part with a checksum, or of a known form, is undamaged."""
     from mcap import records
     from mcap.exceptions import McapError

@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from types import TracebackType
 from typing import NamedTuple, Protocol
 
 from ..arguments import path as checked_path
-from ..errors import RecordingError
+from ..errors import RecordingError, WheelwireError, afresh
 from ..link.forking import abandon_in_child
 from ..link.tap import Kind, Record, Tap, TapReader
 from .reader import require_mcap
@@ -63,10 +64,18 @@ class Tapped(Protocol):
 
 
 def wait_until_it_began(link: Tapped, reader: TapReader) -> None:
-    """Wait for the first record: what is asked for next then gets to `reader`, with its answer."""
+    """Wait for the first record: what is asked for next then gets to `reader`, with its answer.
+
+    Raises:
+        WheelwireError: The link has ended, or cannot give it any.
+    """
     end_s = time.monotonic() + BEGIN_S
     while reader not in link.tap.readers and not link.has_ended and time.monotonic() < end_s:
+        if reader.failure is not None:
+            break
         time.sleep(BEGIN_STEP_S)
+    if reader.failure is not None:
+        raise afresh(reader.failure)
 
 
 class Attachment(NamedTuple):
@@ -84,6 +93,7 @@ class _Inlet:
 
     Attributes:
         has_gap: A record is missing.
+        has_begun: The START has come.
         lost: Records that are missing or came behind one that is.
     """
 
@@ -91,14 +101,14 @@ class _Inlet:
         self.reader = TapReader(QUEUE)
         self.has_gap = False
         self.lost = 0
-        self._has_begun = False
+        self.has_begun = False
 
     def take(self) -> list[Record]:
         records = self.reader.take()
         if not records:
             return []
-        if not self._has_begun:
-            self._has_begun = True
+        if not self.has_begun:
+            self.has_begun = True
             self.has_gap = records[0].kind is not Kind.START
         elif self.reader.lost > 0:
             self.has_gap = True
@@ -110,7 +120,7 @@ class _Inlet:
 
 
 class Recorder:
-    """Records a link until it ends or `close` is called.
+    """Records a link until it ends or `close` is called, as the exit of `with` does.
 
     Args:
         link: To be recorded.
@@ -155,7 +165,12 @@ class Recorder:
         self._pid = os.getpid()
         self._synced_s = self._chunk_s = time.monotonic()
         self._inlet = self._listen()
-        wait_until_it_began(link, self._inlet.reader)
+        try:
+            wait_until_it_began(link, self._inlet.reader)
+        except BaseException:  # of a file that would stay empty nothing is left
+            link.tap.remove(self._inlet.reader)
+            self._file.discard()
+            raise
         self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
         self._thread.start()
         threading.Thread(target=repair_folder, args=(self._path.parent,), daemon=True).start()
@@ -174,6 +189,17 @@ class Recorder:
         if os.getpid() == self._pid and threading.current_thread() is not self._thread:
             self._thread.join(CLOSE_S)
         atexit.unregister(self.close)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
 
     def _next_file(self) -> RecordingFile:
         self._part += 1
@@ -204,19 +230,36 @@ class Recorder:
         try:
             while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
                 self._write(self._taken())
+                self._check_failure()
                 self._keep_time()
             self._write(self._taken())
             self._attach()
+            self._check_begun()
             self._file.close()
-        except (OSError, RecordingError) as error:
+        except Exception as error:
             self._give_up(error)
         finally:
             for inlet in (self._inlet, self._successor):
                 if inlet is not None:
                     self._link.tap.remove(inlet.reader)
 
-    def _give_up(self, error: OSError | RecordingError) -> None:
-        reason = error.strerror if isinstance(error, OSError) else error
+    def _check_failure(self) -> None:
+        """Raise why the link gives it nothing."""
+        for inlet in (self._inlet, self._successor):
+            if inlet is not None and inlet.reader.failure is not None and not self._link.has_ended:
+                raise RecordingError(str(inlet.reader.failure))
+
+    def _check_begun(self) -> None:
+        """Raise if nothing was recorded at all."""
+        self._check_failure()
+        if not self._inlet.has_begun and self._part == 1:
+            raise RecordingError("the link has given nothing to record: run it again")
+
+    def _give_up(self, error: Exception) -> None:
+        known = isinstance(error, WheelwireError)
+        reason = getattr(error, "strerror", None) or (error if known else repr(error))
+        if not known and not isinstance(error, OSError):
+            _LOG.error("the recorder has failed", exc_info=error)
         self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
         _LOG.error("%s; the robot is driven on", self.error)
         with suppress(OSError):  # a full disk may report it once more

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
+import re
 import struct
 import time
 import zlib
@@ -37,6 +38,7 @@ from .reader import (
     Part,
     chunk_of,
     has_end,
+    is_whole,
     opened,
     parts,
     stream_of,
@@ -54,6 +56,10 @@ LARGEST_REST = 4 << 20
 _MESSAGE = struct.Struct("<HIQ")
 """How a message begins: channel, sequence, time."""
 _LOG = logging.getLogger("wheelwire")
+LATEST_NS = 2_000_000_000
+"""Within this time of the newest synced message a power cut may destroy what it likes."""
+_CHUNK_HEAD = re.compile(rb"(?=\x06[\0-\xff]{3}[\0-\x0f]\0{4})")
+"""Where a chunk may begin: its opcode, and a length below 256 MiB."""
 
 
 @dataclass
@@ -237,8 +243,16 @@ def _take_other(found: _Found, part: Part) -> None:
 def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
     """Cut off what is damaged, and write what is missing."""
     file.seek(found.end)
-    rest = file.read().strip(b"\0")  # pages that were never written read as zeros
-    if len(rest) > LARGEST_REST:
+    behind = file.read()
+    rest = behind.strip(b"\0")  # pages that were never written read as zeros
+    if (other := behind.find(MAGIC + bytes([HEADER]))) >= 0:
+        at = found.end + other
+        raise RecordingError(
+            f"{path} holds another recording {at} bytes from its beginning, which a repair would "
+            f"lose, so nothing was changed: `tail -c +{at + 1} {path} > other.mcap` takes it out, "
+            f"and then `truncate -s {at} {path}`"
+        )
+    if len(rest) > LARGEST_REST or _is_later(rest, found):
         raise RecordingError(
             f"{path} is damaged {found.end} bytes from its beginning, not at its end as by a "
             f"crash: a repair would lose the {len(rest)} bytes behind that, so nothing was changed"
@@ -253,6 +267,20 @@ def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
     file.write(_end(found, offset + len(mark)))
     file.flush()
     os.fsync(file.fileno())
+
+
+def _is_later(rest: bytes, found: _Found) -> bool:
+    """Whether an undamaged chunk behind the damage is of later than what a crash destroys."""
+    newest_ns = max((chunk.message_end_time for chunk in found.chunks), default=0)
+    for begin in _CHUNK_HEAD.finditer(rest):
+        opcode, length = HEAD.unpack_from(rest, begin.start())
+        content = rest[begin.start() + HEAD.size :][:length]
+        part = Part(begin.start(), opcode, content)
+        if len(content) == length and is_whole(part):
+            ends_ns = chunk_of(part).message_end_time
+            if found.chunks == [] or ends_ns > newest_ns + LATEST_NS:
+                return True
+    return False
 
 
 def _mark(found: _Found, offset: int) -> bytes:

@@ -187,6 +187,11 @@ class RecordingFile:
         finally:
             self.abandon()
 
+    def discard(self) -> None:
+        """Close the file and remove it: nothing is in it."""
+        self.abandon()
+        self.path.unlink(missing_ok=True)
+
     def give_up(self, reason: str) -> None:
         """Note in the file why nothing more is written, where there is room for it; close it.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import platform
 import zipfile
 from dataclasses import replace
@@ -13,7 +15,8 @@ import pytest
 from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from wheelwire import errors
-from wheelwire.cli.support import _anonymous
+from wheelwire.cli import support
+from wheelwire.cli.support import _anonymous, _written
 from wheelwire.files.board import load_board
 from wheelwire.files.parameters import load_parameter_file
 from wheelwire_protocol.parameters import PARAMETERS
@@ -65,6 +68,47 @@ def test_an_archive_that_cannot_be_finished_is_removed(tmp_path: Path) -> None:
     assert not target.exists()
 
 
+def test_a_read_only_file_system_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "report.zip"
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    with monkeypatch.context() as patch:
+        for name in ("open", "unlink", "rename"):
+            patch.setattr(Path, name, refuse)
+        with pytest.raises(errors.OutputFailed, match="Read-only file system; choose a folder"):
+            archive_with(target, None)
+    assert not list(tmp_path.iterdir())
+
+
+def archive_with(target: Path, error: OSError | None) -> None:
+    with _written(target) as archive:
+        archive.writestr("a", "b")
+        if error is not None:
+            raise error
+
+
+def test_a_disk_that_becomes_full_or_read_only_leaves_no_archive_of_that_name(
+    tmp_path: Path,
+) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with pytest.raises(errors.OutputFailed, match="No space left"):
+        archive_with(tmp_path / "report.zip", full)
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_of_mounted_disks_and_of_the_user_are_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(support, "_mounted", lambda: [Path("/media/ada/Ada L's disk")])
+    monkeypatch.setattr(support, "getuser", lambda: "ada")
+    said = _anonymous("cannot open /media/ada/Ada L's disk/day.mcap: no; ada, process 3")
+    assert said == "cannot open FOLDER/day.mcap: no; USER, process 3"
+
+
 def test_a_named_recording_is_packed(tmp_path: Path) -> None:
     recording = tmp_path / "day.mcap"
     recording.write_bytes(bytes(1000))
@@ -84,10 +128,17 @@ def test_a_named_recording_is_packed(tmp_path: Path) -> None:
         ("cannot reach 10.0.0.5", "cannot reach ADDRESS"),
         ("/home/ada/robot.yaml: no", "/home/NAME/robot.yaml: no"),
         (f"{Path.cwd()}/robot.yaml", "./robot.yaml"),
+        ("/media/ada/ADAS_DISK/day.mcap: no", "/media/NAME/day.mcap: no"),
+        ("unix:/run/user/1000/robot.sock", "unix:/run/user/NAME/robot.sock"),
+        (f"{Path.cwd().parent}/other/robot.yaml", "FOLDER/other/robot.yaml"),
+        ("/srv/ada/robots/robot.yaml, line 3: no", "FOLDER/robot.yaml, line 3: no"),
+        ("1/s, 2 m/s^2, and/or, https://a.b/c/d", "1/s, 2 m/s^2, and/or, https://a.b/c/d"),
+        ("/usr/lib/python3/x.py", "/usr/lib/python3/x.py"),
         ("version 1.2.3", "version 1.2.3"),
         ("/dev/ttyUSB0", "/dev/ttyUSB0"),
     ],
 )
 def test_no_person_and_no_network_is_named(said: str, packed: str) -> None:
     assert _anonymous(said) == packed
+    assert "ada" not in _anonymous(said).lower().replace("data", "")
     assert platform.node() not in _anonymous(f"on {platform.node()}: {said}")

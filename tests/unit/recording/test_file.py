@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import re
+import subprocess
 import sys
 from pathlib import Path
 from random import Random
@@ -191,3 +193,43 @@ def test_without_the_package_it_says_what_to_install(
     with pytest.raises(RecordingError, match=r"pip install 'wheelwire\[record\]'"):
         begin(tmp_path / "day.mcap")
     assert not list(tmp_path.iterdir())
+
+
+def drive(path: Path, first_s: int, seconds: int) -> RecordingFile:
+    """A recording with a chunk for each second."""
+    file = begin(path)
+    for second in range(first_s, first_s + seconds):
+        add(file, [Record(n, Kind.NOTE, second * 1_000_000 + n, b"{}") for n in range(20)])
+        file.sync()
+    return file
+
+
+@pytest.mark.parametrize("ends", [True, False], ids=["closed", "cut"])
+def test_a_repair_loses_no_second_recording_in_a_file(tmp_path: Path, *, ends: bool) -> None:
+    files = [drive(tmp_path / f"{name}.mcap", 0, 3) for name in "ab"]
+    for file in files:
+        file.close() if ends else file.abandon()
+    both = tmp_path / "both.mcap"
+    both.write_bytes(files[0].path.read_bytes() + files[1].path.read_bytes())
+    before = both.read_bytes()
+    with pytest.raises(RecordingError, match="holds another recording") as raised:
+        repair(both)
+    repair_folder(tmp_path)
+    assert both.read_bytes() == before
+    # What the message says brings both back.
+    for command in re.findall(r"`(.+?)`", str(raised.value)):
+        subprocess.run(["sh", "-c", command], check=True, cwd=tmp_path)
+    for path in (both, tmp_path / "other.mcap"):
+        repair(path)
+        assert len(list(records(path))) == 60
+
+
+def test_a_repair_loses_no_chunk_behind_damage_in_the_middle(tmp_path: Path) -> None:
+    file = drive(tmp_path / "day.mcap", 0, 10)
+    file.close()
+    data = bytearray(file.path.read_bytes())
+    data[len(data) // 4] ^= 0x55
+    file.path.write_bytes(data)
+    with pytest.raises(RecordingError, match="not at its end as by a crash"):
+        repair(file.path)
+    assert file.path.read_bytes() == data
