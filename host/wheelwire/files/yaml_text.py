@@ -9,6 +9,8 @@ import yaml
 
 from ..errors import ConfigurationError, shown
 
+LARGEST = 100_000
+"""Values in a file, with each alias counted as what it stands for."""
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
 
 _CURES = (
@@ -45,6 +47,10 @@ def parse(text: str) -> tuple[object, dict[str, int]]:
         node = loader.get_single_node()
         if node is None:
             return None, {}
+        if _size(node, {}) > LARGEST:
+            raise ConfigurationError(
+                f": its aliases (*name) multiply to more than {LARGEST} values: write them out"
+            )
         lines: dict[str, int] = {}
         _note_lines(node, "", lines)
         return loader.construct_document(node), lines
@@ -79,6 +85,20 @@ def _syntax(error: yaml.YAMLError, text: str) -> str:
     cures = (cure for pattern, cure in _CURES if re.search(pattern, said))
     cure = next(cures, "write `name: value`, and indent sections with spaces")
     return f", line {row + 1}: {shown(rows[row].strip())}: {cure}"
+
+
+def _size(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many values a node stands for, each alias counted anew; bounded, so that it is quick."""
+    if id(node) in known:
+        return known[id(node)]
+    known[id(node)] = LARGEST + 1  # of an alias within its own anchor, which never ends
+    size = 1
+    if isinstance(node, yaml.CollectionNode):
+        for entry in node.value:
+            for each in entry if isinstance(entry, tuple) else (entry,):
+                size = min(size + _size(each, known), LARGEST + 1)
+    known[id(node)] = size
+    return size
 
 
 def _note_lines(node: yaml.Node, prefix: str, lines: dict[str, int]) -> None:

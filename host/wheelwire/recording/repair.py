@@ -56,8 +56,9 @@ LARGEST_REST = 4 << 20
 _MESSAGE = struct.Struct("<HIQ")
 """How a message begins: channel, sequence, time."""
 _LOG = logging.getLogger("wheelwire")
-LATEST_NS = 2_000_000_000
-"""Within this time of the newest synced message a power cut may destroy what it likes."""
+LATEST_NS = 10_000_000_000
+"""Within this time of the newest synced message a power cut may destroy what it likes: a slow disk
+takes seconds for a sync."""
 _CHUNK_HEAD = re.compile(rb"(?=\x06[\0-\xff]{3}[\0-\x0f]\0{4})")
 """Where a chunk may begin: its opcode, and a length below 256 MiB."""
 
@@ -271,14 +272,16 @@ def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
 
 def _is_later(rest: bytes, found: _Found) -> bool:
     """Whether an undamaged chunk behind the damage is of later than what a crash destroys."""
-    newest_ns = max((chunk.message_end_time for chunk in found.chunks), default=0)
+    newest_ns = max((chunk.message_end_time for chunk in found.chunks), default=None)
     for begin in _CHUNK_HEAD.finditer(rest):
         opcode, length = HEAD.unpack_from(rest, begin.start())
         content = rest[begin.start() + HEAD.size :][:length]
         part = Part(begin.start(), opcode, content)
         if len(content) == length and is_whole(part):
-            ends_ns = chunk_of(part).message_end_time
-            if found.chunks == [] or ends_ns > newest_ns + LATEST_NS:
+            chunk = chunk_of(part)
+            # Of a file that was cut within its first second nothing may be undamaged before it.
+            newest_ns = chunk.message_start_time if newest_ns is None else newest_ns
+            if chunk.message_end_time > newest_ns + LATEST_NS:
                 return True
     return False
 

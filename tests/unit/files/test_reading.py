@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -94,3 +95,32 @@ def test_options_of_a_wrong_type_say_what_to_write(tmp_path: Path) -> None:
         assert said in refusal("robot", file)
     file.write_text("driver: mock\nserial: {connect_timeout: 3, stream_rate_hz:}\n")
     assert load_config(file).serial.connect_timeout == 3
+
+
+def bomb(kind: str) -> str:
+    levels = [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 12)]
+    if kind == "mappings":
+        levels = [
+            f"a{n}: &a{n} {{{', '.join(f'k{i}: *a{n - 1}' for i in range(9))}}}"
+            for n in range(1, 12)
+        ]
+    if kind == "itself":
+        return "a: &a [*a]\n"
+    return "\n".join(["a0: &a0 [x]", *levels, ""])
+
+
+@every_kind
+@pytest.mark.timeout(10)
+@pytest.mark.parametrize("shape", ["lists", "mappings", "itself"])
+def test_aliases_that_multiply_are_refused_at_once(kind: str, shape: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(bomb(shape))
+    began_s = time.process_time()
+    assert "aliases (*name) multiply" in refusal(kind, file)
+    assert time.process_time() - began_s < 1.0
+
+
+def test_an_alias_that_is_used_a_few_times_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("driver: mock\nparameters: {wheel_radius: &r 0.3, wheel_separation: *r}\n")
+    assert load_config(file).parameters == {"wheel_radius": 0.3, "wheel_separation": 0.3}

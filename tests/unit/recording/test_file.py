@@ -225,7 +225,7 @@ def test_a_repair_loses_no_second_recording_in_a_file(tmp_path: Path, *, ends: b
 
 
 def test_a_repair_loses_no_chunk_behind_damage_in_the_middle(tmp_path: Path) -> None:
-    file = drive(tmp_path / "day.mcap", 0, 10)
+    file = drive(tmp_path / "day.mcap", 0, 40)
     file.close()
     data = bytearray(file.path.read_bytes())
     data[len(data) // 4] ^= 0x55

@@ -12,9 +12,10 @@ from typing import Any
 from wheelwire_protocol.board import EncoderPulls
 
 from ...board import WheelPins
-from ...errors import DriverUnavailable, LinkLost, WheelwireError
+from ...errors import ConfigurationError, DriverUnavailable, LinkLost, WheelwireError
 from ...peripherals import Pull
 from ..encoder import A, B, QuadratureDecoder
+from ..latches import runtime_directory
 from ..settings import McuSettings
 from .base import (
     Gpio,
@@ -32,6 +33,8 @@ from .enable_pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
 LIMITS = ("glitch_filter_ns is not applied: filter the encoder lines in hardware",)
 PULLS = {Pull.INTERNAL: "up", Pull.DOWN: "down", Pull.EXTERNAL: "floating"}
 """What a factory calls them."""
+LGPIO_FOLDER = "LG_WD"
+"""The environment's variable that names lgpio's folder, in place of the working folder."""
 CLAIM_TIMEOUT_S = 0.1
 """The kernel releases the lines of a killed process shortly after the process has ended."""
 
@@ -257,6 +260,7 @@ def pin_factory() -> Any:
             if os.environ.get("GPIOZERO_PIN_FACTORY"):
                 Device.ensure_pin_factory()
             else:
+                _give_lgpio_a_folder()
                 from gpiozero.pins.lgpio import LGPIOFactory
 
                 Device.pin_factory = LGPIOFactory()
@@ -268,10 +272,39 @@ def pin_factory() -> Any:
         ) from error
     except Exception as error:  # each factory has its own errors
         raise DriverUnavailable(
-            f"no GPIO on this computer ({error}): run the l298n driver on a Raspberry Pi, as a "
-            "user in the group gpio; if an ESP32 drives the L298N, write driver_type: serial"
+            f"no GPIO on this computer ({error}): {_why_no_gpio(error)}"
         ) from error
     return Device.pin_factory
+
+
+def _give_lgpio_a_folder() -> None:
+    """Lgpio makes a pipe in the working folder, which a service often may not write to."""
+    if LGPIO_FOLDER not in os.environ and not os.access(Path.cwd(), os.W_OK):
+        with suppress(ConfigurationError, OSError):  # lgpio itself fails then, which is reported
+            os.environ[LGPIO_FOLDER] = str(runtime_directory())
+
+
+def _why_no_gpio(error: Exception) -> str:
+    """What to do about it: only where the chip may not be opened it is the user's groups."""
+    folder = Path(os.environ.get(LGPIO_FOLDER) or Path.cwd())
+    if not os.access(folder, os.W_OK):
+        return (
+            f"lgpio needs a folder that it can write to, and {folder} is none: set the service's "
+            f"WorkingDirectory, or {LGPIO_FOLDER}"
+        )
+    chips = sorted(Path("/dev").glob("gpiochip*"))
+    if not chips:
+        return (
+            "run the l298n driver on a Raspberry Pi, whose kernel offers /dev/gpiochip0; if an "
+            "ESP32 drives the L298N, write driver_type: serial"
+        )
+    if not any(os.access(chip, os.R_OK | os.W_OK) for chip in chips):
+        return f"{chips[0]} cannot be opened: run it as a user in the group gpio"
+    return (
+        f"end what else uses {chips[0]}"
+        if "busy" in str(error).lower()
+        else ("look at `gpioinfo`, and at the kernel's log (`dmesg`)")
+    )
 
 
 @contextmanager
