@@ -78,7 +78,13 @@ class RefusalCode(DocumentedEnum):
         11,
         "The cause is still present; close the e-stop contact or fix the fault.",
     )
-    NOT_STOPPED = 12, "Not possible while driving or with an e-stop latched; stop or clear first."
+    NOT_STOPPED = (
+        12,
+        (
+            "Not possible while driving, while a wheel turns, or with an e-stop latched; stop or "
+            "clear first, and wait until the wheels stand."
+        ),
+    )
     STORE_FAILED = (
         13,
         "The parameter store could not be written; values apply until the next reset.",

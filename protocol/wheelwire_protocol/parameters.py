@@ -23,7 +23,8 @@ class Changes(enum.Enum):
     ALWAYS = "always"
     """Also while driving, from one control period to the next."""
     STOPPED = "stopped"
-    """Not while driving: safety depends on it, or the controller would jump."""
+    """Neither while driving nor while a wheel turns: safety depends on it, or the controller, and
+    whatever computes from ticks, would jump."""
     RELEASED = "released"
     """Nor while an e-stop is latched: it decides whether that e-stop can be cleared."""
 

@@ -51,7 +51,8 @@ enum class RefusalCode : uint8_t {
   kEstopped = 9,             ///< Emergency stop is latched; remove its cause, then clear it.
   kFault = 10,               ///< A fault is latched; remove its cause, then clear it.
   kCausePresent = 11,  ///< The cause is still present; close the e-stop contact or fix the fault.
-  kNotStopped = 12,  ///< Not possible while driving or with an e-stop latched; stop or clear first.
+  kNotStopped = 12,    ///< Not possible while driving, while a wheel turns, or with an e-stop
+                       ///< latched; stop or clear first, and wait until the wheels stand.
   kStoreFailed =
       13,  ///< The parameter store could not be written; values apply until the next reset.
   kRateTooHigh = 14,  ///< Above the control rate or the line's capacity; request a lower rate.

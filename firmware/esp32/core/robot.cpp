@@ -438,7 +438,7 @@ RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
                                                                         : trial_.refusal();
   if (refusal != RefusalCode::kNone) return refusal;
   check_contact(now_us);  // It may have opened since the last control step.
-  refusal = change_refusal(supervisor_.state(), parameters_.spec(id).changes);
+  refusal = change_refusal(supervisor_.state(), turns(), parameters_.spec(id).changes);
   if (refusal != RefusalCode::kNone) return refusal;
   // On trial the order of several values must not matter: they are judged together, by KEEP. What
   // the robot is driving with is judged at once.
@@ -474,7 +474,7 @@ RefusalCode Robot::save_all_parameters() {
 
 RefusalCode Robot::check_stopped() const {
   if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
-  return change_refusal(supervisor_.state(), ParameterChanges::kStopped);
+  return change_refusal(supervisor_.state(), false, ParameterChanges::kStopped);
 }
 
 RefusalCode Robot::check_estop(uint64_t now_us) {
@@ -495,7 +495,8 @@ RefusalCode Robot::conclude_save(bool saved) {
 RefusalCode Robot::reset_parameters(uint64_t now_us) {
   if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
   check_contact(now_us);  // As above: the defaults may switch the contact off.
-  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kReleased);
+  const RefusalCode refusal =
+      change_refusal(supervisor_.state(), turns(), ParameterChanges::kReleased);
   if (refusal != RefusalCode::kNone) return refusal;
   parameters_.set_defaults();
   apply_parameters();
@@ -551,7 +552,7 @@ RefusalCode Robot::extend_trial(bool begins, float timeout_s, uint64_t now_us) {
   }
   RefusalCode refusal = trial_.lasting_refusal();
   if (refusal == RefusalCode::kNone)
-    refusal = change_refusal(supervisor_.state(), ParameterChanges::kAlways);
+    refusal = change_refusal(supervisor_.state(), turns(), ParameterChanges::kAlways);
   if (refusal == RefusalCode::kNone) trial_.begin(parameters_, deadline_us);
   return refusal;
 }

@@ -227,6 +227,7 @@ class Robot {
   void hold_off(uint64_t now_us);
   void hold_still(uint64_t now_us);
   void note_speed(uint64_t now_us);
+  bool turns() const { return drive_.left().turns() || drive_.right().turns(); }
   RefusalCode standing_refusal(const Setpoint& setpoint, uint64_t now_us);
   bool stopped_by_sensors() const { return (reflexes_ & reflex::kStop) != 0; }
   /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the

@@ -41,11 +41,11 @@ RefusalCode setpoint_refusal(SupervisorState state) {
   return RefusalCode::kBooting;
 }
 
-RefusalCode change_refusal(SupervisorState state, ParameterChanges changes) {
+RefusalCode change_refusal(SupervisorState state, bool turns, ParameterChanges changes) {
   if (state == kBoot) return RefusalCode::kBooting;
-  const bool allowed =
-      changes == ParameterChanges::kAlways ||
-      (state != kDriving && (state != kEstopped || changes == ParameterChanges::kStopped));
+  const bool allowed = changes == ParameterChanges::kAlways ||
+                       (state != kDriving && !turns &&
+                        (state != kEstopped || changes == ParameterChanges::kStopped));
   return allowed ? RefusalCode::kNone : RefusalCode::kNotStopped;
 }
 

@@ -14,8 +14,9 @@ SupervisorState next_state(SupervisorState state, SupervisorEvent event);
 /// Why a setpoint is refused in `state`; kNone if it is obeyed.
 RefusalCode setpoint_refusal(SupervisorState state);
 
-/// Why a parameter may not change in `state`; kNone if it may.
-RefusalCode change_refusal(SupervisorState state, ParameterChanges changes);
+/// Why a parameter may not change in `state`; kNone if it may. `turns`: a wheel does, though
+/// nothing may drive it.
+RefusalCode change_refusal(SupervisorState state, bool turns, ParameterChanges changes);
 
 class Supervisor {
  public:

@@ -47,6 +47,9 @@ class Wheel {
   int32_t velocity_umps() const { return velocity_umps_; }
   /// See VelocityEstimator.
   bool is_still() const { return estimator_.is_still(); }
+  /// Whether it has moved on in the last half second, driven or not. One whose encoder rests on an
+  /// edge and toggles has not, though it is not still either.
+  bool turns() const { return estimator_.ticks_per_s_q8() != 0; }
   int32_t duty_q15() const { return duty_q15_; }
   /// What the winding gets: the stage pauses for a step before it drives the other way.
   int32_t driven_q15() const { return reverses_ ? 0 : duty_q15_; }

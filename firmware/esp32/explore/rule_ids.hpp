@@ -41,6 +41,7 @@ enum class Rule : uint8_t {
   kReleaseDoesNotRestart,
   kStopHolds,
   kNotTooFast,
+  kValuesChangeAtRest,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

@@ -48,6 +48,7 @@ constexpr RuleSpec kRules[] = {
     {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
     {Rule::kStopHolds, "S33", "stop-holds"},
     {Rule::kNotTooFast, "S34", "not-too-fast"},
+    {Rule::kValuesChangeAtRest, "S35", "values-change-at-rest"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -68,6 +69,13 @@ constexpr int kPauseSteps = 4;
 constexpr double kMeasuredAtRestUmps = 20'000;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
+
+/// Whether the firmware takes other levels for the same turn of a wheel.
+bool reads_encoders_otherwise(const Values& before, const Values& after) {
+  constexpr std::array kWays = {kLeftEncoderInverted, kRightEncoderInverted, kEncodersSwapped};
+  return std::any_of(kWays.begin(), kWays.end(),
+                     [&](ParameterId id) { return before[index_of(id)] != after[index_of(id)]; });
+}
 
 /// The rule that a setpoint broke which had to be refused.
 Rule rule_of(Codes denied, bool unarmed_by_start) {
@@ -364,6 +372,29 @@ void Judge::board_stays_while_estopped() {
   check(Rule::kBoardStaysWhileEstopped,
         !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
         describe(task.message), " is carried out with an e-stop");
+}
+
+/// S35, but for a trial, which stops the robot as it ends.
+void Judge::values_change_at_rest() {
+  const Task& task = *witness_.task();
+  const Values before = std::exchange(memory_.known_values, witness_.values());
+  if (!task.carried_out || !task.is_new) return;
+  if (task.message.id != ParameterSet::kId && task.message.id != ParameterReset::kId) return;
+  for (const ParameterSpec& spec : kParameters) {
+    const bool has_changed = before[index_of(spec.id)] != witness_.value(spec.id);
+    if (!has_changed || spec.changes == ParameterChanges::kAlways) continue;
+    check(Rule::kValuesChangeAtRest,
+          task.before != SupervisorState::kDriving && !surely_turns(kLeft) && !surely_turns(kRight),
+          describe(task.message), " is carried out though a wheel turns");
+  }
+}
+
+bool Judge::surely_turns(Side wheel) const {
+  const Memory::Turning& turning = memory_.turning[wheel];
+  const int64_t moved = simulator_.board.encoders[wheel].shown_ticks() - memory_.seen_ticks[wheel];
+  const bool turns_back = moved != 0 && (moved > 0) != (turning.way > 0);
+  return turning.steps > 2 && !turns_back && !world_.changed_encoders &&
+         now_us() - turning.ticked_us < kSurelyTurnsUs;
 }
 
 // --- limits --------------------------------------------------------------------------------------
@@ -984,19 +1015,27 @@ void Judge::follow_motion() {
                        !simulator_.board.wiring.mixed;
   for (const Side wheel : kSides) {
     const sim::Quadrature& encoder = simulator_.board.encoders[wheel];
-    const int64_t moved = std::abs(encoder.shown_ticks() - memory_.seen_ticks[wheel]);
+    const int64_t change = encoder.shown_ticks() - memory_.seen_ticks[wheel];
+    const int64_t moved = std::abs(change);
     memory_.seen_ticks[wheel] = encoder.shown_ticks();
     const bool is_stuck = encoder.model.stuck != 0;
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
     if (moved != 0 || is_stuck || was_stuck) memory_.perhaps_ticked_us = now_us();
     if (is_stuck) memory_.hides_tick[wheel] = true;
+    Memory::Turning& turning = memory_.turning[wheel];
+    if (is_stuck || was_stuck || !is_seen || world_.changed_encoders) turning = {};
     // In the step in which a level comes back the wheel may have moved before that alone.
     if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
     const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
     memory_.hides_tick[wheel] = false;
     if (is_seen && is_counted) memory_.turned_us = memory_.ticked_us = now_us();
+    const int way = change > 0 ? 1 : -1;
+    const bool goes_on = way == turning.way && now_us() - turning.ticked_us < kSurelyTurnsUs;
+    if (!is_seen || !is_counted || !goes_on) turning = {.way = way};
+    turning.ticked_us = now_us();
+    ++turning.steps;
   }
   // On a board that is wired otherwise, windings do what they do.
   const bool drives = world_.wired_as_believed && simulator_.board.drives();
@@ -1025,6 +1064,7 @@ void Judge::after_message() {
   if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
   driven_by_right();
   board_stays_while_estopped();
+  values_change_at_rest();
   message_moves_the_state();
   stop_at_once();
   drive_only_in_driving();
@@ -1085,7 +1125,8 @@ void Judge::remember() {
     memory_.stood_since_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
-  memory_.values = witness_.values();
+  if (reads_encoders_otherwise(memory_.values, witness_.values())) memory_.turning = {};
+  memory_.values = memory_.known_values = witness_.values();
   memory_.default_protection = has_default_protection();
   memory_.earlier_highest = memory_.highest;
   memory_.highest = memory_.values;
@@ -1108,7 +1149,7 @@ void Judge::after_start() {
   memory_.fast_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
-  memory_.values = memory_.highest = witness_.values();
+  memory_.values = memory_.highest = memory_.known_values = witness_.values();
   memory_.state = simulator_.state();
   memory_.hard_switches = simulator_.board.hard_switches();
   for (const Side wheel : kSides)

@@ -93,6 +93,15 @@ struct Memory {
   uint64_t perhaps_ticked_us = 0;  ///< A counter may have counted.
   uint64_t drove_us = 0;
 
+  // S35. In how many control steps a wheel has moved on one way, and when it did last.
+  struct Turning {
+    int way = 0;
+    int steps = 0;
+    uint64_t ticked_us = 0;
+  };
+  std::array<Turning, 2> turning{};
+  Values known_values{};  ///< After the last message.
+
   // S13.
   struct Ticks {
     bool known = false;
@@ -199,6 +208,7 @@ class Judge {
   void message_moves_the_state();
   void stop_at_once();
   void board_stays_while_estopped();
+  void values_change_at_rest();
   void slew_within_limit();
   void begins_gently();
   void within_limits();
@@ -224,6 +234,7 @@ class Judge {
   bool surely_turns() const {
     return memory_.ticked_us != 0 && now_us() - memory_.ticked_us < kSurelyTurnsUs;
   }
+  bool surely_turns(sim::Side wheel) const;
   bool surely_still() const { return now_us() - memory_.perhaps_ticked_us > kSurelyStillUs; }
   bool is_shorted() const;
   bool creeps(double share) const;

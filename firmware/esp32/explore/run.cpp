@@ -97,6 +97,7 @@ void Run::call(bool stepped) {
   if (!started_) return;
   if (stepped) witness_.expires_trial();
   if (stepped) coverage_.battery(witness_.reads_sensors());
+  if (stepped) witness_.notes_motion();
   if (stepped) witness_.notes_hold();
   judge_.after_call(stepped);
   witness_.notes_stop();

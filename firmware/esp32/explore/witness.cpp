@@ -316,13 +316,16 @@ Codes Witness::request_codes(const Seen& message) const {
       if (!lasting.empty()) return lasting;
       if (estopped() || simulator_.state() == SupervisorState::kDriving)
         return RefusalCode::kNotStopped;
-      if (nothing_saved_) return none;
-      // Formatting is a write to the store, too.
-      if (flash_damaged_ && !simulator_.board.store.failing) {
-        return simulator_.board.configuration_store.failing ? RefusalCode::kStoreFailed
-                                                            : RefusalCode::kNone;
+      Codes codes = none;
+      if (!nothing_saved_) {
+        // Formatting is a write to the store, too.
+        const bool formats = flash_damaged_ && !simulator_.board.store.failing;
+        codes = !formats                                       ? save_codes()
+                : simulator_.board.configuration_store.failing ? Codes(RefusalCode::kStoreFailed)
+                                                               : none;
       }
-      return save_codes();
+      if (may_turn()) codes |= RefusalCode::kNotStopped;
+      return codes;
     }
     case ParameterTrial::kId:
       return codes(message.as<ParameterTrial>());
@@ -450,6 +453,24 @@ void Witness::notes_hold() {
   perhaps_held_ways_ |= static_cast<uint8_t>(perhaps_forbidden() & granted_->ways & kWays);
 }
 
+void Witness::notes_motion() {
+  if (may_have_moved()) moved_us_ = now_us();
+  for (const sim::Side wheel : sim::kSides)
+    seen_ticks_[wheel] = simulator_.board.encoders[wheel].shown_ticks();
+}
+
+bool Witness::may_have_moved() const {
+  return std::any_of(sim::kSides.begin(), sim::kSides.end(), [this](sim::Side wheel) {
+    const sim::Quadrature& encoder = simulator_.board.encoders[wheel];
+    return encoder.model.stuck != 0 || encoder.shown_ticks() != seen_ticks_[wheel];
+  });
+}
+
+bool Witness::may_turn() const {
+  constexpr uint64_t kMayTurnUs = 650'000;
+  return may_have_moved() || now_us() - moved_us_ <= kMayTurnUs;
+}
+
 void Witness::notes_touch() {
   touched_us_ = now_us();
   touched_ |= triggered();
@@ -475,12 +496,18 @@ Codes Witness::codes(const ParameterSet& request) const {
   if ((drives && spec.changes != ParameterChanges::kAlways) ||
       (released && state == SupervisorState::kEstopped))
     return RefusalCode::kNotStopped;
+  Codes codes = RefusalCode::kNone;
+  if (spec.changes != ParameterChanges::kAlways && may_turn()) codes |= RefusalCode::kNotStopped;
   Values changed = values_;
   changed[request.parameter - 1U] = request.value;
   const uint32_t known = contradictions(values_);
-  Codes codes = RefusalCode::kNone;
   if (trial_ == Trial::kRuns && !drives) return codes;
-  if ((contradictions(changed) & ~known) != 0) return RefusalCode::kContradiction;
+  if ((contradictions(changed) & ~known) != 0) {
+    const bool may_be_refused_before = codes.has(RefusalCode::kNotStopped);
+    codes = RefusalCode::kContradiction;
+    if (may_be_refused_before) codes |= RefusalCode::kNotStopped;
+    return codes;
+  }
   if ((doubtful_contradictions(changed) | doubtful_contradictions(values_)) != 0)
     codes |= RefusalCode::kContradiction;
   return codes;

@@ -170,6 +170,8 @@ class Witness {
   uint8_t perhaps_held_ways() const { return perhaps_held_ways_; }
   /// A control step has ended, in DRIVING: what it did not do because of a bumper.
   void notes_hold();
+  /// A control step has ended: whether a wheel moved in it.
+  void notes_motion();
   /// Whether a start found only one of two copies of a block, and the other one is not written yet.
   bool has_lost_copy() const;
   /// Memory that outlives a reset of the processor was not lost before this start.
@@ -218,6 +220,10 @@ class Witness {
     return sensors_unread_ || battery_.is_unread(simulator_.board.battery.millivolts());
   }
   Codes stopped_code() const;
+  /// Whether a counter may have counted since the last control step.
+  bool may_have_moved() const;
+  /// Whether the firmware may believe that a wheel turns.
+  bool may_turn() const;
   Codes lasting_code() const;
   Finding takes_effect(const Seen& answer);
   Finding opens(const DeviceHello& hello);
@@ -298,6 +304,9 @@ class Witness {
   BatteryWitness battery_;
   uint64_t touched_us_ = 0;  ///< When one was last triggered, or free again.
   uint8_t touched_ = 0;      ///< What they have forbidden since then.
+
+  std::array<int64_t, 2> seen_ticks_{};
+  uint64_t moved_us_ = 0;  ///< When a counter may have counted last.
 
   SupervisorState last_state_ = SupervisorState::kBoot;
   uint32_t last_faults_ = 0;

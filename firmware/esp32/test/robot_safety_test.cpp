@@ -115,6 +115,48 @@ TEST(every_parameter_says_when_it_may_change_and_is_refused_otherwise) {
   });
 }
 
+TEST(what_must_not_change_while_driving_does_not_change_while_a_wheel_turns_either) {
+  for_each_parameter([](const ParameterSpec& spec) {
+    RobotBench bench;
+    bench.open();
+    for (int i = 0; i < 20; ++i) {
+      bench.turn(0, -1);
+      bench.run(5);
+    }
+    CHECK(bench.state() == SupervisorState::kIdle);
+    const bool always = spec.changes == ParameterChanges::kAlways;
+    CHECK(bench.set(spec.id, another_value(spec)) ==
+          (always ? RefusalCode::kNone : RefusalCode::kNotStopped));
+    CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
+    bench.run(600);
+    CHECK(bench.set(spec.id, another_value(spec)) == RefusalCode::kNone);
+    CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNone);
+  });
+}
+
+TEST(the_moment_between_two_drives_lets_no_geometry_in) {
+  RobotBench bench;
+  bench.open();
+  for (int i = 0; i < 50; ++i) {
+    bench.turn(1, 1);
+    bench.drive(0.3f, 0.3f, 2);
+  }
+  bench.send(bench.stop());
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kIdle);
+  CHECK(bench.set(kWheelRadius, 0.05f) == RefusalCode::kNotStopped);
+}
+
+TEST(an_encoder_that_toggles_on_an_edge_keeps_no_parameter_from_changing) {
+  RobotBench bench;
+  bench.open();
+  for (int i = 0; i < 20; ++i) {
+    bench.turn(i % 2 == 0 ? 1 : -1, 0);
+    bench.run(5);
+  }
+  CHECK(bench.set(kWheelRadius, 0.05f) == RefusalCode::kNone);
+}
+
 TEST(no_parameter_changes_before_the_saved_ones_are_loaded) {
   RobotBench bench;
   bench.send(RobotBench::hello(RobotBench::kNonce));

@@ -155,6 +155,7 @@ class _Wish:
 def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
     """Drive, show, ask; the robot then has the values that were decided on."""
     # Here, so that no other command waits until numpy is imported.
+    from wheelwire.commissioning.driving import set_at_rest
     from wheelwire.commissioning.tuning import compare
 
     def confirm(course: Course) -> None:
@@ -173,7 +174,7 @@ def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
             outcome = _outcome(found, wish)
         if outcome in ("keep", "save"):
             for name, value in wish.tried.items():
-                driver.parameters.set(name, value)
+                set_at_rest(driver, name, value)
             trial.keep()
     if outcome == "save":  # the device saves nothing while values are on trial
         for name in wish.tried:

@@ -33,6 +33,7 @@ from .driving import (
     life_s,
     one_session,
     require_ready,
+    set_at_rest,
     uninterrupted,
     untold,
 )
@@ -521,7 +522,7 @@ def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | No
 
 def _set(robot: BaseDriver, values: Mapping[str, float]) -> None:
     for name, value in values.items():
-        robot.parameters.set(name, value)
+        set_at_rest(robot, name, value)
 
 
 def _mmps(value: float | None) -> str:

@@ -273,6 +273,32 @@ def one_session(robot: BaseDriver) -> Iterator[None]:
         )
 
 
+def set_at_rest(robot: BaseDriver, name: str, value: float) -> None:
+    """Set a parameter, just after a motion, too: as soon as the robot itself takes it for at rest.
+
+    Raises:
+        DeviceRefused: The value is refused for another reason, or a wheel goes on turning.
+    """
+    begin: WheelSample | None = None
+    while not _is_set(robot, name, value, in_time=begin is None or _is_recent(robot, begin)):
+        begin = begin or robot.read()
+
+
+def _is_recent(robot: BaseDriver, begin: WheelSample) -> bool:
+    return robot.read().since(begin).dt_s <= LONGEST_ROLL_S
+
+
+def _is_set(robot: BaseDriver, name: str, value: float, *, in_time: bool) -> bool:
+    """Set a parameter; false if it is refused because a wheel turns and that may end in time."""
+    try:
+        robot.parameters.set(name, value)
+    except DeviceRefused as error:
+        if error.code != RefusalCode.NOT_STOPPED or not in_time:
+            raise
+        return False
+    return True
+
+
 @contextmanager
 def not_watching(robot: BaseDriver, name: str) -> Iterator[None]:
     """Set a threshold to its maximum for a while. Only in a trial of parameters.
@@ -280,9 +306,9 @@ def not_watching(robot: BaseDriver, name: str) -> Iterator[None]:
     If the block is left by an exception, the end of the trial restores the threshold.
     """
     previous = robot.parameters[name]
-    robot.parameters.set(name, definition_of(name).maximum)
+    set_at_rest(robot, name, definition_of(name).maximum)
     yield
-    robot.parameters.set(name, previous)
+    set_at_rest(robot, name, previous)
 
 
 def require_ready(robot: BaseDriver) -> None:

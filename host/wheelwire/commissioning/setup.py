@@ -20,7 +20,7 @@ from ..files.state import state_folder
 from ..parameters import Trial, definition_of, number_text
 from .before_after import Proof, prove
 from .counts import COUNTS, ask_counts
-from .driving import BoardReset, Left, not_watching, untold
+from .driving import BoardReset, Left, not_watching, set_at_rest, untold
 from .expectation import expected_rms_mps, judge
 from .gains import tuned
 from .identification import identify
@@ -442,7 +442,7 @@ class _SetUp:
         self._remember(values)
         for name, value in values.items():
             if self.robot.parameters[name] != value:
-                self.robot.parameters.set(name, value)
+                set_at_rest(self.robot, name, value)
 
     def _remember(self, names: Iterable[str]) -> dict[str, float]:
         now = {name: self.robot.parameters[name] for name in names}

@@ -17,6 +17,7 @@ import pytest
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 from .. import errors
+from ..commissioning.driving import set_at_rest
 from ..drivers.base import BaseDriver
 from ..motion.kinematics import WheelVelocities
 from ..samples import WheelSample
@@ -324,7 +325,7 @@ class RefusingTests:
             # Setting the active value is no change.
             parameters.set(name, value)
         harness.driver.stop()
-        parameters.set("ttl_max_s", 0.5)
+        set_at_rest(harness.driver, "ttl_max_s", 0.5)
         assert parameters["ttl_max_s"] == 0.5
 
     def test_a_trial_is_reverted_unless_it_is_kept(self, harness: DriveHarness) -> None:

@@ -14,9 +14,15 @@ class SimRobot {
   explicit SimRobot(double mass_kg = 0.8, double slope_rad = 0.0) {
     sim::PlantModel model = simulator.board.plant.model();
     model.mass_kg = mass_kg;
+    simulator.board.plant.configure(model);
+    tilt(slope_rad);
+    run_ms(100);
+  }
+
+  void tilt(double slope_rad) {
+    sim::PlantModel model = simulator.board.plant.model();
     model.slope_rad = slope_rad;
     simulator.board.plant.configure(model);
-    run_ms(100);
   }
 
   /// Opens a session, synchronises the clock, and arms the robot as a program that connects does.

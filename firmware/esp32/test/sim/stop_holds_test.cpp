@@ -71,17 +71,16 @@ TEST(an_estopped_robot_that_begins_to_roll_brakes_again) {
   robot.send(Estop{});
   robot.run_ms(4000);
   CHECK(!robot.brakes());
-  sim::PlantModel model = robot.simulator.board.plant.model();
-  model.slope_rad = kDownhill;
-  robot.simulator.board.plant.configure(model);
+  robot.tilt(kDownhill);
   robot.run_ms(3000);
   CHECK(shown("3 s after the floor was tilted [m/s]", robot.speed_mps()) < 0.35);
   CHECK(robot.brakes());
 }
 
 TEST(a_brake_until_driven_outlives_a_panic) {
-  SimRobot robot(0.8, kDownhill);
+  SimRobot robot(0.8, 0.0);
   robot.open().set(ParameterId::kStopMode, 3);
+  robot.tilt(kDownhill);
   robot.drive(0.3f, 0.3f, 1000);
   robot.send(robot.stop());
   robot.run_ms(2000);
