@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import builtins
 import struct
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import (
+    AsyncIterator,
+    Awaitable,
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+)
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Protocol, cast
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Kind, Parameter
 from wheelwire_protocol.units import Unit
@@ -105,7 +116,9 @@ class Parameters(ParameterMapping):
     def set_all(self, values: Mapping[str, float], *, save: bool = False) -> tuple[Difference, ...]:
         """Set all of `values`, or none: after a failure the previous values are set again.
 
-        Values that the robot already has are not set. Other parameters stay as they are.
+        Values that the robot already has are not set. Other parameters stay as they are. A robot
+        that drives drives on, whether the values are accepted or refused. Only one that begins to
+        drive after the first of several values was set is stopped if a later one is refused.
 
         Args:
             values: By name.
@@ -120,7 +133,11 @@ class Parameters(ParameterMapping):
             ImportFailed: A value was refused, or the link failed. The message says whether the
                 previous values are active again.
         """
-        return _set_all(self, values, save=save)
+        try:
+            set_all_or_none(_OnThread(self), values, _sleep, save=save).send(None)
+        except StopIteration as end:
+            return cast("tuple[Difference, ...]", end.value)
+        raise RuntimeError("an operation on a thread was suspended")
 
     @abstractmethod
     def refresh(self, name: str | None = None) -> None:
@@ -304,79 +321,131 @@ def _as_held(value: float) -> float:
     return decimal_of_float32(struct.unpack("<f", held)[0])
 
 
-def _set_all(
-    parameters: Parameters, wanted: Mapping[str, float], *, save: bool
+class SettableTrial(Protocol):
+    """A trial of parameters, for `set_all_or_none`."""
+
+    async def keep(self) -> None:
+        """As `Trial.keep`."""
+
+
+class Settable(Protocol):
+    """What `set_all_or_none` needs of a robot's parameters; as the methods of `Parameters`."""
+
+    async def list(self) -> tuple[ParameterInfo, ...]:
+        """All parameters."""
+
+    async def set(self, name: str, value: float) -> float:
+        """Change a value."""
+
+    async def save(self, name: str | None = None) -> None:
+        """Keep values across resets."""
+
+    def trial(self) -> AbstractAsyncContextManager[SettableTrial]:
+        """Try values."""
+
+
+Pause = Callable[[float], Awaitable[None]]
+"""Waits for some seconds."""
+
+
+async def set_all_or_none(
+    parameters: Settable, wanted: Mapping[str, float], pause: Pause, *, save: bool
 ) -> tuple[Difference, ...]:
-    before = parameters.list()
+    """As `Parameters.set_all`, for threads and for asyncio."""
+    before = await parameters.list()
     # Each difference also has the robot's own value, to which `_restore` sets it back.
     changes = differences(before, wanted)
     bounds = {p.name: (p.minimum, p.maximum) for p in before}
     # All are checked before the first is set: a wrong value then changes nothing.
     for name, value in wanted.items():
         check_value(definition_of(name), value, bounds[name])
-    # The switch of the e-stop contact comes last: an open contact latches an e-stop, in which
-    # the switch itself can no longer be changed back. It also cannot be on trial.
-    last = [c for c in changes if PARAMETER_BY_NAME[c.name].changes is Changes.RELEASED]
-    others = [change for change in changes if change not in last]
+    together, last = _in_order(changes)
     touched: list[Difference] = []
     saved: list[str] = []
     doing = ""
     try:
-        if others:
+        if len(together) > 1:
             # Judged together at its end, so that it does not matter which value comes first. If
             # this program ends meanwhile, the device has its previous values again by itself.
-            with parameters.trial() as trial:
-                for change in others:
-                    doing = _not_set(change)
-                    parameters.set(change.name, change.wanted)
-                doing = "the values were not set"
-                touched += others  # first: an unanswered request may have been carried out
-                trial.keep()
+            async with parameters.trial() as trial:
+                try:
+                    for change in together:
+                        doing = _not_set(change)
+                        touched.append(change)  # first: it may be set although this fails
+                        await parameters.set(change.name, change.wanted)
+                    doing = "the values were not set"
+                    await trial.keep()
+                except BaseException:
+                    # To revert the trial would stop a robot that drives.
+                    if not await _restore(parameters, touched, 0.0, pause):
+                        touched.clear()
+                        with suppress(WheelwireError):
+                            await trial.keep()
+                    raise
+        else:
+            last = [*together, *last]
         for change in last:
             doing = _not_set(change)
             touched.append(change)
-            parameters.set(change.name, change.wanted)
+            await parameters.set(change.name, change.wanted)
         doing = "the values were not verified"
-        _verify(parameters, wanted)
+        await _verify(parameters, wanted)
         if save:
             doing = "the values were not saved"
-            _save(parameters, wanted, saved)
+            await _save(parameters, wanted, saved)
     except WheelwireError as error:
-        outcome = _outcome(_restore(parameters, touched), saved)
+        failed = await _restore(parameters, touched, RESTORE_TIMEOUT_S, pause)
         reason = str(error) if str(error).endswith((".", "?", "!")) else f"{error}."
-        raise ImportFailed(f"{doing}: {reason} {outcome}") from error
+        raise ImportFailed(f"{doing}: {reason} {_outcome(failed, saved)}") from error
     except BaseException:
         # Ctrl-C, for one: half of the values must not stay active.
-        _restore(parameters, touched)
+        await _restore(parameters, touched, RESTORE_TIMEOUT_S, pause)
         raise
     return changes
 
 
-def _verify(parameters: Parameters, wanted: Mapping[str, float]) -> None:
+def _in_order(
+    changes: Collection[Difference],
+) -> tuple[builtins.list[Difference], builtins.list[Difference]]:
+    """Those that a trial takes, then those that it does not.
+
+    The switch of the e-stop contact comes last: an open contact latches an e-stop, in which the
+    switch itself can no longer be changed back. It also cannot be on trial. What is refused while
+    the robot moves comes first: then nothing was changed before.
+    """
+    sorts: dict[Changes, list[Difference]] = {sort: [] for sort in Changes}
+    for change in changes:
+        sorts[PARAMETER_BY_NAME[change.name].changes].append(change)
+    return sorts[Changes.STOPPED] + sorts[Changes.ALWAYS], sorts[Changes.RELEASED]
+
+
+async def _verify(parameters: Settable, wanted: Mapping[str, float]) -> None:
     """Raise an error if the robot was reset meanwhile: it has some of its saved values again."""
-    if lost := differences(parameters.list(), wanted):
+    if lost := differences(await parameters.list(), wanted):
         again = f"{lost[0].name} = {number_text(lost[0].robot)}"
         raise WheelwireError(f"the robot has {again} again; was it reset? Try once more.")
 
 
-def _save(parameters: Parameters, names: Collection[str], saved: list[str]) -> None:
+async def _save(parameters: Settable, names: Collection[str], saved: list[str]) -> None:
     """Save these; those that were, one by one, are appended to `saved`."""
-    if set(names) == set(parameters):
-        parameters.save()  # at once: all or nothing
+    if set(names) == PARAMETER_BY_NAME.keys():
+        await parameters.save()  # at once: all or nothing
         return
     for name in names:
-        parameters.save(name)
+        await parameters.save(name)
         # After each one: if the next fails, the message has to say what is in the store.
         saved.append(name)
 
 
-def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[str]:
+async def _restore(
+    parameters: Settable, touched: Collection[Difference], timeout_s: float, pause: Pause
+) -> list[str]:
     """Set the previous values again, the newest first; returns those that could not be."""
     # One limit for all values: without a link each one would take the whole of its own.
-    end = time.monotonic() + RESTORE_TIMEOUT_S
+    end = time.monotonic() + timeout_s
     left = list(reversed(list(touched)))
     while left:
-        failed = [change for change in left if not _set_again(parameters, change, end)]
+        failed = [change for change in left if not await _set_again(parameters, change, end, pause)]
         # Some are accepted only after others: together with these they would contradict each other.
         if len(failed) == len(left):
             break
@@ -384,11 +453,11 @@ def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[st
     return [change.name for change in left]
 
 
-def _set_again(parameters: Parameters, change: Difference, end: float) -> bool:
+async def _set_again(parameters: Settable, change: Difference, end: float, pause: Pause) -> bool:
     """Whether a previous value is active again; tries until `end` while the link is lost."""
     while True:
         try:
-            parameters.set(change.name, change.robot)
+            await parameters.set(change.name, change.robot)
         except (LinkLost, RequestTimeout):
             # The link may come back, or the next attempt be answered. A refusal is final.
             if time.monotonic() >= end:
@@ -397,7 +466,40 @@ def _set_again(parameters: Parameters, change: Difference, end: float) -> bool:
             return False
         else:
             return True
-        time.sleep(_RETRY_PERIOD_S)
+        await pause(_RETRY_PERIOD_S)
+
+
+class _OnThread:
+    """The parameters of a thread as `Settable`: what is awaited blocks, and never suspends."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+
+    async def list(self) -> tuple[ParameterInfo, ...]:
+        return self._parameters.list()
+
+    async def set(self, name: str, value: float) -> float:
+        return self._parameters.set(name, value)
+
+    async def save(self, name: str | None = None) -> None:
+        self._parameters.save(name)
+
+    @asynccontextmanager
+    async def trial(self) -> AsyncIterator[SettableTrial]:
+        with self._parameters.trial() as trial:
+            yield _TrialOnThread(trial)
+
+
+async def _sleep(seconds: float) -> None:
+    time.sleep(seconds)
+
+
+class _TrialOnThread:
+    def __init__(self, trial: Trial) -> None:
+        self._trial = trial
+
+    async def keep(self) -> None:
+        self._trial.keep()
 
 
 def _not_set(change: Difference) -> str:

@@ -33,10 +33,12 @@ class MemoryTrial(Trial):
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._before = dict(robot.held)
+        self._is_kept = False
 
     def keep(self) -> None:
         self._robot.before_keep()
         self._before = dict(self._robot.held)
+        self._is_kept = True
         self._robot.after_keep()
 
     def __enter__(self) -> MemoryTrial:
@@ -45,6 +47,7 @@ class MemoryTrial(Trial):
 
     def __exit__(self, *_: object) -> None:
         self._robot.on_trial = False
+        self._robot.reverts += not self._is_kept
         self._robot.held = self._before
 
 
@@ -62,6 +65,8 @@ class Robot(Parameters):
         self.before_keep: Callable[[], None] = lambda: None
         self.after_keep: Callable[[], None] = lambda: None
         self.on_trial = False
+        self.reverts = 0
+        """Trials that ended without `keep`, which stops the wheels."""
 
     def set(self, name: str, value: float) -> float:
         self.before_set(name, value)
@@ -237,6 +242,53 @@ def test_after_a_failure_the_previous_values_are_active(
     assert str(raised.value).startswith(f"{failing} = {WANTED[failing]:g}")
     assert "The previous values are active again." in str(raised.value)
     assert raised.value.__cause__ is error
+
+
+def test_what_is_refused_while_moving_is_tried_first_and_stops_nothing(robot: Robot) -> None:
+    def refuse(name: str, value: float) -> None:
+        if name == "wheel_radius" and value != robot.held[name]:
+            raise REFUSED
+
+    robot.before_set = refuse
+    with pytest.raises(errors.ImportFailed, match="wheel_radius"):
+        robot.set_all({"path_gain": 1.5, "wheel_radius": 0.04, "integral_gain": 12.0})
+    assert {"path_gain", "integral_gain"}.isdisjoint(robot.order)
+    assert robot.reverts == 0
+
+
+def test_values_that_were_set_before_a_refused_one_are_set_back_without_a_stop(
+    robot: Robot,
+) -> None:
+    before = dict(robot.held)
+
+    def refuse(name: str, value: float) -> None:
+        if (name, value) == ("wheel_separation", 0.3):
+            raise REFUSED
+
+    robot.before_set = refuse
+    with pytest.raises(errors.ImportFailed, match=r"wheel_separation .*active again"):
+        robot.set_all({"wheel_radius": 0.04, "wheel_separation": 0.3})
+    assert (robot.held, robot.reverts) == (before, 0)
+
+
+def test_what_can_no_longer_be_set_back_reverts_with_a_stop(robot: Robot) -> None:
+    """The robot began to drive in between."""
+    before = dict(robot.held)
+
+    def refuse(name: str, value: float) -> None:
+        if name == "wheel_separation" or value == before[name]:
+            raise REFUSED
+
+    robot.before_set = refuse
+    with pytest.raises(errors.ImportFailed, match="wheel_separation"):
+        robot.set_all({"wheel_radius": 0.04, "wheel_separation": 0.3})
+    assert (robot.held, robot.reverts) == (before, 1)
+
+
+def test_one_value_needs_no_trial(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Robot, "trial", None)
+    robot.set_all({"wheel_radius": 0.04, "max_duty": 1.0})
+    assert robot.order == ["wheel_radius"]
 
 
 def test_an_interrupt_restores_too(robot: Robot) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+from collections.abc import Mapping
 from contextlib import AbstractAsyncContextManager, suppress
 from types import TracebackType
 from typing import cast
@@ -25,6 +26,7 @@ from ..errors import DeviceRefused, InvalidArgument, WheelwireError
 from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
     TRIAL_TIMEOUT_S,
+    Difference,
     ParameterInfo,
     ParameterMapping,
     Parameters,
@@ -32,6 +34,7 @@ from ..parameters import (
     check_value,
     decimal_of_float32,
     definition_of,
+    set_all_or_none,
 )
 from .requests import Requests, blocking, run
 
@@ -73,6 +76,12 @@ class AwaitableParameters(ParameterMapping):
         self._tried.add(definition.id)
         self._unsure.add(definition.id)  # until it is answered
         return await self._value_by(ParameterSet(0, 0, definition.id, number))
+
+    async def set_all(
+        self, values: Mapping[str, float], *, save: bool = False
+    ) -> tuple[Difference, ...]:
+        """Set all of `values`, or none; as `wheelwire.Parameters.set_all`."""
+        return await set_all_or_none(self, values, self._requests.pause, save=save)
 
     async def refresh(self, name: str | None = None) -> None:
         """Ask the device anew for one value, or for all."""

@@ -143,5 +143,8 @@ class Tuning:
             if isinstance(error, DeviceRefused) and error.code == RefusalCode.NO_TRIAL:
                 raise InvalidCommand(self.lose()) from error
             if not self._steps:
-                self.abandon()  # nothing is on trial
+                if isinstance(error, DeviceRefused):
+                    with suppress(WheelwireError):  # nothing changed, and to revert would stop
+                        self._trial.keep()
+                self.abandon()
             raise
