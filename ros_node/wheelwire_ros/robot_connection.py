@@ -35,6 +35,7 @@ class Ignored(enum.Enum):
     BEFORE_RECONNECT = "it is older than the connection to the robot"
     INVALID = "it is not a finite velocity"
     REFUSED = "the robot refused it"
+    SETTING = "parameters of the robot are being set, all or none"
     UNARMED = "held: unarmed; waiting for a zero command, or for a pause"
     OUT_OF_REACH = "the robot cannot be reached"
 
@@ -143,6 +144,10 @@ class RobotConnection:
         self._estops = 0
         """How often the e-stop was set."""
         self._estop_unsent = False
+        self._sets_values = False
+        """Whether several values are being set: no motion begins meanwhile."""
+        self.driven_until_s = -math.inf
+        """When the last command ends, on the monotonic clock."""
 
     def deactivate(self) -> None:
         """Ignore commands from now on; waits for one that is being sent."""
@@ -250,6 +255,8 @@ class RobotConnection:
         now_s = time.monotonic()
         if self._is_restarted:
             self._wait_for_zero(twist, now_s)
+        if self._sets_values and now_s >= self.driven_until_s:
+            raise CommandIgnored(Ignored.SETTING)
         tuning, drive = self.tuning, self.drive
         limited = self._limiter.limit(twist, tuning.limits, now_s)
         # Here, though the driver limits its wheels too: max_rpm may be lower, and the next
@@ -260,6 +267,7 @@ class RobotConnection:
         # The driver alone judges the age: the command gains no life while this process is
         # suspended.
         self.robot.set_wheel_velocity(*wheels, ttl_s, stamp=born_s)
+        self.driven_until_s = born_s + ttl_s
         obeyed = drive.twist(wheels)
         self._limiter.obeyed(obeyed, now_s, born_s + ttl_s - now_s)
         return obeyed
@@ -303,7 +311,7 @@ class RobotConnection:
         self.robot.parameters.save()
 
     def set_parameters(self, values: dict[str, float]) -> None:
-        """Set all values or none, in one trial: values that agree only together are accepted.
+        """Set all values or none; a robot that drives drives on.
 
         Raises:
             WheelwireError: A value was refused, or the robot cannot be reached.
@@ -312,7 +320,18 @@ class RobotConnection:
             return
         if not self.is_prepared:
             raise LinkLost("a new session is being prepared; try again in a second")
-        self.robot.parameters.set_all(values)
+        if len(values) == 1:
+            for name, value in values.items():
+                self.robot.parameters.set(name, value)
+            return
+        # A command that began a motion between two values would keep the first from being set back,
+        # so that only a stop could.
+        with self._sending:
+            self._sets_values = True
+        try:
+            self.robot.parameters.set_all(values)
+        finally:
+            self._sets_values = False
 
     def stop(self) -> None:
         """Stop, until the next command.

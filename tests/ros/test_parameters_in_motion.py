@@ -1,0 +1,123 @@
+"""Parameters that somebody sets while the robot drives: what is refused then stops nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from support.ros import Repeater, wait
+from support.ros_rig import NODE, SPEED_MPS, Rig, open_rig, twist
+from wheelwire_protocol.codes import SupervisorState
+
+GEOMETRY: dict[str, Any] = {
+    "wheel_radius": 0.05,
+    "wheel_separation": 0.3,
+    "counts_per_revolution": 720,
+    "left_encoder_inverted": True,
+    "ttl_max_s": 3.0,
+}
+RATE_HZ = 5.0
+"""Of a planner; a stop in between would be seen for a fifth of a second."""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    # On a busy computer a command may come late: what the test looks for is not that.
+    with open_rig(tmp_path_factory.mktemp("rig"), cmd_vel_timeout=2.0, ttl_max_s=2.0) as rig:
+        yield rig
+
+
+@pytest.fixture
+def before(rig: Rig) -> dict[str, Any]:
+    return {name: rig.graph.parameter(NODE, name) for name in GEOMETRY}
+
+
+def messages(values: dict[str, Any]) -> list[Any]:
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+
+
+def driving(rig: Rig) -> Repeater:
+    return Repeater(rig.commands, lambda: twist(SPEED_MPS), RATE_HZ)
+
+
+def reach_full_speed(rig: Rig) -> None:
+    rig.truth(lambda state: min(state.left_mps, state.right_mps) > 0.95 * SPEED_MPS)
+    rig.simulator.take_states()
+
+
+def drove_on(rig: Rig) -> bool:
+    """Whether it did so since it had reached its speed, and does so a while later."""
+    seen = len(rig.odometry)
+    wait(lambda: len(rig.odometry) > seen + 25, "odom")
+    return all(
+        state.state is SupervisorState.DRIVING
+        and min(state.left_mps, state.right_mps) > 0.9 * SPEED_MPS
+        for state in rig.simulator.take_states()
+    )
+
+
+def test_each_value_of_a_request_is_refused_and_the_robot_drives_on(
+    rig: Rig, before: dict[str, Any]
+) -> None:
+    with driving(rig):
+        reach_full_speed(rig)
+        results = rig.graph.set_parameters(NODE, messages(GEOMETRY))
+        assert drove_on(rig)
+    assert [result.successful for result in results] == [False] * len(GEOMETRY)
+    assert all("Not possible while driving" in result.reason for result in results)
+    assert {name: rig.graph.parameter(NODE, name) for name in GEOMETRY} == before
+
+
+def test_all_or_none_of_a_request_and_the_robot_drives_on(rig: Rig, before: dict[str, Any]) -> None:
+    gain = rig.graph.parameter(NODE, "proportional_gain")
+    values = {"proportional_gain": gain * 1.01, **GEOMETRY}
+    with driving(rig):
+        reach_full_speed(rig)
+        answer = rig.graph.call(
+            SetParametersAtomically,
+            f"{NODE}/set_parameters_atomically",
+            parameters=messages(values),
+        )
+        assert drove_on(rig)
+    assert not answer.result.successful
+    assert {name: rig.graph.parameter(NODE, name) for name in GEOMETRY} == before
+    assert rig.graph.parameter(NODE, "proportional_gain") == gain
+
+
+def test_values_that_may_change_are_set_together_and_the_robot_drives_on(rig: Rig) -> None:
+    values = {"proportional_gain": 1.2, "integral_gain": 15.0}
+    with driving(rig):
+        reach_full_speed(rig)
+        answer = rig.graph.call(
+            SetParametersAtomically,
+            f"{NODE}/set_parameters_atomically",
+            parameters=messages(values),
+        )
+        assert drove_on(rig)
+    assert answer.result.successful
+    assert {name: rig.graph.parameter(NODE, name) for name in values} == values
+
+
+def test_the_moment_after_a_stop_lets_no_value_in_and_standing_still_does(
+    rig: Rig, before: dict[str, Any]
+) -> None:
+    with driving(rig):
+        reach_full_speed(rig)
+    rig.commands.publish(twist(0.0))
+    rig.truth(lambda state: state.left_mps < 0.8 * SPEED_MPS)
+    refused = rig.graph.set_parameter(NODE, "wheel_radius", 0.05)
+    rig.truth(lambda state: state.state is SupervisorState.TIMED_OUT)
+
+    def is_set() -> bool:
+        return bool(rig.graph.set_parameter(NODE, "wheel_radius", 0.05).successful)
+
+    wait(is_set, "a robot that stands")
+    assert not refused.successful
+    assert rig.graph.set_parameter(NODE, "wheel_radius", before["wheel_radius"]).successful
