@@ -42,6 +42,8 @@ class RobotMotion(NamedTuple):
     left: WheelMotion
     right: WheelMotion
     battery_v: float | None
+    twist_variances: tuple[float, float] | None = None
+    """Of linear and angular velocity, if they are not those of a measurement."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,13 @@ class PoseRecord:
     is_final: bool = False
 
 
+HELD_MPS, HELD_RADPS = 0.3, 0.3
+"""Assumed at least of a robot that nobody hears: somebody may push it."""
+DRIVEN = 10.0
+"""While a command may still drive it, a velocity of zero says nothing: its standard deviation is
+that many times the last velocity. Otherwise a filter would take back the way of that time."""
+
+
 class MotionEstimator:
     """Integrates samples, each once and in order. Another thread may reset the pose.
 
@@ -91,6 +100,8 @@ class MotionEstimator:
         self._left_ticks = self._right_ticks = 0
         self._last: WheelSample | None = None
         self._twists: deque[Twist] = deque(maxlen=window)
+        self._motion: RobotMotion | None = None
+        """At the last sample."""
         self.unseen_m = 0.0
         """How far a wheel may have travelled uncounted at the last reset of the device."""
 
@@ -127,13 +138,41 @@ class MotionEstimator:
             self._twists.append(drive.twist(WheelVelocities(sample.left_mps, sample.right_mps)))
             linear_mps, angular_radps = map(sum, zip(*self._twists, strict=True))
             count = len(self._twists)
-            return RobotMotion(
+            self._motion = RobotMotion(
                 update.pose,
                 covariance,
                 Twist(linear_mps / count, angular_radps / count),
                 _wheel(self._left_ticks, sample.left_mps, drive),
                 _wheel(self._right_ticks, sample.right_mps, drive),
                 sample.battery_v,
+            )
+            return self._motion
+
+    def held(self, age_s: float, *, is_driven: bool) -> RobotMotion | None:
+        """What to say of a robot from which no sample comes; None before the first one.
+
+        The last pose, a velocity of zero, and variances that say how little is known: the robot
+        may have gone on as it did, or somebody may have pushed it.
+
+        Args:
+            age_s: The time since the last sample.
+            is_driven: Whether a command may still drive it.
+        """
+        with self._lock:
+            if self._motion is None:
+                return None
+            pose, last = self._odometry.pose, self._motion.twist
+            fastest_mps = max(abs(last.linear_mps), HELD_MPS)
+            fastest_radps = max(abs(last.angular_radps), HELD_RADPS)
+            off_m, off_rad = fastest_mps * age_s, fastest_radps * age_s
+            now = HELD_MPS, HELD_RADPS
+            if is_driven:
+                now = DRIVEN * fastest_mps, DRIVEN * fastest_radps
+            return self._motion._replace(
+                pose=pose,
+                covariance=self._covariance.matrix + np.diag([off_m, off_m, off_rad]) ** 2,
+                twist=Twist(0.0, 0.0),
+                twist_variances=(now[0] ** 2, now[1] ** 2),
             )
 
     def reset(self) -> PoseRecord | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
@@ -35,6 +36,10 @@ POSE = "pose"
 """The note about where the node began, or was set to: the newest `PoseRecord`s."""
 POSES = 8
 """A replay sets fewer poses while it takes one sample."""
+STOPPING_S = 0.3
+"""How long a robot goes on after its last command has expired."""
+ODOM_STREAM = "odom"
+"""The stamps of odom around a time without samples."""
 LONGEST_TTL_S = 5.0
 """The upper bound of ttl_max_s."""
 
@@ -55,6 +60,10 @@ class OpenRobot:
         self._node = node
         self._newest: WheelSample | None = None
         self._closing = False
+        self._is_held = False
+        """Whether odom goes on without samples."""
+        self._was_held = False
+        """Whether odom has gone on without a sample since it last had one."""
         self._estopped_by_us = False
         self._stop = ""
         self._resets = ResetWatch()
@@ -131,6 +140,7 @@ class OpenRobot:
             estopped=self._estopped_by_us,
             stop=self._stop,
             limits=self._sensors.limits(),
+            held=self._is_held,
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
@@ -207,7 +217,14 @@ class OpenRobot:
             with suppress(InvalidCommand):  # a recording, or a robot in virtual time
                 resources.callback(robot.watch_stops(self._on_stop).close)
         # The last to begin and the first to end: its callbacks use all of the above.
-        self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
+        self._reader = SampleReader(
+            robot,
+            self._on_sample,
+            self._on_reach,
+            self._fail,
+            self._on_silent,
+            1 / get("publish_rate"),
+        )
         resources.callback(self._reader.close)
         # The time of a recording that is replayed step by step passes as it is read.
         if getattr(robot, "speed", None) != 0:
@@ -268,9 +285,40 @@ class OpenRobot:
         self.prepare_soon()
         self._node.update_state()
 
+    def _on_silent(self) -> None:
+        """Called in the reader's thread, at the rate of odom, while no sample comes.
+
+        A filter that hears nothing goes on at the last velocity.
+        """
+        newest = self._newest
+        # A recording that pauses is none of a robot that is lost.
+        if newest is None or getattr(self.connection.robot, "noted", None) is not None:
+            return
+        if not self._is_held:
+            self._is_held = True
+            self._node.update_state()
+        if not (self.connection.active and self._node.context.ok()):
+            return
+        now_s = time.monotonic()
+        motion = self.estimator.held(
+            now_s - newest.stamp, is_driven=now_s < self.connection.driven_until_s + STOPPING_S
+        )
+        stamp_ns = self._time_base.to_ros_ns(now_s, ODOM_STREAM)
+        if motion is not None and stamp_ns is not None:
+            self._was_held = True
+            self._publisher.publish_held(motion, stamp_ns)
+
+    def _has_odom(self, sample: WheelSample) -> bool:
+        """Whether it belongs into odom: one that came late may be older than what is there."""
+        if self._was_held and self._time_base.to_ros_ns(sample.stamp, ODOM_STREAM) is None:
+            return False
+        self._was_held = False
+        return True
+
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
+        was_held, self._is_held = self._is_held, False
         was_reset = self._resets.note(sample, self.connection.robot)
         # Each sample, also while the node is inactive: somebody may push the robot.
         motion = self.estimator.update(sample)
@@ -289,13 +337,14 @@ class OpenRobot:
         if publishes and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
-                self._publisher.publish(motion, stamp_ns)
+                self._publisher.publish(motion, stamp_ns, odom=self._has_odom(sample))
         if before is not None and before.state is DRIVING and sample.state is not DRIVING:
             self.connection.note_standstill()
         if sample.state is DRIVING:
             self._stop = ""
         if (
             was_reset
+            or was_held
             or has_news
             or before is None
             or (sample.state, sample.faults) != (before.state, before.faults)

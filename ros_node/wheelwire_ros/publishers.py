@@ -15,7 +15,9 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
+from wheelwire import Pose
 from wheelwire.recording import messages
+from wheelwire.recording.cdr import Layout
 
 from .motion_estimator import RobotMotion
 from .threads import NodeThreads
@@ -93,12 +95,23 @@ class MotionPublisher:
         self._battery = publisher(BatteryState, "battery_state") if topics.battery else None
         self._battery_pace = BatteryPace()
 
-    def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
-        """Publish the motion at one sample, stamped with the time of its measurement."""
+    def publish_held(self, motion: RobotMotion, stamp_ns: int) -> None:
+        """Publish odom alone, of a robot from which no sample comes: nothing else is known."""
+        self._publishers[0].publish(self._messages.held(motion, stamp_ns))
+
+    def publish(self, motion: RobotMotion, stamp_ns: int, *, odom: bool = True) -> None:
+        """Publish the motion at one sample, stamped with the time of its measurement.
+
+        Args:
+            motion: It.
+            stamp_ns: Later than the one before.
+            odom: Whether odom is published, too: not if a later one was.
+        """
         for publisher, message in zip(
             self._publishers, self._messages.fill(motion, stamp_ns), strict=True
         ):
-            publisher.publish(message)
+            if odom or publisher is not self._publishers[0]:
+                publisher.publish(message)
         self.published += 1
         voltage_v = motion.battery_v
         if self._battery and voltage_v is not None and self._battery_pace.is_due(stamp_ns):
@@ -136,7 +149,9 @@ class MotionMessages:
 
     def __init__(self, topics: MotionTopics) -> None:
         frames, joints = topics.frames, topics.joints
+        self._frames = frames
         self._pose_diagonal = topics.pose_diagonal
+        self._twist_diagonal = topics.twist_diagonal
         self._wheels = [len(names) for names in joints]
         self._odometry = messages.odometry(frames.odom, frames.base, topics.twist_diagonal)
         self._joints = messages.joint_state([*joints[0], *joints[1]])
@@ -144,15 +159,24 @@ class MotionMessages:
             messages.transforms(frames.odom, frames.base) if topics.transform else None
         )
 
+    def held(self, motion: RobotMotion, stamp_ns: int) -> bytes:
+        """The nav_msgs/Odometry of a robot from which no sample comes."""
+        diagonal = list(self._twist_diagonal)
+        if motion.twist_variances is not None:
+            for index, variance in zip((0, 5), motion.twist_variances, strict=True):
+                diagonal[index] = max(diagonal[index], variance)
+        template = messages.odometry(self._frames.odom, self._frames.base, diagonal)
+        return self._fill_odometry(template, motion, stamp_ns)
+
+    def _fill_odometry(self, template: Layout, motion: RobotMotion, stamp_ns: int) -> bytes:
+        covariance = pose_covariance(motion.covariance, self._pose_diagonal)
+        stamp = messages.stamp(stamp_ns)
+        return template.fill(*stamp, *planar(motion.pose), *covariance, *motion.twist)
+
     def fill(self, motion: RobotMotion, stamp_ns: int) -> Iterator[bytes]:
         """The nav_msgs/Odometry, the sensor_msgs/JointState and, if asked for, the TFMessage."""
         stamp = messages.stamp(stamp_ns)
-        # The heading need not be wrapped: a full turn changes both signs, which is the same
-        # rotation.
-        half_rad = motion.pose.heading_rad / 2
-        pose = motion.pose.x_m, motion.pose.y_m, math.sin(half_rad), math.cos(half_rad)
-        covariance = pose_covariance(motion.covariance, self._pose_diagonal)
-        yield self._odometry.fill(*stamp, *pose, *covariance, *motion.twist)
+        yield self._fill_odometry(self._odometry, motion, stamp_ns)
         left, right = self._wheels
         wheels = [motion.left] * left + [motion.right] * right
         yield self._joints.fill(
@@ -161,7 +185,14 @@ class MotionMessages:
             *[wheel.velocity_radps for wheel in wheels],
         )
         if self._transform is not None:
-            yield self._transform.fill(*stamp, *pose)
+            yield self._transform.fill(*stamp, *planar(motion.pose))
+
+
+def planar(pose: Pose) -> tuple[float, float, float, float]:
+    """X and y, and z and w of the orientation."""
+    # The heading need not be wrapped: a full turn changes both signs, which is the same rotation.
+    half_rad = pose.heading_rad / 2
+    return pose.x_m, pose.y_m, math.sin(half_rad), math.cos(half_rad)
 
 
 def time_message(stamp_ns: int) -> Time:

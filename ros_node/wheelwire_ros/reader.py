@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable
 
-from wheelwire import BaseDriver, LinkClosed, RequestTimeout, WheelSample, WheelwireError
+from wheelwire import (
+    BaseDriver,
+    LinkClosed,
+    LinkLost,
+    RequestTimeout,
+    WheelSample,
+    WheelwireError,
+)
 
 SILENCE_S = 0.25
 UNEXPLAINED = 4
 """Times of silence after which the cause is no longer waited for: the link finds it sooner."""
 PAUSE_S = 0.05
 """Pause between two attempts to read from a lost link."""
+LEAST_WAIT_S = 0.001
 JOIN_S = 2.0
 EARLY = 0.125
 """Fraction of a period by which a sample may be early and still count as on time."""
@@ -30,6 +39,8 @@ class SampleReader:
             another one, and before the first sample after that or after a reset of the device: the
             session may be a new one.
         on_failure: Called with an error of this thread or of those callbacks; reading has ended.
+        on_silent: Called in this thread again and again while no sample comes.
+        silent_period_s: Time between two of these calls.
     """
 
     def __init__(
@@ -38,6 +49,8 @@ class SampleReader:
         on_sample: Callable[[WheelSample], None],
         on_change: Callable[[], None],
         on_failure: Callable[[Exception], None],
+        on_silent: Callable[[], None] = lambda: None,
+        silent_period_s: float = SILENCE_S,
     ) -> None:
         self.silence: WheelwireError | None = None
         """Why no sample has come recently; None while samples come."""
@@ -46,6 +59,10 @@ class SampleReader:
         self._on_sample = on_sample
         self._on_change = on_change
         self._on_failure = on_failure
+        self._on_silent = on_silent
+        self._silent_period_s = silent_period_s
+        self._silent_due_s: float | None = None
+        """When to call `on_silent` next; None while samples come."""
         self._closing = threading.Event()
         # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
@@ -95,7 +112,7 @@ class SampleReader:
             # `close` may have been called while it waited: no callback may run any more.
             if self._closing.is_set():
                 return
-            self.silence, unexplained = None, 0
+            self.silence, self._silent_due_s, unexplained = None, None, 0
             if sample.boot_id != boot_id:
                 boot_id = sample.boot_id
                 self._on_change()
@@ -108,7 +125,7 @@ class SampleReader:
             if sample is not None:
                 return sample
             try:
-                self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
+                self._wait()
             except LinkClosed:
                 # The iterator knows better: of a recording that was replayed it ends.
                 sample = self._samples.poll()
@@ -116,12 +133,46 @@ class SampleReader:
                     raise
                 return sample
 
+    def _wait(self) -> None:
+        """Wait for a sample, which is in the iterator, too; raises the reason if none comes."""
+        end_s = time.monotonic() + SILENCE_S
+        while not self._has_come(end_s):
+            pass
+
+    def _has_come(self, end_s: float) -> bool:
+        """Whether a sample has come, after a part of the wait until `end_s`."""
+        is_silent = self._silent_due_s is not None
+        try:
+            self._robot.read(self._tell_silence(end_s) if is_silent else SILENCE_S)
+        except RequestTimeout:
+            if not is_silent:
+                self._silent_due_s = time.monotonic()
+            if time.monotonic() >= end_s:
+                raise
+            return False
+        except LinkLost:
+            if not is_silent:
+                self._silent_due_s = time.monotonic()
+            raise
+        return True
+
+    def _tell_silence(self, end_s: float) -> float:
+        """Call `on_silent` if it is due; returns for how long to wait, until `end_s` at most."""
+        now_s, due_s = time.monotonic(), self._silent_due_s
+        if due_s is not None and now_s >= due_s:
+            self._on_silent()
+            # No burst after a gap.
+            due_s = self._silent_due_s = max(due_s + self._silent_period_s, now_s)
+        return max(min(end_s, end_s if due_s is None else due_s) - time.monotonic(), LEAST_WAIT_S)
+
     def _note_silence(self, error: WheelwireError) -> None:
         # Another cause is news as well: a device that is silent at first, and then unplugged.
         is_news, self.silence = str(error) != str(self.silence), error
         if is_news:
             self._on_change()
-        self._closing.wait(PAUSE_S)
+        end_s = time.monotonic() + PAUSE_S
+        while not self._closing.wait(self._tell_silence(end_s)) and time.monotonic() < end_s:
+            pass
 
 
 def sampling_rate_hz(publish_rate_hz: float) -> int:

@@ -50,6 +50,8 @@ class RobotState(NamedTuple):
     """Why the robot stopped, until it drives again."""
     limits: Limits = NO_LIMITS
     """What the sensors keep it from."""
+    held: bool = False
+    """Whether odom goes on without samples, with the last pose."""
 
     @property
     def level(self) -> Any:
@@ -82,6 +84,7 @@ class RobotState(NamedTuple):
             "reflexes": " ".join(self.limits.reflexes),
             "sensors": "; ".join(self.limits.sentences),
             "link": self.link,
+            "odom": "held" if self.held else "measured",
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
             "session": str(self.session),
             "resets": str(self.resets),
@@ -157,6 +160,7 @@ def of_robot(
     estopped: bool,
     stop: str,
     limits: Limits = NO_LIMITS,
+    held: bool = False,
 ) -> RobotState:
     """The state of an open robot.
 
@@ -170,6 +174,7 @@ def of_robot(
         estopped: Whether this node has set the e-stop.
         stop: Why it stopped; empty while it drives.
         limits: What the sensors keep it from.
+        held: Whether odom goes on without samples.
     """
     # The first of these that applies hides the rest: behind a lost link nobody knows more.
     if silence is not None:
@@ -190,6 +195,7 @@ def of_robot(
         board_id=resets.board_id,
         stop=stop,
         limits=limits,
+        held=held,
     )
     if sample is None:
         return state

@@ -11,6 +11,9 @@ from typing import Any, NamedTuple
 ATTEMPTS = 5
 SAME_NS = 20_000
 """Two measured offsets that differ by less are the same one."""
+SET_BACK_NS = 100_000_000
+"""An offset that is smaller by more than this is one of a clock that was set back: what remains is
+the error of a measurement on a busy computer."""
 AHEAD_NS = 100_000_000
 """How much later than it is measured an offset applies: no sample is stamped so long before."""
 KEPT = 16
@@ -77,6 +80,8 @@ class TimeBase:
         self._recorded_offsets = recorded_offsets
         self._offsets: tuple[Offset, ...] = ()
         """The newest last."""
+        self._converted: dict[str, Offset] = {}
+        """The last time of each stream, with the offset that made it."""
         self.error_s = 0.0
         """Error bound of the offset when it was measured. [s]"""
         self.runs = True
@@ -114,8 +119,10 @@ class TimeBase:
     def to_ros_ns(self, stamp_s: float, stream: str = "wheels") -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
 
-        None if that was before the ROS clock's beginning, or if /clock has not advanced since the
-        stream's last conversion: of its samples between two steps only the first has a time.
+        Nor does time run backward in a stream: None if it would, unless somebody set the ROS clock
+        back. Also None if that was before the ROS clock's beginning, or if /clock has not advanced
+        since the stream's last conversion: of its samples between two steps only the first has a
+        time.
         """
         if not self.runs:
             self.measure()
@@ -124,17 +131,29 @@ class TimeBase:
         stamp_ns = round(stamp_s * 1e9)
         recorded = self._recorded_offsets()
         if recorded:
-            return stamp_ns + _offset_at(recorded, stamp_ns)
+            offset_ns = _offset_at(recorded, stamp_ns)
+            return self._later(stream, stamp_ns + offset_ns, offset_ns)
         if self._is_simulated():
             return self._to_simulated_ns(stamp_ns, stream)
-        ros_ns = stamp_ns + _offset_at(self._offsets, stamp_ns)
+        offset_ns = _offset_at(self._offsets, stamp_ns)
+        ros_ns = stamp_ns + offset_ns
         # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
         # was set back since the offset was measured.
         if ros_ns > self._ros_ns():
             self.measure(from_ns=stamp_ns)
-            ros_ns = min(stamp_ns + _offset_at(self._offsets, stamp_ns), self._ros_ns())
+            offset_ns = _offset_at(self._offsets, stamp_ns)
+            ros_ns = min(stamp_ns + offset_ns, self._ros_ns())
         # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
-        return ros_ns if ros_ns > 0 else None
+        return self._later(stream, ros_ns, offset_ns) if ros_ns > 0 else None
+
+    def _later(self, stream: str, ros_ns: int, offset_ns: int) -> int | None:
+        """The time, if it is later than the stream's last one, or the ROS clock was set back."""
+        last = self._converted.get(stream)
+        is_set_back = last is not None and offset_ns < last.offset_ns - SET_BACK_NS
+        if last is not None and ros_ns <= last.from_ns and not is_set_back:
+            return None
+        self._converted[stream] = Offset(ros_ns, offset_ns)
+        return ros_ns
 
     def _to_simulated_ns(self, stamp_ns: int, stream: str) -> int | None:
         now_ns, ros_now_ns = self._follow_simulation()

@@ -56,6 +56,8 @@ class Parts:
             "_closing": False,
             "_preparing": False,
             "_stop": "",
+            "_is_held": False,
+            "_was_held": False,
         }
         for name, part in parts.items():
             setattr(robot, name, part)

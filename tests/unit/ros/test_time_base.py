@@ -187,7 +187,7 @@ def test_an_offset_stays_while_another_is_as_good() -> None:
     first = ros_ns(base, 4.5)
     clocks.offset_ns += 10_000
     base.measure()
-    assert ros_ns(base, 4.5) == first
+    assert ros_ns(base, 4.75) == first + 250_000_000
     clocks.offset_ns += 50_000
     base.measure()
     assert len(noted) == 2
@@ -195,6 +195,25 @@ def test_an_offset_stays_while_another_is_as_good() -> None:
     assert [before] == list(noted[0])
     assert after.offset_ns - before.offset_ns == 60_000
     assert after.from_ns > clocks.now_ns
+
+
+def test_time_never_runs_backward_in_a_stream() -> None:
+    clocks = Clocks([])
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    first = ros_ns(base, 4.5)
+    for stamp_s in (4.5, 4.499, 3.0):  # as the estimate of the link's clock gets better
+        assert base.to_ros_ns(stamp_s) is None
+    assert base.to_ros_ns(4.499, "imu") == first - 1_000_000  # each stream by itself
+    assert ros_ns(base, 4.501) == first + 1_000_000
+
+
+def test_a_clock_that_was_set_back_begins_anew() -> None:
+    clocks = Clocks([])
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    first = ros_ns(base, 4.5)
+    clocks.offset_ns -= 3_600_000_000_000
+    assert ros_ns(base, 4.75) < first
+    assert base.to_ros_ns(4.75) is None
 
 
 def test_samples_of_a_recording_keep_the_stamps_of_their_day() -> None:

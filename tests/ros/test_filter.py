@@ -1,0 +1,103 @@
+"""A filter of robot_localization's kind while the node hears nothing of the robot."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from sensor_msgs.msg import JointState
+
+from support.ros import wait
+from support.ros_filter import FilterNode
+from support.ros_rig import SPEED_MPS, Rig, State, open_rig, stamp_s
+from support.stop_host import stopped
+from wheelwire_ros.motion_estimator import HELD_MPS
+
+LOST_S = 3.0
+OFF_M = 0.1
+RATE_HZ = 50.0
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    with open_rig(tmp_path) as rig:
+        yield rig
+
+
+def error_m(rig: Rig, judge: FilterNode) -> float:
+    x_m, y_m = judge.place_m
+    return math.hypot(x_m - rig.simulator.get("true.x_m"), y_m - rig.simulator.get("true.y_m"))
+
+
+def drive(rig: Rig) -> None:
+    rig.truth(lambda state: state.x_m > 0.5)
+
+
+def test_the_link_is_lost_for_three_seconds(rig: Rig) -> None:
+    state, judge = State(rig.graph), FilterNode(rig.graph)
+    with rig.driving():
+        drive(rig)
+        before = rig.odometry[-1]
+        begin_s = time.monotonic()
+        rig.simulator.unplug()
+        state.wait(lambda values: values["odom"] == "held")
+        wait(lambda: time.monotonic() - begin_s > LOST_S, "three seconds")
+        lost_m = error_m(rig, judge)
+        held = [one for one in tuple(rig.odometry) if stamp_s(one) > stamp_s(before) + 1.0]
+    rig.truth(stopped)
+    assert lost_m < OFF_M
+    rig.simulator.plug()
+    state.wait(lambda values: values["odom"] == "measured")
+    # odom went on with the last pose, no velocity, and less and less knowledge.
+    assert len(held) / (LOST_S - 1.0) == pytest.approx(RATE_HZ, rel=0.25)
+    last = held[-1]
+    assert len({one.pose.pose.position.x for one in held}) == 1
+    assert all(one.twist.twist.linear.x == one.twist.twist.angular.z == 0 for one in held)
+    assert all(a.pose.covariance[0] < b.pose.covariance[0] for a, b in pairwise(held))
+    assert math.sqrt(last.pose.covariance[0]) > SPEED_MPS * 2
+    assert last.twist.covariance[0] >= HELD_MPS**2
+    check_order(rig)
+
+
+def test_the_device_is_reset(rig: Rig) -> None:
+    judge = FilterNode(rig.graph)
+    with rig.driving():
+        drive(rig)
+        boot_id = rig.simulator.reset()
+        rig.truth(lambda state: state.boot_id == boot_id)
+        rig.truth(stopped)
+        seen = len(rig.odometry)
+        wait(lambda: len(rig.odometry) > seen + 50, "odom")
+        assert error_m(rig, judge) < OFF_M
+    check_order(rig)
+
+
+def check_order(rig: Rig) -> None:
+    """Time never runs backward in odom."""
+    assert all(stamp_s(a) < stamp_s(b) for a, b in pairwise(tuple(rig.odometry)))
+
+
+def test_the_transform_does_not_pretend_to_be_fresh(rig: Rig) -> None:
+    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
+    transforms = rig.graph.listen(tf2.TFMessage, "/tf")
+    joints = rig.graph.listen(JointState, "joint_states")
+    state = State(rig.graph)
+    with rig.driving():
+        drive(rig)
+        rig.simulator.unplug()
+        state.wait(lambda values: values["odom"] == "held")
+        seen = len(rig.odometry)
+        wait(lambda: len(rig.odometry) > seen + 50, "odom that goes on")
+    stamps = [stamp_s(message.transforms[0]) for message in tuple(transforms)]
+    assert all(a < b for a, b in pairwise(stamps))
+    turns = [stamp_s(message) for message in tuple(joints)]
+    assert all(a < b for a, b in pairwise(turns))
+    held = [one for one in tuple(rig.odometry) if not one.twist.twist.linear.x]
+    assert max(*stamps, *turns) < stamp_s(held[-50])
