@@ -98,7 +98,7 @@ def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: di
         executable="hardware_robot",
         name="hardware_robot",
         # If a parameter has two values, the later one counts.
-        parameters=[LaunchConfiguration("params_file"), {**given, **clock}],
+        parameters=[str(_file("params_file", context)), {**given, **clock}],
         **common,
         **RESPAWN,
     )
@@ -138,6 +138,7 @@ def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, com
     if model.suffix == ".xacro":
         urdf = model.with_suffix("").with_suffix(".urdf")
         raise ValueError(f"{model}: convert it first: xacro {model} > {urdf}")
+    model = _file("model", context)
     return Node(
         condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
         package="robot_state_publisher",
@@ -151,6 +152,14 @@ def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, com
         ],
         **common,
     )
+
+
+def _file(argument: str, context: LaunchContext) -> Path:
+    """A file that exists. launch only warns of another one, and the robot has no limits then."""
+    path = Path(_given(argument, context)).expanduser()
+    if not path.is_file():
+        raise ValueError(f"{argument}: there is no file {path}")
+    return path
 
 
 def _given(argument: str, context: LaunchContext) -> str:

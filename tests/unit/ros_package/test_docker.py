@@ -52,6 +52,8 @@ def test_a_namespace_reaches_the_nodes_and_the_health_check() -> None:
 
 def test_a_slash_is_no_prefix_and_no_namespace(robot: dict[str, Any]) -> None:
     given = dict(argument.split(":=") for argument in robot["command"] if ":=" in argument)
+    # A volume of the container.
+    given["params_file"] = str(PACKAGE / given["params_file"].removeprefix("/"))
     nodes = started(load(PACKAGE / "launch" / "hardware_bringup.launch.py"), **given)
     assert {node.namespace for node in nodes.values()} == {"/"}
     assert "tf_frame_prefix" not in nodes["hardware_robot"].parameters[1]

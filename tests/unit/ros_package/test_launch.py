@@ -72,10 +72,32 @@ def test_the_robot_is_as_the_file_says(bringup: LaunchDescription) -> None:
     assert Path(PARAMETERS).is_file()
 
 
-def test_arguments_go_before_the_file(bringup: LaunchDescription) -> None:
-    robot = started(bringup, params_file="mine.yaml", driver="pigpio", port="/dev/ttyACM0")[ROBOT]
+def test_arguments_go_before_the_file(bringup: LaunchDescription, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.touch()
+    robot = started(bringup, params_file=str(mine), driver="pigpio", port="/dev/ttyACM0")[ROBOT]
     given = {"driver_type": "pigpio", "port": "/dev/ttyACM0", "use_sim_time": False}
-    assert robot.parameters == ["mine.yaml", given]
+    assert robot.parameters == [str(mine), given]
+
+
+@pytest.mark.parametrize("argument", ["params_file", "model"])
+@pytest.mark.parametrize("given", ["missing", "~/missing", "."])
+def test_a_file_that_is_none_ends_the_launch_with_one_line(
+    bringup: LaunchDescription, argument: str, given: str
+) -> None:
+    """Without its file the robot would start without its limits."""
+    path = Path(given).expanduser()
+    with pytest.raises(ValueError, match=rf"^{argument}: there is no file {path}$"):
+        started(bringup, **{argument: given})
+
+
+def test_a_file_in_the_home_folder_is_found(
+    bringup: LaunchDescription, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "mine.yaml").touch()
+    robot = started(bringup, params_file="~/mine.yaml")[ROBOT]
+    assert robot.parameters[0] == str(tmp_path / "mine.yaml")
 
 
 def test_the_lidar_is_the_guides(bringup: LaunchDescription) -> None:
