@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 
+from support.nav2 import Command, Smoother, shipped
 from wheelwire import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -139,8 +140,31 @@ def test_accelerations_are_the_robots(nav2: Parameters) -> None:
 
 def test_a_command_lives_as_long_everywhere(nav2: Parameters, node: Parameters) -> None:
     smoother = nav2["velocity_smoother"]
-    assert smoother["velocity_timeout"] == node["cmd_vel_timeout"]
+    assert smoother["velocity_timeout"] < node["cmd_vel_timeout"] / 2
     assert 1 / smoother["smoothing_frequency"] < node["cmd_vel_timeout"] / 2
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2, 0.4, 0.6, 0.8])
+def test_a_dead_controller_is_obeyed_for_as_long_as_the_page_says(late: float) -> None:
+    """Its last command came so far into a period of the smoother."""
+    smoother = Smoother(shipped("velocity_smoother"))
+    period_s = smoother.period_s
+    died_s = 100.0
+    published = []
+    step_s = died_s - 2.0 + period_s * (1 - late)
+    commands = [died_s - 0.05 * count for count in range(40, -1, -1)]
+    while step_s < died_s + 2.0:
+        while commands and commands[0] <= step_s:
+            smoother.command(Command(0.3, 0.0, commands.pop(0)))
+        command = smoother.step(step_s)
+        if command is not None:
+            published.append(command)
+        step_s += period_s
+    fast = [command for command in published if command.linear_mps > 0.299]
+    moving = [command for command in published if not command.is_zero]
+    assert fast[-1].stamp_s - died_s <= 0.2
+    assert moving[-1].stamp_s - died_s <= 0.55
+    assert published[-1].is_zero  # it ends with a zero: the robot need not wait for its time-out
 
 
 def test_the_radius_covers_the_body(nav2: Parameters) -> None:
