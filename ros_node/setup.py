@@ -31,6 +31,6 @@ setup(
         (str(SHARE), ["package.xml"]),
         *shared,
     ],
-    entry_points={"console_scripts": ["hardware_robot = wheelwire_ros.hardware_robot:main"]},
+    entry_points={"console_scripts": ["hardware_robot = wheelwire_ros.__main__:main"]},
     zip_safe=True,
 )

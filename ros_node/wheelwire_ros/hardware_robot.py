@@ -22,7 +22,7 @@ from wheelwire import (
 )
 from wheelwire.files.board import checked_board
 
-from .node import BaseRobotNode
+from .node import BaseRobotNode, Finalized
 from .parameters import Setting
 from .reader import sampling_rate_hz
 
@@ -161,7 +161,7 @@ def main(args: list[str] | None = None) -> None:
     try:
         with closing(HardwareRobot(problem)) as node:
             node.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except (KeyboardInterrupt, ExternalShutdownException, Finalized):
         return
     except ParameterException as error:
         sys.exit(f"hardware_robot: {error}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import traceback
 from abc import abstractmethod
@@ -27,9 +28,16 @@ from .threads import NodeThreads, steady_clock
 
 DIAGNOSTICS_PERIOD_S = 1.0
 AUTOSTART_PERIOD_S = 1.0
+FINALIZED = "finalized: restart the process"
+FINALIZED_S = 1.0
+"""From its finalization to the end of the process: the answer and the last state go out."""
 ESTOP_WAITS = "the robot gets the e-stop before anything else, as soon as it can be reached"
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class Finalized(Exception):  # noqa: N818 - it says what happened to the node
+    """The node is finalized, which no transition ends. `spin` raises it."""
 
 
 class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
@@ -55,6 +63,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self.poses = PoseMemory(self.get_logger())
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
+        self._is_finalized = False
         self._twins = diagnostics.TwinWatch()
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
@@ -113,7 +122,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     @property
     def _closed_reason(self) -> str:
         """Why the robot is not open, and what waits for it."""
-        waits = f"; {ESTOP_WAITS}" if self._estopped else ""
+        waits = f"; {ESTOP_WAITS}" if self._estopped and not self._is_finalized else ""
         return f"{self._closed_because}{waits}"
 
     def set_estop(self) -> None:
@@ -122,6 +131,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         Raises:
             WheelwireError: The robot cannot be reached; the node stops it as soon as it can be.
         """
+        if self._is_finalized:
+            raise WheelwireError(f"there is no robot: {FINALIZED}")
         self._estopped = True  # first: the robot may be about to be opened
         try:
             self.open_robot().connection.estop()
@@ -217,9 +228,14 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """As `on_cleanup`, permanently."""
+        """As `on_cleanup`, permanently: the process ends a moment later."""
         self._end_autostart()
         self._close_robot()
+        self._is_finalized, self._closed_because = True, FINALIZED
+        # Nothing leads out of this state: whoever started the process has to start it anew.
+        end = threading.Timer(FINALIZED_S, self.threads.fail, [Finalized(FINALIZED)])
+        end.daemon = True
+        end.start()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:

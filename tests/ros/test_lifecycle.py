@@ -15,20 +15,21 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool
 
-from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros import TIMEOUT_S, Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, SPEED_MPS, twist
+from support.ros_rig import NODE, SPEED_MPS, State, twist
 from wheelwire.simulation.simulator import Simulator
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 CYCLES = 20
+LONG_S = 10.0
 
 
 @pytest.mark.fast
 def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
     diagnostics = Diagnostics(graph)
     odometry = graph.listen(Odometry, "odom")
-    with RobotNode(graph, port=simulator.port, autostart=False):
+    with RobotNode(graph, port=simulator.port, autostart=False) as node:
         diagnostics.wait("link", lambda status, _: status.message == "not configured")
         assert graph.state(NODE) == "unconfigured"
 
@@ -52,7 +53,27 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         odometry.clear()
         wait(lambda: odometry, "odom once more")
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-        assert graph.state(NODE) == "finalized"
+        # Nothing leads out of "finalized": the process ends, and whoever started it acts.
+        assert node.process.wait(TIMEOUT_S) == 0
+        assert "finalized: restart the process" in node.errors()
+
+
+def test_a_finalized_node_promises_no_estop(graph: Graph, simulator: Simulator) -> None:
+    state = State(graph)
+    # For longer than in use, so that the client has time to ask.
+    code = (
+        "from wheelwire_ros import node, hardware_robot\n"
+        f"node.FINALIZED_S = {LONG_S}\nhardware_robot.main()"
+    )
+    with RobotNode(graph, code, port=simulator.port):
+        graph.wait_active()
+        with graph.client(SetBool, f"{NODE}/estop") as client:
+            assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+            state.wait(lambda values: values["cause"] == "finalized: restart the process")
+            future = client.call_async(SetBool.Request(data=True))
+            wait(future.done, "an answer")
+        assert not future.result().success
+        assert future.result().message == "there is no robot: finalized: restart the process"
 
 
 def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:

@@ -75,8 +75,8 @@ def test_whole_folders_are_installed(setup: dict[str, Any], folder: str) -> None
 
 def test_the_executable_exists(setup: dict[str, Any]) -> None:
     (script,) = setup["entry_points"]["console_scripts"]
-    assert script == f"hardware_robot = {NAME}.hardware_robot:main"
-    functions = _tree(PACKAGE / NAME / "hardware_robot.py").body
+    assert script == f"hardware_robot = {NAME}.__main__:main"
+    functions = _tree(PACKAGE / NAME / "__main__.py").body
     assert "main" in {f.name for f in functions if isinstance(f, ast.FunctionDef)}
 
 
