@@ -18,12 +18,13 @@ from wheelwire import (
 )
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.link.pacer import Pacer
 
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
 from .motion_estimator import MotionEstimator, PoseRecord
 from .publishers import MotionPublisher
-from .reader import Pacer, SampleReader
+from .reader import SampleReader
 from .robot_connection import RobotConnection
 from .robot_state import ResetWatch, RobotState
 from .sensors import SensorPublisher
@@ -334,7 +335,7 @@ class OpenRobot:
         publishes = self.connection.active and self._node.context.ok()
         # Before the wheels' sample, which is the newest: a filter gets them in order.
         has_news = self._sensors.take(sample, publishes=publishes)
-        if publishes and self._pacer.is_due(sample):
+        if publishes and self._pacer.is_due(sample.t_us, sample.boot_id):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
                 self._publisher.publish(motion, stamp_ns, odom=self._has_odom(sample))

@@ -36,11 +36,11 @@ from wheelwire import (
 )
 from wheelwire.link.sample_iterator import SampleIterator
 from wheelwire.recording import messages
+from wheelwire.recording.obstacles import OBSTACLES, obstacles
 from wheelwire.sensors import sentence_of_event, sentence_of_state
 from wheelwire_protocol.sensors import (
     REAR_PLACES,
     PeripheralKind,
-    Place,
     SensorChip,
 )
 
@@ -50,19 +50,6 @@ from .threads import NodeThreads
 
 IMU_DEPTH = 100
 """The samples of half a second: they come with those of the wheels, several at once."""
-OBSTACLES = (PeripheralKind.BUMPER, PeripheralKind.CLIFF)
-ANGLES_DEG = {
-    Place.NONE: 0.0,
-    Place.FRONT: 0.0,
-    Place.FRONT_LEFT: 45.0,
-    Place.FRONT_RIGHT: -45.0,
-    Place.LEFT: 90.0,
-    Place.RIGHT: -90.0,
-    Place.REAR: 180.0,
-    Place.REAR_LEFT: 135.0,
-    Place.REAR_RIGHT: -135.0,
-}
-"""Where an input is, counter-clockwise from the front."""
 PASSING = (SensorState.UNREAD, SensorState.MISSED)
 """States that a busy computer sees for a moment, too: /diagnostics has them, ~/state does not."""
 _POINT = struct.Struct("<3f")
@@ -146,6 +133,7 @@ class SensorPublisher:
         """Their topics, by the sensors' names."""
         self._range_samples: SampleIterator[RangeSample] | None = None
         self._unstamped: list[InputsSample] = []
+        self._is_turn_told = False
         self._battery_pace = BatteryPace()
         if sensors is None:
             return
@@ -162,7 +150,9 @@ class SensorPublisher:
         if imu is not None:
             self._imu = publisher(Imu, "imu/data_raw", IMU_DEPTH)
             self._imu_samples = sensors.imu.samples()
-            self._bias = GyroBias(imu.gyro_noise if topics.takes_bias else 0.0)
+            noise_radps = imu.gyro_noise if topics.takes_bias else 0.0
+            self._bias = GyroBias(noise_radps, imu.acceleration_noise)
+            self._log = node.get_logger()
             self._imu_message = messages.imu(topics.imu_frame)
             self._imu_variances = tuple(
                 messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
@@ -208,6 +198,7 @@ class SensorPublisher:
             self._bias.note_wheels(wheels)
         for imu in taken(self._imu_samples):
             gyro = self._bias.corrected(imu)
+            self._tell_of_turn(self._bias.turning_radps)
             if publishes:
                 self._publish_imu(imu, gyro)
         powers, inputs = list(taken(self._power_samples)), list(taken(self._input_samples))
@@ -224,6 +215,16 @@ class SensorPublisher:
                 ][-1:]
         # The events as well: a sensor that becomes stale changes no input.
         return bool([*taken(self._events), *powers, *inputs])
+
+    def _tell_of_turn(self, radps: float) -> None:
+        """Say once that a gyroscope turns while all else is at rest."""
+        told, self._is_turn_told = self._is_turn_told, bool(radps)
+        if radps and not told:
+            self._log.warning(
+                f"the gyroscope shows {radps:.3f} rad/s though wheels and accelerometer are at "
+                "rest. Either something turns the robot, or it is a bias: then have `wheelwire "
+                "setup` measure imu.bias"
+            )
 
     def _publish_imu(self, sample: ImuSample, gyro: Vector) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "imu")
@@ -358,20 +359,6 @@ def range_message(sample: RangeSample) -> Range:
 
 
 # --- bumpers and cliffs as points ----------------------------------------------------------------
-
-
-def obstacles(
-    infos: Sequence[SensorInfo], sample: InputsSample, radius_m: float, height_m: float
-) -> list[tuple[float, float, float]]:
-    """A point where each triggered bumper or cliff is, on a circle about the robot's centre."""
-    points = []
-    for info in infos:
-        reading = sample.channels.get(info.name)
-        if info.kind in OBSTACLES and reading is not None and reading.triggered:
-            angle_rad = math.radians(ANGLES_DEG[info.place])
-            x_m, y_m = radius_m * math.cos(angle_rad), radius_m * math.sin(angle_rad)
-            points.append((x_m, y_m, height_m))
-    return points
 
 
 def cloud_message(points: Sequence[tuple[float, float, float]]) -> PointCloud2:

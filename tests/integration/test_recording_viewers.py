@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from wheelwire import open_driver
 from wheelwire.recording.raw import TOPICS
 from wheelwire.recording.reader import messages
-from wheelwire.recording.views import CHANNELS, ODOM
+from wheelwire.recording.views import BUMPERS, CHANNELS, ODOM
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_every_channel_has_what_viewers_ask_for(day: Path) -> None:
         assert summary is not None
     assert {channel.topic for channel in summary.channels.values()} == {
         *TOPICS,
-        *(channel.topic for channel in CHANNELS),
+        *(channel.topic for channel in (*CHANNELS, BUMPERS)),
     }
     assert set(counted(day)) == {channel.topic for channel in summary.channels.values()}
     for channel in summary.channels.values():
@@ -70,7 +70,7 @@ def test_by_mcaps_own_ros_support(day: Path) -> None:
         for _, channel, _, message in reader.iter_decoded_messages():
             found.setdefault(channel.topic, []).append(message)
     assert {topic: len(of_topic) for topic, of_topic in found.items()} == counted(day)
-    assert found[ODOM][-1].pose.pose.position.x > 0.1
+    assert found[ODOM.topic][-1].pose.pose.position.x > 0.1
 
 
 def test_by_rosbags(day: Path) -> None:
@@ -80,7 +80,7 @@ def test_by_rosbags(day: Path) -> None:
             message = reader.deserialize(data, connection.msgtype)
             found.setdefault(connection.topic, []).append(message)
     assert {topic: len(of_topic) for topic, of_topic in found.items()} == counted(day)
-    assert found[ODOM][-1].pose.pose.position.x > 0.1
+    assert found[ODOM.topic][-1].pose.pose.position.x > 0.1
 
 
 WITHOUT = """

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 
 import pytest
 
@@ -11,10 +13,12 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rosbags.highlevel import AnyReader
 
+from support.range_board import simulator_on_board
 from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import SPEED_MPS, twist
+from support.ros_rig import SPEED_MPS, stamp_s, twist
 from wheelwire.link.rerun import Rerun
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry as Poses
@@ -46,6 +50,28 @@ def test_a_folder_gets_the_robots_day(graph: Graph, tmp_path: Path) -> None:
     for sample in samples:
         poses.update(sample)
     assert poses.pose.x_m == pytest.approx(driven_m, abs=0.002)
+
+
+def test_viewers_find_the_robots_place_and_its_sensors(graph: Graph, tmp_path: Path) -> None:
+    file = tmp_path / "day.mcap"
+    with (
+        simulator_on_board() as simulator,
+        RobotNode(graph, port=simulator.port, record=str(file)) as node,
+    ):
+        drive(graph, node)
+    with AnyReader([file]) as reader:
+        stamps: dict[str, list[float]] = {}
+        for connection, _, data in reader.messages():
+            if not connection.topic.startswith("/wheelwire"):
+                message = reader.deserialize(data, connection.msgtype)
+                one = message.transforms[0] if connection.topic == "/tf" else message
+                stamps.setdefault(connection.topic, []).append(stamp_s(one))
+    assert {"/tf", "/range/front", "/range/left", "/imu/data_raw"} < stamps.keys()
+    assert stamps["/tf"] == stamps["/odom"]
+    for topic in ("/odom", "/imu/data_raw"):
+        steps_s = [b - a for a, b in pairwise(stamps[topic])]
+        # At the rate of the node, however late each frame came; the line loses none.
+        assert fmean(steps_s) == pytest.approx(0.02, rel=0.03)
 
 
 def test_a_folder_that_is_missing_costs_the_recording_alone(graph: Graph, tmp_path: Path) -> None:

@@ -7,11 +7,13 @@ in the robot's. Components that a planar robot lacks stay 0.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Sequence
 
 from .cdr import Layout
 
 NANOSECONDS = 1_000_000_000
+_FLOAT32 = 7
 UNKNOWN = math.nan
 
 _SEPARATOR = "=" * 80 + "\nMSG: "
@@ -67,6 +69,55 @@ float64[] velocity
 float64[] effort
 """
     + _HEADER,
+)
+TRANSFORMS = (
+    "tf2_msgs/msg/TFMessage",
+    "geometry_msgs/TransformStamped[] transforms\n"
+    + _SEPARATOR
+    + "geometry_msgs/TransformStamped\n"
+    + "std_msgs/Header header\nstring child_frame_id\nTransform transform\n"
+    + _HEADER
+    + _SEPARATOR
+    + "geometry_msgs/Transform\nVector3 translation\nQuaternion rotation\n"
+    + _VECTORS
+    + _QUATERNION,
+)
+RANGE = (
+    "sensor_msgs/msg/Range",
+    """std_msgs/Header header
+uint8 ULTRASOUND=0
+uint8 INFRARED=1
+uint8 radiation_type
+float32 field_of_view
+float32 min_range
+float32 max_range
+float32 range
+float32 variance
+"""
+    + _HEADER,
+)
+CLOUD = (
+    "sensor_msgs/msg/PointCloud2",
+    """std_msgs/Header header
+uint32 height
+uint32 width
+PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+"""
+    + _HEADER
+    + _SEPARATOR
+    + "sensor_msgs/PointField\n"
+    + "".join(
+        f"uint8 {name}={number}\n"
+        for number, name in enumerate(
+            ("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32", "FLOAT32", "FLOAT64"), 1
+        )
+    )
+    + "string name\nuint32 offset\nuint8 datatype\nuint32 count\n",
 )
 _BATTERY_CODES = "".join(
     f"uint8 POWER_SUPPLY_{name}={number}\n"
@@ -190,6 +241,33 @@ def transforms(frame: str, child_frame: str) -> Layout:
         .numbers("d", 2)
         .numbers("d", 3, (0.0, 0.0, 0.0))
         .numbers("d", 2)
+    )
+
+
+def range_(
+    frame: str, field_of_view_rad: float, min_m: float, max_m: float, distance_m: float
+) -> Layout:
+    """A distance, by ultrasound. Fill in stamp."""
+    return (
+        _header(frame)
+        .number("B", 0)
+        .numbers("f", 5, (field_of_view_rad, min_m, max_m, distance_m, 0.0))
+    )
+
+
+def cloud(frame: str, points: Sequence[tuple[float, float, float]]) -> Layout:
+    """A cloud of points with x, y and z. Fill in stamp."""
+    layout = _header(frame).number("I", 1).number("I", len(points)).number("I", 3)
+    for index, name in enumerate("xyz"):
+        layout.text(name).number("I", 4 * index).number("B", _FLOAT32).number("I", 1)
+    data = b"".join(struct.pack("<3f", *point) for point in points)
+    return (
+        layout.number("B", 0)
+        .number("I", 12)
+        .number("I", len(data))
+        .number("I", len(data))
+        .numbers("B", len(data), tuple(data))
+        .number("B", 1)
     )
 
 

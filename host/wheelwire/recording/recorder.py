@@ -297,8 +297,9 @@ class Recorder:
         for begin in range(0, len(records), SLICE):
             for record in records[begin : begin + SLICE]:
                 file.add(record)
-                for view in views.feed(record):
-                    file.add_message(*view)
+                for channel, time_ns, data in views.feed(record):
+                    file.register(channel)
+                    file.add_message(channel.topic, time_ns, data)
             time.sleep(PAUSE_S)
 
     def _keep_time(self) -> None:

@@ -8,37 +8,44 @@ from collections.abc import Iterator, Mapping
 
 from ..errors import WheelwireError
 from ..link.news import Happening
+from ..link.pacer import Pacer
 from ..link.rerun import Rerun
-from ..link.sensor_stream import ImuMeasurement, SensorStream
+from ..link.sensor_stream import (
+    ImuMeasurement,
+    InputsMeasurement,
+    RangeMeasurement,
+    SensorStream,
+)
 from ..link.session import Session
 from ..link.state_stream import Measurement
 from ..link.tap import Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
 from ..samples import WheelSample
-from ..sensors import SensorEvent
+from ..sensors import RangeSample, SensorEvent
 from . import messages
+from .obstacles import OBSTACLES, obstacles
 from .writer import Channel
 
-ODOM, JOINT_STATES = "/odom", "/joint_states"
-BATTERY, EVENTS = "/battery_state", "/wheelwire/events"
-IMU = "/imu/data_raw"
-CHANNELS = (
-    Channel(ODOM, *messages.ODOMETRY),
-    Channel(JOINT_STATES, *messages.JOINT_STATE),
-    Channel(BATTERY, *messages.BATTERY_STATE),
-    Channel(IMU, *messages.IMU),
-    Channel(EVENTS, *messages.LOG),
-)
-PERIOD_US = 20_000
-"""Messages of the motion a second, more than a screen shows; each takes ten state frames' room."""
+ODOM = Channel("/odom", *messages.ODOMETRY)
+TRANSFORMS = Channel("/tf", *messages.TRANSFORMS)
+JOINT_STATES = Channel("/joint_states", *messages.JOINT_STATE)
+BATTERY = Channel("/battery_state", *messages.BATTERY_STATE)
+IMU = Channel("/imu/data_raw", *messages.IMU)
+EVENTS = Channel("/wheelwire/events", *messages.LOG)
+CHANNELS = (ODOM, TRANSFORMS, JOINT_STATES, BATTERY, IMU, EVENTS)
+"""Those of every file. One of a sensor begins with its first measurement."""
+BUMPERS = Channel("/bumpers", *messages.CLOUD)
+RATE_HZ = 50.0
+"""Of the motion and of the IMU, as fast as the node publishes by default."""
 BATTERY_PERIOD_S = 1.0
 JOINTS = ("left_wheel_joint", "right_wheel_joint")
 """The default of the ROS node's parameters, as are the frames below."""
 ODOM_FRAME, BASE_FRAME = "odom", "base_link"
+BUMPER_RADIUS_M, BUMPER_HEIGHT_M = 0.2, 0.05
 
-View = tuple[str, int, bytes]
-"""Topic, time [ns since 1970], message."""
+View = tuple[Channel, int, bytes]
+"""Channel, time [ns since 1970], message."""
 
 
 class Views:
@@ -59,9 +66,10 @@ class Views:
         self._turned = [0.0, 0.0]
         """Each wheel's angle since the beginning. [rad]"""
         self._last: WheelSample | None = None
-        self._due_us = self._imu_due_us = 0
+        self._pacer, self._imu_pacer = Pacer(RATE_HZ), Pacer(RATE_HZ)
         self._battery_due_s = -math.inf
         self._odometry_layout = messages.odometry(ODOM_FRAME, BASE_FRAME)
+        self._transform_layout = messages.transforms(ODOM_FRAME, BASE_FRAME)
         self._joints_layout = messages.joint_state(JOINTS)
         self._battery_layout = messages.battery_state(BASE_FRAME)
         self._imu_layout = messages.imu(BASE_FRAME)
@@ -77,8 +85,7 @@ class Views:
         time_ns = record.host_us * 1000 + self._offset_ns
         for measurement in measured:
             self._note_state(measurement)
-            if measurement.arrived_us >= self._due_us:
-                self._due_us = measurement.arrived_us + PERIOD_US
+            if self._pacer.is_due(measurement.t_us, measurement.state.boot_id):
                 yield from self._motion(session, measurement.sample(), time_ns)
         yield from self._sensed(session.sensors, time_ns)
         while session.news:
@@ -112,12 +119,13 @@ class Views:
         pose = odometry.update(sample).pose
         drive = odometry.drive
         twist = drive.twist(WheelVelocities(sample.left_mps, sample.right_mps))
-        stamp = messages.stamp(round(sample.stamp * 1e9) + self._offset_ns)
+        stamp = self._stamp(sample.stamp)
         half_rad = pose.heading_rad / 2
         rotation = math.sin(half_rad), math.cos(half_rad)
         position = pose.x_m, pose.y_m
         data = self._odometry_layout.fill(*stamp, *position, *rotation, *[0.0] * 36, *twist)
         yield ODOM, time_ns, data
+        yield TRANSFORMS, time_ns, self._transform_layout.fill(*stamp, *position, *rotation)
         yield JOINT_STATES, time_ns, self._joints(sample, drive, stamp)
         if sample.battery_v is not None and sample.stamp >= self._battery_due_s:
             self._battery_due_s = sample.stamp + BATTERY_PERIOD_S
@@ -130,13 +138,39 @@ class Views:
             if isinstance(what, SensorEvent):
                 level = logging.WARNING if what.is_warning else logging.INFO
                 self._said.append((level, what.sentence))
-            elif isinstance(what, ImuMeasurement) and what.arrived_us >= self._imu_due_us:
-                self._imu_due_us = what.arrived_us + PERIOD_US
-                yield IMU, time_ns, self._imu(what)
+            elif isinstance(what, ImuMeasurement):
+                if self._imu_pacer.is_due(what.t_us, what.message.boot_id):
+                    yield IMU, time_ns, self._imu(what)
+            elif isinstance(what, RangeMeasurement):
+                yield self._range(what.sample(), time_ns)
+            elif isinstance(what, InputsMeasurement):
+                yield from self._bumpers(what, time_ns)
+
+    def _range(self, sample: RangeSample, time_ns: int) -> View:
+        channel = Channel(f"/range/{sample.name}", *messages.RANGE)
+        layout = messages.range_(
+            f"range_{sample.name}",
+            sample.field_of_view_rad,
+            sample.min_m,
+            sample.max_m,
+            sample.distance_m,
+        )
+        return channel, time_ns, layout.fill(*self._stamp(sample.stamp))
+
+    def _bumpers(self, measurement: InputsMeasurement, time_ns: int) -> Iterator[View]:
+        infos = list(measurement.infos.values())
+        if any(info.kind in OBSTACLES for info in infos):
+            sample = measurement.sample()
+            points = obstacles(infos, sample, BUMPER_RADIUS_M, BUMPER_HEIGHT_M)
+            data = messages.cloud(BASE_FRAME, points).fill(*self._stamp(sample.stamp))
+            yield BUMPERS, time_ns, data
+
+    def _stamp(self, stamp_s: float) -> tuple[int, int]:
+        return messages.stamp(round(stamp_s * 1e9) + self._offset_ns)
 
     def _imu(self, measurement: ImuMeasurement) -> bytes:
         sample, info = measurement.sample(), measurement.channel.info
-        stamp = messages.stamp(round(sample.stamp * 1e9) + self._offset_ns)
+        stamp = self._stamp(sample.stamp)
         turning = *sample.gyro, *messages.variances(info.gyro_noise)
         pulling = *sample.acceleration, *messages.variances(info.acceleration_noise)
         return self._imu_layout.fill(*stamp, *turning, *pulling)

@@ -125,25 +125,28 @@ class RecordingFile:
                 **metadata,
             }
             self._writer.add_metadata(METADATA, said)
-            self._channels = self._register((*RAW_CHANNELS, *channels))
+            self._schemas: dict[str, int] = {}
+            self._channels: dict[str, int] = {}
+            for channel in (*RAW_CHANNELS, *channels):
+                self.register(channel)
             self.sync()
             _sync_folder(path.parent)
         except BaseException:
             self.abandon()
             raise
 
-    def _register(self, channels: tuple[Channel, ...]) -> dict[str, int]:
-        ids: dict[str, int] = {}
-        schemas: dict[str, int] = {}
-        for topic, schema, definition in channels:
-            if schema not in schemas:
-                schemas[schema] = self._writer.register_schema(
-                    schema, "ros2msg", definition.encode()
-                )
-            ids[topic] = self._writer.register_channel(
-                topic, "cdr", schemas[schema], {"offered_qos_profiles": _QOS}
+    def register(self, channel: Channel) -> None:
+        """Add a channel, unless there is one of its topic."""
+        topic, schema, definition = channel
+        if topic in self._channels:
+            return
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(
+                schema, "ros2msg", definition.encode()
             )
-        return ids
+        self._channels[topic] = self._writer.register_channel(
+            topic, "cdr", self._schemas[schema], {"offered_qos_profiles": _QOS}
+        )
 
     @property
     def size(self) -> int:

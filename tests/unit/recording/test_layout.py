@@ -12,7 +12,7 @@ import pytest
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 
-from wheelwire.recording.views import CHANNELS
+from wheelwire.recording.views import CHANNELS, TRANSFORMS
 
 LAYOUT = json.loads(
     (Path(__file__).parents[3] / "docs" / "foxglove-layout.json").read_text("utf-8")
@@ -47,7 +47,8 @@ def test_every_topic_for_viewers_is_shown() -> None:
     for panel in PANELS.values():
         topics |= set(panel.get("topics", ()))
         topics |= {panel["topicToRender"]} if "topicToRender" in panel else set()
-    assert topics == set(CHANNEL_BY_TOPIC)
+    # Whatever shows something in 3D takes the transforms by itself.
+    assert topics | {TRANSFORMS.topic} == set(CHANNEL_BY_TOPIC)
 
 
 @pytest.mark.parametrize("path", paths())

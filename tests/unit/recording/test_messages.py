@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import struct
 from typing import Any
 
 import pytest
@@ -18,6 +19,9 @@ DEFINITIONS = (
     messages.IMU,
     messages.JOINT_STATE,
     messages.BATTERY_STATE,
+    messages.TRANSFORMS,
+    messages.RANGE,
+    messages.CLOUD,
     messages.LOG,
     ("std_msgs/msg/UInt8MultiArray", RAW_DEFINITION),
 )
@@ -80,6 +84,24 @@ def test_joint_state() -> None:
 def test_battery_state() -> None:
     data = messages.battery_state("base").fill(3, 4, 7.5, 0.5)
     assert same_again(data, "sensor_msgs/msg/BatteryState").voltage == 7.5
+
+
+def test_range() -> None:
+    data = messages.range_("range_front", 0.25, 0.5, 4.0, 1.5).fill(3, 4)
+    message = same_again(data, "sensor_msgs/msg/Range")
+    assert message.header.frame_id == "range_front"
+    assert (message.field_of_view, message.min_range, message.max_range) == (0.25, 0.5, 4.0)
+    assert (message.range, message.radiation_type) == (1.5, 0)
+
+
+@pytest.mark.parametrize("points", [[], [(1.0, 2.0, 3.0)], [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]])
+def test_cloud(points: list[tuple[float, float, float]]) -> None:
+    data = messages.cloud("base_link", points).fill(3, 4)
+    message = same_again(data, "sensor_msgs/msg/PointCloud2")
+    assert (message.width, message.height, message.point_step) == (len(points), 1, 12)
+    assert [field.name for field in message.fields] == ["x", "y", "z"]
+    numbers = struct.unpack(f"<{3 * len(points)}f", message.data.tobytes())
+    assert list(numbers) == [number for point in points for number in point]
 
 
 @pytest.mark.parametrize("text", ["", "a", "ab", "abc", "abcd", "Grüße"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from random import Random
 
 import pytest
@@ -14,6 +15,7 @@ from wheelwire import ImuSample
 from wheelwire_ros.gyro_bias import GyroBias
 
 NOISE_RADPS = 0.001
+NOISE_MPS2 = 0.03
 BIAS = (0.01, -0.02, 0.03)
 
 
@@ -21,7 +23,7 @@ class Robot:
     """Its samples at 100 Hz."""
 
     def __init__(self, noise_radps: float = NOISE_RADPS) -> None:
-        self.bias = GyroBias(noise_radps)
+        self.bias = GyroBias(noise_radps, NOISE_MPS2)
         self._random = Random(1)
         self._stamp = 0.0
         self._ticks = 0
@@ -31,7 +33,13 @@ class Robot:
         self._stamp += seconds
 
     def run(
-        self, seconds: float, yaw_rate_radps: float = 0.0, *, wheels_turn: bool = False
+        self,
+        seconds: float,
+        yaw_rate_radps: float = 0.0,
+        *,
+        wheels_turn: bool = False,
+        shake_mps2: float = 0.0,
+        up_mps2: float = 9.8,
     ) -> None:
         for _ in range(round(seconds * 100)):
             self._stamp += 0.01
@@ -39,7 +47,9 @@ class Robot:
             self.bias.note_wheels(sample(left_ticks=self._ticks))
             x, y, z = (one + self._random.gauss(0, NOISE_RADPS) for one in BIAS)
             gyro = x, y, z + yaw_rate_radps
-            imu = ImuSample(0, 0, gyro, (0.0, 0.0, 9.8), 20.0, self._stamp, 0.001)
+            shake = shake_mps2 * math.sin(self._stamp * 30)
+            pull = self._random.gauss(shake, NOISE_MPS2), 0.0, up_mps2
+            imu = ImuSample(0, 0, gyro, pull, 20.0, self._stamp, 0.001)
             self.corrected = self.bias.corrected(imu)
 
 
@@ -57,9 +67,9 @@ def test_a_second_of_rest_tells_the_bias() -> None:
 
 def test_the_bias_in_the_boards_file_is_not_taken_off_twice() -> None:
     at_rest = Stream()  # 2, 4 and 6 counts; y points forward
-    of_board = info(0, values=(1, 2, 3))._replace(gyro_scale=0.05)
+    of_board = info(0, values=(1, 2, 3))._replace(gyro_scale=0.015, accelerometer_scale=9.81 / 42.5)
     at_rest.stream.take_info(of_board)
-    bias = GyroBias(NOISE_RADPS)
+    bias = GyroBias(NOISE_RADPS, 1.0)
     for k in range(102):
         at_rest.imu(3_000_000 + 10_000 * k)
         bias.note_wheels(sample())
@@ -67,7 +77,7 @@ def test_the_bias_in_the_boards_file_is_not_taken_off_twice() -> None:
         assert isinstance(imu, ImuSample)
         corrected = bias.corrected(imu)
     # What the file's has left, which would be none if that were taken off here again.
-    assert bias.radps == pytest.approx((0.1, -0.05, 0.15))
+    assert bias.radps == pytest.approx((0.03, -0.015, 0.045))
     assert corrected == pytest.approx((0, 0, 0))
 
 
@@ -103,4 +113,22 @@ def test_a_second_with_a_gap_tells_no_bias() -> None:
 def test_without_a_known_noise_no_bias_is_taken() -> None:
     robot = Robot(noise_radps=0.0)
     robot.run(3.0)
+    assert robot.bias.radps == (0, 0, 0)
+
+
+def test_a_steady_turn_on_a_turntable_is_none_of_the_bias() -> None:
+    robot = Robot()
+    robot.run(2.0)
+    robot.run(6.0, 1.6 / 6)
+    assert robot.bias.radps == pytest.approx(BIAS, abs=NOISE_RADPS / 2)
+    assert robot.bias.turning_radps == pytest.approx(1.6 / 6 + BIAS[2], abs=NOISE_RADPS)
+    robot.run(2.0)
+    assert robot.bias.turning_radps == 0
+
+
+@pytest.mark.parametrize("moved", [{"shake_mps2": 1.0}, {"up_mps2": 12.0}])
+def test_the_accelerometer_has_to_agree(moved: dict[str, float]) -> None:
+    """In a car, or in a lift that starts, the wheels stand, and the gyroscope is calm."""
+    robot = Robot()
+    robot.run(3.0, 0.02, **moved)  # type: ignore[arg-type]
     assert robot.bias.radps == (0, 0, 0)

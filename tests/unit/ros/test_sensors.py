@@ -22,8 +22,9 @@ from wheelwire import (
     SensorStatus,
 )
 from wheelwire.peripherals import channel_name
+from wheelwire.recording.obstacles import obstacles
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip
-from wheelwire_ros.sensors import Limits, channel_words, limits_of, obstacles, range_message
+from wheelwire_ros.sensors import Limits, channel_words, limits_of, range_message
 
 BUMPER, CLIFF, STAGE = PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT
 
