@@ -39,9 +39,10 @@ class Filter:
     def update(self, message: Any) -> None:
         """Predict up to a message of odom, and correct by its twist."""
         stamp_s = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
-        if self._stamp_s is not None:
+        # One from before the last prediction only corrects, as `processMeasurement` has it.
+        if self._stamp_s is not None and stamp_s > self._stamp_s:
             self._predict(stamp_s - self._stamp_s)
-        self._stamp_s = stamp_s
+        self._stamp_s = max(stamp_s, self._stamp_s or stamp_s)
         twist = message.twist.twist
         for which, value in (
             (VX, twist.linear.x),
@@ -60,7 +61,6 @@ class Filter:
             self._stamp_s = now_s
 
     def _predict(self, step_s: float) -> None:
-        assert step_s >= 0
         _, _, yaw, vx, vy, _, ax, ay = self.state
         cos, sin = math.cos(yaw), math.sin(yaw)
         far = 0.5 * step_s * step_s
