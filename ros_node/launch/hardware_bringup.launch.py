@@ -48,6 +48,11 @@ def generate_launch_description() -> LaunchDescription:
             ),
             _argument("lidar_port", "/dev/rplidar", "The RPLidar's port."),
             _argument(
+                "lidar_baud",
+                "115200",
+                "The RPLidar's baud rate: 115200 of A1 and A2M8, 256000 of A2M7, A2M12 and A3.",
+            ),
+            _argument(
                 "namespace", "", "Namespace of all nodes, topics and services, /tf included."
             ),
             _argument(
@@ -121,7 +126,9 @@ def _lidar(context: LaunchContext, prefix: str, clock: dict, common: dict) -> No
         parameters=[
             {
                 "serial_port": _text(LaunchConfiguration("lidar_port")),
-                "serial_baudrate": 115_200,
+                "serial_baudrate": ParameterValue(
+                    LaunchConfiguration("lidar_baud"), value_type=int
+                ),
                 "frame_id": _text(prefix + LASER_FRAME),
                 "inverted": False,
                 "angle_compensate": True,
@@ -151,6 +158,7 @@ def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, com
             }
         ],
         **common,
+        **RESPAWN,
     )
 
 

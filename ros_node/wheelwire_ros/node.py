@@ -6,15 +6,15 @@ import threading
 import time
 import traceback
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from wheelwire import BaseDriver, LinkLost, WheelwireError
+from wheelwire import BaseDriver, ConfigurationError, LinkLost, WheelwireError
 
 from . import diagnostics
 from .library_log import forward_library_log
@@ -64,6 +64,9 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._is_finalized = False
+        self._tries_once = False
+        """Whether the running transition comes from `Autostart`, which repeats it."""
+        self._ending = threading.Event()
         self._twins = diagnostics.TwinWatch()
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
@@ -107,6 +110,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def close(self) -> None:
         """Stop the wheels, then release everything, for good. Safe to call more than once."""
+        self._ending.set()
         # Before the threads, which may take seconds to end.
         self._close_robot()
         self.threads.close()
@@ -183,25 +187,43 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     # --- lifecycle -----------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Open the robot; fails if it cannot be reached or refuses a parameter."""
+        """Open the robot, as soon as it can be reached; fails if it refuses a parameter."""
         try:
-            self.bridge.require_accepted()
-            self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
-        except WheelwireError as error:
+            while not self._is_opened():
+                if self._tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
+                    return FAILURE  # it stays unconfigured: Autostart tries again
+                self.update_state()
+        except ConfigurationError as error:
             self._closed_because = str(error)
-            # The node stays unconfigured, so that Autostart or the user can try again.
-            return FAILURE
+            return FAILURE  # what is refused has to be corrected first
         except Exception:
             if self.context.ok():  # else the node is ending, and every step fails
                 self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
-        if self._estopped and not self._open.connection.estopped:  # set during the opening
+        robot = self.open_robot()
+        if self._estopped and not robot.connection.estopped:  # set during the opening
             with suppress(WheelwireError):  # preparing the session sends it again
-                self._open.connection.estop()
-        self.bridge.connection = self._open.connection
+                robot.connection.estop()
+        self.bridge.connection = robot.connection
         self._closed_because = NOT_CONFIGURED
         self._end_autostart()
         return super().on_configure(state)
+
+    def _is_opened(self) -> bool:
+        """Open the robot; false if that may work at another time.
+
+        Raises:
+            ConfigurationError: A parameter is refused.
+        """
+        try:
+            self.bridge.require_accepted()
+            self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
+        except ConfigurationError:
+            raise
+        except WheelwireError as error:
+            self._closed_because = str(error)
+            return False
+        return True
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start obeying commands."""
@@ -254,6 +276,15 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is not None:
             self._estopped = self._estopped or open_robot.connection.estopped
             open_robot.close()
+
+    @contextmanager
+    def one_try(self) -> Iterator[None]:
+        """Configuring fails meanwhile if the robot cannot be reached at once."""
+        self._tries_once = True
+        try:
+            yield
+        finally:
+            self._tries_once = False
 
     def _end_autostart(self) -> None:
         if self._autostart is not None:
@@ -313,7 +344,9 @@ class Autostart:
         try:
             if self._timer.is_canceled():  # meanwhile
                 return
-            if self._node.trigger_configure() == SUCCESS:
+            with self._node.one_try():
+                configured = self._node.trigger_configure()
+            if configured == SUCCESS:
                 self._node.trigger_activate()
             self._node.update_state()
         except Exception as error:

@@ -188,7 +188,8 @@ class OpenRobot:
         self.connection.follow()
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
-        node, threads, get = self._node, self._node.threads, self._node.setting
+        node, threads = self._node, self._node.threads
+        get = sensors.with_battery_of_board(self._node.setting, robot)
         self._sensors = SensorPublisher(
             node,
             threads,

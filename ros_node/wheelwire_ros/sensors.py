@@ -35,6 +35,7 @@ from wheelwire import (
     WheelwireError,
 )
 from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.peripherals import BatteryLevels, Peripheral
 from wheelwire.recording import messages
 from wheelwire.recording.obstacles import OBSTACLES, obstacles
 from wheelwire.sensors import sentence_of_event, sentence_of_state
@@ -45,6 +46,7 @@ from wheelwire_protocol.sensors import (
 )
 
 from .gyro_bias import GyroBias, Vector
+from .parameter_values import Get
 from .publishers import DEPTH, BatteryPace, battery_message, time_message
 from .threads import NodeThreads
 
@@ -97,6 +99,41 @@ def start(robot: BaseDriver, rate_hz: int) -> Sensors | None:
     except (DriverUnavailable, GroupUnavailable, InvalidCommand):
         return None
     return sensors
+
+
+EMPTY_CELL_V, FULL_CELL_V = 3.3, 4.2
+"""Of a lithium-ion cell: where the board's `cells` stop the robot, and charged."""
+
+
+def with_battery_of_board(get: Get, robot: BaseDriver) -> Get:
+    """The settings; those of the battery that nobody gave by the board's number of cells, if any.
+
+    Args:
+        get: The settings as they were given.
+        robot: Asked for the levels of its battery.
+    """
+    if not math.isnan(get("battery_empty_v")):
+        return get
+    board = getattr(robot, "board", None)
+    stored = None
+    with suppress(WheelwireError):  # what cannot be read is not known
+        stored = None if board is None else board.read_peripherals()
+    known = battery_range_v(() if stored is None else stored.entries)
+    if known is None:
+        return get
+    own = dict(zip(("battery_empty_v", "battery_full_v"), known, strict=True))
+    return lambda name: own[name] if name in own else get(name)
+
+
+def battery_range_v(peripherals: Sequence[Peripheral]) -> tuple[float, float] | None:
+    """The voltages of an empty and of a full battery whose number of cells the board knows."""
+    for one in peripherals:
+        if isinstance(one, BatteryLevels) and one.stop_v > 0:
+            cells = round(one.stop_v / EMPTY_CELL_V)
+            # Levels that were given one by one say nothing of the cells.
+            if cells and abs(one.stop_v - cells * EMPTY_CELL_V) < 0.01:
+                return one.stop_v, cells * FULL_CELL_V
+    return None
 
 
 class SensorPublisher:

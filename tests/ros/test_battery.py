@@ -17,7 +17,7 @@ from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from wheelwire import open_driver
 from wheelwire.files.board import load_board
-from wheelwire.peripherals import Peripheral, PowerSensor
+from wheelwire.peripherals import BatteryLevels, Peripheral, PowerSensor
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import Module
 from wheelwire_protocol.sensors import SensorChip
@@ -45,6 +45,16 @@ def test_two_voltages_make_a_percentage(
     with RobotNode(graph, port=simulator.port, battery_empty_v=6.0, battery_full_v=8.4):
         message = graph.first(BatteryState, "battery_state")
     assert message.percentage == pytest.approx(share, abs=0.05)
+
+
+def test_a_board_that_knows_its_cells_makes_a_percentage(
+    graph: Graph, simulator: Simulator
+) -> None:
+    """So that Nav2's IsBatteryLow fires."""
+    take_up(simulator, POWER, BatteryLevels(warn_v=7.0, limit_v=6.8, stop_v=6.6))  # cells: 2
+    with RobotNode(graph, port=simulator.port):
+        message = graph.first(BatteryState, "battery_state")
+    assert message.percentage == pytest.approx((message.voltage - 6.6) / 1.8, abs=0.001)
 
 
 def test_a_broken_wire_is_no_voltage(graph: Graph, simulator: Simulator) -> None:

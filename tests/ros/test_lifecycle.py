@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool
@@ -136,6 +138,42 @@ def test_without_a_device_it_tries_again_and_says_why(graph: Graph, tmp_path: Pa
         graph.wait_state(NODE, "unconfigured")
         with Simulator(link=port):
             graph.wait_active()
+
+
+def test_a_robot_that_comes_later_is_configured_when_somebody_else_asks(
+    graph: Graph, tmp_path: Path
+) -> None:
+    """As by Nav2's lifecycle manager, which gives up after the first failure."""
+    port = tmp_path / "port"
+    diagnostics = Diagnostics(graph)
+    with (
+        RobotNode(graph, port=port, autostart=False),
+        graph.client(ChangeState, f"{NODE}/change_state") as client,
+    ):
+        configure = Transition(id=Transition.TRANSITION_CONFIGURE)
+        future = client.call_async(ChangeState.Request(transition=configure))
+        diagnostics.wait(
+            "link", lambda status, _: status.level == ERROR and str(port) in status.message
+        )
+        assert not future.done()
+        with Simulator(link=port):
+            wait(future.done, "the transition")
+            assert future.result().success
+            assert graph.state(NODE) == "inactive"
+
+
+def test_a_node_that_waits_for_its_robot_ends_when_it_is_interrupted(
+    graph: Graph, tmp_path: Path
+) -> None:
+    state = State(graph)
+    with (
+        RobotNode(graph, port=tmp_path / "port", autostart=False) as node,
+        graph.client(ChangeState, f"{NODE}/change_state") as client,
+    ):
+        configure = Transition(id=Transition.TRANSITION_CONFIGURE)
+        client.call_async(ChangeState.Request(transition=configure))
+        state.wait(lambda values: str(tmp_path) in values["cause"])
+        assert node.end(signal.SIGINT) == 0
 
 
 def test_without_a_clock_it_is_started_and_heard(graph: Graph) -> None:

@@ -31,6 +31,7 @@ def test_the_arguments(bringup: LaunchDescription) -> None:
         "robot_state_publisher": "true",
         "lidar": "auto",
         "lidar_port": "/dev/rplidar",
+        "lidar_baud": "115200",
         "namespace": "",
         "frame_prefix": "",
         "use_sim_time": "false",
@@ -134,10 +135,14 @@ def test_a_model_that_xacro_must_convert_first_is_refused(
         started(bringup, model=given)
 
 
-@pytest.mark.parametrize("executable", [ROBOT, LIDAR])
-def test_what_talks_to_hardware_is_started_again(
-    bringup: LaunchDescription, executable: str
-) -> None:
+def test_a_lidar_may_be_faster(bringup: LaunchDescription) -> None:
+    assert (
+        _only_parameters(started(bringup, lidar_baud="256000")[LIDAR])["serial_baudrate"] == 256_000
+    )
+
+
+@pytest.mark.parametrize("executable", [ROBOT, LIDAR, MODEL])
+def test_what_ends_is_started_again(bringup: LaunchDescription, executable: str) -> None:
     node = started(bringup)[executable]
     assert node.respawn
     assert node.respawn_delay == 2.0
