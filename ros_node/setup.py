@@ -8,7 +8,7 @@ from setuptools import setup
 NAME = "wheelwire_ros"
 HERE = Path(__file__).parent
 SHARE = Path("share") / NAME
-SHARED_FOLDERS = ("launch", "config", "urdf", "udev")
+SHARED_FOLDERS = ("launch", "config", "urdf", "udev", "systemd", "security")
 
 version = ET.parse(HERE / "package.xml").findtext("version")  # noqa: S314 - it is our own
 shared = [
