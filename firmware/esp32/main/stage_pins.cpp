@@ -1,6 +1,9 @@
 #include "stage_pins.hpp"
 
+#include <algorithm>
+
 #include "brake_hold.hpp"
+#include "clock.hpp"
 #include "gpio_pin.hpp"
 #include "moving_wheels.hpp"
 #include "release_pins.hpp"
@@ -19,6 +22,12 @@ uint32_t resolution_for(uint32_t frequency_hz) {
   return kFineHz / frequency_hz <= kCounterEnd ? kFineHz : kCoarseHz;
 }
 
+/// Neither 0 nor the whole period: those are levels, and a duty that is wanted must not vanish.
+/// (32 767 steps of a duty fall on 4000 ticks at 20 kHz.)
+uint32_t ticks_of(uint16_t duty_q15, uint32_t period_ticks) {
+  return std::clamp(duty_q15 * period_ticks / INT16_MAX, uint32_t{1}, period_ticks - 1);
+}
+
 /// Whether an input of the stage ever takes a duty.
 bool takes_pwm(const StageTable& stage, size_t input) {
   for (const auto& row : stage.rows)
@@ -31,6 +40,7 @@ bool takes_pwm(const StageTable& stage, size_t input) {
 bool PwmTimer::create(uint32_t frequency_hz) {
   const uint32_t resolution_hz = resolution_for(frequency_hz);
   period_ticks_ = resolution_hz / frequency_hz;
+  period_us_ = 1'000'000 / frequency_hz + 1;
   const mcpwm_timer_config_t config = {
       .group_id = kGroup,
       .clk_src = MCPWM_TIMER_CLK_SRC_DEFAULT,
@@ -53,6 +63,7 @@ bool StagePins::start(const PwmTimer& timer, const BoardDescription& board, size
   stage_ = &stage;
   wheel_ = static_cast<uint32_t>(wheel);
   period_ticks_ = timer.period_ticks();
+  period_us_ = timer.period_us();
   mcpwm_oper_handle_t channel = nullptr;
   const mcpwm_operator_config_t config = {.group_id = kGroup, .intr_priority = 0, .flags = {}};
   if (mcpwm_new_operator(&config, &channel) != ESP_OK ||
@@ -110,15 +121,35 @@ void StagePins::set(const StageOutputs& outputs) {
   if (still) note_still(wheel_);
 }
 
-void StagePins::set_input(const Input& input, uint16_t duty_q15) {
+void StagePins::set_input(Input& input, uint16_t duty_q15) {
   if (input.pin < 0) return;
-  if (input.comparator == nullptr) {
+  if (input.comparator != nullptr) {
+    set_pwm_input(input, duty_q15);
+  } else {
     gpio_set_level(static_cast<gpio_num_t>(input.pin), duty_q15 != 0);
+  }
+}
+
+void StagePins::set_pwm_input(Input& input, uint16_t duty_q15) {
+  const auto pin = static_cast<gpio_num_t>(input.pin);
+  const uint32_t route = output_route_register(input.pin);
+  const bool was_wanted = input.duty_q15 != 0;
+  input.duty_q15 = duty_q15;
+  if (duty_q15 == 0 || duty_q15 == kHigh_q15) {
+    // The level first: the pin must not show another one when it leaves the PWM.
+    gpio_set_level(pin, duty_q15 != 0);
+    REG_WRITE(route, SIG_GPIO_OUT_IDX);
+    // For the time after: at full duty the counter never reaches the comparator.
+    mcpwm_comparator_set_compare_value(input.comparator, duty_q15 == 0 ? 0 : period_ticks_);
+    input.is_low = duty_q15 == 0;
+    if (input.is_low && was_wanted) input.low_since_us = now_us();
     return;
   }
-  // At full duty the counter never reaches the comparator, and the pin stays high.
-  mcpwm_comparator_set_compare_value(input.comparator, duty_q15 * period_ticks_ / INT16_MAX);
-  REG_WRITE(output_route_register(input.pin), duty_q15 == 0 ? SIG_GPIO_OUT_IDX : input.pwm_route);
+  mcpwm_comparator_set_compare_value(input.comparator, ticks_of(duty_q15, period_ticks_));
+  if (input.is_low && now_us() - input.low_since_us < period_us_) return;
+  REG_WRITE(route, input.pwm_route);
+  gpio_set_level(pin, 0);
+  input.is_low = false;
 }
 
 }  // namespace wheelwire

@@ -23,7 +23,7 @@ TEST(nothing_is_high_while_the_motors_start) {
     const BoardDescription board = board_of(static_cast<Stage>(i));
     WiredRobot robot(board);
     CHECK(robot.start(Parameters{}));
-    CHECK(fake_matrix.pwm_runs);
+    CHECK(fake_matrix.pwm.runs);
     CHECK(!was_high(stage_pins(board)));
   }
 }

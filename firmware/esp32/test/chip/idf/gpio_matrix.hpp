@@ -1,4 +1,4 @@
-// The GPIO matrix with the PWM before it: enough to tell whether an output was ever high.
+// The GPIO matrix with the PWM before it: what a pin shows at any time of the test's clock.
 #pragma once
 
 #include <stdint.h>
@@ -7,19 +7,55 @@
 #include <set>
 #include <vector>
 
+#include "esp_timer.h"
 #include "soc/gpio_reg.h"
 #include "soc/gpio_sig_map.h"
 
 /// Signals of PWM outputs in the matrix, upwards from here.
 constexpr uint32_t kFirstPwmSignal = 32;
 
+/// A timer of the PWM, counting up. Its period begins when the counter is 0.
+struct FakePwmTimer {
+  uint32_t resolution_hz = 0;
+  uint32_t period_ticks = 0;
+  bool is_enabled = false;
+  bool runs = false;
+  int64_t start_us = 0;
+
+  /// How many ticks have passed since the start.
+  int64_t ticks_at(int64_t t_ns) const {
+    return (t_ns - 1000 * start_us) * (resolution_hz / 1'000'000) / 1000;
+  }
+  int64_t period_at(int64_t t_ns) const { return runs ? ticks_at(t_ns) / period_ticks : -1; }
+};
+
 struct FakeMatrix {
-  /// One output of the PWM, as far as it is set up.
+  /// One output of the PWM, as far as it is set up: high from the start of a period until the
+  /// counter reaches the active compare value.
   struct Output {
     bool rises = false;
     bool falls = false;
-    uint32_t compare = 0;
+    bool loads_at_start = false;  ///< The active value follows its shadow at a period's start only.
+    uint32_t active = 0;
+    uint32_t shadow = 0;
+    int64_t written_in = -1;  ///< The period in which the shadow was written.
     uint32_t signal = 0;
+    const FakePwmTimer* timer = nullptr;
+
+    void write(uint32_t compare, int64_t t_ns) {
+      load(t_ns);
+      shadow = compare;
+      written_in = timer->period_at(t_ns);
+      if (!loads_at_start) active = compare;
+    }
+    void load(int64_t t_ns) {
+      if (timer->period_at(t_ns) > written_in) active = shadow;
+    }
+    bool level_at(int64_t t_ns) {
+      load(t_ns);
+      if (!timer->runs || !rises) return false;
+      return !falls || timer->ticks_at(t_ns) % timer->period_ticks < active;
+    }
   };
 
   std::map<uint32_t, uint32_t> registers;
@@ -31,7 +67,7 @@ struct FakeMatrix {
   std::map<int, bool> pulled_down;
   std::map<int, bool> interrupts;  // on a rising edge
   std::map<uint32_t, Output> outputs;
-  bool pwm_runs = false;
+  FakePwmTimer pwm;
   std::set<int> ever_high;
 
   void write(uint32_t address, uint32_t value) {
@@ -67,12 +103,22 @@ struct FakeMatrix {
     return is_high(route->second);
   }
 
-  /// An output that rises stays high until it falls, which it does at once with a compare of 0.
+  /// Whether the output is high at some time of this period or of the next one. One that rises
+  /// stays high until it falls, which it does at once with a compare value of 0.
   bool is_high(uint32_t signal) {
     const auto found = outputs.find(signal);
     if (found == outputs.end()) return false;
     const Output& output = found->second;
-    return pwm_runs && output.rises && (!output.falls || output.compare > 0);
+    return pwm.runs && output.rises && (!output.falls || output.active > 0 || output.shadow > 0);
+  }
+
+  /// What the pin shows at a time that is not before the last write, in nanoseconds.
+  bool level_at(int pin, int64_t t_ns) {
+    if (!enabled[pin]) return false;
+    const auto route = registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
+    if (route == registers.end() || route->second == SIG_GPIO_OUT_IDX) return levels[pin];
+    const auto found = outputs.find(route->second);
+    return found != outputs.end() && found->second.level_at(t_ns);
   }
 };
 

@@ -1,14 +1,14 @@
-// The PWM as its driver sets it up: each call takes some periods, and the pins are looked at.
+// The PWM as its driver sets it up, with one timer. It refuses what ESP-IDF's refuses.
 #pragma once
 
 #include "driver/mcpwm_cap.h"
 #include "esp_err.h"
 #include "gpio_matrix.hpp"
 
-using mcpwm_timer_handle_t = void*;
+using mcpwm_timer_handle_t = FakePwmTimer*;
 /// An operator's newest output.
 using mcpwm_oper_handle_t = FakeMatrix::Output**;
-using mcpwm_cmpr_handle_t = uint32_t*;
+using mcpwm_cmpr_handle_t = FakeMatrix::Output*;
 using mcpwm_gen_handle_t = FakeMatrix::Output*;
 
 enum mcpwm_clock_t { MCPWM_TIMER_CLK_SRC_DEFAULT };
@@ -54,12 +54,21 @@ struct mcpwm_gen_compare_event_action_t {
 };
 
 /// Each comparator is followed by its generator: together they are an output.
-inline esp_err_t mcpwm_new_timer(const mcpwm_timer_config_t*, mcpwm_timer_handle_t*) {
+inline esp_err_t mcpwm_new_timer(const mcpwm_timer_config_t* config, mcpwm_timer_handle_t* timer) {
+  constexpr uint32_t kMaxPeriodTicks = 65'535;
+  if (config->period_ticks == 0 || config->period_ticks > kMaxPeriodTicks) return ESP_FAIL;
+  fake_matrix.pwm = {.resolution_hz = config->resolution_hz, .period_ticks = config->period_ticks};
+  *timer = &fake_matrix.pwm;
   return ESP_OK;
 }
-inline esp_err_t mcpwm_timer_enable(mcpwm_timer_handle_t) { return ESP_OK; }
-inline esp_err_t mcpwm_timer_start_stop(mcpwm_timer_handle_t, mcpwm_start_t) {
-  fake_matrix.pwm_runs = true;
+inline esp_err_t mcpwm_timer_enable(mcpwm_timer_handle_t timer) {
+  timer->is_enabled = true;
+  return ESP_OK;
+}
+inline esp_err_t mcpwm_timer_start_stop(mcpwm_timer_handle_t timer, mcpwm_start_t) {
+  if (!timer->is_enabled) return ESP_FAIL;
+  timer->start_us = fake_time_us;
+  timer->runs = true;
   fake_matrix.look();
   return ESP_OK;
 }
@@ -72,17 +81,21 @@ inline esp_err_t mcpwm_new_operator(const mcpwm_operator_config_t*, mcpwm_oper_h
 inline esp_err_t mcpwm_operator_connect_timer(mcpwm_oper_handle_t, mcpwm_timer_handle_t) {
   return ESP_OK;
 }
-inline esp_err_t mcpwm_new_comparator(mcpwm_oper_handle_t channel, const mcpwm_comparator_config_t*,
+inline esp_err_t mcpwm_new_comparator(mcpwm_oper_handle_t channel,
+                                      const mcpwm_comparator_config_t* config,
                                       mcpwm_cmpr_handle_t* comparator) {
   const auto signal = static_cast<uint32_t>(kFirstPwmSignal + fake_matrix.outputs.size());
   *channel = &fake_matrix.outputs[signal];
   (*channel)->signal = signal;
-  *comparator = &(*channel)->compare;
+  (*channel)->timer = &fake_matrix.pwm;
+  (*channel)->loads_at_start = config->flags.update_cmp_on_tez != 0;
+  *comparator = *channel;
   return ESP_OK;
 }
 inline esp_err_t mcpwm_comparator_set_compare_value(mcpwm_cmpr_handle_t comparator,
                                                     uint32_t ticks) {
-  *comparator = ticks;
+  if (ticks > comparator->timer->period_ticks) return ESP_FAIL;
+  comparator->write(ticks, 1000 * fake_time_us);
   fake_matrix.look();
   return ESP_OK;
 }
