@@ -35,8 +35,14 @@ REOPEN_PERIOD_S = 0.1
 
 # In the output of esptool 5.
 _CONNECTED = re.compile(r"Connected to (ESP\S+)")
+_CHIP_TYPE = re.compile(r"Chip type:\s*(\S+)")
+_FLASH_SIZE = re.compile(r"Detected flash size: (\d+)([KM]B)")
+_BYTES = {"KB": 1 << 10, "MB": 1 << 20}
 _WRITING = re.compile(r"Writing at 0x([0-9a-f]+)")
 _KEPT_LINES = 20
+
+NEEDED_BYTES = 4 << 20
+"""Of flash: where the last partition of an image ends."""
 
 # Where ESP-IDF's tools put the table by default, and the most that it takes up there.
 TABLE_OFFSET = 0x8000
@@ -102,12 +108,13 @@ def ensure_stopped(port: str) -> None:
 
 
 def identify_chip(port: str) -> Chip:
-    """Ask the boot ROM which chip this is. Resets the chip.
+    """Ask the boot ROM which chip this is, and how large its flash. Resets the chip.
 
     Raises:
-        FlashFailed: No chip answers, or Wheelwire does not support it.
+        FlashFailed: No chip answers, or Wheelwire does not support it, or its flash is too small.
     """
-    connected = _CONNECTED.search("\n".join(_esptool("--port", port, "chip-id")))
+    output = "\n".join(_esptool("--port", port, "flash-id"))
+    connected = _CONNECTED.search(output)
     if not connected:
         raise FlashFailed(
             f"esptool could not identify the chip at {port}: hold the board's BOOT button and retry"
@@ -115,12 +122,27 @@ def identify_chip(port: str) -> Chip:
     name = connected[1]
     try:
         # esptool writes ESP32-S3 for ESP32S3.
-        return Chip[name.replace("-", "")]
+        chip = Chip[name.replace("-", "")]
     except KeyError:
         raise FlashFailed(
             f"the chip at {port} is an {name}, which is not supported: use an ESP32, ESP32-S3 or "
             "ESP32-C6"
         ) from None
+    exact = _CHIP_TYPE.search(output)
+    _check_flash_size(port, exact[1] if exact else name, output)
+    return chip
+
+
+def _check_flash_size(port: str, name: str, output: str) -> None:
+    """Refuse a module whose flash is known to be too small, before anything is written to it."""
+    # A part that esptool does not know is not refused: it reads back what it has written.
+    size = _FLASH_SIZE.search(output)
+    if size and int(size[1]) * _BYTES[size[2]] < NEEDED_BYTES:
+        raise FlashFailed(
+            f"the {name} at {port} has {size[1]} {size[2]} of flash, and Wheelwire needs "
+            f"{NEEDED_BYTES >> 20} MB: use a module whose name ends in N4 or more, such as "
+            "ESP32-WROOM-32E-N4"
+        )
 
 
 def read_chip_table(port: str, chip: Chip) -> tuple[Partition, ...]:

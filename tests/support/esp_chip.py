@@ -30,7 +30,7 @@ _CHIP_DETECT = 0x40001000
 _ESP32_MAGIC = 0x00F01D83
 _UART_CLOCK_DIVIDER = 0x3FF40014
 _SPI_DATA = (0x3FF42080, 0x60002058, 0x60003058)
-_FLASH_ID = 0x1640EF  # Winbond, 4 MB
+_WINBOND = 0x40EF
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,8 @@ class EspChip:
         self.device = device or CoreDevice()
         self.flash = bytearray(b"\xff" * FLASH_BYTES)
         self.erased: list[tuple[int, int]] = []
+        self.flash_id = FLASH_BYTES.bit_length() - 1 << 16 | _WINBOND
+        """What the flash says of itself: its size, as a power of two, and who made it."""
         self.answers_loader = True
         """False: nobody pressed BOOT."""
         self._loading = False
@@ -170,7 +172,7 @@ class EspChip:
             return 0 if self.kind.chip_id else _ESP32_MAGIC
         if address == _UART_CLOCK_DIVIDER:
             return 40_000_000 // 115_200
-        return _FLASH_ID if address in _SPI_DATA else 0
+        return self.flash_id if address in _SPI_DATA else 0
 
     def _run_stub(self, _: bytes) -> bytes:
         return b""

@@ -159,6 +159,35 @@ def test_a_chip_without_the_peripherals_is_refused(tmp_path: Path, image: Path) 
     assert chip.erased == []
 
 
+@pytest.mark.parametrize(
+    ("flash_id", "told"), [(0x1540EF, "has 2 MB of flash"), (0x1340C8, "has 512 KB of flash")]
+)
+def test_a_module_with_too_little_flash_is_refused_by_name(
+    chip: EspChip, port: str, image: Path, flash_id: int, told: str
+) -> None:
+    chip.flash_id = flash_id
+    before = bytes(chip.flash)
+    result = run(port, "--image", str(image))
+    check_refusal(result, told)
+    assert "the ESP32-D0WDQ6 at" in result.stderr
+    assert "needs 4 MB" in result.stderr
+    assert (chip.erased, chip.flash) == ([], before)
+
+
+@pytest.mark.parametrize("flash_id", [0x1840EF, 0x770000])
+def test_a_larger_flash_and_an_unknown_one_are_not_refused(
+    chip: EspChip, port: str, image: Path, flash_id: int
+) -> None:
+    chip.flash_id = flash_id
+    result = run(port, "--image", str(image))
+    assert result.returncode == 0, result.stderr
+    check_holds(chip, image)
+
+
+def test_an_image_fills_the_flash_that_is_asked_for(image: Path) -> None:
+    assert max(p.end for p in flash.read_image(image).table) == flash.NEEDED_BYTES
+
+
 def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) -> None:
     chip.answers_loader = False
     result = run(port, "--image", str(image))
