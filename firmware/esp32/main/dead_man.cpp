@@ -8,9 +8,9 @@
 #include "release_pins.hpp"
 
 // The interrupts must be in RAM: else they wait, or crash, while a flash write has the cache off.
-#if !CONFIG_GPTIMER_ISR_IRAM_SAFE || !CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM
+#if !CONFIG_GPTIMER_ISR_CACHE_SAFE || !CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM
 #error \
-    "The dead-man needs CONFIG_GPTIMER_ISR_IRAM_SAFE=y and CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM=y: they are in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
+    "The dead-man needs CONFIG_GPTIMER_ISR_CACHE_SAFE=y and CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM=y: they are in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
 #endif
 
 namespace wheelwire {

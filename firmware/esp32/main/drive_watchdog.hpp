@@ -1,6 +1,6 @@
-// The last resort while driving, for when no interrupt is served any more: the RTC watchdog resets
-// the chip. It has its own clock and needs no core. In reset the pins float, and the pull-downs
-// hold EN low until the bootloader does.
+// The last resort, for when no interrupt is served any more: the RTC watchdog resets the chip. It
+// has its own clock and needs no core. In reset the pins float, and the pull-downs hold EN low
+// until the bootloader does. docs/adr/0026 says what each kind of reset leaves.
 #pragma once
 
 namespace wheelwire {
@@ -8,10 +8,14 @@ namespace wheelwire {
 void prepare_drive_watchdog();
 
 /// Call after a control step that drives: the next one is due within 18 ms. Arms the watchdog if it
-/// is not armed.
+/// is not armed. If a system reset at 18 ms does not help, the whole chip is reset a second later.
 void feed_drive_watchdog();
 
-/// Call when nothing drives. Also for interrupts and the panic handler.
+/// Call when nothing drives. Also for interrupts.
 void disarm_drive_watchdog();
+
+/// For the panic handler, before it does anything: the chip is reset in 10 s, whatever happens
+/// until then, and neither function above changes that any more.
+void guard_panic();
 
 }  // namespace wheelwire

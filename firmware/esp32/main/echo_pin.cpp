@@ -8,9 +8,9 @@
 #include "soc/soc_caps.h"
 
 // The interrupt must be in RAM: else the time of an edge would be that of the end of a flash write.
-#if !CONFIG_MCPWM_ISR_IRAM_SAFE
+#if !CONFIG_MCPWM_ISR_CACHE_SAFE
 #error \
-    "Range sensors need CONFIG_MCPWM_ISR_IRAM_SAFE=y: it is in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
+    "Range sensors need CONFIG_MCPWM_ISR_CACHE_SAFE=y: it is in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
 #endif
 
 namespace wheelwire {
@@ -53,6 +53,8 @@ bool EchoPin::start_capture(const CaptureTimer& timer, int pin) {
   config.prescale = 1;
   config.flags.pos_edge = true;
   config.flags.neg_edge = true;
+  // Else the driver of ESP-IDF 5.5 would switch off what make_sensor_input() has switched on.
+  config.flags.pull_down = can_pull(pin);
   mcpwm_cap_channel_handle_t channel = nullptr;
   const mcpwm_capture_event_callbacks_t callbacks = {.on_cap = on_edge};
   return mcpwm_new_capture_channel(timer.handle(), &config, &channel) == ESP_OK &&

@@ -11,13 +11,14 @@ constexpr const ChipTable& kChip = *table_of(kImageBoard.chip);
 
 /// A reset of the CPU, as by a restart, a panic or a watchdog, leaves GPIO_ENABLE, GPIO_OUT and the
 /// GPIO matrix as they were: an output stays one, at its level or on its PWM. Nothing else ends
-/// that: pcnt_new_channel() of ESP-IDF 5.4 sets pull-up, IO_MUX function, input enable and the
+/// that: pcnt_new_channel() of ESP-IDF 5.5 sets pull-up, IO_MUX function, input enable and the
 /// matrix's input for an encoder's pin, and leaves its output enabled.
 ///
 /// gpio_config() with the mode "input" does, for each pin: input enable in IO_MUX; open drain off;
-/// GPIO_ENABLE_W1TC, which disables the output; SIG_GPIO_OUT in the pin's FUNC_OUT_SEL_CFG, which
-/// takes it from any peripheral; both pulls off; interrupt off; IO_MUX to the GPIO matrix, away
-/// from JTAG and the like.
+/// GPIO_ENABLE_W1TC, which disables the output, and that register in charge of it; both pulls off;
+/// interrupt off; IO_MUX to the GPIO matrix, away from JTAG and the like. It leaves the pin's
+/// FUNC_OUT_SEL_CFG: the bootloader has taken the pin from any peripheral, and the mode "output"
+/// does so, too.
 bool let_float(PinMask pins) {
   const gpio_config_t config = {
       .pin_bit_mask = pins,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[3] / "firmware" / "esp32"
-OPTIONS = ("CONFIG_GPTIMER_ISR_IRAM_SAFE", "CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM")
+OPTIONS = ("CONFIG_GPTIMER_ISR_CACHE_SAFE", "CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM")
 # What the preprocessor need not see of ESP-IDF.
 EMPTY = ("driver/gptimer.h", "esp_attr.h", "esp_private/gptimer.h", "freertos/FreeRTOS.h")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[3] / "firmware" / "esp32"
-OPTION = "CONFIG_MCPWM_ISR_IRAM_SAFE"
+OPTION = "CONFIG_MCPWM_ISR_CACHE_SAFE"
 
 pytestmark = pytest.mark.skipif(shutil.which("c++") is None, reason="needs a C++ compiler")
 

@@ -20,6 +20,10 @@ Bytes rtc_memory() { return {__start_fake_rtc_noinit, __stop_fake_rtc_noinit}; }
 void set_rtc_memory(const Bytes& bytes) {
   std::copy(bytes.begin(), bytes.end(), __start_fake_rtc_noinit);
 }
+void lose_rtc_memory(uint8_t content) { set_rtc_memory(Bytes(rtc_memory().size(), content)); }
+void lose_main_memory(uint8_t content) {
+  std::fill(__start_fake_noinit, __stop_fake_noinit, content);
+}
 
 void save(const Latches& latches) {
   uint8_t record[Latches::kSize];
@@ -47,14 +51,28 @@ TEST(latches_are_read_back_after_a_reset) {
 TEST(after_a_power_on_nothing_is_known) {
   for (const uint8_t content : {uint8_t{0x00}, uint8_t{0x5a}, uint8_t{0xff}}) {
     save(kEstop);
-    set_rtc_memory(Bytes(rtc_memory().size(), content));
+    lose_rtc_memory(content);
+    lose_main_memory(content);
     Latches found;
     CHECK(!load(found));
   }
 }
 
+TEST(a_reset_that_takes_one_memory_leaves_the_latches) {
+  for (const uint8_t content : {uint8_t{0x00}, uint8_t{0x5a}, uint8_t{0xff}}) {
+    Latches found;
+    save(kFault);
+    lose_rtc_memory(content);
+    CHECK(load(found) && found == kFault);
+    save(kEstop);
+    lose_main_memory(content);
+    CHECK(load(found) && found == kEstop);
+  }
+}
+
 TEST(one_damaged_record_is_no_loss_and_two_are_not_believed) {
   save(kEstop);
+  lose_main_memory(0);
   const Bytes good = rtc_memory();
   CHECK(good.size() == 2 * Latches::kSize);
   Latches found;

@@ -4,11 +4,16 @@
 #include <stdint.h>
 
 #define IRAM_ATTR
-#define DRAM_ATTR
-/// A section of its own, which a test can find: what a reset of the chip leaves, and what not.
+// Sections of their own, which a test can find: what start-up code sets up, and what it leaves.
+#define DRAM_ATTR __attribute__((section("fake_dram")))
+#define __NOINIT_ATTR __attribute__((section("fake_noinit")))
 #define RTC_NOINIT_ATTR __attribute__((section("fake_rtc_noinit")))
 
 extern "C" {
+extern uint8_t __start_fake_dram[];
+extern uint8_t __stop_fake_dram[];
+extern uint8_t __start_fake_noinit[];
+extern uint8_t __stop_fake_noinit[];
 extern uint8_t __start_fake_rtc_noinit[];
 extern uint8_t __stop_fake_rtc_noinit[];
 }

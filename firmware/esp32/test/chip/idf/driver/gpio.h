@@ -46,7 +46,9 @@ inline esp_err_t gpio_config(const gpio_config_t* config) {
     fake_matrix.pulled_up[pin] = config->pull_up_en == GPIO_PULLUP_ENABLE;
     fake_matrix.pulled_down[pin] = config->pull_down_en == GPIO_PULLDOWN_ENABLE;
     fake_matrix.interrupts[pin] = config->intr_type == GPIO_INTR_POSEDGE;
-    fake_matrix.take_from_peripherals(pin);
+    // An input keeps what drove the pin before.
+    if (config->mode != GPIO_MODE_INPUT) fake_matrix.take_from_peripherals(pin);
+    fake_matrix.look();
   }
   return config->pin_bit_mask != 0 ? fake_gpio_result : ESP_FAIL;
 }

@@ -97,6 +97,8 @@ inline esp_err_t mcpwm_new_capture_channel(mcpwm_cap_timer_handle_t timer,
   const size_t count = fake_capture.channels.size();
   if (timer == nullptr || config->prescale == 0 || count == kFakeCaptureChannels) return ESP_FAIL;
   fake_capture.channels.push_back({.config = *config});
+  fake_matrix.pulled_down[config->gpio_num] = config->flags.pull_down != 0;
+  fake_matrix.pulled_up[config->gpio_num] = config->flags.pull_up != 0;
   *channel = &fake_capture_indices[count];
   return ESP_OK;
 }

@@ -1,4 +1,4 @@
-// The pulse counter as far as the pins go: in ESP-IDF 5.4 a new channel pulls both its pins up and
+// The pulse counter as far as the pins go: in ESP-IDF 5.5 a new channel pulls both its pins up and
 // enables their inputs, and leaves an output enabled.
 #pragma once
 
