@@ -189,8 +189,13 @@ wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it 
 viewers-check: sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
 	@$(BIN)/python tools/check_viewers.py
 
-hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]
+hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]; or the simulated one: PORT=sim [LONG=1] [FAULT=name]
+ifeq ($(PORT),sim)
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-hil-sim)
+	@$(BIN)/python tests/hardware/sim.py $(if $(LONG),--long) $(if $(FAULT),--fault $(FAULT))
+else
 	$(BIN)/python -m pytest tests/hardware --port $(PORT) $(if $(WHEELS_FREE),--wheels-free)
+endif
 
 fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, under the sanitizers
 	@command -v clang++ >/dev/null || { echo "make fuzz needs clang++: sudo apt install clang" >&2; exit 1; }

@@ -12,6 +12,7 @@ struct esp_task_wdt_config_t {
 struct FakeTaskWatchdog {
   uint32_t timeout_ms = 0;
   int feeds = 0;
+  int restarts = 0;  ///< Its time begins anew with another limit, too.
 };
 inline FakeTaskWatchdog fake_task_watchdog;
 
@@ -20,6 +21,7 @@ inline esp_err_t esp_task_wdt_init(const esp_task_wdt_config_t* config) {
   return ESP_OK;
 }
 inline esp_err_t esp_task_wdt_reconfigure(const esp_task_wdt_config_t* config) {
+  ++fake_task_watchdog.restarts;
   fake_task_watchdog.timeout_ms = config->timeout_ms;
   return ESP_OK;
 }

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include <functional>
 #include <vector>
 
 #include "esp_err.h"
@@ -24,6 +25,8 @@ struct FakeNvs {
 };
 
 inline FakeNvs fake_nvs;
+/// What happens while flash is written.
+inline std::function<void()> fake_on_commit;
 
 inline esp_err_t nvs_open(const char*, nvs_open_mode_t, nvs_handle_t* handle) {
   *handle = 7;
@@ -53,4 +56,7 @@ inline esp_err_t nvs_erase_key(nvs_handle_t, const char*) {
   return ESP_OK;
 }
 
-inline esp_err_t nvs_commit(nvs_handle_t) { return ESP_OK; }
+inline esp_err_t nvs_commit(nvs_handle_t) {
+  if (fake_on_commit) fake_on_commit();
+  return ESP_OK;
+}

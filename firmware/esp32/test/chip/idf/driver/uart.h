@@ -29,7 +29,8 @@ constexpr uint32_t UART_INTR_TXFIFO_EMPTY = 1 << 1;
 constexpr uint32_t UART_INTR_RXFIFO_TOUT = 1 << 8;
 
 struct FakeUart {
-  std::vector<uint8_t> received;
+  std::vector<uint8_t> received;  ///< What the driver's buffer holds.
+  std::vector<uint8_t> sent;
   uint32_t enabled = 0;
   /// How often its receive interrupts were switched on, which forgets those that are pending.
   int switched_on = 0;
@@ -56,6 +57,7 @@ inline int uart_read_bytes(uart_port_t, void* out, size_t length, TickType_t) {
   bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
   return static_cast<int>(size);
 }
-inline int uart_tx_chars(uart_port_t, const char*, size_t length) {
+inline int uart_tx_chars(uart_port_t, const char* bytes, size_t length) {
+  fake_uart.sent.insert(fake_uart.sent.end(), bytes, bytes + length);
   return static_cast<int>(length);
 }

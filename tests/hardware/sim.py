@@ -1,0 +1,76 @@
+"""The measurements of `make hil` on the simulated board: `make hil PORT=sim [LONG=1] [FAULT=name]`.
+
+Ends with 1 if a row fails. A fault is a mutation of tests/mutants/hil.toml, tried in a private copy
+of the checkout; its name begins with the row that has to notice it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support import hil
+from support.mutants import DATA, ROOT, Mutant, MutantError, Workspace, alone, load
+
+CONSOLE = Console(markup=False, highlight=False, soft_wrap=True)
+PROGRAM = "wheelwire-hil-sim"
+FAULTS = DATA / "hil.toml"
+BUILD = ROOT / "build" / "hil"
+TIMES_LONG = 10
+
+
+def fault_named(name: str) -> Mutant:
+    """The fault to plant. Raises MutantError if there is none of this name."""
+    faults = {mutant.name: mutant for mutant in load(FAULTS).mutants}
+    if name not in faults:
+        raise MutantError(f"no fault is called {name}; there are {', '.join(faults)}")
+    return faults[name]
+
+
+def measure_with(fault: Mutant, times: int) -> hil.Measured:
+    """Plant a fault in a copy of the checkout, build that, and measure."""
+    with alone(BUILD):
+        workspace = Workspace(BUILD / "checkout")
+        path = workspace.folder / fault.file
+        text = path.read_text("utf-8")
+        path.write_text(fault.apply(text), "utf-8")
+        try:
+            if complaints := workspace.build([PROGRAM]):
+                raise MutantError(complaints[-2000:])
+            return hil.simulate(workspace.folder / "build" / "host" / PROGRAM, times)
+        finally:
+            path.write_text(text, "utf-8")
+
+
+def main() -> int:
+    """Measure, print the table, write the measurements."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--long", action="store_true", help="ten times as often")
+    parser.add_argument("--fault", help="plant this fault; its row has to fail")
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "hil.json")
+    options = parser.parse_args()
+    times = TIMES_LONG if options.long else 1
+    try:
+        if options.fault:
+            measured = measure_with(fault_named(options.fault), times)
+        else:
+            measured = hil.simulate(ROOT / "build" / "host" / PROGRAM, times)
+    except MutantError as error:
+        CONSOLE.print(f"make hil: {error}")
+        return 2
+    found = hil.checks(measured)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(json.dumps(measured, indent=1), "utf-8")
+    CONSOLE.print(hil.markdown(found))
+    for row in hil.failing_rows(found):
+        CONSOLE.print(f"FAILED {row}")
+    return 1 if hil.failing_rows(found) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
