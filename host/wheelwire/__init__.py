@@ -12,8 +12,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wheelwire_protocol.codes import EstopSource as EstopSource
     from wheelwire_protocol.codes import Fault as Fault
+    from wheelwire_protocol.codes import Held as Held
     from wheelwire_protocol.codes import RefusalCode as RefusalCode
+    from wheelwire_protocol.codes import StopCause as StopCause
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
     from wheelwire_protocol.sensors import BatteryLevel as BatteryLevel
     from wheelwire_protocol.sensors import Reflex as Reflex
@@ -57,6 +60,9 @@ if TYPE_CHECKING:
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
     from .files.pins import Pins as Pins
+    from .holds import HeldBy as HeldBy
+    from .holds import LastStop as LastStop
+    from .holds import Program as Program
     from .link.info import Health as Health
     from .link.info import LinkStatistics as LinkStatistics
     from .link.latest_sample import Latest as Latest
@@ -82,7 +88,14 @@ if TYPE_CHECKING:
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
-    "wheelwire_protocol.codes": ("Fault", "RefusalCode", "SupervisorState"),
+    "wheelwire_protocol.codes": (
+        "EstopSource",
+        "Fault",
+        "Held",
+        "RefusalCode",
+        "StopCause",
+        "SupervisorState",
+    ),
     "wheelwire_protocol.sensors": ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState"),
     ".motion.covariance": ("PoseCovariance",),
     ".config": ("RobotConfig", "connect", "load_config", "open_robot"),
@@ -130,6 +143,7 @@ _MODULES = {
     ),
     ".link.sample_iterator": ("SampleIterator",),
     ".simulation.simulator": ("Simulator",),
+    ".holds": ("HeldBy", "LastStop", "Program"),
     ".link.info": ("Health", "LinkStatistics"),
     ".link.latest_sample": ("Latest",),
     ".link.port_list": ("SerialPort", "ports"),

@@ -327,6 +327,104 @@ class Contradiction(DocumentedFlag):
     )
 
 
+class Held(DocumentedFlag):
+    """What keeps the robot from driving now, or from driving one way."""
+
+    BOOTING = 1, "It is still starting, or about to restart: wait a moment."
+    SENSORS_UNREAD = 2, "A sensor that can stop it was not read since the start: wait a moment."
+    BUMPER_FRONT = 4, "Its front bumper is pressed: it can only back out."
+    BUMPER_FRONT_LEFT = 8, "Its left front bumper is pressed: it can only back out."
+    BUMPER_FRONT_RIGHT = 16, "Its right front bumper is pressed: it can only back out."
+    BUMPER_REAR = 32, "Its rear bumper is pressed: it can only drive forward."
+    BUMPER_REAR_LEFT = 64, "Its left rear bumper is pressed: it can only drive forward."
+    BUMPER_REAR_RIGHT = 128, "Its right rear bumper is pressed: it can only drive forward."
+    CLIFF = 256, "A cliff sensor sees no floor: lift the robot away from the edge."
+    FAULT_INPUT = 512, "The fault output of its power stage is active: let it cool, check it."
+    BATTERY = 1024, "Its battery is empty: charge it."
+    BATTERY_UNKNOWN = (
+        2048,
+        "Its battery is not measured, which counts as empty: check the divider or the sensor.",
+    )
+    CONTACT = 4096, "Its e-stop contact is open: release it, and check its wire."
+    ESTOP = 8192, "An e-stop is latched: look, then clear it with `wheelwire clear`."
+    FAULT = 16384, "A fault is latched: remove its cause, then clear it with `wheelwire clear`."
+    UNARMED = (
+        32768,
+        "It started, or was cleared, and its program went on with a speed at once: it waits for a "
+        "zero setpoint or a pause.",
+    )
+    UNARMED_FORWARD = (
+        65536,
+        "A bumper held it off: it waits for a zero setpoint or a pause before it goes forward.",
+    )
+    UNARMED_REVERSE = (
+        131072,
+        "A bumper held it off: it waits for a zero setpoint or a pause before it goes backward.",
+    )
+    CONFIGURATION_UNCONFIRMED = (
+        262144,
+        "Nobody has confirmed its board: look, then `wheelwire board confirm`.",
+    )
+    CONFIGURATION_ON_TRIAL = (
+        524288,
+        "Its configuration is on trial: confirm it with `wheelwire board confirm`, or wait until "
+        "the previous one returns.",
+    )
+    CONFIGURATION_UNUSABLE = (
+        1048576,
+        "Its stored configuration is missing, damaged or of another board: write it with "
+        "`wheelwire board write`.",
+    )
+    CONTRADICTION = 2097152, "Its parameters contradict each other: correct the ones named."
+    TRIAL_OVER = (
+        4194304,
+        "A trial of parameters ended by itself: revert it, or open another session.",
+    )
+
+
+class EstopSource(DocumentedEnum):
+    """Who latched the e-stop."""
+
+    NONE = 0, "No e-stop is latched."
+    CONTACT = 1, "The e-stop contact."
+    SESSION = 2, "The program whose session was open."
+    OTHER_PROGRAM = 3, "A program beside the one whose session was open."
+    BEFORE_POWER_ON = 4, "Not known: it was latched before the power came on."
+    DAMAGED_RECORD = 5, "The record of what was latched is damaged, which counts as an e-stop."
+
+
+class StopCause(DocumentedEnum):
+    """What ended the last motion."""
+
+    UNKNOWN = (
+        0,
+        "It is not known what ended the last motion: the robot has lost its power since, or has "
+        "not moved.",
+    )
+    DEADLINE = 1, "The setpoint of the program that drove ran out, and no newer one came."
+    STOP = 2, "The program that drove stopped it."
+    STOP_OTHER = 3, "A program beside the one that drove stopped it."
+    ESTOP_CONTACT = 4, "The e-stop contact opened."
+    ESTOP_SESSION = 5, "The program that drove called for an e-stop."
+    ESTOP_OTHER = 6, "A program beside the one that drove called for an e-stop."
+    FAULT = 7, "A fault stopped it."
+    BUMPER = 8, "A bumper held it off."
+    CLIFF = 9, "A cliff sensor saw no floor."
+    FAULT_INPUT = 10, "Its power stage reported a fault."
+    BATTERY = 11, "Its battery was empty, or not measured."
+    NEW_SESSION = 12, "Another session was opened: the program that drove lost its own."
+    HANG_UP = 13, "The line of the program that drove was closed."
+    TRIAL_ENDED = 14, "A trial of parameters ended while it drove."
+    RESET = 15, "The device was reset while it drove."
+
+
+class StopFlag(DocumentedFlag):
+    """More about the last stop."""
+
+    AT_REST = 1, "The wheels stand since: rolled_mm is final."
+    EARLIER_START = 2, "It was before the device last started."
+
+
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     SupervisorState,
     SupervisorEvent,
@@ -337,7 +435,9 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     ResetReason,
     EventCode,
     Chip,
+    EstopSource,
+    StopCause,
 )
-FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction)
+FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction, Held, StopFlag)
 RECORDER_CODES: tuple[type[DocumentedEnum], ...] = (BoxCause,)
 """Those of the group RECORDER."""

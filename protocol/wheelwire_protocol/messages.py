@@ -30,11 +30,15 @@ from .codes import (
     Capability,
     Chip,
     Contradiction,
+    EstopSource,
     EventCode,
     Fault,
     Group,
+    Held,
     RefusalCode,
     ResetReason,
+    StopCause,
+    StopFlag,
     StopMode,
     SupervisorEvent,
     SupervisorState,
@@ -333,6 +337,13 @@ CONTRADICTIONS_GET = Message(
     id=0x14,
     name="ContradictionsGet",
     doc="Asks which parameters contradict each other; the answer is Contradictions.",
+    body=Struct(_session(), _request()),
+)
+
+HOLD_GET = Message(
+    id=0x15,
+    name="HoldGet",
+    doc="Asks what holds the robot, and what ended its last motion; the answer is Hold.",
     body=Struct(_session(), _request()),
 )
 
@@ -694,6 +705,38 @@ CONTRADICTIONS = Message(
     ),
 )
 
+HOLD = Message(
+    id=0x8C,
+    name="Hold",
+    doc="What holds the robot, and what ended its last motion. Sent unasked, too, when a session "
+    "opens, when one of them changes, and each second.",
+    body=Struct(
+        _session(),
+        field("request_id", Int16ul, Unit.NONE, "As asked; 0: nobody asked."),
+        field("held", Int32ul, Unit.NONE, "What holds it now; 0: nothing.", Held),
+        field("estop_source", Int8ul, Unit.NONE, "Who latched the e-stop.", EstopSource),
+        field(
+            "contradictions",
+            Int32ul,
+            Unit.NONE,
+            "Contradictions of the active parameters.",
+            Contradiction,
+        ),
+        field("stop_cause", Int8ul, Unit.NONE, "What ended the last motion.", StopCause),
+        field("stop_flags", Int8ul, Unit.NONE, "More about that stop.", StopFlag),
+        field("stop_reset", Int8ul, Unit.NONE, "With RESET: why.", ResetReason),
+        field("stop_held", Int32ul, Unit.NONE, "What held the robot once it had stopped.", Held),
+        field("stop_faults", Int16ul, Unit.NONE, "Faults latched at it.", Fault),
+        field("stop_session", Int32ul, Unit.NONE, "Session whose setpoint drove until then."),
+        field("stop_command", Int32ul, Unit.NONE, "Number of that setpoint."),
+        field(
+            "stop_us", Int64ul, Unit.MICROSECOND, "Device clock at it; 0: before the last start."
+        ),
+        field("stop_mmps", Int16ul, Unit.MILLIMETRE_PER_SECOND, "Speed of the faster wheel at it."),
+        field("rolled_mm", Int16ul, Unit.MILLIMETRE, "How far that wheel has turned since."),
+    ),
+)
+
 # --- the configuration, from the device: ids 0xa0 to 0xaf ----------------------------------------
 
 CONFIGURATION_VALUE = Message(
@@ -969,6 +1012,7 @@ MESSAGES: tuple[Message, ...] = (
     GROUP_GET,
     RESTART,
     CONTRADICTIONS_GET,
+    HOLD_GET,
     CONFIGURATION_GET,
     PERIPHERAL_GET,
     BOARD_SET,
@@ -992,6 +1036,7 @@ MESSAGES: tuple[Message, ...] = (
     CONTROL_COUNTERS,
     GROUP_INFO,
     CONTRADICTIONS,
+    HOLD,
     CONFIGURATION_VALUE,
     PERIPHERAL_VALUE,
     BOX_VALUE,

@@ -233,6 +233,15 @@ class ContradictionsGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
+class HoldGet(NamedTuple):
+    """Asks what holds the robot, and what ended its last motion; the answer is Hold."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
 class ConfigurationGet(NamedTuple):
     """Asks for the active configuration; the answer is ConfigurationValue."""
 
@@ -670,6 +679,41 @@ class Contradictions(NamedTuple):
     """Contradictions of the values that this session was last refused. See `codes.Contradiction`."""
 
 
+class Hold(NamedTuple):
+    """What holds the robot, and what ended its last motion. Sent unasked, too, when a session opens, when one of them changes, and each second."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """As asked; 0: nobody asked."""
+    held: int
+    """What holds it now; 0: nothing. See `codes.Held`."""
+    estop_source: int
+    """Who latched the e-stop. See `codes.EstopSource`."""
+    contradictions: int
+    """Contradictions of the active parameters. See `codes.Contradiction`."""
+    stop_cause: int
+    """What ended the last motion. See `codes.StopCause`."""
+    stop_flags: int
+    """More about that stop. See `codes.StopFlag`."""
+    stop_reset: int
+    """With RESET: why. See `codes.ResetReason`."""
+    stop_held: int
+    """What held the robot once it had stopped. See `codes.Held`."""
+    stop_faults: int
+    """Faults latched at it. See `codes.Fault`."""
+    stop_session: int
+    """Session whose setpoint drove until then."""
+    stop_command: int
+    """Number of that setpoint."""
+    stop_us: int
+    """Device clock at it; 0: before the last start. [us]"""
+    stop_mmps: int
+    """Speed of the faster wheel at it. [mm/s]"""
+    rolled_mm: int
+    """How far that wheel has turned since. [mm]"""
+
+
 class ConfigurationValue(NamedTuple):
     """The active configuration, without its peripherals."""
 
@@ -1073,6 +1117,7 @@ AnyMessage = (
     | GroupGet
     | Restart
     | ContradictionsGet
+    | HoldGet
     | ConfigurationGet
     | PeripheralGet
     | BoardSet
@@ -1096,6 +1141,7 @@ AnyMessage = (
     | ControlCounters
     | GroupInfo
     | Contradictions
+    | Hold
     | ConfigurationValue
     | PeripheralValue
     | BoxValue
@@ -1131,6 +1177,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x12, GroupGet, "LHB"),
     (0x13, Restart, "LH"),
     (0x14, ContradictionsGet, "LH"),
+    (0x15, HoldGet, "LH"),
     (0x20, ConfigurationGet, "LH"),
     (0x21, PeripheralGet, "LHB"),
     (0x22, BoardSet, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQ"),
@@ -1154,6 +1201,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x89, ControlCounters, "LHLLLLL"),
     (0x8A, GroupInfo, "LHBL"),
     (0x8B, Contradictions, "LHLL"),
+    (0x8C, Hold, "LHLBLBBBLHLLQHH"),
     (0xA0, ConfigurationValue, "LHBBLBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQ"),
     (0xA1, PeripheralValue, "LHBBBBBbbbBBBHHH"),
     (0xB0, BoxValue, "LHBBBLLBBLLLLLLQ"),
@@ -1221,7 +1269,7 @@ PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
 """The fields of the packed peripheral, and their format characters."""
 
 GROUP_HASHES: dict[Group, int] = {
-    Group.BASE: 0x0AE08FBB,
+    Group.BASE: 0x4BC399F6,
     Group.CONFIGURATION: 0x3FE4DDFC,
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,

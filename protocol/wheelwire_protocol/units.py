@@ -16,6 +16,7 @@ class Unit(enum.Enum):
     METRE = "m"
     MILLIMETRE = "mm"
     METRE_PER_SECOND = "m/s"
+    MILLIMETRE_PER_SECOND = "mm/s"
     METRE_PER_SECOND_SQUARED = "m/s^2"
     HERTZ = "Hz"
     PER_SECOND = "1/s"

@@ -153,6 +153,8 @@ def _robot(
         "state": state.state,
         "faults": state.fault_names,
         "stop": state.stop,
+        "held_by": "" if state.held_by is None else " ".join(state.held_by.names),
+        "last_stop": str(getattr(connection.robot, "last_stop", None) or ""),
         "control_overruns": sample.overruns,
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
@@ -180,7 +182,7 @@ def _robot(
 
 
 def _warnings(robot: BaseDriver, state: RobotState) -> list[str]:
-    warnings = list(warnings_of(robot))
+    warnings = list(state.held or warnings_of(robot))
     rolling_mps = getattr(robot, "rolling_mps", None)
     if rolling_mps is not None:
         text = f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it."

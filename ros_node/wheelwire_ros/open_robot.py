@@ -10,6 +10,7 @@ from typing import Any
 
 from wheelwire import (
     BaseDriver,
+    HeldBy,
     InvalidCommand,
     Pose,
     SupervisorState,
@@ -141,11 +142,14 @@ class OpenRobot:
             estopped=self._estopped_by_us,
             stop=self._stop,
             limits=self._sensors.limits(),
-            held=self._is_held,
+            odom_held=self._is_held,
+            held_by=connection.robot.held_by,
+            last_stop=connection.robot.last_stop,
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
         """The statuses for /diagnostics."""
+        self._node.update_state()  # how far it rolled after a stop comes behind the stop
         self._time_base.measure()
         self._log_warnings()
         statuses = diagnostics.open_statuses(
@@ -216,6 +220,8 @@ class OpenRobot:
             topics.frames.base if get("publish_limited_velocity") else "",
         )
         if isinstance(robot, DeviceDriver):
+            robot.on_held = self._on_held
+            resources.callback(setattr, robot, "on_held", None)
             with suppress(InvalidCommand):  # a recording, or a robot in virtual time
                 resources.callback(robot.watch_stops(self._on_stop).close)
         # The last to begin and the first to end: its callbacks use all of the above.
@@ -236,6 +242,11 @@ class OpenRobot:
         """Called in a thread of its own."""
         if not self._closing:
             self._stop = f"{stop.sentence} Look first at {stop.look_at}."
+            self._node.update_state()
+
+    def _on_held(self, _held_by: HeldBy) -> None:
+        """Called in a thread of the driver's."""
+        if not self._closing:
             self._node.update_state()
 
     def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:

@@ -9,7 +9,17 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from wheelwire import BaseDriver, Fault, SupervisorState, WheelSample, WheelwireError
+from wheelwire import (
+    BaseDriver,
+    EstopSource,
+    Fault,
+    Held,
+    HeldBy,
+    LastStop,
+    SupervisorState,
+    WheelSample,
+    WheelwireError,
+)
 
 from .sensors import Limits
 
@@ -19,9 +29,19 @@ NOT_CONFIGURED = "not configured"
 PREPARING = "a new session is being prepared"
 ESTOP_BY_NODE = "the e-stop was set by ~/estop of this node"
 ESTOP_BY_OTHERS = "the e-stop was set by its contact or by another program"
+ESTOPS = {
+    EstopSource.CONTACT: "the e-stop was set by its contact",
+    EstopSource.OTHER_PROGRAM: "the e-stop was set by another program",
+    EstopSource.BEFORE_POWER_ON: "the e-stop was set before the robot got its power",
+    EstopSource.DAMAGED_RECORD: "the record of what was latched is damaged: an e-stop",
+}
 ACKNOWLEDGED_BY = "~/clear_fault acknowledges it"
 
 NO_LIMITS = Limits()
+_NO_NEWS = (Held.ESTOP | Held.CONTACT | Held.FAULT) | (
+    Held.UNARMED | Held.UNARMED_FORWARD | Held.UNARMED_REVERSE
+)
+"""What the state says, or the status of the commands."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -50,20 +70,35 @@ class RobotState(NamedTuple):
     """Why the robot stopped, until it drives again."""
     limits: Limits = NO_LIMITS
     """What the sensors keep it from."""
-    held: bool = False
+    odom_held: bool = False
     """Whether odom goes on without samples, with the last pose."""
+    held_by: HeldBy | None = None
+    """What holds it, by its own report; None: not known."""
+    last_stop: str = ""
+    """What ended its last motion, with its code."""
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """What holds it beside a latch, in sentences; not that it is to be armed."""
+        if self.held_by is None:
+            return ()
+        return tuple(self.held_by.sentence(flag) for flag in self.held_by if flag not in _NO_NEWS)
 
     @property
     def level(self) -> Any:
         """As in /diagnostics."""
         if self.link in ("closed", "lost") or self.faults or self.state == "ESTOPPED":
             return ERROR
-        return WARN if self.cause or self.reset or self.limits.sentences else OK
+        return WARN if self.cause or self.reset or self.limits.sentences or self.held else OK
 
     @property
     def words(self) -> str:
         """One sentence for a person."""
-        told = [*filter(None, (self.cause, self.reset)), *self.limits.sentences]
+        # With the sensors' samples their names are known, too.
+        told = [
+            *filter(None, (self.cause, self.reset)),
+            *(self.limits.sentences or self.held),
+        ]
         if told:
             return "; ".join(told)
         return SupervisorState[self.state].doc if self.state else "connected"
@@ -80,11 +115,13 @@ class RobotState(NamedTuple):
             "faults": self.fault_names,
             "cause": self.cause,
             "stop": self.stop,
+            "held_by": "" if self.held_by is None else " ".join(self.held_by.names),
+            "last_stop": self.last_stop,
             "triggered": " ".join(self.limits.triggered),
             "reflexes": " ".join(self.limits.reflexes),
             "sensors": "; ".join(self.limits.sentences),
             "link": self.link,
-            "odom": "held" if self.held else "measured",
+            "odom": "held" if self.odom_held else "measured",
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
             "session": str(self.session),
             "resets": str(self.resets),
@@ -160,7 +197,9 @@ def of_robot(
     estopped: bool,
     stop: str,
     limits: Limits = NO_LIMITS,
-    held: bool = False,
+    odom_held: bool = False,
+    held_by: HeldBy | None = None,
+    last_stop: LastStop | None = None,
 ) -> RobotState:
     """The state of an open robot.
 
@@ -174,7 +213,9 @@ def of_robot(
         estopped: Whether this node has set the e-stop.
         stop: Why it stopped; empty while it drives.
         limits: What the sensors keep it from.
-        held: Whether odom goes on without samples.
+        odom_held: Whether odom goes on without samples.
+        held_by: What holds it, by its own report.
+        last_stop: What ended its last motion.
     """
     # The first of these that applies hides the rest: behind a lost link nobody knows more.
     if silence is not None:
@@ -195,13 +236,16 @@ def of_robot(
         board_id=resets.board_id,
         stop=stop,
         limits=limits,
-        held=held,
+        odom_held=odom_held,
+        held_by=held_by,
+        last_stop="" if last_stop is None else f"{last_stop.cause.name}: {last_stop.cause.doc}",
     )
     if sample is None:
         return state
     faults = tuple(fault for fault in Fault if fault in sample.faults)
     if not cause and sample.state is SupervisorState.ESTOPPED:
-        cause = ESTOP_BY_NODE if estopped else ESTOP_BY_OTHERS
+        source = EstopSource.NONE if held_by is None else held_by.estop_source
+        cause = ESTOP_BY_NODE if estopped else ESTOPS.get(source, ESTOP_BY_OTHERS)
     elif not cause:
         cause = " ".join(f"{fault.name}: {fault.doc}" for fault in faults)
     return state._replace(

@@ -26,6 +26,13 @@ def test_the_cost_is_within_the_targets() -> None:
     assert cost.ram_bytes < rv32.AIM_RAM_BYTES
 
 
+def test_a_step_that_says_what_holds_the_robot_is_within_its_target() -> None:
+    """Once a second, and at a change; never in a step that sends a state."""
+    hold = rv32.hold()
+    assert hold.runs >= 4
+    assert hold.max < rv32.AIM_HOLD_INSTRUCTIONS
+
+
 def test_nothing_grew_too_much_since_the_last_release() -> None:
     baseline, compiler = rv32_baseline.load(), rv32.compiler_version()
     if baseline.compiler != compiler:

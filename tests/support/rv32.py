@@ -21,6 +21,9 @@ AIM_RECORDED_INSTRUCTIONS = 8000
 """Limit of the same step when the black box records it, which gets another twelfth of the
 millisecond of a core at 160 MHz."""
 
+AIM_HOLD_INSTRUCTIONS = 6000
+"""Limit of a step that says what holds the robot, once a second, and takes a setpoint at most."""
+
 AIM_SEGMENT_INSTRUCTIONS = 16_000
 """Limit of a recorded step that begins a segment, about every half second. It writes the
 state of the core, some 320 words, and takes a tenth of a millisecond of such a core."""
@@ -91,6 +94,7 @@ def run(program: str) -> str:
 def cost() -> Cost:
     """Run the benchmark and measure the libraries."""
     counted = json.loads(run("cost"))
+    del counted["step_with_hold"]
     device_bytes = counted.pop("device_bytes")
     core, sensors = map(_sizes, ("core", "sensors"))
     return Cost(
@@ -105,6 +109,11 @@ def _sizes(library: str) -> tuple[int, int, int]:
     totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / f"libwheelwire_{library}.a"))
     code, data, bss = (int(column) for column in totals.splitlines()[-1].split()[:3])
     return code, data, bss
+
+
+def hold() -> Instructions:
+    """The steps of the benchmark that say what holds the robot."""
+    return Instructions(**json.loads(run("cost"))["step_with_hold"])
 
 
 def recorded() -> dict[str, Instructions]:

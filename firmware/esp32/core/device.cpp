@@ -24,7 +24,7 @@ Device::Device(const Hal& hal, const Identity& identity, const ParameterSpec* sp
 }
 
 void Device::start(uint64_t now_us) {
-  robot_.start(now_us);
+  robot_.start(server_.reset_reason(), now_us);
   if (sensors_ != nullptr && (robot_.reflexes() & kBatteryAtStop) != 0) sensors_->start_at_stop();
 }
 

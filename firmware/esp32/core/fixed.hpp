@@ -20,6 +20,11 @@ constexpr T magnitude(T value) {
   return value < 0 ? -value : value;
 }
 
+/// Of counts that wrap.
+constexpr int32_t wrapped_difference(int32_t later, int32_t earlier) {
+  return static_cast<int32_t>(static_cast<uint32_t>(later) - static_cast<uint32_t>(earlier));
+}
+
 constexpr int32_t sign(int32_t value) { return (value > 0) - (value < 0); }
 
 /// Symmetric, so that negating the result never overflows.

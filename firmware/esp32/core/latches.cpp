@@ -11,33 +11,41 @@ constexpr uint8_t kEstopFlag = 1;
 // Not set in records of releases that do not know them.
 constexpr uint8_t kBatteryFlag = 4;
 constexpr uint8_t kHoldFlag = 8;
+constexpr uint8_t kMovesFlag = 16;
 
 }  // namespace
 
-void Latches::encode(uint8_t* out) const {
+void Latches::encode(uint8_t* out, const LastStop& stop) const {
   uint8_t* at = out;
   wire::put(at, kMagic);
   wire::put(at,
             static_cast<uint8_t>((estop ? kEstopFlag : 0) | (battery_at_stop ? kBatteryFlag : 0) |
-                                 (holds ? kHoldFlag : 0)));
-  wire::put(at, uint8_t{0});
+                                 (holds ? kHoldFlag : 0) | (moves ? kMovesFlag : 0)));
+  wire::put(at, static_cast<uint8_t>(source));
   wire::put(at, faults);
+  wire::put(at, driver);
+  memcpy(at, &stop, LastStop::kSize);
+  at += LastStop::kSize;
   wire::put(at, crc32(out, static_cast<size_t>(at - out)));
 }
 
-bool Latches::decode(const uint8_t* data, size_t size, Latches& out) {
+bool Latches::decode(const uint8_t* data, size_t size, Latches& out, LastStop* stop) {
   if (size != kSize || crc32(data, size) != kCrcResidue) return false;
   uint16_t magic;
   uint8_t flags;
-  uint8_t unused;
+  uint8_t source;
   wire::get(data, magic);
   wire::get(data, flags);
-  wire::get(data, unused);
+  wire::get(data, source);
   if (magic != kMagic) return false;
   out.estop = (flags & kEstopFlag) != 0;
   out.holds = (flags & kHoldFlag) != 0;
   out.battery_at_stop = (flags & kBatteryFlag) != 0;
+  out.moves = (flags & kMovesFlag) != 0;
+  out.source = static_cast<EstopSource>(source);
   wire::get(data, out.faults);
+  wire::get(data, out.driver);
+  if (stop != nullptr) memcpy(stop, data, LastStop::kSize);
   return true;
 }
 
@@ -53,13 +61,18 @@ Latches LatchKeeper::start() {
     // The power was off: only flash knows.
     latches_ = {};
     latches_.estop = is_stored_;
-  } else if (!Latches::decode(record, size, latches_)) {
+    if (is_stored_) latches_.source = EstopSource::kBeforePowerOn;
+  } else if (!Latches::decode(record, size, latches_, &stop_)) {
     latches_ = {};
     latches_.estop = true;
+    latches_.source = EstopSource::kDamagedRecord;
   }
   // Also where the memory says otherwise: what is damaged may be an e-stop, until somebody clears
   // it.
-  if (is_damaged_) latches_.estop = true;
+  if (is_damaged_ && !latches_.estop) {
+    latches_.estop = true;
+    latches_.source = EstopSource::kDamagedRecord;
+  }
   write_memory();
   return latches_;
 }
@@ -83,7 +96,7 @@ bool LatchKeeper::sync_at_rest(uint64_t now_us) {
 
 void LatchKeeper::write_memory() {
   uint8_t record[Latches::kSize];
-  latches_.encode(record);
+  latches_.encode(record, stop_);
   memory_.save(record, sizeof record);
 }
 

@@ -1,8 +1,9 @@
-// What outlives a reset: the latched e-stop, the latched faults, a brake that was to last, and a
-// battery that was empty.
+// What outlives a reset: the latched e-stop and who latched it, the latched faults, a brake that
+// was to last, a battery that was empty, and what ended the last motion.
 #pragma once
 
 #include "hal.hpp"
+#include "last_stop.hpp"
 
 namespace wheelwire {
 
@@ -18,6 +19,10 @@ struct Latches {
   bool holds = false;  ///< The robot brakes until it drives.
   bool battery_at_stop = false;
   uint32_t faults = 0;  ///< Flags of `fault`.
+  // These decide nothing: they only tell.
+  EstopSource source = EstopSource::kNone;
+  bool moves = false;   ///< A setpoint drives the robot,
+  uint32_t driver = 0;  ///< of this session.
 
   bool operator==(const Latches&) const = default;
 
@@ -29,11 +34,11 @@ struct Latches {
     visit("faults", faults);
   }
 
-  static constexpr size_t kSize = 12;
-  /// Writes kSize bytes with a checksum.
-  void encode(uint8_t* out) const;
+  static constexpr size_t kSize = 16 + LastStop::kSize;
+  /// Writes kSize bytes with a checksum; the last stop is in the same record.
+  void encode(uint8_t* out, const LastStop& stop = {}) const;
   /// False if it is damaged, or not a record of latches.
-  static bool decode(const uint8_t* data, size_t size, Latches& out);
+  static bool decode(const uint8_t* data, size_t size, Latches& out, LastStop* stop = nullptr);
 };
 
 /// Keeps the latches in memory that survives a reset of the processor, and an e-stop's also in
@@ -51,6 +56,10 @@ class LatchKeeper {
     latches_ = latches;
     write_memory();
   }
+  /// What ended the last motion. The next note of something that has changed keeps it, too.
+  LastStop& stop() { return stop_; }
+  const LastStop& stop() const { return stop_; }
+  void note_stop() { write_memory(); }
   /// Call while the wheels stand, see Robot::is_at_rest: writes to flash what has to be there.
   /// Returns whether it did, which may have stalled the processor.
   bool sync_at_rest(uint64_t now_us);
@@ -75,6 +84,7 @@ class LatchKeeper {
   LatchMemory& memory_;
   BlockStore& store_;
   Latches latches_;
+  LastStop stop_;
   bool is_stored_ = false;   ///< Flash says that an e-stop is latched.
   bool is_damaged_ = false;  ///< Flash says nothing that can be read.
   bool write_failed_ = false;

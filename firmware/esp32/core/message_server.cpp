@@ -19,7 +19,7 @@ void MessageServer::hang_up(uint64_t now_us) {
   session_.close();
   state_interval_us_ = 0;
   if (sensors_ != nullptr) sensors_->end_session();
-  robot_.end_session(SupervisorEvent::kStop, now_us);
+  robot_.end_session(SupervisorEvent::kStop, StopCause::kHangUp, now_us);
 }
 
 void MessageServer::note_message(const Frame& frame, uint64_t now_us) {
@@ -71,6 +71,8 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return once(Restart::decode(frame.body), now_us);
     case ContradictionsGet::kId:
       return once(ContradictionsGet::decode(frame.body), now_us);
+    case HoldGet::kId:
+      return once(HoldGet::decode(frame.body), now_us);
     case ConfigurationGet::kId:
       return once(ConfigurationGet::decode(frame.body), now_us);
     case PeripheralGet::kId:
@@ -111,7 +113,10 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
     link_.restart_sequence();
     if (configuration_ != nullptr) configuration_->drop_candidate();
     if (sensors_ != nullptr) sensors_->end_session();
-    robot_.end_session(SupervisorEvent::kSession, now_us);
+    robot_.end_session(SupervisorEvent::kSession, StopCause::kNewSession, now_us);
+    robot_.begin_session(session_.id());
+    reported_ = {};
+    next_look_us_ = now_us;
   }
   link_.send(DeviceHello{
       .nonce = hello.nonce,
@@ -159,7 +164,9 @@ void MessageServer::on(const Stop& stop, uint64_t now_us) {
 }
 
 void MessageServer::on(const Estop& estop, uint64_t now_us) {
-  robot_.estop(now_us);
+  robot_.estop(
+      session_.matches(estop.session_id) ? EstopSource::kSession : EstopSource::kOtherProgram,
+      now_us);
   link_.send(Ack{estop.session_id, estop.request_id, Estop::kId});
 }
 
@@ -619,7 +626,13 @@ void MessageServer::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
 }
 
 void MessageServer::stream_state(uint64_t now_us) {
-  if (state_interval_us_ == 0 || now_us < next_state_us_) return;
+  const bool is_due = state_interval_us_ != 0 && now_us >= next_state_us_;
+  // A step does not send both, unless each step sends a state.
+  if (now_us >= next_look_us_ + (is_due ? kLookUs : 0)) report_hold(now_us);
+  if (is_due) stream_wheels(now_us);
+}
+
+void MessageServer::stream_wheels(uint64_t now_us) {
   next_state_us_ += state_interval_us_;
   // After a gap the states that were missed are not sent in a burst.
   if (next_state_us_ <= now_us) next_state_us_ = now_us + state_interval_us_;

@@ -47,6 +47,9 @@ class SensorMessages {
   virtual void fit_to_line(uint32_t state_hz, uint64_t now_us) = 0;
   virtual void end_session() = 0;
 
+  /// Which sensors hold the robot now, as flags of `held`.
+  virtual uint32_t held() const = 0;
+
  protected:
   ~SensorMessages() = default;
 };
@@ -67,7 +70,8 @@ class MessageServer final : public RobotObserver {
   void service_link(uint64_t now_us);
   /// Carries out one message.
   void serve(const Frame& frame, uint64_t now_us);
-  /// Sends the robot's state when it is due. Call at the end of each control step.
+  /// Sends the robot's state when it is due, and what holds it when that has changed. Call at the
+  /// end of each control step.
   void stream_state(uint64_t now_us);
   /// Ends the session, and with it what its host commanded.
   void hang_up(uint64_t now_us);
@@ -96,6 +100,7 @@ class MessageServer final : public RobotObserver {
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;
+  uint32_t sensed() const override { return sensors_ == nullptr ? 0 : sensors_->held(); }
 
   // For SensorMessages.
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
@@ -103,9 +108,23 @@ class MessageServer final : public RobotObserver {
   Link& link() { return link_; }
   uint32_t session_id() const { return session_.id(); }
   uint32_t boot_id() const { return identity_.boot_id; }
+  ResetReason reset_reason() const { return identity_.reset_reason; }
   uint32_t state_interval_us() const { return state_interval_us_; }
 
  private:
+  /// Between two looks at what holds the robot.
+  static constexpr uint64_t kLookUs = 20'000;
+
+  /// What was last reported in this session of what holds the robot.
+  struct Reported {
+    uint32_t held = 0;
+    uint32_t contradictions = 0;
+    uint8_t stop_news = 0;
+    bool is_any = false;
+
+    bool operator==(const Reported&) const = default;
+  };
+
   void note_message(const Frame& frame, uint64_t now_us);
   void on(const Hello& hello, uint64_t now_us);
   void on(const Stop& stop, uint64_t now_us);
@@ -131,6 +150,7 @@ class MessageServer final : public RobotObserver {
   void on(const GroupGet& request, uint64_t now_us);
   void on(const Restart& request, uint64_t now_us);
   void on(const ContradictionsGet& request, uint64_t now_us);
+  void on(const HoldGet& request, uint64_t now_us);
   void on(const ConfigurationGet& request, uint64_t now_us);
   void on(const PeripheralGet& request, uint64_t now_us);
   void on(const BoardSet& request, uint64_t now_us);
@@ -161,6 +181,11 @@ class MessageServer final : public RobotObserver {
   void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
   RefusalCode check_configuration_change(uint64_t now_us);
   void note_configuration_write(RefusalCode refusal);
+  uint32_t configuration_held() const;
+  uint32_t held(uint64_t now_us) const;
+  void write_hold(uint16_t request_id, uint64_t now_us, uint8_t* body) const;
+  void report_hold(uint64_t now_us);
+  void stream_wheels(uint64_t now_us);
   bool is_served(Group group) const;
   bool is_readable(uint8_t message_id, uint16_t request_id);
 
@@ -174,6 +199,9 @@ class MessageServer final : public RobotObserver {
   uint32_t refused_ = 0;
   uint32_t state_interval_us_ = 0;  // 0: not streaming
   uint64_t next_state_us_ = 0;
+  uint64_t next_look_us_ = 0;  // For what holds the robot.
+  uint64_t reported_us_ = 0;
+  Reported reported_;
   SensorMessages* sensors_ = nullptr;
 };
 

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x0ae08fbb;
+constexpr uint32_t kHash = 0x4bc399f6;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -127,6 +127,35 @@ enum class Chip : uint8_t {
   kLinux = 4,      ///< A Linux computer whose own pins drive the wheels, such as a Raspberry Pi.
 };
 
+enum class EstopSource : uint8_t {
+  kNone = 0,           ///< No e-stop is latched.
+  kContact = 1,        ///< The e-stop contact.
+  kSession = 2,        ///< The program whose session was open.
+  kOtherProgram = 3,   ///< A program beside the one whose session was open.
+  kBeforePowerOn = 4,  ///< Not known: it was latched before the power came on.
+  kDamagedRecord = 5,  ///< The record of what was latched is damaged, which counts as an e-stop.
+};
+
+enum class StopCause : uint8_t {
+  kUnknown = 0,       ///< It is not known what ended the last motion: the robot has lost its power
+                      ///< since, or has not moved.
+  kDeadline = 1,      ///< The setpoint of the program that drove ran out, and no newer one came.
+  kStop = 2,          ///< The program that drove stopped it.
+  kStopOther = 3,     ///< A program beside the one that drove stopped it.
+  kEstopContact = 4,  ///< The e-stop contact opened.
+  kEstopSession = 5,  ///< The program that drove called for an e-stop.
+  kEstopOther = 6,    ///< A program beside the one that drove called for an e-stop.
+  kFault = 7,         ///< A fault stopped it.
+  kBumper = 8,        ///< A bumper held it off.
+  kCliff = 9,         ///< A cliff sensor saw no floor.
+  kFaultInput = 10,   ///< Its power stage reported a fault.
+  kBattery = 11,      ///< Its battery was empty, or not measured.
+  kNewSession = 12,   ///< Another session was opened: the program that drove lost its own.
+  kHangUp = 13,       ///< The line of the program that drove was closed.
+  kTrialEnded = 14,   ///< A trial of parameters ended while it drove.
+  kReset = 15,        ///< The device was reset while it drove.
+};
+
 namespace fault {
 /// The left wheel was driven hard and did not count: encoder dead, wire off, or wheel blocked.
 constexpr uint32_t kLeftNotCounting = 1;
@@ -207,11 +236,70 @@ constexpr uint32_t kTickRate = 16;
 constexpr uint32_t kGlitchFilter = 32;
 }  // namespace contradiction
 
+namespace held {
+/// It is still starting, or about to restart: wait a moment.
+constexpr uint32_t kBooting = 1;
+/// A sensor that can stop it was not read since the start: wait a moment.
+constexpr uint32_t kSensorsUnread = 2;
+/// Its front bumper is pressed: it can only back out.
+constexpr uint32_t kBumperFront = 4;
+/// Its left front bumper is pressed: it can only back out.
+constexpr uint32_t kBumperFrontLeft = 8;
+/// Its right front bumper is pressed: it can only back out.
+constexpr uint32_t kBumperFrontRight = 16;
+/// Its rear bumper is pressed: it can only drive forward.
+constexpr uint32_t kBumperRear = 32;
+/// Its left rear bumper is pressed: it can only drive forward.
+constexpr uint32_t kBumperRearLeft = 64;
+/// Its right rear bumper is pressed: it can only drive forward.
+constexpr uint32_t kBumperRearRight = 128;
+/// A cliff sensor sees no floor: lift the robot away from the edge.
+constexpr uint32_t kCliff = 256;
+/// The fault output of its power stage is active: let it cool, check it.
+constexpr uint32_t kFaultInput = 512;
+/// Its battery is empty: charge it.
+constexpr uint32_t kBattery = 1024;
+/// Its battery is not measured, which counts as empty: check the divider or the sensor.
+constexpr uint32_t kBatteryUnknown = 2048;
+/// Its e-stop contact is open: release it, and check its wire.
+constexpr uint32_t kContact = 4096;
+/// An e-stop is latched: look, then clear it with `wheelwire clear`.
+constexpr uint32_t kEstop = 8192;
+/// A fault is latched: remove its cause, then clear it with `wheelwire clear`.
+constexpr uint32_t kFault = 16384;
+/// It started, or was cleared, and its program went on with a speed at once: it waits for a zero
+/// setpoint or a pause.
+constexpr uint32_t kUnarmed = 32768;
+/// A bumper held it off: it waits for a zero setpoint or a pause before it goes forward.
+constexpr uint32_t kUnarmedForward = 65536;
+/// A bumper held it off: it waits for a zero setpoint or a pause before it goes backward.
+constexpr uint32_t kUnarmedReverse = 131072;
+/// Nobody has confirmed its board: look, then `wheelwire board confirm`.
+constexpr uint32_t kConfigurationUnconfirmed = 262144;
+/// Its configuration is on trial: confirm it with `wheelwire board confirm`, or wait until the
+/// previous one returns.
+constexpr uint32_t kConfigurationOnTrial = 524288;
+/// Its stored configuration is missing, damaged or of another board: write it with `wheelwire board
+/// write`.
+constexpr uint32_t kConfigurationUnusable = 1048576;
+/// Its parameters contradict each other: correct the ones named.
+constexpr uint32_t kContradiction = 2097152;
+/// A trial of parameters ended by itself: revert it, or open another session.
+constexpr uint32_t kTrialOver = 4194304;
+}  // namespace held
+
+namespace stopflag {
+/// The wheels stand since: rolled_mm is final.
+constexpr uint32_t kAtRest = 1;
+/// It was before the device last started.
+constexpr uint32_t kEarlierStart = 2;
+}  // namespace stopflag
+
 /// Of the layout of a group of messages; 0: there is none.
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x0ae08fbb;
+      return 0x4bc399f6;
     case Group::kConfiguration:
       return 0x3fe4ddfc;
     case Group::kRecorder:
@@ -1033,6 +1121,31 @@ struct ContradictionsGet {
   /// Reads kSize bytes.
   static ContradictionsGet decode(const uint8_t* in) {
     ContradictionsGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
+/// Asks what holds the robot, and what ended its last motion; the answer is Hold.
+struct HoldGet {
+  static constexpr uint8_t kId = 0x15;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const HoldGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static HoldGet decode(const uint8_t* in) {
+    HoldGet message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
     return message;
@@ -1962,6 +2075,71 @@ struct Contradictions {
   }
 };
 
+/// What holds the robot, and what ended its last motion. Sent unasked, too, when a session opens,
+/// when one of them changes, and each second.
+struct Hold {
+  static constexpr uint8_t kId = 0x8c;
+  static constexpr size_t kSize = 44;
+
+  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};       ///< As asked; 0: nobody asked.
+  uint32_t held{};             ///< What holds it now; 0: nothing.
+  EstopSource estop_source{};  ///< Who latched the e-stop.
+  uint32_t contradictions{};   ///< Contradictions of the active parameters.
+  StopCause stop_cause{};      ///< What ended the last motion.
+  uint8_t stop_flags{};        ///< More about that stop.
+  ResetReason stop_reset{};    ///< With RESET: why.
+  uint32_t stop_held{};        ///< What held the robot once it had stopped.
+  uint16_t stop_faults{};      ///< Faults latched at it.
+  uint32_t stop_session{};     ///< Session whose setpoint drove until then.
+  uint32_t stop_command{};     ///< Number of that setpoint.
+  uint64_t stop_us{};          ///< Device clock at it; 0: before the last start. [us]
+  uint16_t stop_mmps{};        ///< Speed of the faster wheel at it. [mm/s]
+  uint16_t rolled_mm{};        ///< How far that wheel has turned since. [mm]
+
+  bool operator==(const Hold&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, held);
+    wire::put(out, estop_source);
+    wire::put(out, contradictions);
+    wire::put(out, stop_cause);
+    wire::put(out, stop_flags);
+    wire::put(out, stop_reset);
+    wire::put(out, stop_held);
+    wire::put(out, stop_faults);
+    wire::put(out, stop_session);
+    wire::put(out, stop_command);
+    wire::put(out, stop_us);
+    wire::put(out, stop_mmps);
+    wire::put(out, rolled_mm);
+  }
+
+  /// Reads kSize bytes.
+  static Hold decode(const uint8_t* in) {
+    Hold message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.held);
+    wire::get(in, message.estop_source);
+    wire::get(in, message.contradictions);
+    wire::get(in, message.stop_cause);
+    wire::get(in, message.stop_flags);
+    wire::get(in, message.stop_reset);
+    wire::get(in, message.stop_held);
+    wire::get(in, message.stop_faults);
+    wire::get(in, message.stop_session);
+    wire::get(in, message.stop_command);
+    wire::get(in, message.stop_us);
+    wire::get(in, message.stop_mmps);
+    wire::get(in, message.rolled_mm);
+    return message;
+  }
+};
+
 /// The active configuration, without its peripherals.
 struct ConfigurationValue {
   static constexpr uint8_t kId = 0xa0;
@@ -2720,6 +2898,8 @@ constexpr int body_size(uint8_t id) {
       return Restart::kSize;
     case ContradictionsGet::kId:
       return ContradictionsGet::kSize;
+    case HoldGet::kId:
+      return HoldGet::kSize;
     case ConfigurationGet::kId:
       return ConfigurationGet::kSize;
     case PeripheralGet::kId:
@@ -2766,6 +2946,8 @@ constexpr int body_size(uint8_t id) {
       return GroupInfo::kSize;
     case Contradictions::kId:
       return Contradictions::kSize;
+    case Hold::kId:
+      return Hold::kSize;
     case ConfigurationValue::kId:
       return ConfigurationValue::kSize;
     case PeripheralValue::kId:

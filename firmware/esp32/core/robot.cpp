@@ -15,7 +15,7 @@ Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs
       parameters_(specs, board.checksum),
       trial_(parameters_) {}
 
-void Robot::start(uint64_t now_us) {
+void Robot::start(ResetReason reason, uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
   store_faults_ = hal_.store.faults();
   if (store_state_ == Parameters::Load::kDamaged && store_faults_ == 0)
@@ -33,12 +33,17 @@ void Robot::start(uint64_t now_us) {
   }
   faults_ = before.faults;
   if (before.battery_at_stop) reflexes_ |= kBatteryAtStop;
+  if (before.moves)
+    latches_.stop() = {.session = before.driver, .cause = StopCause::kReset, .reset = reason};
+  latches_.stop().flags |= stopflag::kEarlierStart;
   quiet_since_us_ = drove_us_ = now_us;
   if (before.holds) stop_action_.begin(StopMode::kBrakeUntilDriven, false, now_us, 0);
   apply(SupervisorEvent::kStarted, now_us);
   // Also one that came by a message while the device started: only now it knows how to stop.
-  if (before.estop || supervisor_.state() == SupervisorState::kEstopped) estop(now_us);
+  if (before.estop || supervisor_.state() == SupervisorState::kEstopped)
+    estop(before.source, now_us);
   trip(0, now_us);
+  note_latches();
 }
 
 // --- the control step ----------------------------------------------------------------------------
@@ -72,7 +77,7 @@ void Robot::finish_step(uint64_t now_us) {
   if (is_open != contact_open_) note_contact(is_open, now_us);
   if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us) {
     begin_action(StopMode::kConfigured, false, now_us);
-    apply(SupervisorEvent::kDeadline, now_us);
+    apply(SupervisorEvent::kDeadline, now_us, StopCause::kDeadline);
   }
   actuate(now_us);
 }
@@ -121,7 +126,7 @@ void Robot::latch_faults(uint32_t faults, uint64_t now_us) {
   const bool is_new = new_faults != 0;
   if (is_new || !is_latched()) begin_action(mode_at(new_faults), false, now_us);
   faults_ |= faults;
-  apply(SupervisorEvent::kFault, now_us);
+  apply(SupervisorEvent::kFault, now_us, cause_of(new_faults));
   if (!is_new) return;
   ++faults_tripped_;
   note_latches();
@@ -141,7 +146,7 @@ void Robot::check_contact(uint64_t now_us) {
 /// The contact acts when it opens: as long as it is open, the e-stop is latched.
 void Robot::note_contact(bool is_open, uint64_t now_us) {
   contact_open_ = is_open;
-  if (is_open) estop(now_us);
+  if (is_open) estop(EstopSource::kContact, now_us);
 }
 
 void Robot::actuate(uint64_t now_us) {
@@ -186,6 +191,7 @@ void Robot::hold_off(uint64_t now_us) {
                                                                      : uint8_t{0};
   };
   const auto held = static_cast<uint8_t>(held_by(reflex::kNoForward) | held_by(reflex::kNoReverse));
+  if (moves_) end_motion(StopCause::kBumper, now_us);
   if ((held & ~unarmed_) != 0) disarm(held, now_us);
 }
 
@@ -254,17 +260,21 @@ void Robot::note_latches() {
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
                  .holds = stop_action_.holds(),
                  .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
-                 .faults = faults_ & ~fault::kNoBoard});
+                 .faults = faults_ & ~fault::kNoBoard,
+                 .source = estop_source_,
+                 .moves = moves_,
+                 .driver = driver_});
 }
 
 /// The only place where the supervisor's state changes, so that leaving DRIVING always removes the
 /// drive.
-void Robot::apply(SupervisorEvent event, uint64_t now_us) {
+void Robot::apply(SupervisorEvent event, uint64_t now_us, StopCause cause) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) {
     drive_.release();
     drove_us_ = now_us;
+    if (moves_) end_motion(cause, now_us);
   }
   if (supervisor_.may_drive()) change_action([this] { stop_action_.end(); });
   // The other latches are recorded where they change.
@@ -280,13 +290,18 @@ void Robot::stop(StopMode mode, bool by_session, uint64_t now_us) {
   const bool may_weaken = by_session && mode != StopMode::kConfigured && !is_latched();
   if (!by_session && mode < config_.stop_mode) mode = StopMode::kConfigured;
   begin_action(mode, may_weaken, now_us);
-  apply(SupervisorEvent::kStop, now_us);
+  apply(SupervisorEvent::kStop, now_us, by_session ? StopCause::kStop : StopCause::kStopOther);
 }
 
-void Robot::estop(uint64_t now_us) {
+void Robot::estop(EstopSource source, uint64_t now_us) {
+  // Who was first has latched it.
+  if (estop_source_ == EstopSource::kNone) estop_source_ = source;
   if (supervisor_.state() != SupervisorState::kBoot)
     change_action([&] { stop_action_.begin_estop(estop_mode(), now_us, config_.brake_time_us); });
-  apply(SupervisorEvent::kEstop, now_us);
+  apply(SupervisorEvent::kEstop, now_us,
+        source == EstopSource::kContact   ? StopCause::kEstopContact
+        : source == EstopSource::kSession ? StopCause::kEstopSession
+                                          : StopCause::kEstopOther);
 }
 
 /// At least as strong as any other stop, unless it is to coast.
@@ -337,6 +352,7 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
       .command_seq = setpoint.command_seq,
   };
   target_ = limited(setpoint);
+  if (!moves_) begin_motion();
   if (!supervisor_.may_drive()) apply(SupervisorEvent::kSetpoint, now_us);
   return RefusalCode::kNone;
 }
@@ -360,6 +376,7 @@ bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
     return true;
   }
   // An open bumper holds it off, as it did before.
+  is_refused_ = true;
   const bool is_held = (unarmed_ & kUnarmed) == 0 && forbids(reflexes_, setpoint.wheels);
   if (is_held) quiet_since_us_ = now_us;
   return is_held;
@@ -367,22 +384,24 @@ bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
 
 void Robot::disarm(uint8_t unarmed, uint64_t now_us) {
   unarmed_ |= unarmed;
+  is_refused_ = unarmed != kUnarmed;  // A bumper has held one off.
   note_forbidden();
   quiet_since_us_ = now_us;
 }
 
 /// The previous values first: they decide how the robot stops.
-void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
+void Robot::end_session(SupervisorEvent event, StopCause cause, uint64_t now_us) {
   if (trial_.runs()) {
     parameters_ = trial_.former();
     apply_parameters();
   }
   trial_.end();
-  setpoint_ = {};
   rolling_.reset();  // A new host has not heard of it.
-  if (cause == SupervisorEvent::kSession) quiet_since_us_ = now_us;
+  if (event == SupervisorEvent::kSession) quiet_since_us_ = now_us;
+  is_refused_ = false;
   begin_action(StopMode::kConfigured, false, now_us);
-  apply(cause, now_us);
+  apply(event, now_us, cause);
+  setpoint_ = {};
 }
 
 WheelPair Robot::limited(const Setpoint& setpoint) const {
@@ -399,6 +418,7 @@ RefusalCode Robot::clear_estop(uint64_t now_us) {
   contact_open_ = false;  // If it is open again in the next step, it latches anew.
   if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
   disarm(kUnarmed, now_us);
+  estop_source_ = EstopSource::kNone;
   apply(SupervisorEvent::kClearEstop, now_us);
   trip(0, now_us);  // A fault that the e-stop hid is active again.
   sync_latches(false, now_us);
@@ -522,7 +542,7 @@ RefusalCode Robot::try_parameters(TrialAction action, float timeout_s, uint64_t 
     case TrialAction::kKeep:
       return keep_trial();
     case TrialAction::kRevert:
-      if (trial_.runs()) end_session(SupervisorEvent::kStop, now_us);
+      if (trial_.runs()) end_session(SupervisorEvent::kStop, StopCause::kTrialEnded, now_us);
       trial_.end();
       return RefusalCode::kNone;
   }
@@ -559,7 +579,7 @@ RefusalCode Robot::extend_trial(bool begins, float timeout_s, uint64_t now_us) {
 
 void Robot::check_trial(uint64_t now_us) {
   if (!trial_.is_due(now_us)) return;
-  end_session(SupervisorEvent::kStop, now_us);
+  end_session(SupervisorEvent::kStop, StopCause::kTrialEnded, now_us);
   trial_.expire();
   observer_.on_trial_expired(now_us);
 }

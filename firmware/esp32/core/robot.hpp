@@ -48,6 +48,8 @@ class RobotObserver {
   virtual void on_trial_expired(uint64_t now_us) = 0;
   /// The robot rolls although nothing drives it.
   virtual void on_rolling(int32_t speed_umps, uint64_t now_us) = 0;
+  /// Which sensors hold the robot, as flags of `held`.
+  virtual uint32_t sensed() const = 0;
 
  protected:
   ~RobotObserver() = default;
@@ -84,7 +86,7 @@ class Robot {
         const BoardFacts& board);
 
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
-  void start(uint64_t now_us);
+  void start(ResetReason reason, uint64_t now_us);
   /// First half of a control step, before messages are read: latches encoders, detects faults.
   void begin_step(uint64_t now_us);
   /// Second half, after they are read: e-stop contact, deadline, outputs.
@@ -105,11 +107,13 @@ class Robot {
   /// Drives the wheels by this setpoint, for ttl_max at most. Returns kNone, or why not.
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
   /// Reverts a trial; nothing drives until the next setpoint.
-  void end_session(SupervisorEvent cause, uint64_t now_us);
+  void end_session(SupervisorEvent event, StopCause cause, uint64_t now_us);
+  /// The setpoints that follow are of this session.
+  void begin_session(uint32_t session_id) { session_id_ = session_id; }
   /// `by_session`: it is the open session's. Only such a Stop makes a stop weaker, by a mode that
   /// it names; another one stops as strongly as configured, or more.
   void stop(StopMode mode, bool by_session, uint64_t now_us);
-  void estop(uint64_t now_us);
+  void estop(EstopSource source, uint64_t now_us);
   /// The board that was on trial is confirmed.
   void note_board_confirmed() { board_.on_trial = false; }
 
@@ -167,6 +171,18 @@ class Robot {
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
   /// What the sensors forbid, as flags of `reflex`, with kBatteryAtStop.
   uint8_t reflexes() const { return reflexes_; }
+  /// What keeps the robot from driving, but for sensors and configuration, as flags of `held`.
+  uint32_t held(uint64_t now_us) const;
+  /// Who latched the e-stop.
+  EstopSource estop_source() const { return estop_source_; }
+  /// What ended the last motion.
+  const LastStop& last_stop() const { return latches_.stop(); }
+  /// When, device clock; 0: before the start.
+  uint64_t stop_us() const { return stop_us_; }
+  /// Counts what is new about it. Wraps.
+  uint8_t stop_news() const { return stop_news_; }
+  /// Measures how far the robot rolls after that, until its wheels stand. Call it now and then.
+  void follow_stop();
   /// nullptr: nothing is recorded.
   Recorder* recorder() const { return recorder_; }
   void record(Recorder& recorder) { recorder_ = &recorder; }
@@ -244,12 +260,16 @@ class Robot {
   /// What the sensors forbid, and which way the robot is not to go yet, as flags of `reflex`.
   uint8_t forbidden() const { return reflexes_ | unarmed_; }
   void note_latches();
+  void begin_motion();
+  void end_motion(StopCause cause, uint64_t now_us);
+  StopCause cause_of(uint32_t new_faults) const;
   StopMode estop_mode() const;
   StopMode mode_at(uint32_t new_faults) const;
   template <typename Begin>
   void change_action(Begin begin);
   void begin_action(StopMode mode, bool may_weaken, uint64_t now_us);
-  void apply(SupervisorEvent event, uint64_t now_us);
+  /// `cause`: of the end of the motion, if the event ends one.
+  void apply(SupervisorEvent event, uint64_t now_us, StopCause cause = StopCause::kUnknown);
   void apply_parameters();
   void check_trial(uint64_t now_us);
   RefusalCode keep_trial();
@@ -278,6 +298,8 @@ class Robot {
   // drive off, as flags of `reflex`, or nowhere, after each start and each clear.
   uint8_t unarmed_ = kUnarmed;
   bool stalled_ = false;
+  bool is_refused_ = false;    // A setpoint, because the robot is unarmed.
+  bool moves_ = false;         // By a setpoint that is not zero.
   bool contact_open_ = false;  // When it was last looked at.
   uint8_t reflexes_ = 0;
   uint16_t faults_tripped_ = 0;
@@ -304,6 +326,12 @@ class Robot {
   uint8_t lost_copies_ = 0;  // Bits by StoredBlock,
   uint8_t repairs_ = 0;      // and of those that are to be written anew.
   uint64_t next_repair_us_ = 0;
+  EstopSource estop_source_ = EstopSource::kNone;
+  uint32_t session_id_ = 0;
+  uint32_t driver_ = 0;  // The session whose setpoint drives, or drove last.
+  uint64_t stop_us_ = 0;
+  int32_t stop_ticks_[2]{};  // Of both wheels, when it was stopped.
+  uint8_t stop_news_ = 0;
   Parameters::Load store_state_ = Parameters::Load::kLoaded;
   Parameters parameters_;
   Trial trial_;

@@ -135,6 +135,7 @@ std::vector<Operation> messages() {
       make(Kind::kGroup, {0, 1}),
       make(Kind::kGroup, {0, 7}),
       make(Kind::kContradictions, {0}),
+      make(Kind::kHoldGet, {0}),
       make(Kind::kRestart, {0}),
       make(Kind::kConfigurationGet, {0}),
       make(Kind::kConfigure, {0, kLateBoard, 0}),

@@ -945,7 +945,9 @@ class Generator {
 
   /// What is read from flash, or answered afresh when it is repeated.
   void read_long(double who) {
-    switch (below(7)) {
+    switch (below(8)) {
+      case 7:
+        return add(Kind::kHoldGet, {who});
       case 5:
         return add(Kind::kPeripheralGet, {who, static_cast<double>(below(12))});
       case 6:

@@ -36,6 +36,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"trial", {"host", "action", "timeout_s"}},
     {"group", {"host", "group"}},
     {"contradictions", {"host"}},
+    {"hold_get", {"host"}},
     {"restart", {"host"}},
     {"configuration_get", {"host"}},
     {"configure", {"host", "board", "list", "damage"}},

@@ -42,6 +42,7 @@ enum class Rule : uint8_t {
   kStopHolds,
   kNotTooFast,
   kValuesChangeAtRest,
+  kHoldIsNamed,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

@@ -49,6 +49,7 @@ constexpr RuleSpec kRules[] = {
     {Rule::kStopHolds, "S33", "stop-holds"},
     {Rule::kNotTooFast, "S34", "not-too-fast"},
     {Rule::kValuesChangeAtRest, "S35", "values-change-at-rest"},
+    {Rule::kHoldIsNamed, "S36", "hold-is-named"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;

@@ -346,6 +346,8 @@ void Run::message(const Operation& operation) {
       return send_request(host, GroupGet{.group = code_of<Group>(values[1])});
     case Kind::kContradictions:
       return send_request(host, ContradictionsGet{});
+    case Kind::kHoldGet:
+      return send_request(host, HoldGet{});
     case Kind::kRestart:
       return send_request(host, Restart{});
     case Kind::kConfigurationGet:

@@ -41,7 +41,7 @@ bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDu
 /// Whether a repeat of the request is carried out once more.
 bool is_answered_afresh(uint8_t id) {
   return id == ConfigurationGet::kId || id == BoxGet::kId || id == BoxRead::kId ||
-         id == LedgerGet::kId || id == PeripheralGet::kId;
+         id == LedgerGet::kId || id == PeripheralGet::kId || id == HoldGet::kId;
 }
 
 /// What is sent unasked once a host has asked for it.
@@ -539,6 +539,8 @@ Codes Witness::codes(const ParameterTrial& request) const {
 
 Finding Witness::sends(const Seen& message) {
   if (message.id == WheelState::kId || is_of_sensors(message.id)) return {};
+  if (message.id == Hold::kId && message.as<Hold>().request_id == 0)
+    return tells(message.as<Hold>());
   if (message.id == Event::kId) {
     // It may be of the trial's end, which comes before the messages of a step.
     if (!task_) expires_trial();
@@ -554,6 +556,45 @@ Finding Witness::sends(const Seen& message) {
   }
   task_->answered = true;
   return takes_effect(message);
+}
+
+/// What the device says by itself of what holds it: all that is known to hold it is named.
+Finding Witness::tells(const Hold& hold) const {
+  const uint8_t forbids = forbidden();
+  const SupervisorState state = simulator_.state();
+  const bool on_trial = configuration_state_ == ConfigurationState::kTrial;
+  const bool unusable = configuration_state_ == ConfigurationState::kDamaged;
+  const struct {
+    bool holds;
+    uint32_t flags;
+    const char* name;
+  } known[] = {
+      {restarting_, held::kBooting, "BOOTING"},
+      {(forbids & reflex::kNoForward) != 0,
+       held::kBumperFront | held::kBumperFrontLeft | held::kBumperFrontRight, "BUMPER_FRONT..."},
+      {(forbids & reflex::kNoReverse) != 0,
+       held::kBumperRear | held::kBumperRearLeft | held::kBumperRearRight, "BUMPER_REAR..."},
+      {(forbids & reflex::kStop) != 0,
+       held::kCliff | held::kFaultInput | held::kBattery | held::kBatteryUnknown,
+       "CLIFF, FAULT_INPUT or BATTERY..."},
+      {contact_open(), held::kContact, "CONTACT"},
+      {state == SupervisorState::kEstopped, held::kEstop, "ESTOP"},
+      {state == SupervisorState::kFault, held::kFault, "FAULT"},
+      {configuration_state_ == ConfigurationState::kBuiltIn, held::kConfigurationUnconfirmed,
+       "CONFIGURATION_UNCONFIRMED"},
+      {on_trial, held::kConfigurationOnTrial, "CONFIGURATION_ON_TRIAL"},
+      {unusable, held::kConfigurationUnusable, "CONFIGURATION_UNUSABLE"},
+      {contradictions(values_) != 0, held::kContradiction, "CONTRADICTION"},
+      {trial_ == Trial::kExpired, held::kTrialOver, "TRIAL_OVER"},
+  };
+  for (const auto& one : known)
+    if (one.holds && (hold.held & one.flags) == 0)
+      return {Rule::kHoldIsNamed, std::string(one.name) + " holds it, and is not named"};
+  if (state != SupervisorState::kEstopped && (hold.held & held::kEstop) != 0)
+    return {Rule::kHoldIsNamed, "it names an e-stop that is not latched"};
+  if (simulator_.faults() == 0 && (hold.held & held::kFault) != 0)
+    return {Rule::kHoldIsNamed, "it names a fault that is not latched"};
+  return {};
 }
 
 /// Checks the answer to the task, and takes note of what it says.

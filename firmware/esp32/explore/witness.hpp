@@ -226,6 +226,7 @@ class Witness {
   bool may_turn() const;
   Codes lasting_code() const;
   Finding takes_effect(const Seen& answer);
+  Finding tells(const Hold& hold) const;
   Finding opens(const DeviceHello& hello);
   void acts(const Seen& message);
   void acts(const ParameterTrial& request);

@@ -74,6 +74,14 @@ class BenchLine final : public ByteStream {
   }
   uint32_t bytes_per_second() const override { return 0; }
 
+  /// Id of the frame that was written since the last `take`; 0: none.
+  uint8_t newest() const {
+    FrameDecoder decoder(body_size);
+    Frame frame{};
+    for (size_t i = 0; i < written_; ++i) decoder.feed(out_[i], frame);
+    return written_ == 0 ? uint8_t{0} : frame.id;
+  }
+
   /// True when a `Message` was written since the last call; it is then in `message`.
   template <typename Message>
   bool take(Message& message) {

@@ -120,6 +120,7 @@ struct Result {
   Counts step_with_state;
   Counts step_with_both;
   Counts step_with_segment;  ///< It begins one, whatever else it does.
+  Counts step_with_hold;     ///< It says what holds the robot, each second and at a change.
   Counts receive_setpoint;
   Counts send_state;
 
@@ -147,10 +148,14 @@ bool run() {
     const uint32_t count = bench.step();
     const bool begins_segment = bench.segments() != segments;
     WheelState state;
+    const bool tells = bench.line.newest() == Hold::kId;
     const bool streamed = bench.line.take(state);
     if (streamed) result.send_state.add(link_bench.send(state));
     if (bench.device.state() != SupervisorState::kDriving) return false;
-    (begins_segment ? result.step_with_segment : result.of_step(commanded, streamed)).add(count);
+    (begins_segment ? result.step_with_segment
+     : tells        ? result.step_with_hold
+                    : result.of_step(commanded, streamed))
+        .add(count);
   }
   return true;
 }
@@ -176,6 +181,7 @@ int main() {
 #ifdef WHEELWIRE_RECORDED
   print("step_with_segment", result.step_with_segment);
 #endif
+  print("step_with_hold", result.step_with_hold);
   print("receive_setpoint", result.receive_setpoint);
   print("send_state", result.send_state);
   printf(" \"device_bytes\": %lu\n}\n",

@@ -11,6 +11,16 @@ int find(const PeripheralList& list, PeripheralKind kind) {
   return -1;
 }
 
+/// Flag of `held`.
+uint32_t held_by(const Peripheral& entry) {
+  if (entry.kind == PeripheralKind::kStageFault) return held::kFaultInput;
+  if (entry.kind != PeripheralKind::kBumper) return held::kCliff;
+  static_assert(held::kBumperRearRight == held::kBumperFront << 5 && Place::kFront == Place{1} &&
+                Place::kRearRight == Place{6});
+  return held::kBumperFront << (static_cast<unsigned>(entry.place) -
+                                static_cast<unsigned>(Place::kFront));
+}
+
 }  // namespace
 
 void SensorHub::start(SensorPort& port, const PeripheralList& list) {
@@ -95,6 +105,20 @@ uint8_t SensorHub::update(uint16_t divider_mv, uint64_t now_us) {
   }
   reflexes_ = forbidden;
   return forbidden | beside;
+}
+
+uint32_t SensorHub::held() const {
+  uint32_t flags = 0;
+  for (size_t i = 0; i < list_->count; ++i)
+    if ((triggered_ & bit(i)) != 0) flags |= held_by(list_->entries[i]);
+  if (!guards_battery()) return flags;
+  const SensorState state = channels_[battery_channel_].state;
+  if (battery_level() == BatteryLevel::kStop) {
+    flags |= held::kBattery;
+  } else if (state != SensorState::kOk && state != SensorState::kUnread) {
+    flags |= held::kBatteryUnknown;
+  }
+  return flags;
 }
 
 uint8_t SensorHub::reflex_of(const Peripheral& entry) const {

@@ -51,6 +51,8 @@ class SensorHub {
   const PeripheralList& list() const { return *list_; }
   SensorState state(size_t channel) const { return channels_[channel].state; }
   uint8_t reflexes() const { return reflexes_; }
+  /// Which of them hold the robot, as flags of `held`. Call it after the first `update`.
+  uint32_t held() const;
   uint16_t levels() const { return levels_; }
   /// The inputs that act on the robot: bit n is that of channel n.
   uint16_t triggered() const { return triggered_; }

@@ -21,6 +21,7 @@ class SensorServer final : public SensorMessages, public SensorObserver {
   void stream(uint64_t now_us) override;
   void fit_to_line(uint32_t state_hz, uint64_t now_us) override;
   void end_session() override { streams_ = {}; }
+  uint32_t held() const override { return is_active_ ? hub_.held() : 0; }
 
   void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
                        uint64_t now_us) override;

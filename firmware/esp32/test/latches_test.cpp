@@ -2,7 +2,6 @@
 #include "latches.hpp"
 
 #include "check.hpp"
-#include "crc32.hpp"
 #include "memory_store.hpp"
 #include "robot_bench.hpp"
 
@@ -33,12 +32,20 @@ RefusalCode last_refusal(const RobotBench& bench) {
 TEST(latches_come_back_as_they_were) {
   for (const bool estop : {false, true}) {
     for (const uint32_t faults : {0u, 1u, 0xffffu}) {
-      const Latches latches{
-          .estop = estop, .holds = !estop, .battery_at_stop = faults == 1, .faults = faults};
+      const Latches latches{.estop = estop,
+                            .holds = !estop,
+                            .battery_at_stop = faults == 1,
+                            .faults = faults,
+                            .source = estop ? EstopSource::kContact : EstopSource::kNone,
+                            .moves = !estop,
+                            .driver = faults + 7};
+      const LastStop stop{.session = faults, .mmps = 200, .cause = StopCause::kDeadline};
       uint8_t record[Latches::kSize];
-      latches.encode(record);
+      latches.encode(record, stop);
       Latches found;
-      CHECK(Latches::decode(record, sizeof record, found) && found == latches);
+      LastStop found_stop;
+      CHECK(Latches::decode(record, sizeof record, found, &found_stop) && found == latches);
+      CHECK(found_stop == stop);
       for (uint8_t& byte : record) {
         byte ^= 16;
         CHECK(!Latches::decode(record, sizeof record, found));
@@ -47,16 +54,6 @@ TEST(latches_come_back_as_they_were) {
       CHECK(!Latches::decode(record, sizeof record - 1, found));
     }
   }
-}
-
-/// As releases wrote it that kept nothing of the battery, but whether the robot was armed.
-TEST(an_older_record_is_read_as_it_was_meant) {
-  uint8_t record[] = {0x57, 0x4c, 3, 0, 5, 0, 0, 0, 0, 0, 0, 0};
-  const uint32_t crc = crc32(record, 8);
-  for (size_t i = 0; i < 4; ++i) record[8 + i] = static_cast<uint8_t>(crc >> 8 * i);
-  Latches found;
-  CHECK(Latches::decode(record, sizeof record, found));
-  CHECK((found == Latches{.estop = true, .faults = 5}));
 }
 
 TEST(an_estop_survives_a_reset_until_it_is_cleared) {

@@ -24,6 +24,7 @@ from wheelwire.errors import (
     WheelwireError,
     fault_names,
 )
+from wheelwire.holds import HeldBy
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
@@ -76,6 +77,7 @@ def info(
         device_counters = driver.device_counters()
         ledger = driver.recorder.read(boxes=False).ledger
         warnings = _warnings(driver, sample, address.text)
+        holding = driver.holding()
         link, statistics = driver.info, driver.statistics
     if as_json:
         print_json(
@@ -84,6 +86,8 @@ def info(
                 "core_dump": link.device.has_core_dump,
                 "state": sample.state,
                 "faults": sample.faults,
+                "held_by": holding.held_by.names,
+                "last_stop": holding.last_stop,
                 "host_counters": statistics,
                 "device_counters": device_counters,
                 "ledger": None if ledger is None else ledger_counts(ledger),
@@ -103,6 +107,8 @@ def info(
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
             ("state", _state(sample.state, address.text)),
             ("faults", ", ".join(to_json_value(sample.faults)) or "none"),
+            ("held by", _held(holding.held_by)),
+            ("last stop", str(holding.last_stop)),
             ("battery", "not measured" if sample.battery_v is None else f"{sample.battery_v} V"),
             ("baud rate", link.baud_rate or "not applicable"),
             ("low latency", latency[link.low_latency]),
@@ -116,6 +122,10 @@ def info(
         ],
     )
     print_lines(*(f"warning: {warning}" for warning in warnings))
+
+
+def _held(held_by: HeldBy) -> str:
+    return f"{', '.join(held_by.names)}. {held_by}" if held_by else "nothing"
 
 
 def _firmware(device: DeviceInfo) -> str:
@@ -310,6 +320,7 @@ def monitor(
         if isinstance(driver, DeviceDriver):
             with suppress(InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(partial(_print_stop, as_json=as_json))
+            driver.on_held = partial(_print_held, as_json=as_json)
         end = time.monotonic() + (seconds or math.inf)
         shown: SupervisorState | None = None
         for news in watch(driver, end):
@@ -329,6 +340,11 @@ def monitor(
 
 def _print_stop(stop: Stop, *, as_json: bool) -> None:
     print_note(f"{stop.sentence} Look first at {stop.look_at}.", as_json=as_json)
+
+
+def _print_held(held_by: HeldBy, *, as_json: bool) -> None:
+    text = f"held by {', '.join(held_by.names)}: {held_by}" if held_by else "nothing holds it"
+    print_note(text, as_json=as_json)
 
 
 @contextmanager

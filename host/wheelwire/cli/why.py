@@ -16,6 +16,7 @@ from wheelwire.config import is_recording
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
 from wheelwire.link.clock import host_clock_us
+from wheelwire_protocol.codes import StopCause
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
 from .box_rerun import rerun_file
@@ -161,11 +162,15 @@ def _of_robot(
                 f"the driver of {address.text} reports no stops: name another robot"
             )
         recorded = driver.recorder.read()
-        sample, device = driver.read(), driver.info.device
-    found = stops_of_device(device, sample, recorded)
+        sample, device, holding = driver.read(), driver.info.device, driver.holding()
+    found = stops_of_device(device, sample, recorded, holding)
     if recorded.why_none and folder is not None:
         raise RecordingError(recorded.why_none)
-    facts = [] if found else [f"Nothing holds the robot: it is {sample.state.name}."]
+    facts = [f"held by: {', '.join(holding.held_by.names)}"]
+    if not holding.held_by:
+        facts = [f"Nothing holds the robot: it is {sample.state.name}."]
+    if holding.last_stop.cause is StopCause.UNKNOWN:
+        facts.append(str(holding.last_stop))
     if recorded.why_none:
         facts.append(f"What it has recorded is not in this: {recorded.why_none}.")
     if recorded.ledger is not None:
@@ -195,7 +200,8 @@ def _print(said: list[dict[str, Any]], facts: list[str]) -> None:
         when = "" if stop["time"] is None else f"{datetime.fromisoformat(stop['time']):%H:%M:%S.%f}"
         print_lines(f"{when[:-3]}  {stop['sentence']}".strip(), style="bold")
         print_lines(*(f"    {evidence}" for evidence in stop["evidence"]))
-        print_lines(f"    Look first at {stop['look_at']}.", style="cyan")
+        if stop["look_at"]:
+            print_lines(f"    Look first at {stop['look_at']}.", style="cyan")
     print_lines(*filter(None, facts))
 
 

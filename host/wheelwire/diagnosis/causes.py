@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
+from wheelwire_protocol.codes import EstopSource, Fault, Held, RefusalCode, ResetReason
 from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Reflex, SensorState
 
 if TYPE_CHECKING:
@@ -96,6 +96,10 @@ CAUSES: dict[str, Cause] = {
         "{channel}, which can stop the robot, gave nothing that can be used",
         "`wheelwire sensors`, then that sensor's wires",
     ),
+    "bumper_pressed": Cause(
+        "{channel} was pressed, and held the robot off",
+        "what it touches, then that bumper and its wire",
+    ),
     # --- emergency stops, and stops that somebody asked for
     "contact_open": Cause(
         "The emergency stop's contact opened", "the emergency stop's button, then its wire"
@@ -109,6 +113,10 @@ CAUSES: dict[str, Cause] = {
     "estop_before_reset": Cause(
         "An emergency stop was latched before the device's reset",
         "what caused it; then clear it",
+    ),
+    "latch_record_damaged": Cause(
+        "The record of what was latched is damaged, which counts as an emergency stop",
+        "the robot; then clear it",
     ),
     "fault_before_reset": Cause(
         "A fault was latched before the device's reset", "the fault that is named in the evidence"
@@ -278,6 +286,22 @@ RESETS: dict[ResetReason, str] = {
     ResetReason.BROWNOUT: "brownout",
 }
 
+ESTOPS: dict[EstopSource, str] = {
+    EstopSource.CONTACT: "contact_open",
+    EstopSource.SESSION: "estop_by_session",
+    EstopSource.OTHER_PROGRAM: "estop_by_stranger",
+    EstopSource.BEFORE_POWER_ON: "estop_before_reset",
+    EstopSource.DAMAGED_RECORD: "latch_record_damaged",
+}
+LATCHES = Held.ESTOP | Held.CONTACT | Held.FAULT
+"""What the robot's state says as well."""
+SENSED: dict[Held, str] = {
+    Held.CLIFF: "cliff_seen",
+    Held.FAULT_INPUT: "stage_tripped",
+    Held.BATTERY: "battery_at_stop",
+    Held.BATTERY_UNKNOWN: "sensor_stale",
+}
+"""Sensors that stop the robot."""
 _STOPPING_INPUTS = {
     PeripheralKind.CLIFF: "cliff_seen",
     PeripheralKind.STAGE_FAULT: "stage_tripped",
@@ -346,6 +370,16 @@ def sensor_causes(inputs: InputsMeasurement) -> dict[str, str]:
         elif info.kind is PeripheralKind.BATTERY and message.level == BatteryLevel.STOP:
             found[info.name] = "battery_at_stop"
     return found
+
+
+def sensed_causes(held: Held) -> dict[str, str]:
+    """The sensors among these that stop the robot: their names, and the cause."""
+    return {channel_of(flag): cause for flag, cause in SENSED.items() if flag in held}
+
+
+def channel_of(flag: Held) -> str:
+    """What a person calls a sensor: `Bumper front left`."""
+    return str(flag.name).replace("_", " ").capitalize()
 
 
 def latched_causes(

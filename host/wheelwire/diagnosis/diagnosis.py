@@ -12,10 +12,13 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import (
+    EstopSource,
     EventCode,
     Fault,
+    Held,
     RefusalCode,
     ResetReason,
+    StopCause,
     SupervisorEvent,
     SupervisorState,
 )
@@ -28,6 +31,7 @@ from wheelwire_protocol.types import (
     Estop,
     Event,
     Hello,
+    Hold,
     ParameterEntry,
     ParameterValue,
     Refuse,
@@ -44,22 +48,27 @@ from ..link.setpoints import SETPOINT_IDS
 from ..link.state_stream import Measurement
 from ..link.tap import Kind, Record
 from ..recording.frames import FrameReader
-from ..samples import tick_difference
+from ..samples import TICK_MODULUS, tick_difference
 from . import wheels
 from .causes import (
     COUNTING_FAULTS,
+    ESTOPS,
     LATCHED,
     OTHER_FAULTS,
     REFUSALS,
     RESETS,
     WHEEL_FAULTS,
+    channel_of,
     look_at_of,
+    sensed_causes,
     sentence_of,
 )
 from .history import SPAN_US, Asked, History, battery_v, drives
 
 DECIDE_US = 60_000
 """A stop is judged this long after it, for later records may explain it."""
+HOLD_US = 200_000
+"""The device says within this time who latched an e-stop, and which sensor stopped it."""
 INPUTS_US = 1_200_000
 """A stop by a sensor is judged this long after it, unless the device has named the sensor sooner.
 
@@ -166,6 +175,10 @@ class Diagnosis:
         self._moved = False
         self._refused: set[tuple[int, int]] = set()
         self._trial_us = -ANSWER_US
+        self._hold: Hold | None = None
+        """What the device said last of what holds it, and when that came."""
+        self._hold_us = 0
+        self._latched_us = 0
         self._strangers: deque[tuple[int, int]] = deque(maxlen=16)
         """Answers to other programs: when, and to which message."""
         self._contact_seen_us = -ANSWER_US
@@ -252,11 +265,17 @@ class Diagnosis:
         return [stop for stop in stops if stop is not None]
 
     def _waits_for_inputs(self, judge: Callable[[], Stop | None], now_us: int) -> bool:
-        """Whether it judges a stop by a sensor, and the device may still say which one."""
-        session, stopped = self._rerun.session, self._by_sensor
-        if stopped is None or judge is not stopped[0] or session is None:
+        """Whether it judges a stop of which the device may still say who or what was the cause."""
+        session, stopped, hold_us = self._rerun.session, self._by_sensor, self._hold_us
+        if session is None:
+            return False
+        is_unsaid = self._hold is not None and hold_us < self._latched_us
+        if judge is self._latch and is_unsaid and now_us < self._latched_us + HOLD_US:
+            return True
+        if stopped is None or judge is not stopped[0]:
             return False
         is_asked = session.phase is Phase.OPEN and session.sensors.rate_hz > 0
+        # By its name, which the report of what holds the robot does not have.
         is_known = bool(self._history.stopping_sensors(stopped[1]))
         return is_asked and not is_known and now_us < stopped[1] + INPUTS_US
 
@@ -281,6 +300,7 @@ class Diagnosis:
                 faults = (str(one.name) for one in Fault if one in self._faults)
                 self.latched_before = self._state.name, *faults
         self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
+        self._hold = session.hold
         if session.device is not None:
             self._boot_id = session.device.boot_id
 
@@ -325,6 +345,8 @@ class Diagnosis:
     def _take(self, message: AnyMessage, now_us: int) -> None:
         if isinstance(message, Event):
             self._take_event(message, now_us)
+        elif isinstance(message, Hold):
+            self._take_hold(message, now_us)
         elif isinstance(message, DeviceHello):
             self._take_hello(message, now_us)
         elif isinstance(message, Refuse):
@@ -354,6 +376,21 @@ class Diagnosis:
         self._state_t_us = event.t_us
         self._faults = faults
 
+    def _take_hold(self, hold: Hold, now_us: int) -> None:
+        """The device has said what holds it; one that a bumper holds off changes no state."""
+        before, self._hold, self._hold_us = self._hold, hold, now_us
+        is_new = before is not None and hold.stop_us != before.stop_us
+        if is_new and hold.stop_cause == StopCause.BUMPER:
+            at_us = self._history.host_us(hold.stop_us % TICK_MODULUS) or now_us
+            self._later(now_us, partial(self._held_off, at_us, hold), 0)
+
+    def _held_off(self, at_us: int, hold: Hold) -> Stop:
+        sensors = [flag for flag in Held if hold.stop_held & flag]
+        evidence = [f"{flag.name}: {flag.doc}" for flag in sensors]
+        evidence.append(f"it went at {hold.stop_mmps / 1000:.2f} m/s")
+        channel = channel_of(sensors[0]) if sensors else "A bumper"
+        return self._stop(at_us, ("bumper_pressed",), evidence, channel)
+
     def _change(
         self,
         before: SupervisorState | None,
@@ -376,8 +413,10 @@ class Diagnosis:
             judge = self._latch = partial(self._fault, at_us, new or faults, samples, first)
             if Fault.EXTERNAL in (new or faults) and not first:
                 self._by_sensor = judge, at_us
+            self._latched_us = at_us
         elif after is SupervisorState.ESTOPPED:
             judge = self._latch = partial(self._estopped, at_us, first)
+            self._latched_us = at_us
         elif before is _DRIVING and after is SupervisorState.TIMED_OUT:
             judge = partial(self._timed_out, at_us)
         elif before is _DRIVING and after is SupervisorState.IDLE:
@@ -469,6 +508,8 @@ class Diagnosis:
         """An input, the battery or a stale sensor stopped the robot."""
         evidence = [f"{one.name}: {one.doc}" for one in Fault if one in faults]
         found = self._history.stopping_sensors(at_us)
+        if not found and self._hold is not None and self._hold_us >= at_us:
+            found = sensed_causes(Held(self._hold.stop_held | self._hold.held))
         if not found:
             evidence.append("what the sensors measured was not asked for, or not received")
             return self._stop(at_us, ("external_fault",), evidence)
@@ -497,12 +538,25 @@ class Diagnosis:
         if self._is_answered(Estop, at_us):
             text = "the device acknowledged an Estop that another program had sent"
             return self._stop(at_us, ("estop_by_stranger",), (text,))
+        source = self._estop_source(at_us)
+        if source in ESTOPS:
+            return self._stop(at_us, (ESTOPS[source],), (f"the device says: {source.doc}",))
         evidence = ["no Estop was sent over this link"]
         if self._contact_seen_us >= at_us:
             evidence.append("a clear was refused: the contact is still open")
             return self._stop(at_us, ("contact_open",), evidence)
         evidence.append("whether the contact opened or another program asked is not in the data")
         return self._stop(at_us, ("contact_open", "estop_by_stranger"), evidence)
+
+    def _estop_source(self, at_us: int) -> EstopSource:
+        """Who latched the e-stop of then, if the device has said so.
+
+        At the start of a session it says so before the first sample shows the e-stop.
+        """
+        hold = self._hold
+        if hold is None or self._hold_us < at_us - ANSWER_US or not hold.held & Held.ESTOP:
+            return EstopSource.NONE
+        return EstopSource(hold.estop_source)
 
     def _asked_to_stop(self, at_us: int) -> Stop:
         if abs(self._trial_us - at_us) < ANSWER_US:

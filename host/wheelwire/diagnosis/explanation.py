@@ -9,11 +9,13 @@ from wheelwire_protocol.codes import RefusalCode
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, WheelwireError
 from .causes import (
     ESTOPPED,
+    ESTOPS,
     HELD,
     REFUSALS,
     REQUEST_REFUSALS,
     latched_causes,
     look_at_of,
+    sensed_causes,
     sensor_causes,
     sentence_of,
 )
@@ -23,6 +25,7 @@ from .cures import cure_of_stores
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..holds import HeldBy
     from ..link.sensor_stream import SensorStream
     from .watch import StopWatch
 
@@ -38,18 +41,25 @@ def explain(
     watch: StopWatch | None,
     sensors: _Sensors | None = None,
     robot: str = "ROBOT",
+    held_by: HeldBy | None = None,
 ) -> None:
     """Have the error say why the robot does not drive, answer or do what it was asked for.
 
-    As far as the error, a watch of stops and the sensors know. `robot`: its address, for commands.
+    As far as the error, a watch of stops, the sensors and `held_by` tell. `robot`: its address,
+    for commands.
     """
-    error.why, error.evidence, error.look_at = _said(error, watch, sensors)
+    error.why, error.evidence, error.look_at = _said(error, watch, sensors, held_by)
     if isinstance(error, DeviceRefused) and (cure := cure_of_stores(error.faults, robot)):
         error.why = f"{error.why} Run {cure}.".lstrip()
         error.look_at = cure
 
 
-def _said(error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None) -> _Said:
+def _said(
+    error: WheelwireError,
+    watch: StopWatch | None,
+    sensors: _Sensors | None,
+    held_by: HeldBy | None,
+) -> _Said:
     if isinstance(error, LinkLost):
         return _one_of(error.causes, str(error)) if error.causes else _NOTHING
     if isinstance(error, ProtocolMismatch):
@@ -68,11 +78,14 @@ def _said(error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | No
     if stop is not None:
         return stop.sentence, (*stop.evidence, evidence), stop.look_at
     if code is RefusalCode.ESTOPPED:
-        return _one_of(ESTOPPED, evidence)
+        name = None if held_by is None else ESTOPS.get(held_by.estop_source)
+        return _one_of(ESTOPPED if name is None else (name,), evidence)
     if code is RefusalCode.CAUSE_PRESENT and not error.faults:
         return _one_of(("contact_open",), evidence)
     stopped = None if sensors is None else sensors().stopped
     causes_of_sensors = {} if stopped is None else sensor_causes(stopped)
+    if held_by is not None and not causes_of_sensors:
+        causes_of_sensors = sensed_causes(held_by.flags)
     found = list(latched_causes(error.faults, causes_of_sensors))
     return (
         " ".join(sentence_of(causes, side) for _, causes, side in found),

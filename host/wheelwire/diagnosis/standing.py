@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from wheelwire_protocol.codes import Capability, Fault, ResetReason, SupervisorState
+from wheelwire_protocol.codes import Capability, Fault, Held, ResetReason, SupervisorState
 
+from ..holds import Holding
 from ..link.info import DeviceInfo
-from .causes import ESTOPPED, RESETS, latched_causes
+from .causes import ESTOPPED, ESTOPS, RESETS, latched_causes, sensed_causes
 from .diagnosis import Stop, stop_of
+from .holding import last_stop
 
 NO_HISTORY = "what came before was not recorded: record the robot's day to see more next time"
 _STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL)
@@ -44,6 +46,7 @@ def standing_stops(
     faults: Fault,
     host_us: int,
     known: KnownByBoxes = NOTHING_KNOWN,
+    holding: Holding | None = None,
 ) -> list[Stop]:
     """Why a robot stands now, as far as its state, flags and last reset tell.
 
@@ -53,6 +56,7 @@ def standing_stops(
         faults: Latched.
         host_us: The host's clock.
         known: What its black boxes say of that: it is left out.
+        holding: What it says itself of what holds it; None: nothing.
     """
     stops = []
     reset = device.reset_reason
@@ -65,14 +69,28 @@ def standing_stops(
         text = f"black box {known.before_reset}, of an earlier boot, is of the same"
         stops.append(stop_of(host_us, (_BEFORE_RESET[state],), (f"{state.name} now", text)))
     elif state is SupervisorState.FAULT:
-        for fault, causes, side in latched_causes(faults & ~known.faults):
+        sensors = {} if holding is None else sensed_causes(holding.held_by.flags)
+        for fault, causes, side in latched_causes(faults & ~known.faults, sensors):
             evidence = (f"{fault.name}: {fault.doc}", NO_HISTORY)
             stops.append(stop_of(host_us, causes, evidence, side))
     elif state is SupervisorState.ESTOPPED and not known.estop:
-        has_contact = Capability.ESTOP_INPUT in device.capabilities
-        causes = ESTOPPED if has_contact else ESTOPPED[1:]
-        stops.append(stop_of(host_us, causes, ("ESTOPPED now", NO_HISTORY)))
+        stops.append(_estopped(device, host_us, holding))
+    elif state is SupervisorState.TIMED_OUT and holding is not None:
+        stops += last_stop(holding.last_stop, host_us)
     elif state is SupervisorState.TIMED_OUT:
         silent = "program_paused", "host_killed", "host_frozen", "cable_pulled"
         stops.append(stop_of(host_us, silent, ("its newest setpoint ran out", NO_HISTORY)))
     return stops
+
+
+def _estopped(device: DeviceInfo, host_us: int, holding: Holding | None) -> Stop:
+    evidence = ["ESTOPPED now"]
+    if holding is None or holding.held_by.estop_source not in ESTOPS:
+        has_contact = Capability.ESTOP_INPUT in device.capabilities
+        causes = ESTOPPED if has_contact else ESTOPPED[1:]
+        return stop_of(host_us, causes, (*evidence, NO_HISTORY))
+    source = holding.held_by.estop_source
+    evidence.append(f"latched by {source.name}: {source.doc}")
+    if Held.CONTACT in holding.held_by:
+        evidence.append(f"CONTACT: {Held.CONTACT.doc}")
+    return stop_of(host_us, (ESTOPS[source],), evidence)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterator
 
-from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import (
+    Capability,
+    Contradiction,
+    Held,
+    SupervisorEvent,
+    SupervisorState,
+)
 from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorState
 
 from ..diagnosis.causes import latched_causes, sentence_of
@@ -25,6 +31,13 @@ WATCH_S = 1.5
 """How long the doctor listens to the link before it judges its loss and its clock."""
 CLOCK_ERROR_LIMIT_US = 5_000.0
 LOSS_LIMIT = 0.01
+_SENSORS = Held.CLIFF | Held.FAULT_INPUT | Held.BATTERY | Held.BATTERY_UNKNOWN
+_SENSORS |= Held.BUMPER_FRONT | Held.BUMPER_FRONT_LEFT | Held.BUMPER_FRONT_RIGHT
+_SENSORS |= Held.BUMPER_REAR | Held.BUMPER_REAR_LEFT | Held.BUMPER_REAR_RIGHT
+_NAMED_ELSEWHERE = (Held.ESTOP | Held.CONTACT | Held.FAULT | Held.CONTRADICTION) | (
+    Held.UNARMED | Held.UNARMED_FORWARD | Held.UNARMED_REVERSE
+)
+"""What another check says; and that it is unarmed, as is each robot that somebody only looks at."""
 
 
 def examine_robot(
@@ -56,7 +69,9 @@ def examine_robot(
     time.sleep(WATCH_S)
     yield from _link(driver)
     # Afterwards: their samples take their part of the line.
-    yield from _sensors(driver)
+    sensed = list(_sensors(driver))
+    yield from sensed
+    yield from _held(driver, address, is_sensed=bool(sensed))
 
 
 def _firmware(driver: DeviceDriver, address: str) -> Iterator[Finding]:
@@ -156,12 +171,27 @@ def _stops(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         end = f"; wheelwire clear {address} ends it"
     # `_stores` reports the others.
     faults = sample.faults & ~STORED
-    for stop in standing_stops(device, sample.state, faults, host_clock_us()):
+    holding = driver.holding()
+    for stop in standing_stops(device, sample.state, faults, host_clock_us(), holding=holding):
         yield Finding(
             "stopped",
             stop.sentence,
             f"look first at {stop.look_at}; wheelwire why {address} has the evidence{end}",
         )
+
+
+def _held(driver: DeviceDriver, address: str, *, is_sensed: bool) -> Iterator[Finding]:
+    """What holds the robot; `is_sensed`: its sensors' samples have named those that do."""
+    held_by = driver.holding().held_by
+    named = _NAMED_ELSEWHERE | (_SENSORS if is_sensed else Held(0))
+    for flag in held_by:
+        if flag not in named:
+            problem, _, cure = held_by.sentence(flag).partition(": ")
+            yield Finding(
+                "held",
+                f"{flag.name}: {problem[0].lower()}{problem[1:]}.",
+                cure.rstrip(".") or f"wheelwire why {address}",
+            )
 
 
 def _ledger(driver: DeviceDriver, address: str) -> Iterator[Finding]:

@@ -19,6 +19,7 @@ from ..errors import (
     meant,
     shown,
 )
+from ..holds import HeldBy, LastStop
 from ..link.info import DeviceInfo, Health, LinkStatistics
 from ..link.latest_sample import Latest, LatestSample
 from ..link.news import Happening
@@ -155,7 +156,22 @@ class Driving(ABC):
             faults=latest.sample.faults if latest else NO_FAULT,
             setpoints_expired=counted.setpoints_expired,
             ttl_max_s=self.ttl_max_s,
+            held_by=self.held_by,
         )
+
+    @property
+    def held_by(self) -> HeldBy | None:
+        """What keeps the robot from driving now, or from driving one way. Never waits.
+
+        False if nothing does; None while that is not known, as out of reach. `str` says it in
+        words, `names` has the stable codes.
+        """
+        return None
+
+    @property
+    def last_stop(self) -> LastStop | None:
+        """What ended the robot's last motion, whichever program drove; None while not known."""
+        return None
 
     # --- what is reported ----------------------------------------------------------------------
 
@@ -163,11 +179,12 @@ class Driving(ABC):
     def on_lost(self) -> Callable[[WheelwireError], object] | None:
         """Called with the error when the robot is out of reach, whatever the reason.
 
-        Assign a function, or None, to this and to the other two. The functions may call the robot:
-        they run on a thread of their own, one after the other and in order. With asyncio they run
-        in the loop, and may be coroutines; in virtual time they run in the call that lets it pass.
-        The driver logs what they raise, and calls none after `close` has returned. A function that
-        is assigned while the robot is out of reach, or a fault is latched, is called for that.
+        Assign a function, or None, to this and to the other three. The functions may call the
+        robot: they run on a thread of their own, one after the other and in order. With asyncio
+        they run in the loop, and may be coroutines; in virtual time they run in the call that lets
+        it pass. The driver logs what they raise, and calls none after `close` has returned. A
+        function that is assigned while the robot is out of reach, a fault is latched or something
+        holds the robot is called for that.
         """
         return self._callbacks.get(Happening.LOST)
 
@@ -196,6 +213,19 @@ class Driving(ABC):
     @on_fault.setter
     def on_fault(self, handler: Callable[[Fault], object] | None) -> None:
         self._set_callback(Happening.FAULT, handler)
+
+    @property
+    def on_held(self) -> Callable[[HeldBy], object] | None:
+        """Called with all that holds the robot when that has changed; see `on_lost`.
+
+        With one that is false, `held_by`, nothing holds it any more. Assigned while something
+        does, it is called for that. It needs no sensor stream.
+        """
+        return self._callbacks.get(Happening.HELD)
+
+    @on_held.setter
+    def on_held(self, handler: Callable[[HeldBy], object] | None) -> None:
+        self._set_callback(Happening.HELD, handler)
 
     def _set_callback(self, happening: Happening, handler: Callable[[Any], object] | None) -> None:
         self._callbacks.set(happening, handler)

@@ -29,7 +29,9 @@ class Explanations(AbstractContextManager["Explanations"]):
         """Add to the error the sentence of its stop, the evidence and what to look at."""
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
-        explain(error, self.watch, lambda: self.link.sensors, self.link.name)
+        hold = self.link.hold
+        held_by = None if hold is None else self.link.held_by(hold)
+        explain(error, self.watch, lambda: self.link.sensors, self.link.name, held_by)
 
     def __exit__(
         self,

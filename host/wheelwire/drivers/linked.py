@@ -14,6 +14,7 @@ from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
 from ..arguments import for_json, text
 from ..errors import LinkClosed, LinkLost, WheelwireError
+from ..holds import HeldBy, LastStop
 from ..link.device_link import DeviceLink
 from ..link.info import LinkInfo, LinkStatistics
 from ..link.news import Happening, News
@@ -124,6 +125,22 @@ class LinkedRobot(Driving):
         None before such a report, and after the robot slowed down or drove. Never waits.
         """
         return self._link.rolling_mps
+
+    @property
+    def held_by(self) -> HeldBy | None:
+        """As `Driving.held_by`."""
+        hold = self._link.hold
+        return None if hold is None else self._link.held_by(hold)
+
+    @property
+    def last_stop(self) -> LastStop | None:
+        """What ended the robot's last motion, whichever program drove; None while not known.
+
+        `program` names the program that drove, if it was one of this user's on this computer, also
+        one that has died since.
+        """
+        hold = self._link.hold
+        return None if hold is None else self._link.last_stop(hold)
 
     @property
     def is_unarmed(self) -> bool:

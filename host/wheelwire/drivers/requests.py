@@ -22,6 +22,8 @@ from wheelwire_protocol.types import (
     ControlCountersGet,
     GroupGet,
     GroupInfo,
+    Hold,
+    HoldGet,
     LinkCounters,
     LinkCountersGet,
     UnsavedGet,
@@ -29,6 +31,7 @@ from wheelwire_protocol.types import (
 )
 
 from ..errors import DeviceRefused, GroupUnavailable
+from ..holds import Holding
 from ..link.device_link import DeviceLink
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, RequestMessage, subject
@@ -125,6 +128,12 @@ class AwaitableDevice:
         """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
         answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
         return Contradiction(answer.active)
+
+    async def holding(self) -> Holding:
+        """Ask what holds the robot, and what ended its last motion: `held_by` and `last_stop`."""
+        hold = cast("Hold", await self._requests.request(HoldGet(0, 0)))
+        link = self._requests.link
+        return Holding(link.held_by(hold), link.last_stop(hold))
 
     async def unsaved_parameters(self) -> tuple[str, ...]:
         """The parameters whose active value a reset would change; not while driving.

@@ -149,6 +149,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     clear_estop = blocking(AwaitableDevice.clear_estop)
     clear_fault = blocking(AwaitableDevice.clear_fault)
     device_counters = blocking(AwaitableDevice.device_counters)
+    holding = blocking(AwaitableDevice.holding)
     contradictions = blocking(AwaitableDevice.contradictions)
     unsaved_parameters = blocking(AwaitableDevice.unsaved_parameters)
     control_counters = blocking(AwaitableDevice.control_counters)

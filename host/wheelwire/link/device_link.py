@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
-from wheelwire_protocol.types import SetDuty
+from wheelwire_protocol.types import Hold, SetDuty
 
 from ..errors import InvalidCommand, RequestTimeout, WheelwireError, afresh
+from ..holds import HeldBy, LastStop
 from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
@@ -102,6 +104,29 @@ class DeviceLink(Reporter, ABC):
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
         return self._session.rolling_mps
+
+    @property
+    def session_id(self) -> int:
+        """As `Session.id`."""
+        return self._session.id
+
+    @property
+    def hold(self) -> Hold | None:
+        """As `Session.hold`."""
+        return self._session.hold
+
+    def held_by(self, hold: Hold) -> HeldBy:
+        """As `Session.held_by`."""
+        return self._session.held_by(hold)
+
+    def last_stop(self, hold: Hold) -> LastStop:
+        """As `Session.last_stop`, with the program that drove."""
+        stop = self._session.last_stop(hold)
+        if not stop.session_id:
+            return stop
+        from .programs import driver_of  # here, for most programs never ask
+
+        return replace(stop, program=driver_of(self._device.board_id, stop.session_id))
 
     @property
     def is_unarmed(self) -> bool:

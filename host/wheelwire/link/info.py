@@ -23,6 +23,7 @@ from wheelwire_protocol.types import ConfigurationValue, DeviceHello
 
 from ..board import BOARD, assembled, fingerprint_of
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
+from ..holds import HeldBy
 
 
 @dataclass(frozen=True)
@@ -266,6 +267,8 @@ class Health:
         faults: Its latched faults.
         setpoints_expired: Setpoints that arrived too late, since it was opened.
         ttl_max_s: The longest time to live that it takes; None while that is not known.
+        held_by: What keeps it from driving, or from driving one way; false if nothing does, None
+            while that is not known.
     """
 
     is_open: bool
@@ -277,6 +280,7 @@ class Health:
     faults: Fault
     setpoints_expired: int
     ttl_max_s: float | None
+    held_by: HeldBy | None = None
 
 
 RECENT_US = 1_000_000

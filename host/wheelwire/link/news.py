@@ -19,6 +19,8 @@ class Happening(enum.Enum):
     """A session was opened; reported with the device."""
     FAULT = "on_fault"
     """A fault was latched; reported with all that are."""
+    HELD = "on_held"
+    """What holds the robot has changed; reported with all that does."""
     STOPPED = "watch_stops"
     """The robot has stopped; reported with the stop, by a watch, and never by the link itself."""
 

@@ -31,6 +31,8 @@ from wheelwire_protocol.types import (
     Estop,
     GroupGet,
     GroupInfo,
+    Hold,
+    HoldGet,
     LedgerGet,
     LedgerValue,
     LinkCounters,
@@ -72,6 +74,7 @@ RequestMessage: TypeAlias = (
     | LinkCountersGet
     | ControlCountersGet
     | ContradictionsGet
+    | HoldGet
     | GroupGet
     | Restart
     | ConfigurationGet
@@ -93,6 +96,7 @@ Answer: TypeAlias = (
     | LinkCounters
     | ControlCounters
     | Contradictions
+    | Hold
     | GroupInfo
     | ConfigurationValue
     | BoxValue
@@ -124,6 +128,7 @@ ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     LinkCountersGet: LinkCounters,
     ControlCountersGet: ControlCounters,
     ContradictionsGet: Contradictions,
+    HoldGet: Hold,
     GroupGet: GroupInfo,
     ConfigurationGet: ConfigurationValue,
     BoxGet: BoxValue,

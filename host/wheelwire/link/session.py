@@ -61,6 +61,7 @@ from wheelwire_protocol.types import (
     GroupGet,
     GroupInfo,
     Hello,
+    Hold,
     Imu,
     Inputs,
     LedgerValue,
@@ -95,6 +96,7 @@ from ..errors import (
     WrongBoard,
     afresh,
 )
+from ..holds import HeldBy, LastStop
 from .clock import ClockEstimator, Synchroniser
 from .info import (
     ActiveBoard,
@@ -163,6 +165,7 @@ class Session:
         copies_lost: Of which stored blocks the device's start found only one of two copies.
         rolling_mps: How fast the robot rolled, by the device's report, although nothing drives it;
             None before there is one, and once it slowed down or drives.
+        hold: What the device said last of what holds it, and of its last stop; None before that.
         phase: Phase of the session.
         id: Its id on the wire; 0 outside one.
         error: Why the session is not open; meaningless while it is.
@@ -200,6 +203,7 @@ class Session:
         self.board: ActiveBoard | None = None
         self.copies_lost: tuple[EventCode, ...] = ()
         self.rolling_mps: float | None = None
+        self.hold: Hold | None = None
         self.error: WheelwireError = LinkLost("the port was not opened yet")
         self.device: DeviceInfo | None = None
         self.count = 0
@@ -240,6 +244,8 @@ class Session:
         self._recent = RecentCounts()
         self._latched = NO_FAULT
         """Faults that the device has reported to be latched. They outlast sessions and resets."""
+        self._reported_held = HeldBy()
+        """What was last reported to the listener; outlasts sessions, too."""
 
         self._nonce = 0
         self._hello_due_us = 0
@@ -287,6 +293,7 @@ class Session:
             BoxPart: self._on_answer,
             LedgerValue: self._on_answer,
             UnsavedValue: self._on_answer,
+            Hold: self._on_hold,
             PeripheralValue: self._on_answer,
             SensorInfo: self._on_sensor_info,
             Imu: partial(self._on_sensed, self.sensors.take_imu),
@@ -551,6 +558,8 @@ class Session:
             return StandingNews(happening, afresh(self.error))
         if happening is Happening.FAULT and self._latched:
             return StandingNews(happening, self._latched)
+        if happening is Happening.HELD and self.hold is not None and self.hold.held:
+            return StandingNews(happening, self.held_by(self.hold))
         return None
 
     def watch(self, parameters: Sequence[int]) -> None:
@@ -605,6 +614,7 @@ class Session:
         self.phase = Phase.CLOSED
         self.watched_values = None
         self.rolling_mps = None
+        self.hold = None
         self.setpoints.end_session()
         self.sensors.forget()
         self.id, self._boot_id = 0, None
@@ -769,6 +779,7 @@ class Session:
             self.setpoints.open(opened, now_us)
             self.phase = Phase.OPEN
             self.news.append((Happening.OPENED, self.device))
+            self._report_held()
             self._join()
 
     def _collect_watched(self) -> None:
@@ -861,6 +872,44 @@ class Session:
         if faults & ~self._latched:
             self.news.append((Happening.FAULT, faults))
         self._latched = faults
+
+    def held_by(self, hold: Hold) -> HeldBy:
+        """What holds the robot, by what the device said. From any thread."""
+        return HeldBy.of(hold, self.setpoints.faults)
+
+    def last_stop(self, hold: Hold) -> LastStop:
+        """What ended the robot's last motion, by what the device said. From any thread."""
+        clock, stamp = self._synchroniser.clock, None
+        if hold.stop_us and clock.synchronised:
+            stamp = clock.conversion.device_to_host(hold.stop_us)[0] / 1e6
+        return LastStop.of(hold, stamp)
+
+    def _on_hold(self, hold: Hold, now_us: int) -> None:
+        """Take what holds the robot: an answer, or what the device says by itself."""
+        if self._in_session and hold.session_id == self.id:
+            self._take_hold(hold)
+        if hold.request_id:
+            self._on_answer(hold, now_us)
+        else:
+            self._is_ours(hold.session_id, now_us)
+
+    def _take_hold(self, hold: Hold) -> None:
+        try:
+            HeldBy.of(hold, NO_FAULT)
+            LastStop.of(hold, None)
+        except ValueError:
+            self._invalid += 1
+            return
+        self.hold = hold
+        self._report_held()
+
+    def _report_held(self) -> None:
+        if self.phase is not Phase.OPEN or self.hold is None:
+            return
+        held_by = self.held_by(self.hold)
+        if held_by != self._reported_held:
+            self._reported_held = held_by
+            self.news.append((Happening.HELD, held_by))
 
     def _on_sensor_info(self, info: SensorInfo, now_us: int) -> None:
         if self._is_ours(info.session_id, now_us):
@@ -996,6 +1045,7 @@ class Session:
             "boots": self._boots.ids,
             "latched": self._latched,
             "held": self.setpoints.held,
+            "hold": self.hold,
         }
         if self.phase is Phase.OPEN:
             liveness, stream = self._liveness, self._state_stream
@@ -1053,6 +1103,7 @@ class Session:
             return
         self.id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
         self.values = dict(known["values"])
+        self.hold = _hold_of(known)
         if known["board"] is not None:
             board = ActiveBoard(*known["board"])
             self.board = replace(board, state=ConfigurationState(board.state))
@@ -1084,6 +1135,12 @@ class Session:
     def _ping_due_us(self) -> int:
         synchroniser = self._synchroniser
         return min(synchroniser.due_us, self._liveness.ping_due_us(synchroniser.sent_us))
+
+
+def _hold_of(known: dict[str, Any]) -> Hold | None:
+    """What held the robot at a snapshot; those of earlier releases do not say."""
+    hold = known.get("hold")
+    return None if hold is None else Hold(*hold)
 
 
 def _rolls_on(newest: Measurement, reported_mps: float) -> bool:

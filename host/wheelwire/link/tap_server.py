@@ -36,6 +36,7 @@ from wheelwire_protocol.types import (
     ControlCountersGet,
     Estop,
     GroupGet,
+    HoldGet,
     LedgerGet,
     LinkCountersGet,
     ParameterGet,
@@ -52,6 +53,7 @@ from .clock import host_clock_us
 from .forking import abandon_in_child
 from .port_name import device_of
 from .program_name import process_name, program_name
+from .programs import note_driver
 from .requests import Answer, Done, RequestMessage
 from .tap import STOP_ASKED, TapReader
 from .tap_directory import SUFFIX, TapDirectory, tap_directory
@@ -77,6 +79,7 @@ READ_ONLY = (
     ContradictionsGet,
     ControlCountersGet,
     GroupGet,
+    HoldGet,
     LedgerGet,
     LinkCountersGet,
     ParameterGet,
@@ -245,6 +248,8 @@ class TapServer:
     def _look(self, link: Link) -> None:
         """Offer the link under its board's name, again if the file is gone."""
         place, board_id = self._place, link.info.device.board_id
+        if link.arms:
+            place.note_driver(board_id, link.session_id)
         if place.is_at(board_id):
             return
         if place.listener is not None:
@@ -298,10 +303,19 @@ class _Place:
         self._path = Path()
         self._identity: tuple[int, ...] = ()
         self._problem = ""
+        self._session_id = 0
 
     def is_at(self, board_id: str) -> bool:
         """Whether the link is offered under the name of this board."""
         return self.listener is not None and board_id == self._board_id and self._is_there()
+
+    def note_driver(self, board_id: str, session_id: int) -> None:
+        """Remember that this program drives the board; a failure costs that alone."""
+        if session_id in (0, self._session_id):
+            return
+        with suppress(OSError, WheelwireError):
+            note_driver(tap_directory(make=True), board_id, session_id)
+        self._session_id = session_id
 
     def take(self, board_id: str) -> None:
         """Offer the link under the name of this board; a failure is logged."""

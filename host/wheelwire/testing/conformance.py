@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
 
 from .. import errors
 from ..commissioning.driving import set_at_rest
 from ..drivers.base import BaseDriver
+from ..holds import HeldBy
 from ..motion.kinematics import WheelVelocities
 from ..samples import WheelSample
 from .harness import CLOSE, SPEED_MPS, TIMEOUT_S, Bench, DriveHarness, mean_of, standing, turning
@@ -220,6 +221,26 @@ class StoppingTests:
         # A clear alone restarts nothing: first the robot is asked to stand.
         harness.drive_until(0.0, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         harness.drive_until(SPEED_MPS, 0.0, turning)
+
+    def test_the_robot_says_what_holds_it_and_what_ended_its_motion(
+        self, harness: DriveHarness
+    ) -> None:
+        driver = harness.driver
+        reported: list[HeldBy] = []
+        driver.on_held = reported.append
+        harness.drive_until(SPEED_MPS, 0.0, turning)
+        driver.estop()
+        harness.wait(lambda _: driver.held_by is None or Held.ESTOP in driver.held_by)
+        held_by, last_stop = driver.health.held_by, driver.last_stop
+        if held_by is None or last_stop is None:
+            pytest.skip("this driver's robot does not say")
+        assert held_by.estop_source is EstopSource.SESSION
+        assert last_stop.cause is StopCause.ESTOP_SESSION
+        assert last_stop.speed_mps > 0.0
+        driver.clear_estop()
+        harness.wait(lambda _: not driver.held_by)
+        harness.wait(lambda _: bool(reported))
+        assert Held.ESTOP in reported[0]
 
     def test_an_encoder_that_does_not_count_is_a_fault(
         self, bench: Bench, harness: DriveHarness

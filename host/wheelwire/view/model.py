@@ -13,6 +13,8 @@ from typing import NamedTuple
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..diagnosis import Stop
+from ..diagnosis.causes import LATCHES
+from ..holds import HeldBy
 from ..link.info import LinkStatistics
 from ..samples import Setpoint, WheelSample
 
@@ -51,11 +53,13 @@ class Status:
         statistics: Statistics of the link; None where there is none.
         standing: Why it stands, as far as its state alone tells.
         warnings: What keeps it from driving, or makes it less safe.
+        held_by: What holds it, by its own report; None: not known.
     """
 
     statistics: LinkStatistics | None = None
     standing: Sequence[Stop] = ()
     warnings: Sequence[str] = ()
+    held_by: HeldBy | None = None
 
 
 class Model:
@@ -128,6 +132,14 @@ class Model:
             if event.text == text:
                 return
         self.events.append(Event(unix_s, text))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """What holds it beside a latch, in sentences, also while it drives."""
+        held_by = self.status.held_by
+        if held_by is None:
+            return ()
+        return tuple(held_by.sentence(flag) for flag in held_by if flag not in LATCHES)
 
     @property
     def why(self) -> tuple[str, str]:

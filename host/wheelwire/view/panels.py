@@ -108,6 +108,8 @@ def state(model: Model, width: int, height: int) -> Text:
         style = _ALARM if model.is_latched else "bold"
         lines += _wrapped(f"{before}{found.name}: {found.doc}", width, style)
         lines += _wrapped(_reasons(model), width, "")
+        for sentence in model.held:
+            lines += _wrapped(sentence, width, _ALARM)
     return _joined(_cut(lines, width, height))
 
 
@@ -117,7 +119,8 @@ def _reasons(model: Model) -> str:
     if why:
         names = f"{', '.join(str(fault.name) for fault in faults)}. " if faults else ""
         return f"{names}{why} Look first at {look_at}."
-    return " ".join([*(f"{f.name}: {f.doc}" for f in faults), *model.status.warnings])
+    warnings = () if model.held else model.status.warnings  # the same in other words
+    return " ".join([*(f"{f.name}: {f.doc}" for f in faults), *warnings])
 
 
 def link(model: Model, width: int) -> Text:

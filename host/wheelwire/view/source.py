@@ -13,6 +13,7 @@ from ..diagnosis.standing import standing_stops
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
+from ..holds import Holding
 from ..link.clock import host_clock_us
 from ..recording.reader import session_records, was_cut
 from .model import Look, Model, Status
@@ -103,12 +104,16 @@ class Source:
             device, warnings = robot.info.device, robot.warnings
         except WheelwireError:  # out of reach
             return Status(robot.statistics, self._model.status.standing)
+        held_by, last = robot.held_by, robot.last_stop
+        holding = None if held_by is None or last is None else Holding(held_by, last)
         standing = (
             ()
             if sample is None
-            else standing_stops(device, sample.state, sample.faults, host_clock_us())
+            else standing_stops(
+                device, sample.state, sample.faults, host_clock_us(), holding=holding
+            )
         )
-        return Status(robot.statistics, standing, warnings)
+        return Status(robot.statistics, standing, warnings, held_by)
 
 
 class _RecordedStops:

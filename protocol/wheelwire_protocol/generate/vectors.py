@@ -28,6 +28,7 @@ _TYPICAL: dict[Unit, int | float] = {
     Unit.SECOND: 1.5,
     Unit.METRE_PER_SECOND: 0.25,
     Unit.MILLIMETRE: 850,
+    Unit.MILLIMETRE_PER_SECOND: 300,
     Unit.DUTY_Q15: -16_384,
     Unit.HERTZ: 100,
     Unit.NANOSECOND: 1000,

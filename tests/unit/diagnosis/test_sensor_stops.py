@@ -167,4 +167,6 @@ def test_a_sensor_that_is_never_named_is_reported_all_the_same() -> None:
     half = [record for record in records if record.host_us < live.host_us + 500_000]
     assert diagnosis.feed_all(half) == []
     (cut,) = diagnosis.end(complete=True)
-    assert live.cause == cut.cause == "external_fault"
+    # By the device's own report, which has its kind.
+    assert live.cause == cut.cause == "cliff_seen"
+    assert live.sentence == cut.sentence == "Cliff saw no floor."

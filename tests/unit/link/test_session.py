@@ -13,6 +13,7 @@ from wheelwire_protocol.types import (
     DeviceHello,
     Event,
     Hello,
+    Hold,
     ParameterGet,
     ParameterSet,
     ParameterValue,
@@ -142,7 +143,7 @@ def test_a_silent_device_is_not_flooded(line: VirtualLine) -> None:
 
 
 def test_a_device_that_streams_nothing_is_asked_five_times_a_second(line: VirtualLine) -> None:
-    line.device.lost.add(WheelState)
+    line.device.lost |= {WheelState, Hold}
     line.run(1.0)
     pings = len(line.sent_of(Ping))
     line.run(10.0)

@@ -50,6 +50,7 @@ TABLE = f"""
 12 GroupGet 7: {REQUEST} group B6
 13 Restart 6: {REQUEST}
 14 ContradictionsGet 6: {REQUEST}
+15 HoldGet 6: {REQUEST}
 80 DeviceHello 44: nonce I0 protocol_version H4 schema_hash I6 refusal B10 boot_id I11 device_us Q15
    reset_reason B23 board B24 board_id Q25 capabilities I33 version_major B37 version_minor B38
    version_patch B39 git_hash I40
@@ -69,6 +70,9 @@ TABLE = f"""
    left_illegal I18 right_illegal I22
 8a GroupInfo 11: {REQUEST} group B6 hash I7
 8b Contradictions 14: {REQUEST} active I6 refused I10
+8c Hold 44: {REQUEST} held I6 estop_source B10 contradictions I11 stop_cause B15 stop_flags B16
+   stop_reset B17 stop_held I18 stop_faults H22 stop_session I24 stop_command I28 stop_us Q32
+   stop_mmps H40 rolled_mm H42
 """
 """Id, name, size of the body, and each field's type and place in it: the letters are those of
 Python's struct, little-endian."""

@@ -86,5 +86,5 @@ def test_the_ids_of_a_group_are_in_its_range() -> None:
 
 
 def test_the_groups_of_devices_in_the_field_are_as_they_were() -> None:
-    assert schema_hash() == 0x0AE08FBB
+    assert schema_hash() == 0x4BC399F6
     assert schema_hash(Group.CONFIGURATION) == 0x3FE4DDFC

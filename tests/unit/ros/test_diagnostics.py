@@ -12,8 +12,8 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from support.host_samples import sample
-from wheelwire import BaseDriver, LinkLost, LinkStatistics, WheelSample
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire import BaseDriver, HeldBy, LastStop, LinkLost, LinkStatistics, WheelSample
+from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
 from wheelwire_protocol.types import ControlCounters
 from wheelwire_ros import diagnostics
 from wheelwire_ros.diagnostics import FORGOTTEN_S, TwinWatch
@@ -44,13 +44,24 @@ def statuses(
     ignored: Ignored | None = None,
     ignored_types: tuple[str, ...] = (),
     stop: str = "",
+    held_by: HeldBy | None = None,
+    last_stop: LastStop | None = None,
 ) -> dict[str, Any]:
     connection = RobotConnection(cast("BaseDriver", robot or Robot()), {}, Tuning(), lambda: None)
     if ignored is not None:
         connection.ignored[ignored] += 1
     newest = newest or sample()
     state = of_robot(
-        newest, silence, None, 1, ResetWatch(), prepared=True, estopped=False, stop=stop
+        newest,
+        silence,
+        None,
+        1,
+        ResetWatch(),
+        prepared=True,
+        estopped=False,
+        stop=stop,
+        held_by=held_by,
+        last_stop=last_stop,
     )
     found = diagnostics.open_statuses(
         "robot1/hardware_robot",
@@ -77,6 +88,34 @@ def test_a_latched_robot_says_why(state: SupervisorState) -> None:
     assert (robot.level, robot.message) == (ERROR, sentence)
     assert values(robot)["stop"] == sentence
     assert statuses(newest=newest)["robot"].message
+
+
+def test_what_holds_it_is_a_warning_with_its_code() -> None:
+    held_by = HeldBy(Held.BUMPER_FRONT | Held.UNARMED_FORWARD)
+    robot = statuses(newest=sample(state=SupervisorState.DRIVING), held_by=held_by)["robot"]
+    assert (robot.level, robot.message) == (WARN, Held.BUMPER_FRONT.doc)
+    assert values(robot)["held_by"] == "BUMPER_FRONT UNARMED_FORWARD"
+
+
+def test_the_state_names_what_holds_it_and_who_latched_it() -> None:
+    held_by = HeldBy(Held.ESTOP | Held.CONTACT, EstopSource.CONTACT)
+    newest = sample(state=SupervisorState.ESTOPPED)
+    state = of_robot(
+        newest,
+        None,
+        None,
+        1,
+        ResetWatch(),
+        prepared=True,
+        estopped=False,
+        stop="",
+        held_by=held_by,
+        last_stop=LastStop(StopCause.ESTOP_CONTACT),
+    )
+    assert state.cause == "the e-stop was set by its contact"
+    told = values(state.message("node"))
+    assert told["held_by"] == "CONTACT ESTOP"
+    assert told["last_stop"] == f"ESTOP_CONTACT: {StopCause.ESTOP_CONTACT.doc}"
 
 
 def test_without_a_robot_there_is_the_reason() -> None:

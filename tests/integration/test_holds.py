@@ -1,0 +1,112 @@
+"""A robot alone says what holds it, and which program died while it drove."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import wheelwire
+from support.command import run, run_json, run_process
+from support.waiting import wait_until
+from wheelwire.diagnosis import Stop
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.holds import HeldBy
+from wheelwire.simulation.simulator import Simulator
+
+pytestmark = pytest.mark.timeout(120)
+
+DRIVES = """
+import sys
+import wheelwire
+with wheelwire.connect(sys.argv[1]) as robot:
+    while True:
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        sample = robot.read()
+        if sample.left_mps > 0.1:
+            print("drives", flush=True)
+"""
+
+
+def test_after_a_kill_it_names_the_deadline_and_the_program_that_died(tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        command = [sys.executable, "-c", DRIVES, simulator.port]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "drives\n"
+            time.sleep(1.2)  # it is remembered within a second of its session
+            program.kill()
+        time.sleep(1.0)  # its setpoint runs out
+        (stop,) = run_json("why", simulator.port)
+        assert stop["cause"] == "host_killed"
+        evidence = " ".join(stop["evidence"])
+        assert "The setpoint of the program that drove ran out" in evidence
+        assert f"process {program.pid}, which has ended" in evidence
+        assert "wheelwire.connect" in evidence
+        assert stop["time"] is not None
+        assert "Nothing holds the robot: it is IDLE." in run("why", simulator.port).stdout
+        found = run_json("info", simulator.port)
+        assert found["held_by"] == []
+        assert found["last_stop"]["cause"] == "DEADLINE"
+
+
+def test_a_bumper_is_named_by_everything_without_its_samples(tmp_path: Path) -> None:
+    stops: list[Stop] = []
+    held: list[HeldBy] = []
+    with (
+        Simulator(link=tmp_path / "port") as simulator,
+        wheelwire.connect(simulator.port) as robot,
+    ):
+        assert isinstance(robot, DeviceDriver)
+        robot.watch_stops(stops.append)
+        robot.on_held = held.append
+        pressed = False
+        end_s = time.monotonic() + 20.0
+        while time.monotonic() < end_s and not stops:
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if robot.read().left_mps > 0.1 and not pressed:
+                simulator.set("bumper.front_left", 1)
+                pressed = True
+        assert [stop.cause for stop in stops] == ["bumper_pressed"]
+        assert stops[0].sentence == "Bumper front left was pressed, and held the robot off."
+        wait_until(lambda: bool(held))
+        assert held[-1].names[0] == "BUMPER_FRONT_LEFT"
+        # Beside the program that holds the port, too.
+        text = run_process("why", simulator.port).stdout
+        assert "BUMPER_FRONT_LEFT" in text
+        assert "Bumper front left was pressed" in text
+        assert "BUMPER_FRONT_LEFT" in run_process("doctor", simulator.port).stdout
+        assert "BUMPER_FRONT_LEFT" in run_process("info", simulator.port).stdout
+        assert (
+            "BUMPER_FRONT_LEFT"
+            in run_process("monitor", simulator.port, "--plain", "--seconds", "1").stderr
+        )
+
+
+def test_with_asyncio(tmp_path: Path) -> None:
+    held: list[HeldBy] = []
+
+    async def look(port: str) -> tuple[HeldBy | None, wheelwire.LastStop | None]:
+        async with wheelwire.aio.connect(port) as robot:
+            robot.on_held = held.append
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            await asyncio.sleep(1.5)
+            await robot.estop()
+            asked = await robot.holding()
+            assert asked.held_by.names == ("ESTOP",)
+            while not held:
+                await asyncio.sleep(0.02)
+            return robot.health.held_by, robot.last_stop
+
+    with Simulator(link=tmp_path / "port") as simulator:
+        found, stop = asyncio.run(look(simulator.port))
+    assert found is not None
+    assert stop is not None
+    assert held[-1] == found
+    assert stop.cause is wheelwire.StopCause.DEADLINE
+    assert stop.program is not None
+    assert stop.program.is_running
