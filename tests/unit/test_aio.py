@@ -525,6 +525,22 @@ async def test_a_trial_is_reverted_unless_it_is_kept(place: Place) -> None:
         assert robot.geometry.wheel_radius == 0.05
 
 
+async def test_all_values_or_none_are_set_and_a_robot_that_drives_drives_on(place: Place) -> None:
+    async with place.opening() as robot:
+        await robot.parameters.list()
+        await drive(place, robot)
+        refused = {"integral_gain": 7.5, "proportional_gain": 2.0, "wheel_radius": 0.05}
+        with pytest.raises(errors.ImportFailed, match="wheel_radius"):
+            await robot.parameters.set_all(refused)
+        assert place.state() is SupervisorState.DRIVING
+        assert robot.parameters["integral_gain"] == 16.0
+        wanted = {"integral_gain": 7.5, "proportional_gain": 2.0}
+        changes = await robot.parameters.set_all(wanted)
+        assert place.state() is SupervisorState.DRIVING
+        assert {change.name for change in changes} == wanted.keys()
+        assert {name: robot.parameters[name] for name in wanted} == wanted
+
+
 async def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> None:
     async def attempt(robot: aio.Driver) -> None:
         async with robot.parameters.trial():
