@@ -32,7 +32,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 def error_m(rig: Rig, judge: FilterNode) -> float:
-    x_m, y_m = judge.place_m
+    x_m, y_m, _ = judge.place
     return math.hypot(x_m - rig.simulator.get("true.x_m"), y_m - rig.simulator.get("true.y_m"))
 
 

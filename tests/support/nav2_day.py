@@ -45,11 +45,23 @@ LATE_S = 0.2
 SILENT_S = 3.0
 TURNS_MPS = 0.05
 WAIT_S = 60.0
+BUMPER = "a bumper's release"
+HALF_TRACK_M = 0.1
 GEOMETRY: dict[str, Any] = {
     "wheel_radius": 0.05,
     "wheel_separation": 0.3,
     "counts_per_revolution": 720,
 }
+
+
+Place = tuple[float, float, float]
+
+
+def way(begin: Place, end: Place) -> tuple[float, float]:
+    """From one place to another, forward and to the left of the first one's heading."""
+    x_m, y_m = end[0] - begin[0], end[1] - begin[1]
+    cos, sin = math.cos(begin[2]), math.sin(begin[2])
+    return x_m * cos + y_m * sin, y_m * cos - x_m * sin
 
 
 class Day:
@@ -73,8 +85,9 @@ class Day:
         self._odometry: Any = None
         self._heard_s = time.monotonic()
         self._states: deque[TrueState] = deque(maxlen=20_000)
-        self._armed_from_s = -math.inf
+        self._armed_from_s = math.inf
         """Since when a zero command, or a pause, has to come before a motion; inf: never."""
+        self._held_by = ""
         self._estopped_s = math.inf
         """Since when nothing may drive."""
         self._anchor_m = 0.0
@@ -166,10 +179,10 @@ class Day:
                 continue
             if at_s > self._estopped_s:
                 self._violate("it is driven during an e-stop")
-            elif at_s > self._armed_from_s and self._moves(state) and not self._is_armed(at_s):
-                self._violate(f"it moves {at_s - self._armed_from_s:.2f} s after a hold, unarmed")
-                self._armed_from_s = math.inf
             elif at_s > self._armed_from_s and self._moves(state):
+                if not self._is_armed(at_s):
+                    late_s = at_s - self._armed_from_s
+                    self._violate(f"it moves {late_s:.2f} s after {self._held_by}, unarmed")
                 self._armed_from_s = math.inf
         silent_s = time.monotonic() - self._heard_s
         if silent_s > SILENT_S:
@@ -186,10 +199,15 @@ class Day:
         for sent_s, command in tuple(self.commands):
             if sent_s < self._armed_from_s - LATE_S or sent_s > at_s:
                 continue
-            if command.is_zero or sent_s - before_s > GAP_S:
+            if command.is_zero or sent_s - before_s > GAP_S or self._leads_away(command):
                 return True
             before_s = max(before_s, sent_s)
         return at_s - before_s > GAP_S
+
+    def _leads_away(self, command: Command) -> bool:
+        """From the bumper that held the robot: no wheel turns forward."""
+        turning_mps = abs(command.angular_radps) * HALF_TRACK_M
+        return self._held_by == BUMPER and command.linear_mps + turning_mps <= 0
 
     def _newest(self) -> TrueState:
         self._wait(lambda: self._states, "a state of the plant")
@@ -249,25 +267,26 @@ class Day:
 
     def unplug(self, seconds: float | None = None) -> None:
         """The cable comes off for a while."""
-        off = self._filter_off()
+        before = self._places()
         self._simulator.unplug()
         lost_s = self._chance.choice((0.5, 1.5, LOST_S)) if seconds is None else seconds
         time.sleep(lost_s)
         if lost_s >= LOST_S:
-            now = self._filter_off()
-            error_m = math.hypot(now[0] - off[0], now[1] - off[1])
+            ways = [way(*both) for both in zip(before, self._places(), strict=True)]
+            error_m = math.dist(*ways)
             self._note_worst("the filter's error in a loss of 3 s [m]", error_m, FILTER_OFF_M)
         self._simulator.plug()
         self._wait(lambda: self._said(odom="measured", link="connected"), "the link")
 
-    def _filter_off(self) -> tuple[float, float]:
-        x_m, y_m = self.filter.place_m
-        return x_m - self._simulator.get("true.x_m"), y_m - self._simulator.get("true.y_m")
+    def _places(self) -> tuple[Place, Place]:
+        """x, y and heading, by the filter and in truth."""
+        get = self._simulator.get
+        return self.filter.place, (get("true.x_m"), get("true.y_m"), get("true.heading_rad"))
 
     def reset(self) -> None:
         """The device starts anew."""
         boot_id = self._simulator.reset()
-        self._armed_from_s = time.monotonic()
+        self._hold("a reset")
         self._wait(lambda: self._newest().boot_id == boot_id, "a start")
         self._wait(lambda: self._said(boot_id=f"{boot_id:08x}", link="connected"), "the link")
         time.sleep(self._chance.uniform(0.0, 2.0))
@@ -292,12 +311,17 @@ class Day:
         self._simulator.set("estop_open", 0)
         self._clear(0.3)
 
+    def _hold(self, what: str) -> None:
+        """From now on a motion has to be armed."""
+        self._held_by, self._armed_from_s = what, time.monotonic()
+
     def _clear(self, seconds: float) -> None:
         time.sleep(seconds)
         # The planner goes on, as Nav2's does until its progress checker gives up.
         self.goal(self._chance.uniform(1.5, 4.0), 0.3)
         time.sleep(0.3)
-        self._estopped_s, self._armed_from_s = math.inf, time.monotonic()
+        self._estopped_s = math.inf
+        self._hold("a clear")
         if not self._graph.call(SetBool, f"{NODE}/estop", data=False).success:
             self._violate("the e-stop is not cleared")
         time.sleep(1.0)
@@ -308,7 +332,7 @@ class Day:
         time.sleep(0.5)
         self._simulator.set("bumper.front_left", 1)
         time.sleep(self._chance.uniform(0.7, 1.5))
-        self._armed_from_s = time.monotonic()
+        self._hold(BUMPER)
         self._simulator.set("bumper.front_left", 0)
         time.sleep(1.0)
         self._controller.end()
@@ -348,6 +372,7 @@ class Day:
                     ),
                     f"{name} of before",
                 )
+            self._set_true_pose()  # with the wrong geometry it may have driven a little
 
     def set_gain(self) -> None:
         """Somebody tunes while it drives."""

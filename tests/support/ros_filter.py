@@ -94,7 +94,8 @@ class FilterNode:
                 self._filter.update(self._waiting.popleft())
 
     @property
-    def place_m(self) -> tuple[float, float]:
-        """x and y."""
+    def place(self) -> tuple[float, float, float]:
+        """x, y and heading."""
         with self._lock:
-            return float(self._filter.state[X]), float(self._filter.state[Y])
+            x_m, y_m, heading_rad = self._filter.state[[X, Y, YAW]]
+            return float(x_m), float(y_m), float(heading_rad)

@@ -375,7 +375,7 @@ void Judge::board_stays_while_estopped() {
         describe(task.message), " is carried out with an e-stop");
 }
 
-/// S35, but for a trial, which stops the robot as it ends.
+/// S35, but for a trial, which stops the robot as it ends, and DRIVING, which S17 knows.
 void Judge::values_change_at_rest() {
   const Task& task = *witness_.task();
   const Values before = std::exchange(memory_.known_values, witness_.values());
@@ -384,8 +384,7 @@ void Judge::values_change_at_rest() {
   for (const ParameterSpec& spec : kParameters) {
     const bool has_changed = before[index_of(spec.id)] != witness_.value(spec.id);
     if (!has_changed || spec.changes == ParameterChanges::kAlways) continue;
-    check(Rule::kValuesChangeAtRest,
-          task.before != SupervisorState::kDriving && !surely_turns(kLeft) && !surely_turns(kRight),
+    check(Rule::kValuesChangeAtRest, !surely_turns(kLeft) && !surely_turns(kRight),
           describe(task.message), " is carried out though a wheel turns");
   }
 }
