@@ -71,14 +71,16 @@ def _limits(axis: str, unit: str) -> tuple[Setting, ...]:
 
     # Checks instead of ranges: rclpy refuses NaN for a parameter that has a range.
     high, low = checks.at_least_zero, checks.at_most_zero
+    # With 0 the robot would never move, and nothing would say why.
+    above = checks.above_zero
     return (
-        limit("max_velocity", high, "Limit of the robot's velocity."),
+        limit("max_velocity", above, "Limit of the robot's velocity."),
         limit("min_velocity", low, "The same of negative ones; .NAN: -max_velocity."),
-        limit("max_acceleration", high, "Limit of speeding up.", "/s"),
+        limit("max_acceleration", above, "Limit of speeding up.", "/s"),
         limit("max_deceleration", low, "Limit of slowing down; .NAN: -max_acceleration.", "/s"),
         limit("max_acceleration_reverse", low, "Backwards; .NAN: -max_acceleration.", "/s"),
         limit("max_deceleration_reverse", high, "Backwards; .NAN: -max_deceleration.", "/s"),
-        limit("max_jerk", high, "Limit of how fast the acceleration may grow.", "/s^2"),
+        limit("max_jerk", above, "Limit of how fast the acceleration may grow.", "/s^2"),
         limit("min_jerk", low, "The same downwards; .NAN: -max_jerk.", "/s^2"),
     )
 

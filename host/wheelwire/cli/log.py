@@ -236,11 +236,10 @@ def decode(
 
     `unix_s` is the time of day; `host_s` is the host's monotonic clock, as in a sample's stamp.
     """
-    from wheelwire.recording.reader import check_left_out, metadata, offset_us
+    from wheelwire.recording.reader import check_left_out, offset_us
 
     wanted = None if message is None else _message(message)
-    said = metadata(file)
-    offset = offset_us(said)
+    offset = offset_us(file)
     found = _checked(file)
     # A file that cannot be read does not even get the heading.
     first = next(found, None)
@@ -362,7 +361,7 @@ def draw_recording(
         begin_us, end_us = window_us
         window = (begin_us - trace.begin_us) / 1e6, (end_us - trace.begin_us) / 1e6
     if title is None:
-        robot, began = said.get("board_id", "a robot"), time_of_day(trace.begin_us, said)
+        robot, began = said.get("board_id", "a robot"), time_of_day(trace.begin_us, file)
         title = f"{file.name}: {robot}, {began}, {trace.end_s:.1f} s"
     try:
         draw(trace, title, picture, window)

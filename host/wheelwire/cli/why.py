@@ -133,7 +133,7 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
             "whether something stopped it: `wheelwire why ROBOT` asks the robot itself"
         )
     said = metadata(file)
-    added_us = offset_us(said)
+    added_us = offset_us(file)
     if plot is not None:
         _draw(file, stops, plot)
     facts = [] if stops else [NOTHING]

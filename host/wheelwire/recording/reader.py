@@ -10,7 +10,7 @@ import os
 import stat
 import struct
 import zlib
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 METADATA = "wheelwire"
 """The name of the metadata record that says what was recorded."""
+CLOCK = "wheelwire_clock"
+"""The name of one that says that the computer's clock was set, and its new `OFFSET`."""
+OFFSET = "unix_minus_monotonic_ns"
+"""The entry that says what to add to the host's clock for the time of day."""
 ENDED = "ended_by"
 """The entry of `METADATA` that says why a recorder gave up; blank until then."""
 REPAIRED = "wheelwire_repaired"
@@ -257,11 +261,38 @@ def metadata(path: str | Path) -> dict[str, str]:
     raise RecordingError(f"{path}: {FOREIGN}")
 
 
-def offset_us(said: Mapping[str, str]) -> int:
-    """What `metadata` says is to be added to the host's clock for the time of day."""
-    text = said.get("unix_minus_monotonic_ns", "0")
+def offset_us(path: str | Path) -> int:
+    """What is to be added to the host's clock for the time of day.
+
+    Where the clock was set meanwhile, as on a Pi without a battery once it reaches a time server,
+    it is what was set last: the host's own clock runs on, so it is right for all of the file.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no recording of a robot.
+    """
+    text = metadata(path).get(OFFSET, "0")
+    with opened(path) as file:
+        for part in _metadata_parts(file):
+            text = (_said(part, CLOCK) or {}).get(OFFSET, text)
     # If it is damaged, only the date is lost.
     return int(text) // 1000 if text.lstrip("-").isdecimal() else 0
+
+
+def _metadata_parts(file: BinaryIO) -> Iterator[Part]:
+    """The metadata of a file, without reading what is between them."""
+    size, offset = file.seek(0, os.SEEK_END), len(MAGIC)
+    while offset + HEAD.size <= size:
+        file.seek(offset)
+        opcode, length = HEAD.unpack(file.read(HEAD.size))
+        end = offset + HEAD.size + length
+        if not HEADER <= opcode < DATA_END or end > size:
+            return
+        if opcode == METADATA_RECORD:
+            part = Part(offset, opcode, file.read(length))
+            if not is_whole(part):
+                return
+            yield part
+        offset = end
 
 
 def _said(part: Part, name: str) -> dict[str, str] | None:

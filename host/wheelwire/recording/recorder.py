@@ -45,6 +45,8 @@ CLOSE_S = 10.0
 BEGIN_S = 5.0
 """A tap begins once the session knows its board, for which it asks up to four times 1 s."""
 BEGIN_STEP_S = 0.001
+CLOCK_STEP_NS = 500_000_000
+"""A clock that differs by more was set; below this it is only slewed."""
 _LOG = logging.getLogger("wheelwire.recording")
 
 
@@ -152,7 +154,7 @@ class Recorder:
         self._link = link
         self._path = recording_path(path)
         self._metadata = dict(metadata)
-        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._offset_ns = _clock_offset_ns()
         self._part = 0
         self._file = self._next_file()
         self._views = Views(self._offset_ns)
@@ -304,6 +306,10 @@ class Recorder:
 
     def _keep_time(self) -> None:
         now_s = time.monotonic()
+        offset_ns = _clock_offset_ns()
+        if abs(offset_ns - self._offset_ns) >= CLOCK_STEP_NS:
+            self._offset_ns = self._views.offset_ns = offset_ns
+            self._file.set_clock(offset_ns)
         if now_s - self._synced_s >= SYNC_S:
             self._attach()
             self._file.sync()
@@ -322,6 +328,10 @@ class Recorder:
     def _attach(self) -> None:
         while self._attached:
             self._file.attach(*self._attached.pop(0), time.time_ns())
+
+
+def _clock_offset_ns() -> int:
+    return time.time_ns() - time.monotonic_ns()
 
 
 def recording_path(path: str | Path) -> Path:

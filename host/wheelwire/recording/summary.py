@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -81,14 +80,14 @@ def summary(path: str | Path) -> Summary:
         board_id=said.get("board_id", ""),
         complete=is_complete(path),
         ended_by=said.get(ENDED, ""),
-        began=time_of_day(first_us, said),
+        began=time_of_day(first_us, path),
         driver=said.get("driver", ""),
         version=said.get("version", ""),
         size_bytes=Path(path).stat().st_size,
     )
 
 
-def time_of_day(host_us: int, said: Mapping[str, str]) -> str:
-    """A time of the host's clock, in UTC, by what `metadata` says."""
-    moment = datetime.fromtimestamp((host_us + offset_us(said)) / 1e6, timezone.utc)
+def time_of_day(host_us: int, path: str | Path) -> str:
+    """A time of the host's clock, in UTC, by what the recording says."""
+    moment = datetime.fromtimestamp((host_us + offset_us(path)) / 1e6, timezone.utc)
     return moment.isoformat(timespec="seconds")

@@ -53,10 +53,13 @@ class Views:
 
     Args:
         unix_minus_monotonic_ns: What to add to the host's clock for the time of day.
+
+    Attributes:
+        offset_ns: The same, as it is now.
     """
 
     def __init__(self, unix_minus_monotonic_ns: int) -> None:
-        self._offset_ns = unix_minus_monotonic_ns
+        self.offset_ns = unix_minus_monotonic_ns
         self._rerun = Rerun()
         self._said: list[tuple[int, str]] = []
         """Levels and texts that wait to be written down."""
@@ -82,7 +85,7 @@ class Views:
             return
         if record.kind is Kind.START:
             session.warn = session.warn_held = self._warn
-        time_ns = record.host_us * 1000 + self._offset_ns
+        time_ns = record.host_us * 1000 + self.offset_ns
         for measurement in measured:
             self._note_state(measurement)
             if self._pacer.is_due(measurement.t_us, measurement.state.boot_id):
@@ -166,7 +169,7 @@ class Views:
             yield BUMPERS, time_ns, data
 
     def _stamp(self, stamp_s: float) -> tuple[int, int]:
-        return messages.stamp(round(stamp_s * 1e9) + self._offset_ns)
+        return messages.stamp(round(stamp_s * 1e9) + self.offset_ns)
 
     def _imu(self, measurement: ImuMeasurement) -> bytes:
         sample, info = measurement.sample(), measurement.channel.info

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ..link.tap import Record
 from . import raw
-from .reader import ENDED, METADATA, require_mcap
+from .reader import CLOCK, ENDED, METADATA, OFFSET, require_mcap
 
 LIBRARY = "wheelwire"
 """The entry in the file's header that marks our files."""
@@ -120,7 +120,7 @@ class RecordingFile:
             self._writer = Writer(self._output, compression=CompressionType.NONE)
             self._writer.start(PROFILE, LIBRARY)
             said = {
-                "unix_minus_monotonic_ns": str(unix_minus_monotonic_ns),
+                OFFSET: str(unix_minus_monotonic_ns),
                 ENDED: " " * REASON_SIZE,
                 **metadata,
             }
@@ -194,6 +194,12 @@ class RecordingFile:
         """Close the file and remove it: nothing is in it."""
         self.abandon()
         self.path.unlink(missing_ok=True)
+
+    def set_clock(self, unix_minus_monotonic_ns: int) -> None:
+        """The computer's clock was set: what is added from now on has the new time of day."""
+        self._offset_ns = unix_minus_monotonic_ns
+        self._writer.flush()  # mcap puts it between two chunks
+        self._writer.add_metadata(CLOCK, {OFFSET: str(unix_minus_monotonic_ns)})
 
     def give_up(self, reason: str) -> None:
         """Note in the file why nothing more is written, where there is room for it; close it.

@@ -18,7 +18,7 @@ from textual.screen import Screen
 
 from ..drivers.base import BaseDriver
 from ..errors import LinkClosed, RecordingError, WheelwireError
-from ..recording.reader import metadata, offset_us
+from ..recording.reader import offset_us
 from ..teleop.drive import STALE_S, Teleop
 from ..teleop.keys import DIRECTIONS
 from .controls import Controls
@@ -296,7 +296,7 @@ def show(
     if recording is None:
         model = Model(name, time.time() - time.monotonic())
     else:
-        model = Model(name, offset_us(metadata(recording)) / 1e6)
+        model = Model(name, offset_us(recording) / 1e6)
     controls = Controls(robot, cannot_drive, check_save)
     source = Source(robot, model, recording)
     app = ViewApp(model, source, controls, seconds=seconds, stays=recording is not None)

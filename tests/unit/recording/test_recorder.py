@@ -7,6 +7,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -22,9 +23,17 @@ from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Session
 from wheelwire.link.tap import Kind
 from wheelwire.recording import recorder as recorder_module
-from wheelwire.recording.reader import is_complete, messages, metadata, records, was_closed
+from wheelwire.recording.reader import (
+    is_complete,
+    messages,
+    metadata,
+    offset_us,
+    records,
+    was_closed,
+)
 from wheelwire.recording.recorder import Attachment, Recorder
 from wheelwire.recording.repair import repair
+from wheelwire.recording.summary import summary
 from wheelwire.recording.writer import RecordingFile
 
 
@@ -305,3 +314,28 @@ def test_it_syncs_off_the_links_thread_and_each_second(
     recorder.close()
     assert 3 <= len(times) <= 5
     assert all(later - earlier < 1.5 for earlier, later in pairwise(times))
+
+
+def test_times_of_day_follow_a_clock_that_is_set(
+    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a Pi without a battery, once it reaches a time server."""
+    years_ns = 10 * 365 * 86_400 * 10**9
+    recorder = make()
+    before_us = offset_us(recorder.file)
+    link.drive(0.5)
+    wait_until(lambda: len(list(records(recorder.file))) > 50)
+    time_ns = time.time_ns
+    monkeypatch.setattr(recorder_module.time, "time_ns", lambda: time_ns() + years_ns)
+    wait_until(lambda: recorder._offset_ns // 1000 - before_us > years_ns // 2000)
+    link.drive(0.5)
+    recorder.close()
+    monkeypatch.undo()
+    assert offset_us(recorder.file) - before_us == pytest.approx(years_ns // 1000, abs=1_000_000)
+    for topic in ("/wheelwire/received", "/odom"):
+        times = [when for name, when, _ in messages(recorder.file) if name == topic]
+        assert times[-1] - times[0] == pytest.approx(years_ns, abs=20e9)
+    began = datetime.fromisoformat(summary(recorder.file).began)
+    assert began.year >= datetime.now(timezone.utc).year + 9
+    assert list(records(recorder.file))
+    assert is_complete(recorder.file)

@@ -13,6 +13,7 @@ from support.cases import each
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from wheelwire_ros import parameter_values as checks
+from wheelwire_ros.parameters import SETTINGS
 
 AGREEING: dict[str, Any] = {
     "odom_frame_id": "odom",
@@ -114,3 +115,19 @@ def test_what_agrees_is_not_named() -> None:
 )
 def test_values_are_compared_as_the_robot_stores_them(a: Any, b: Any, equal: bool) -> None:
     assert checks.same(a, b) is equal
+
+
+@each(
+    "name",
+    [
+        f"{axis}.{limit}"
+        for axis in ("linear.x", "angular.z")
+        for limit in ("max_velocity", "max_acceleration", "max_jerk")
+    ],
+)
+def test_a_limit_of_zero_that_would_disable_the_robot_is_refused(name: str) -> None:
+    (setting,) = (one for one in SETTINGS if one.name == name)
+    assert setting.check is not None
+    assert "above 0.0, or .NAN" in str(setting.check(0.0))
+    assert setting.check(math.nan) is None
+    assert setting.check(0.1) is None
