@@ -326,7 +326,7 @@ def test_times_of_day_follow_a_clock_that_is_set(
     link.drive(0.5)
     wait_until(lambda: len(list(records(recorder.file))) > 50)
     time_ns = time.time_ns
-    monkeypatch.setattr(recorder_module.time, "time_ns", lambda: time_ns() + years_ns)
+    monkeypatch.setattr(time, "time_ns", lambda: time_ns() + years_ns)
     wait_until(lambda: recorder._offset_ns // 1000 - before_us > years_ns // 2000)
     link.drive(0.5)
     recorder.close()
