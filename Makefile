@@ -186,7 +186,7 @@ wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it 
 	@$(BIN)/python tools/wheels.py build native
 	@$(BIN)/python tools/wheels.py check native
 
-viewers-check: sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
+viewers-check: $(VENV)/installed sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
 	@$(BIN)/python tools/check_viewers.py
 
 hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]; or the simulated one: PORT=sim [LONG=1] [FAULT=name]
@@ -242,11 +242,11 @@ endif
 	@$(BIN)/python tests/mutants/run.py $(if $(LIST),--list) $(ONLY)
 
 RUNS ?= 5
-dying: sim  ## Kill, stop, fork and interrupt the driving processes, with every driver: make dying [RUNS=5]; 2 min a run
+dying: $(VENV)/installed sim  ## Kill, stop, fork and interrupt the driving processes, with every driver: make dying [RUNS=5]; 2 min a run
 	$(BIN)/python bench/process_failures.py $(RUNS)
 
 MINUTES ?= 2
-soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]
+soak: $(VENV)/installed sim  ## Endurance on a bad line: make soak [MINUTES=2]
 	$(BIN)/python bench/soak.py --minutes $(MINUTES)
 
 clean:  ## Remove everything built

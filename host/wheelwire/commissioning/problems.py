@@ -55,7 +55,8 @@ CHANNELS_MIXED = Defect(
 NO_SUPPLY = Defect(
     "no motor supply",
     "no duty turned either wheel: switch the battery on, check fuse, switch and ground, and "
-    "the bridge's supply and enable pins",
+    "the bridge's supply and enable pins; an L298N module needs its 5V-EN jumper, or 5 V: with all "
+    "three jumpers removed, nothing moves",
     "supply_v",
 )
 LOW_BATTERY = Defect(
