@@ -14,7 +14,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from wheelwire import BaseDriver, ConfigurationError, LinkLost, WheelwireError
+from wheelwire import (
+    BaseDriver,
+    DeviceSilent,
+    LinkLost,
+    PortUnavailable,
+    RequestTimeout,
+    WheelwireError,
+)
 
 from . import diagnostics
 from .library_log import forward_library_log
@@ -28,6 +35,8 @@ from .threads import NodeThreads, steady_clock
 
 DIAGNOSTICS_PERIOD_S = 1.0
 AUTOSTART_PERIOD_S = 1.0
+OUT_OF_REACH = (DeviceSilent, LinkLost, PortUnavailable, RequestTimeout)
+"""Errors that may be over a second later, without anybody's help."""
 FINALIZED = "finalized: restart the process"
 FINALIZED_S = 1.0
 """From its finalization to the end of the process: the answer and the last state go out."""
@@ -193,7 +202,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 if self._tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
                     return FAILURE  # it stays unconfigured: Autostart tries again
                 self.update_state()
-        except ConfigurationError as error:
+        except WheelwireError as error:
             self._closed_because = str(error)
             return FAILURE  # what is refused has to be corrected first
         except Exception:
@@ -213,14 +222,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Open the robot; false if that may work at another time.
 
         Raises:
-            ConfigurationError: A parameter is refused.
+            WheelwireError: A parameter, or the board, is refused.
         """
         try:
             self.bridge.require_accepted()
             self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
-        except ConfigurationError:
-            raise
-        except WheelwireError as error:
+        except OUT_OF_REACH as error:
             self._closed_because = str(error)
             return False
         return True
