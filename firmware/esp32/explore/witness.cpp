@@ -860,9 +860,13 @@ void Witness::notes_stop() {
 void Witness::writes(StoredBlock block, int slot) {
   const bool was_gone = slots_of(block).are_gone();
   slots_of(block).whole[static_cast<size_t>(slot)] = true;
-  formers_[static_cast<size_t>(block)].reset();
-  if (block == StoredBlock::kLatches)
-    flash_.estop = simulator_.state() == SupervisorState::kEstopped;
+  std::optional<Flash>& former = formers_[static_cast<size_t>(block)];
+  former.reset();
+  const bool estop = simulator_.state() == SupervisorState::kEstopped;
+  if (block == StoredBlock::kLatches && estop != flash_.estop) {
+    former = flash_;  // Until the second slot is written.
+    flash_.estop = estop;
+  }
   // The configuration records another block after that was written.
   record_writes_ = block == StoredBlock::kConfiguration ? record_writes_ + 1 : 0;
   for (const StoredBlock other : {StoredBlock::kParameterValues, StoredBlock::kLatches}) {
@@ -1071,7 +1075,8 @@ Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredB
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
   lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;
-  if (is_lost(StoredBlock::kParameterValues)) lasting_ |= fault::kStoreUnreadable;
+  // Where nothing can be read, nobody finds out.
+  if (lasting_ == 0 && is_lost(StoredBlock::kParameterValues)) lasting_ = fault::kStoreUnreadable;
   if (simulator_.driver_failed()) lasting_ |= fault::kDriverFailed;
   if (!has_one) lasting_ |= fault::kNoBoard;
   if (lasting_ & kStoreFaults) values_ = defaults();
