@@ -28,8 +28,10 @@ def run_away(robot: VirtualRobot, timeout_s: float = 6.0) -> float:
 def test_a_slope_that_the_motors_do_not_hold_is_braked_until_somebody_drives(
     stop_mode: StopMode,
 ) -> None:
-    robot = VirtualRobot(1, **STEEP).open()
+    robot = VirtualRobot(1).open()
     robot.set_parameter("stop_mode", stop_mode)
+    for name, value in STEEP.items():
+        robot.sim.set(name, value)
     assert run_away(robot) < 1.5
     assert Fault(int(robot.sim.get("faults"))) == Fault.OVERSPEED
     robot.run(2.0)

@@ -725,7 +725,8 @@ void Judge::lost_copy_is_repaired() {
   const bool rests = board.plant.stands_still() &&
                      simulator_.state() != SupervisorState::kDriving &&
                      !board.configuration_store.failing && !board.store.failing &&
-                     !board.latch_store.failing && board.flash.faults == 0;
+                     !board.latch_store.failing && board.flash.faults == 0 &&
+                     board.store.unreadable == 0 && board.configuration_store.unreadable == 0;
   if (!rests || !witness_.has_lost_copy()) {
     memory_.repair_due_us = 0;
     return;
@@ -1157,6 +1158,9 @@ void Judge::after_start() {
         simulator_.board.encoders[wheel].shown_ticks();
   memory_.turned_us = memory_.drove_us = memory_.perhaps_ticked_us = now_us();
   if (memory_.state == SupervisorState::kEstopped) begin_estop(true);
+  // A fault that is found at the start stops it as well.
+  if (memory_.state == SupervisorState::kEstopped && memory_.faults != 0)
+    begin_action(static_cast<StopMode>(value(kStopMode)), false);
   if (memory_.state == SupervisorState::kFault)
     begin_action(static_cast<StopMode>(value(kStopMode)), true);
   const bool contact_off =

@@ -1042,6 +1042,10 @@ Finding Witness::starts() {
   }
   maybe_flashes_.clear();
   record_writes_ = 0;
+  // With the record its blocks are forgotten.
+  for (Slots& slots : slots_)
+    if (slots.are_gone() && slots_of(StoredBlock::kConfiguration).are_gone())
+      slots.exists = Slots::Exists::kNo;
   for (const StoredBlock block : kBlocks)
     lost_copies_[static_cast<size_t>(block)] = slots_of(block).whole[0] != slots_of(block).whole[1];
   if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
