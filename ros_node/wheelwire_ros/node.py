@@ -21,7 +21,9 @@ from wheelwire import (
     PortUnavailable,
     RequestTimeout,
     WheelwireError,
+    WrongBoard,
 )
+from wheelwire.errors import BoardMismatch
 
 from . import diagnostics
 from .library_log import forward_library_log
@@ -227,6 +229,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         try:
             self.bridge.require_accepted()
             self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
+        except (WrongBoard, BoardMismatch):
+            raise  # it was reached
         except OUT_OF_REACH as error:
             self._closed_because = str(error)
             return False

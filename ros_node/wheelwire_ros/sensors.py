@@ -115,10 +115,10 @@ def with_battery_of_board(get: Get, robot: BaseDriver) -> Get:
     if not math.isnan(get("battery_empty_v")):
         return get
     board = getattr(robot, "board", None)
-    stored = None
+    found = None
     with suppress(WheelwireError):  # what cannot be read is not known
-        stored = None if board is None else board.read_peripherals()
-    known = battery_range_v(() if stored is None else stored.entries)
+        found = None if board is None else board.read()[1]
+    known = battery_range_v(() if found is None else found.peripherals)
     if known is None:
         return get
     own = dict(zip(("battery_empty_v", "battery_full_v"), known, strict=True))

@@ -112,7 +112,7 @@ def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
     Which of the two refuses it depends on what the node sees first: the command (it goes out to the
     session of before, and the device refuses it) or the reset (the node ignores the command).
     """
-    assert rig.graph.set_parameter(NODE, "ttl_max_s", LONG_S).successful
+    wait(lambda: rig.graph.set_parameter(NODE, "ttl_max_s", LONG_S).successful, "the wheels stand")
     assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
     before = rig.diagnostics.wait("link", lambda *_: True)
     ignored = int(rig.diagnostics.wait("commands", lambda *_: True)["ignored"])
