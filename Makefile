@@ -17,7 +17,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 # $(call targets,mark): the targets whose line has it, with what follows it.
 targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -136,6 +136,9 @@ ros: $(VENV)/ros-installed  ## ROS 2 from PyPI (Linux on x86-64 only), for the t
 ros-test: $(VENV)/ros-installed sim  ## The tests of the node alone
 	@$(BIN)/python -c 'import rclpy'
 	$(BIN)/python -m pytest --numprocesses $(or $(JOBS),$(shell expr $(CORES) + 2)) --dist loadfile tests/ros tests/unit/ros tests/unit/ros_package
+
+nav2-day: $(VENV)/ros-installed sim  ## Drive the node as Nav2 does, with faults at random: make nav2-day [SECONDS=1800] [SEED=1]
+	@cd tests && ../$(BIN)/python -m support.nav2_day $(if $(filter command line,$(origin SECONDS)),$(SECONDS),1800) $(or $(SEED),1)
 
 COLCON := colcon-core>=0.19 colcon-package-information colcon-python-setup-py colcon-ros
 colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do, from its folder and from a link in a workspace

@@ -1,10 +1,11 @@
-"""Half an hour of Nav2 by proxy, and violations that its judge has to find."""
+"""The judge of a day of Nav2 by proxy finds the violations that are planted.
+
+`make nav2-day` lives such a day.
+"""
 
 from __future__ import annotations
 
-import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +14,9 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
 
-from support.nav2_day import Day, open_day
+from support.nav2_day import open_day
 
-ROBOTS, SECONDS = 3, 600.0
-"""Side by side, half an hour in all. `python -m support.nav2_day 1800 7` in tests/: one robot's."""
 TRIES = 5
-
-
-@pytest.mark.timeout(2 * SECONDS)
-def test_nothing_happens_that_should_not(tmp_path: Path) -> None:
-    def live(seed: int) -> Day:
-        with open_day(tmp_path, seed) as day:
-            day.run(SECONDS)
-            return day
-
-    with ThreadPoolExecutor(ROBOTS) as robots:
-        days = list(robots.map(live, range(1, ROBOTS + 1)))
-    for day in days:
-        sys.stdout.write(f"{day.table()}\n")
-    assert [violation for day in days for violation in day.violations] == []
-    for happening in ("unplug", "reset", "estop", "press", "bump", "set_geometry", "die"):
-        assert all(day.counts[happening] > 2 for day in days), happening
 
 
 ARMS_ITSELF = """
