@@ -176,9 +176,9 @@ def _refuse_a_part(address: str) -> None:
     known = [*shipped_boards(), *OWN_PINS]
     if near := meant(address, known, cutoff=0.75):
         raise InvalidArgument(
-            f"{address} is a part of a robot, not its address: give {ADDRESS_KINDS}; did you mean "
-            f"{near} as the `driver` or `board` in a robot's file, or a board's name for "
-            "`wheelwire board write`?"
+            f"{address} is a part of a robot, not its address: name the port of the ESP32, or give "
+            f"{ADDRESS_KINDS}; did you mean {near} as the `driver` or `board` in a robot's "
+            "file, or a board's name for `wheelwire board write`?"
         )
 
 

@@ -99,6 +99,7 @@ def tries(robot: VirtualMockDriver) -> None:
 def contradicts(robot: VirtualMockDriver) -> None:
     with robot.parameters.trial():
         robot.stop()
+        robot.advance(AT_REST_S)
         robot.parameters.set("control_rate_hz", 100.0)
         robot.parameters.set("stream_rate_hz", 200.0)
         robot.advance(REPORTED_S)

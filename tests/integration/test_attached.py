@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from support.attached import wait_for_holder
-from support.command import PROGRAM, TIMEOUT_S, check_error, run
+from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_process
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from support.range_board import simulator_on_board
@@ -82,6 +82,13 @@ def attached(*arguments: str, **environment: str) -> str:
 def refused(*arguments: str, **environment: str) -> str:
     """The error of a command for which the port is in use."""
     return check_error(run(*arguments, **environment), errors.PortUnavailable)
+
+
+def refused_process(*arguments: str, **environment: str) -> str:
+    """As `refused`, of a command in a process of its own: for it another program holds the port."""
+    return check_error(
+        run_process(*arguments, timeout_s=TIMEOUT_S, **environment), errors.PortUnavailable
+    )
 
 
 def test_what_only_looks_is_attached(robot: SerialDriver, simulator: Simulator) -> None:
@@ -161,14 +168,14 @@ def test_a_stop_that_reaches_nobody_says_so(command: str, tmp_path: Path) -> Non
     """The holder offers nothing; or it is another user's, who has a folder of his own."""
     with simulator_on(GOOD) as simulator:
         with SerialDriver(simulator.port, tap=False) as robot:
-            line = refused(command, simulator.port)
+            line = refused_process(command, simulator.port)
             assert robot.read().state is SupervisorState.IDLE
         assert OURS in line
         assert line.partition(" (more: ")[0].endswith("Nothing was sent")
         with SerialDriver(simulator.port):
             wait_for_holder(simulator.port)
             elsewhere = {DIRECTORY_VARIABLE: str(tmp_path / "another")}
-            line = refused(command, simulator.port, **elsewhere)
+            line = refused_process(command, simulator.port, **elsewhere)
             assert OURS in line
             assert line.partition(" (more: ")[0].endswith("Nothing was sent")
             assert refused("info", simulator.port, **elsewhere)

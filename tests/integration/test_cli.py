@@ -18,10 +18,12 @@ from pathlib import Path
 
 import pytest
 
+import wheelwire
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
 from support.processes import children, interruptible
 from support.simulator_on_line import GOOD, simulator_on
 from support.usb_ports import environment_with_ports, plug_in
+from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ResetReason
@@ -38,6 +40,12 @@ def quiet() -> Iterator[Simulator]:
     """On a good line: for what no line changes."""
     with simulator_on(GOOD) as simulator:
         yield simulator
+
+
+def wait_for_rest(simulator: Simulator) -> None:
+    """Until the robot itself takes its wheels for at rest, and lets all parameters be set."""
+    with wheelwire.connect(simulator.port) as robot:
+        wait_until(lambda: not (sample := robot.read()).left_mps and not sample.right_mps)
 
 
 def test_info(simulator: Simulator) -> None:
@@ -95,6 +103,7 @@ def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
         simulator.set("left.encoder_dead", 0)
     assert "LEFT_NOT_COUNTING: The left wheel" in check_error(result, errors.DeviceRefused)
     assert output("clear", simulator.port) == "FAULT cleared\n"
+    wait_for_rest(simulator)
 
 
 def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator) -> None:

@@ -152,9 +152,10 @@ def test_the_environment_names_the_robot(
         ("", InvalidArgument, "ROBOT is empty"),
         (3, InvalidArgument, "ROBOT = 3"),
         (NO_PORT, PortUnavailable, "there is no such port"),
-        ("null", PortUnavailable, "Did you mean /dev/null?"),
+        ("null", PortUnavailable, r"did you mean /dev/null\?"),
         ("COM3", PortUnavailable, "Windows"),
-        ("L298N", PortUnavailable, "name the port of the ESP32"),
+        ("L298N", InvalidArgument, "name the port of the ESP32.*did you mean l298n as"),
+        ("esp32", InvalidArgument, "name the port of the ESP32"),
         ("/dev/null/x.yaml", ConfigurationError, "/dev/null/x.yaml"),
         ("unix:/tmp/no-such-socket", PortUnavailable, "no such port"),
         ("/", InvalidArgument, "neither a port nor a robot's file"),
@@ -266,7 +267,7 @@ def test_a_port_that_is_in_use_is_refused_and_its_user_is_not_disturbed(
 ) -> None:
     with wheelwire.connect(simulator.port) as robot:
         for use in USES:
-            with pytest.raises(PortUnavailable, match="uses it"):
+            with pytest.raises(PortUnavailable, match="this program has it open already"):
                 use(simulator.port)
         robot.stop()
         assert robot.sessions == 1

@@ -183,13 +183,13 @@ def test_a_battery_that_is_low(simulator: Simulator) -> None:
     assert "7.4" in finding.cure
 
 
-def test_beside_a_program_sensors_are_those_that_it_asked_for(simulator: Simulator) -> None:
+def test_beside_a_program_that_has_not_asked_for_sensors_it_asks(simulator: Simulator) -> None:
     simulator.set("imu.absent", 1)
     with SerialDriver(simulator.port) as holder:
         wait_for_holder(simulator.port)
-        assert '"sensor"' not in run("doctor", simulator.port, "--json").stdout
-        holder.sensors.start(50)
+        assert not holder.sensors.channels
         assert "ABSENT" in run("doctor", simulator.port, "--json").stdout
+        assert holder.sensors.channels
 
 
 def test_a_core_dump(simulator: Simulator) -> None:

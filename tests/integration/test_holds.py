@@ -79,12 +79,14 @@ def test_a_bumper_is_named_by_everything_without_its_samples(tmp_path: Path) -> 
         text = run_process("why", simulator.port).stdout
         assert "BUMPER_FRONT_LEFT" in text
         assert "Bumper front left was pressed" in text
-        assert "BUMPER_FRONT_LEFT" in run_process("doctor", simulator.port).stdout
         assert "BUMPER_FRONT_LEFT" in run_process("info", simulator.port).stdout
         assert (
             "BUMPER_FRONT_LEFT"
             in run_process("monitor", simulator.port, "--plain", "--seconds", "1").stderr
         )
+        assert not robot.sensors.channels
+        # It asks for the samples, and names the sensor by them.
+        assert "bumper.front_left has triggered" in run_process("doctor", simulator.port).stdout
 
 
 def test_with_asyncio(tmp_path: Path) -> None:

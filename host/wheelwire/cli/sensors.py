@@ -41,7 +41,7 @@ def sensors(
 ) -> None:
     """Show what the sensors and inputs measure, and why a sensor cannot be used.
 
-    While another program holds the robot, this shows what that program has asked for.
+    Beside a program that holds the robot, samples come at the rate that was asked for first.
     """
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         events = driver.sensors.events()

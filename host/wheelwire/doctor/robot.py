@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from wheelwire_protocol.codes import (
     Capability,
     Contradiction,
+    Fault,
     Held,
     SupervisorEvent,
     SupervisorState,
@@ -184,6 +185,8 @@ def _held(driver: DeviceDriver, address: str, *, is_sensed: bool) -> Iterator[Fi
     """What holds the robot; `is_sensed`: its sensors' samples have named those that do."""
     held_by = driver.holding().held_by
     named = _NAMED_ELSEWHERE | (_SENSORS if is_sensed else Held(0))
+    if Fault.NO_BOARD in driver.read().faults:
+        named |= Held.CONFIGURATION_UNUSABLE  # by `_stores`
     for flag in held_by:
         if flag not in named:
             problem, _, cure = held_by.sentence(flag).partition(": ")
@@ -231,7 +234,7 @@ def _sensors(driver: DeviceDriver) -> Iterator[Finding]:
     try:
         sensors.events()  # asks for samples
     except (GroupUnavailable, InvalidCommand):
-        return  # the program that holds the port has not asked for them
+        return  # or the program that holds the port refuses to ask for them
     wait_until_read(sensors)
     for status in sensors.channels:
         name, sample = status.info.name, status.sample

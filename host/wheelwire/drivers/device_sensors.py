@@ -96,7 +96,7 @@ class Streams:
         link.check()
         if link.sensors.rate_hz != rate_hz:
             await self.ask(rate_hz)
-        elif not link.knows_list:  # since the request, another firmware may run
+        elif not link.knows_sensors:  # since the request, another firmware may run
             await self.requests.check_group(Group.SENSOR)
         await self.requests.wait_for_sample(
             self.latest, lambda: link.has_ended or link.knows_sensors, INFO_S
@@ -264,8 +264,8 @@ class Sensor(SensorView[Sample]):
             SensorStale: The samples cannot be used; `state` says why.
             GroupUnavailable: The firmware has no messages about sensors, or those of another
                 release.
-            InvalidCommand: The robot is attached, and the program that holds it has not asked for
-                samples.
+            InvalidCommand: It is a recording without samples, or the program that holds the robot
+                refuses to ask for them.
             InvalidArgument: The timeout is not a valid number.
             LinkLost, RequestTimeout: The robot was not reached.
         """

@@ -60,6 +60,8 @@ def meant_port(port: str) -> str:
     if found := _SERIAL.fullmatch(port):
         name = f"/dev/tty{_KINDS[found[1].lower()]}{found[2]}"
         return f"did you mean {name}?" if name != port else ""
+    if port and "/" not in port and _is_device(device := Path("/dev", port)):
+        return f"did you mean {device}?"
     return ""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from wheelwire_protocol.types import Hold
+
 from ..errors import LinkLost, WheelwireError
 from .device_link import DeviceLink
 from .latest_sample import LatestSample
@@ -40,6 +42,12 @@ class RerunLink(DeviceLink):
     def _is_open(self) -> bool:
         session = self._rerun.session
         return session is not None and session.phase is Phase.OPEN
+
+    @property
+    def hold(self) -> Hold | None:
+        """As `Session.hold`; None, too, while nothing is known of a session."""
+        session = self._rerun.session
+        return None if session is None else session.hold
 
     def _do_again(self, record: Record) -> None:
         was_open = self._is_open

@@ -102,7 +102,9 @@ def test_a_function_that_is_assigned_to_a_wrong_name_is_refused() -> None:
     with open_driver("mock", realtime=False) as robot:
         with pytest.raises(errors.InvalidArgument, match="did you mean on_lost"):
             robot.on_los = print
-        with pytest.raises(errors.InvalidArgument, match="there are on_fault, on_lost, on_opened"):
+        with pytest.raises(
+            errors.InvalidArgument, match="there are on_fault, on_held, on_lost, on_opened"
+        ):
             robot.on_xyz = print
         robot.on_lost = print
         robot.my_own = 3

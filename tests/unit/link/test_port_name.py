@@ -97,6 +97,8 @@ def _no_home(path: Path) -> Path:
         ("/dev/ttyusb0", "did you mean /dev/ttyUSB0?"),
         ("ttyacm1", "did you mean /dev/ttyACM1?"),
         ("TTYS0", "did you mean /dev/ttyS0?"),
+        ("null", "did you mean /dev/null?"),
+        ("no-such-port", ""),
         ("/dev/ttyUSB0", ""),
         ("/dev/serial/by-id/x", ""),
     ],

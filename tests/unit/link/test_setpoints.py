@@ -268,7 +268,7 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(
         line.device.lost.remove(WheelState)
     line.run(0.02)
     with pytest.raises(
-        DeviceRefused, match=r"LEFT_REVERSED.*finds out which.*CONTROL_OVERRUN"
+        DeviceRefused, match=r"LEFT_REVERSED.*swap the motor's wires.*CONTROL_OVERRUN"
     ) as told:
         line.drive()
     assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN
