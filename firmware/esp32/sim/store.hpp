@@ -64,7 +64,11 @@ class Store final : public BlockStore {
   bool format() override;
   /// Of the slots that hold something.
   void damage(Damage what);
-  uint32_t faults() override { return unreadable | partition_faults() | twin_.faults(); }
+  /// Where nothing can be read, what the slots hold does not show.
+  uint32_t faults() override {
+    const uint32_t closed = unreadable | partition_faults();
+    return closed != 0 ? closed : twin_.faults();
+  }
   bool has_lost_copy() override { return twin_.has_lost_copy(); }
   bool is_incomplete() override { return twin_.is_incomplete(); }
   bool repair() override { return partition_faults() == 0 && twin_.repair(); }
