@@ -49,14 +49,19 @@ ErrorT = TypeVar("ErrorT", bound=WheelwireError)
 
 
 class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's names say the state
-    """The port cannot be opened: it does not exist, is in use, or access is denied."""
+    """The port cannot be opened: it does not exist, is in use, or access is denied.
+
+    Attributes:
+        is_other_board: Another board than the one that was named answers there.
+    """
 
     exit_code = 3
 
-    def __init__(self, port: str, reason: str) -> None:
+    def __init__(self, port: str, reason: str, *, is_other_board: bool = False) -> None:
         super().__init__(f"cannot open {port}: {reason}")
         self.port = port
         self.reason = reason
+        self.is_other_board = is_other_board
 
 
 class DeviceSilent(WheelwireError):  # noqa: N818

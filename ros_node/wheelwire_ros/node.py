@@ -229,9 +229,10 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         try:
             self.bridge.require_accepted()
             self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
-        except (WrongBoard, BoardMismatch):
-            raise  # it was reached
         except OUT_OF_REACH as error:
+            is_refused = isinstance(error, (WrongBoard, BoardMismatch))
+            if is_refused or getattr(error, "is_other_board", False):
+                raise  # it was reached
             self._closed_because = str(error)
             return False
         return True

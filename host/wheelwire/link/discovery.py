@@ -54,7 +54,8 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
             if one.transport is not found:
                 one.transport.close()
     if found is None:
-        raise PortUnavailable(ports, _why_not(board_id, names, asked))
+        heard = any(one.board_id for one in asked)
+        raise PortUnavailable(ports, _why_not(board_id, names, asked), is_other_board=heard)
     return found
 
 
