@@ -144,8 +144,10 @@ class Teleop:
         if isinstance(error, DeviceRefused) and error.code == RefusalCode.UNARMED:
             self._waits_for_release = True
             text = RELEASE_FIRST
-        if text != self._complaint:
-            self._complaint = text
+        # Of a refusal the sentence grows once the device has said what holds it.
+        complaint = str(int(error.code)) if isinstance(error, DeviceRefused) else text
+        if complaint != self._complaint:
+            self._complaint = complaint
             self._say(text)
 
     def _take_direction(self, event: KeyEvent, now: float, *, stale: bool) -> None:

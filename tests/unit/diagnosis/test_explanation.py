@@ -211,6 +211,7 @@ def test_requests_of_parameters_and_boards_say_why_they_are_refused() -> None:
             assert raised.value.why == f"{CAUSES['not_stopped'].sentence}."
             assert raised.value.why not in str(raised.value)  # the code's text says the same
         robot.stop()
+        robot.advance(2.0)  # until the wheels stand
         robot.parameters.set("stream_rate_hz", 200.0)
         with pytest.raises(DeviceRefused) as raised:
             robot.parameters.set("control_rate_hz", 100.0)
