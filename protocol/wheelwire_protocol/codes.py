@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import enum
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class DocumentedEnum(enum.IntEnum):
@@ -30,6 +34,14 @@ class DocumentedFlag(enum.IntFlag):
         member._value_ = value
         member.doc = doc
         return member
+
+    @classmethod
+    def _missing_(cls, value: object) -> Self:
+        """The flags of a value that is no single flag; a negative one is the complement."""
+        # Python 3.11.2, Debian 12's, knows of few of the bits of flags that __new__ gives values.
+        if isinstance(value, int) and value < 0:
+            return cls(value & sum(cls))
+        return cast("Self", super()._missing_(value))
 
 
 class SupervisorState(DocumentedEnum):

@@ -2,7 +2,7 @@ import enum
 import struct
 
 from support.cases import each
-from wheelwire_protocol.codes import ENUMERATIONS, FLAGS, Capability, Fault
+from wheelwire_protocol.codes import ENUMERATIONS, FLAGS, Capability, DocumentedFlag, Fault
 from wheelwire_protocol.message import Message
 from wheelwire_protocol.messages import MAX_PAYLOAD, MESSAGES
 from wheelwire_protocol.parameters import PARAMETERS, Kind, Parameter
@@ -22,6 +22,16 @@ def test_payloads_need_one_cobs_code_byte_more_at_most() -> None:
 def test_message_is_documented(message: Message) -> None:
     assert message.doc.endswith(".")
     assert all(field.docs.endswith(".") for field in message.fields)
+
+
+@each("flags", FLAGS, ids=lambda flags: flags.__name__)
+def test_flags_are_inverted(flags: type[DocumentedFlag]) -> None:
+    every = flags(sum(flags))
+    assert ~flags(0) == every
+    for flag in flags:
+        assert ~flag == every ^ flag
+        assert ~flag & flag == flags(0)
+        assert ~~flag == flag
 
 
 @each("message", MESSAGES, ids=lambda message: message.name)
