@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 
+import pytest
 from rich.console import Console
 
 from wheelwire.cli.output import TimeLeft
@@ -35,7 +36,8 @@ def test_it_counts_down_and_corrects_itself() -> None:
         assert str(left.__rich__()) == "the wheels turn: 0% done, about 10 s left"
 
 
-def test_it_is_seen_at_a_terminal_alone() -> None:
+def test_it_is_seen_at_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
     for is_terminal in (True, False):
         output = io.StringIO()
         console = Console(file=output, force_terminal=is_terminal, width=80)
