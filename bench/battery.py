@@ -10,8 +10,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.files.board import load_board
 from wheelwire.peripherals import BatteryLevels
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode
 
 LEVELS = BatteryLevels(warn_v=7.0, limit_v=6.8, stop_v=6.6)

@@ -22,8 +22,8 @@ from support.load import frames_lost, load_while
 from support.soak import resident_kib
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import Expired, LinkLost, RequestTimeout
-from wheelwire.link.rerun import Rerun
-from wheelwire.recording.reader import records
+from wheelwire.log.reader import records
+from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.simulator import Simulator
 
 STREAM_HZ = 1000

@@ -9,8 +9,8 @@ from random import Random
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, spread, table, table_of_targets
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.files.board import board_mapping, load_board, parse_board
 from wheelwire.simulation.libfwsim import FwSim
+from wheelwire.tools.files.board import board_mapping, load_board, parse_board
 
 INPUTS = {
     "bumper_front": {"pin": 36, "pull": "external"},

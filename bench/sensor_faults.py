@@ -13,7 +13,7 @@ from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire import SensorEvent, SensorEventCode, SensorState
 from wheelwire.board import Configuration
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
-from wheelwire.files.board import board_mapping, load_board, parse_board
+from wheelwire.tools.files.board import board_mapping, load_board, parse_board
 from wheelwire_protocol.sensors import IMUS, RANGES, SensorChip
 
 TIMES = 20

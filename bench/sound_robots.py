@@ -1,6 +1,6 @@
 """What sound robots reach in setup's test drive, and robots that miss a magnet; virtual time.
 
-Takes three minutes. Setup compares with the formula of `wheelwire.commissioning.expectation`.
+Takes three minutes. Setup compares with the formula of `wheelwire.tools.setup.expectation`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import table
 from support.commissioning import PLANTS, Tracking, tracking
-from wheelwire.commissioning.expectation import BEYOND
+from wheelwire.tools.setup.expectation import BEYOND
 
 COUNTS = (20, 48, 96, 144, 360, 1440)
 HEADER = ("ticks per turn", "formula", "sound", "one magnet missing", "named from")

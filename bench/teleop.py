@@ -8,7 +8,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import table
 from support.hand import LETTING_GO, stop_after
-from wheelwire.teleop.drive import SPEEDS
+from wheelwire.tools.teleop.drive import SPEEDS
 
 FULL_MPS = 0.4
 """The parameter max_velocity_mps by default."""

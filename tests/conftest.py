@@ -17,10 +17,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from wheelwire.aio import Driver
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.link.tap_directory import DIRECTORY_VARIABLE as TAP_DIRECTORY
-from wheelwire.link.tap_directory import GROUP_VARIABLE
-from wheelwire.linux_mcu.latches import DIRECTORY_VARIABLE
+from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE as TAP_DIRECTORY
+from wheelwire.link.runtime_folder import GROUP_VARIABLE
+from wheelwire.pi.latches import DIRECTORY_VARIABLE
+from wheelwire.robot.base import BaseDriver
 
 TESTS = Path(__file__).parent
 WHOLE = ("conformance", "integration", "ros")

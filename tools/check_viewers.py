@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from wheelwire import open_driver
-from wheelwire.recording.reader import messages
-from wheelwire.recording.views import BATTERY, JOINT_STATES, JOINTS, ODOM
+from wheelwire.log.reader import messages
+from wheelwire.log.views import BATTERY, JOINT_STATES, JOINTS, ODOM
 
 PACKAGES = (
     "@mcap/core@2.2.2",

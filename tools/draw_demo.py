@@ -19,10 +19,10 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from wheelwire.demo import run
-from wheelwire.demo.figure import DURATION_S, commanded_path
-from wheelwire.demo.scenario import STRAIGHT_S, TTL_S, Report
 from wheelwire.motion.odometry import Pose
+from wheelwire.tools.demo import run
+from wheelwire.tools.demo.figure import DURATION_S, commanded_path
+from wheelwire.tools.demo.scenario import STRAIGHT_S, TTL_S, Report
 
 PICTURE = Path(__file__).parents[1] / "docs" / "demo.svg"
 WIDTH, MARGIN = 980, 20

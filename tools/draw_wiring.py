@@ -13,7 +13,7 @@ from html import escape
 
 import generated
 from wheelwire.board import Configuration
-from wheelwire.files.board import load_board
+from wheelwire.tools.files.board import load_board
 from write_boards import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 
 FOLDER = generated.ROOT / "docs" / "wiring"

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import generated
 from generated import ROOT, table
 from wheelwire.board import Configuration
-from wheelwire.files.board import load_board, shipped_boards
+from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.board import (
     CHIPS,
     OUTPUTS,

@@ -11,8 +11,8 @@ import sys
 
 import generated
 from generated import table
-from wheelwire.files.plant import load_plant, shipped_plants
 from wheelwire.simulation.libfwsim import FwSim, Variable
+from wheelwire.tools.files.plant import load_plant, shipped_plants
 
 PAGE = generated.ROOT / "docs" / "simulator.md"
 

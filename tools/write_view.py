@@ -18,14 +18,14 @@ from contextlib import suppress
 from typing import cast
 
 import generated
-from wheelwire.drivers.factory import open_driver
+from wheelwire.connect import open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused
-from wheelwire.view.app import LOOK_S, LOOKS_PER_PICTURE, ViewApp
-from wheelwire.view.controls import Controls
-from wheelwire.view.model import Model
-from wheelwire.view.screens import Panel
-from wheelwire.view.source import Source
+from wheelwire.tools.view.app import LOOK_S, LOOKS_PER_PICTURE, ViewApp
+from wheelwire.tools.view.controls import Controls
+from wheelwire.tools.view.model import Model
+from wheelwire.tools.view.screens import Panel
+from wheelwire.tools.view.source import Source
 
 PAGE = generated.ROOT / "docs" / "view.md"
 PICTURE = generated.ROOT / "docs" / "monitor.svg"

@@ -11,6 +11,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .connect import connect as connect  # now: its module of the same name would hide it later
+
 if TYPE_CHECKING:
     from wheelwire_protocol.codes import EstopSource as EstopSource
     from wheelwire_protocol.codes import Fault as Fault
@@ -24,17 +26,9 @@ if TYPE_CHECKING:
     from wheelwire_protocol.sensors import SensorState as SensorState
 
     from . import aio as aio
-    from .config import RobotConfig as RobotConfig
-    from .config import connect as connect
-    from .config import load_config as load_config
-    from .config import open_robot as open_robot
-    from .drivers.base import BaseDriver as BaseDriver
-    from .drivers.device_sensors import Ranges as Ranges
-    from .drivers.device_sensors import Sensor as Sensor
-    from .drivers.device_sensors import Sensors as Sensors
-    from .drivers.device_sensors import SensorStatus as SensorStatus
-    from .drivers.factory import driver_names as driver_names
-    from .drivers.factory import open_driver as open_driver
+    from .connect import driver_names as driver_names
+    from .connect import open_driver as open_driver
+    from .connect import open_robot as open_robot
     from .drivers.serial import SerialDriver as SerialDriver
     from .errors import ConfigurationError as ConfigurationError
     from .errors import DeviceRefused as DeviceRefused
@@ -59,7 +53,6 @@ if TYPE_CHECKING:
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
-    from .files.pins import Pins as Pins
     from .holds import HeldBy as HeldBy
     from .holds import LastStop as LastStop
     from .holds import Program as Program
@@ -76,6 +69,12 @@ if TYPE_CHECKING:
     from .motion.odometry import Odometry as Odometry
     from .motion.odometry import OdometryUpdate as OdometryUpdate
     from .motion.odometry import Pose as Pose
+    from .pi.pins import Pins as Pins
+    from .robot.base import BaseDriver as BaseDriver
+    from .robot.sensors import Ranges as Ranges
+    from .robot.sensors import Sensor as Sensor
+    from .robot.sensors import Sensors as Sensors
+    from .robot.sensors import SensorStatus as SensorStatus
     from .samples import WheelSample as WheelSample
     from .samples import WheelTravel as WheelTravel
     from .sensors import ImuSample as ImuSample
@@ -86,6 +85,8 @@ if TYPE_CHECKING:
     from .sensors import SensorEvent as SensorEvent
     from .sensors import SensorInfo as SensorInfo
     from .simulation.simulator import Simulator as Simulator
+    from .tools.files.robot import RobotConfig as RobotConfig
+    from .tools.files.robot import load_config as load_config
 
 _MODULES = {
     "wheelwire_protocol.codes": (
@@ -98,9 +99,10 @@ _MODULES = {
     ),
     "wheelwire_protocol.sensors": ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState"),
     ".motion.covariance": ("PoseCovariance",),
-    ".config": ("RobotConfig", "connect", "load_config", "open_robot"),
-    ".drivers.base": ("BaseDriver",),
-    ".drivers.device_sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
+    ".connect": ("driver_names", "open_driver", "open_robot"),
+    ".tools.files.robot": ("RobotConfig", "load_config"),
+    ".robot.base": ("BaseDriver",),
+    ".robot.sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
     ".drivers.serial": ("SerialDriver",),
     ".errors": (
         "ConfigurationError",
@@ -127,9 +129,8 @@ _MODULES = {
         "WheelwireError",
         "WrongBoard",
     ),
-    ".drivers.factory": ("driver_names", "open_driver"),
     ".motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    ".files.pins": ("Pins",),
+    ".pi.pins": ("Pins",),
     ".motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
     ".samples": ("WheelTravel", "WheelSample"),
     ".sensors": (
@@ -154,6 +155,7 @@ __all__ = [  # loaded when first used, so that the import stays quick
     *_MODULE_OF,
     "__version__",
     "aio",
+    "connect",
 ]
 
 

@@ -22,13 +22,20 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
 from .arguments import timeout_s
-from .config import driver_at, named
-from .drivers.base import FIRST_SAMPLE_S
-from .drivers.device_board import AwaitableBoard as Board
-from .drivers.device_parameters import AwaitableParameters as Parameters
-from .drivers.device_parameters import AwaitableTrial as Trial
-from .drivers.device_recorder import AwaitableRecorder as DeviceRecorder
-from .drivers.device_sensors import (
+from .errors import DriverUnavailable
+from .link.news import Happening
+from .link.sample_iterator import SampleIterator as _SampleQueue
+from .link.sensor_stream import EVENTS, RANGE
+from .robot.base import FIRST_SAMPLE_S
+from .robot.black_boxes import AwaitableRecorder as DeviceRecorder
+from .robot.board import AwaitableBoard as Board
+from .robot.calls import AwaitableDevice
+from .robot.linked import LinkedRobot
+from .robot.loop_callbacks import LoopCallbacks
+from .robot.loop_link import LoopLink
+from .robot.parameters import AwaitableParameters as Parameters
+from .robot.parameters import AwaitableTrial as Trial
+from .robot.sensors import (
     DEFAULT_RATE_HZ,
     OF_IMU,
     OF_INPUTS,
@@ -38,15 +45,6 @@ from .drivers.device_sensors import (
     SensorView,
     Streams,
 )
-from .drivers.factory import check_options, driver_class
-from .drivers.linked import LinkedRobot
-from .drivers.loop_callbacks import LoopCallbacks
-from .drivers.loop_link import LoopLink
-from .drivers.requests import AwaitableDevice
-from .errors import DriverUnavailable
-from .link.news import Happening
-from .link.sample_iterator import SampleIterator as _SampleQueue
-from .link.sensor_stream import EVENTS, RANGE
 from .samples import WheelSample
 from .sensors import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent
 
@@ -55,8 +53,6 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
-    from .diagnosis import Stop
-    from .diagnosis.watch import StopWatch as _SyncStopWatch
     from .drivers.l298n import L298NDriver
     from .drivers.mock import MockDriver as _SyncMockDriver
     from .drivers.options import arguments_of
@@ -64,9 +60,11 @@ if TYPE_CHECKING:
     from .drivers.pins import PinDriver as _SyncPinDriver
     from .drivers.replay import ReplayDriver
     from .drivers.serial import SerialDriver
-    from .drivers.transport_driver import DeviceDriver
     from .errors import RecordingError
-    from .recording.recorder import Recorder as _SyncRecorder
+    from .log.recorder import Recorder as _SyncRecorder
+    from .log.why import Stop
+    from .log.why.watch import StopWatch as _SyncStopWatch
+    from .robot.robot import DeviceDriver
     from .simulation.libfwsim import FwSim
     from .simulation.simulator import Simulator
 
@@ -572,6 +570,8 @@ def connect(robot: str | os.PathLike[str] | None = None) -> Opening[Driver]:
     Raises:
         WheelwireError: As `wheelwire.connect`.
     """
+    from .connect import driver_at, named
+
     name, options = driver_at(named(robot))
     return open_driver(name, **options)
 
@@ -622,9 +622,8 @@ def open_driver(
         InvalidArgument: The driver has no such option, or needs one that is missing.
         WheelwireError: What the driver itself raises.
     """
-    # Here: they can read boards.
-    from .drivers.recording import record_opened, wanted_recording
-    from .drivers.transport_driver import DeviceDriver, opened_later
+    from .connect import check_options, driver_class, record_opened, wanted_recording
+    from .robot.robot import DeviceDriver, opened_later
 
     driver = driver_class(name)
     check_options(name, driver, options, *args)

@@ -20,7 +20,7 @@ from wheelwire import (
     driver_names,
     open_driver,
 )
-from wheelwire.files.board import checked_board
+from wheelwire.tools.files.board import checked_board
 
 from .node import BaseRobotNode, Finalized
 from .parameters import Setting

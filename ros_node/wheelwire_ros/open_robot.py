@@ -17,9 +17,9 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire.diagnosis import Stop
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.link.pacer import Pacer
+from wheelwire.log.why import Stop
+from wheelwire.robot.robot import DeviceDriver
 
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber

@@ -14,7 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter as RosParameter
 
-from wheelwire.drivers.device_sensors import MAX_RATE_HZ
+from wheelwire.robot.sensors import MAX_RATE_HZ
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
 from . import parameter_values as checks

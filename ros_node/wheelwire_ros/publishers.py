@@ -16,8 +16,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
 from wheelwire import Pose
-from wheelwire.recording import messages
-from wheelwire.recording.cdr import Layout
+from wheelwire.log import messages
+from wheelwire.log.cdr import Layout
 
 from .motion_estimator import RobotMotion
 from .threads import NodeThreads

@@ -35,9 +35,9 @@ from wheelwire import (
     WheelwireError,
 )
 from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.log import messages
+from wheelwire.log.obstacles import OBSTACLES, obstacles
 from wheelwire.peripherals import BatteryLevels, Peripheral
-from wheelwire.recording import messages
-from wheelwire.recording.obstacles import OBSTACLES, obstacles
 from wheelwire.sensors import sentence_of_event, sentence_of_state
 from wheelwire_protocol.sensors import (
     REAR_PLACES,

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from support.gpio_chip_process import GpioChip
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.l298n import L298NDriver
+from wheelwire.robot.base import BaseDriver
 from wheelwire.testing import Bench, DriverConformance
 
 

@@ -4,9 +4,9 @@ import weakref
 
 import pytest
 
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import WheelwireError
+from wheelwire.robot.base import BaseDriver
 from wheelwire.testing import Bench, DriverConformance
 
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from support.pigpio_process import PigpioProcess
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.pigpio import PigpioDriver
+from wheelwire.robot.base import BaseDriver
 from wheelwire.testing import Bench, DriverConformance
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from support.aio_driver import AioDriver
 from wheelwire import aio
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.robot.base import BaseDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.testing import Bench, DriverConformance
 

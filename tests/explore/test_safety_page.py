@@ -50,10 +50,10 @@ def test_functions_that_it_names_are_in_their_files() -> None:
 def test_a_rule_beside_the_chip_names_what_exists() -> None:
     rows = [line.split("|") for line in PAGE.splitlines() if line.startswith("| H")]
     assert rows
-    link = exploring.ROOT / "host" / "wheelwire" / "link"
+    host = exploring.ROOT / "host" / "wheelwire"
     for row in rows:
-        for file, names in re.findall(r"`(\w+\.py)` \((`\w+`(?:, `\w+`)*)\)", row[4]):
-            text = (link / file).read_text("utf-8")
+        for file, names in re.findall(r"`([\w/]+\.py)` \((`\w+`(?:, `\w+`)*)\)", row[4]):
+            text = (host / file).read_text("utf-8")
             for name in re.findall(r"\w+", names):
                 assert re.search(rf"def {name}\(", text), (file, name)
         for name in re.findall(r"`([\w.]+)`", row[5]):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from wheelwire.commissioning.driving import arm
-from wheelwire.commissioning.wiring import clear
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.motion.kinematics import WheelVelocities
+from wheelwire.tools.setup.driving import arm
+from wheelwire.tools.setup.wiring import clear
 from wheelwire_protocol.codes import SupervisorState
 
 

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from support.bare_robot import BareRobot
 from support.waiting import wait_until
-from wheelwire.files.pins import Pins
-from wheelwire.linux_mcu.encoder import A, B, QuadratureDecoder
-from wheelwire.linux_mcu.gpio.base import encoder_pins
+from wheelwire.pi.encoder import A, B, QuadratureDecoder
+from wheelwire.pi.gpio.base import encoder_pins
+from wheelwire.pi.pins import Pins
 
 BOARD = Pins(left_pwm=18, left_dir1=23, right_pwm=19, right_dir2=6)
 LEFT_FORWARD, RIGHT_BACKWARD = (18, 23), (19, 6)

@@ -14,8 +14,8 @@ from support.endurance import (
 )
 from support.host_samples import remeasured
 from support.library_robot import LibraryRobot
-from wheelwire.files.bad_line import load_profile, shipped_profiles
 from wheelwire.link.latest_sample import LatestSample
+from wheelwire.tools.files.bad_line import load_profile, shipped_profiles
 
 TICKS_A_STEP = 15_000
 """Less than half of where the hardware's counters start anew."""

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import pytest
 
-from wheelwire.diagnosis.device import stops_of_device
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.errors import WheelwireError
-from wheelwire.files.board import load_board
 from wheelwire.holds import HeldBy
 from wheelwire.link.stored_boxes import Recorded
+from wheelwire.log.why.device import stops_of_device
 from wheelwire.peripherals import DigitalInput, Pull
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import (
     Contradiction,
     EstopSource,

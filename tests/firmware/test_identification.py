@@ -24,13 +24,13 @@ from support.commissioning import (
     true_line,
     true_time_constant_s,
 )
-from wheelwire.commissioning.before_after import Proof, prove
-from wheelwire.commissioning.driving import TTL_S, BoardReset
-from wheelwire.commissioning.gains import FLOOR_INERTIA, tuned
-from wheelwire.commissioning.identification import Identification, WheelIdentification, identify
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.samples import WheelSample
+from wheelwire.tools.setup.driving import TTL_S, BoardReset
+from wheelwire.tools.setup.gains import FLOOR_INERTIA, tuned
+from wheelwire.tools.setup.identification import Identification, WheelIdentification, identify
+from wheelwire.tools.tune.before_after import Proof, prove
 
 ROBOTS = [
     (plant, battery_v, (number + step) % 2 == 0)

@@ -12,15 +12,15 @@ from statistics import fmean
 
 import pytest
 
-from wheelwire.commissioning import imu as imu_setup
-from wheelwire.commissioning.imu import set_up_imu
-from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import CHANGED, Options, set_up
-from wheelwire.drivers.device_board import AwaitableBoard, DeviceBoard
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import BoardNotKept, LinkLost
-from wheelwire.files.board import load_board
 from wheelwire.peripherals import ImuSensor
+from wheelwire.robot.board import AwaitableBoard, DeviceBoard
+from wheelwire.tools.files.board import load_board
+from wheelwire.tools.setup import imu as imu_setup
+from wheelwire.tools.setup.imu import set_up_imu
+from wheelwire.tools.setup.questions import Question, SimulatedPerson
+from wheelwire.tools.setup.setup import CHANGED, Options, set_up
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.sensors import Axis, SensorChip
 

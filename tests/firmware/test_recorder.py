@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.drivers.device_recorder import AwaitableRecorder
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.stored_boxes import StoredBox
+from wheelwire.robot.black_boxes import AwaitableRecorder
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 

@@ -24,16 +24,17 @@ from support.wiring_runs import (
     raised_robot,
     set_up_raised,
 )
-from wheelwire.commissioning import before_after, problems, setup
-from wheelwire.commissioning.driving import Pair, pulse
-from wheelwire.commissioning.identification import identify
-from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, Progress, set_up
-from wheelwire.commissioning.wiring import Wiring, check_wheels
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
-from wheelwire.files.parameters import load_parameter_file
-from wheelwire.files.plant import load_plant, shipped_plants
+from wheelwire.tools.files.parameters import load_parameter_file
+from wheelwire.tools.files.plant import load_plant, shipped_plants
+from wheelwire.tools.setup import problems, setup
+from wheelwire.tools.setup.driving import Pair, pulse
+from wheelwire.tools.setup.identification import identify
+from wheelwire.tools.setup.questions import Question, SimulatedPerson
+from wheelwire.tools.setup.setup import CHANGED, TUNED, Findings, Options, Progress, set_up
+from wheelwire.tools.setup.wiring import Wiring, check_wheels
+from wheelwire.tools.tune import before_after
 from wheelwire_protocol.codes import Fault
 
 WRONG = {"motors_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}

@@ -9,9 +9,12 @@ from itertools import pairwise
 import pytest
 
 from support.commissioning import plant_robot
-from wheelwire.commissioning.before_after import Course, Trace, drive_with_each
-from wheelwire.commissioning.driving import Pair
-from wheelwire.commissioning.tuning import (
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import CommissioningFailed, InvalidArgument
+from wheelwire.samples import WheelSample
+from wheelwire.tools.setup.driving import Pair
+from wheelwire.tools.tune.before_after import Course, Trace, drive_with_each
+from wheelwire.tools.tune.tuning import (
     BOTH,
     RAMP,
     SHAPES,
@@ -22,9 +25,6 @@ from wheelwire.commissioning.tuning import (
     course_of,
     tracking,
 )
-from wheelwire.drivers.mock import MockDriver
-from wheelwire.errors import CommissioningFailed, InvalidArgument
-from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 SLUGGISH = {"velocity_feedforward": 0.9, "integral_gain": 4.0}

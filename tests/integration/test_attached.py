@@ -21,11 +21,11 @@ from support.range_board import simulator_on_board
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.drivers.factory import open_driver
+from wheelwire.connect import open_driver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.link.tap_directory import DIRECTORY_VARIABLE
-from wheelwire.recording.reader import is_complete, messages, metadata
+from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE
+from wheelwire.log.reader import is_complete, messages, metadata
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 

@@ -14,17 +14,17 @@ from support.own_board import OWN_BOARD
 from support.typing_terminal import TypingTerminal
 from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
-from wheelwire.commissioning.questions import KEEP, Question
-from wheelwire.commissioning.setup import choose_board
-from wheelwire.drivers import requests
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.drivers.requests import Requests
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.files.board import board_mapping, load_board, parse_board, shipped_boards
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.peripherals import DigitalInput, Pull
+from wheelwire.robot import calls as requests
+from wheelwire.robot.calls import Requests
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import board_mapping, load_board, parse_board, shipped_boards
+from wheelwire.tools.setup.questions import KEEP, Question
+from wheelwire.tools.setup.setup import choose_board
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import Chip, Contradiction, Fault, Group, RefusalCode
 from wheelwire_protocol.sensors import PeripheralKind, Place

@@ -464,7 +464,7 @@ def test_sim_of_a_plant_that_is_none(tmp_path: Path) -> None:
 
 SHORT_PROGRAM = """
 import runpy
-from wheelwire.demo import scenario
+from wheelwire.tools.demo import scenario
 scenario.DURATION_S = 1.0
 runpy.run_module("wheelwire", run_name="__main__")
 """
@@ -473,7 +473,7 @@ runpy.run_module("wheelwire", run_name="__main__")
 
 PATIENT_PROGRAM = """
 import runpy
-from wheelwire.demo import scenario
+from wheelwire.tools.demo import scenario
 scenario.TTL_S = 1.0
 runpy.run_module("wheelwire", run_name="__main__")
 """

@@ -6,14 +6,15 @@ import asyncio
 import os
 import threading
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import wheelwire
-from wheelwire import aio, config
-from wheelwire.drivers import factory
+from wheelwire import aio
+from wheelwire.connect import driver_at
 from wheelwire.errors import (
     ConfigurationError,
     InvalidArgument,
@@ -22,6 +23,9 @@ from wheelwire.errors import (
     WheelwireError,
 )
 from wheelwire.simulation.simulator import Simulator
+
+opening = import_module("wheelwire.connect")
+"""The module, beside the function that `wheelwire` has of that name."""
 
 NO_PORT = "/dev/no-such-port"
 
@@ -96,7 +100,7 @@ def test_a_file_is_an_address(use: Callable[[Any], str], tmp_path: Path) -> None
 def test_a_boards_id_is_an_address(
     use: Callable[[Any], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(config, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
+    monkeypatch.setattr(opening, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
     with Simulator() as simulator, Simulator():
         (tmp_path / "ttyUSB0").symlink_to(simulator.port)
         with wheelwire.connect(simulator.port) as robot:
@@ -127,8 +131,8 @@ def test_a_robots_file_may_name_its_board_by_id(
 
 def test_sockets_and_any_other_url_are_ports() -> None:
     for port in ("socket://robot:5000", "unix:/run/wheelwire.sock", "rfc2217://robot:2217"):
-        assert config.driver_at(port) == ("serial", {"port": port})
-        assert config.driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
+        assert driver_at(port) == ("serial", {"port": port})
+        assert driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
 
 
 @both
@@ -214,7 +218,7 @@ def test_a_file_gives_the_serial_driver_all_its_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: dict[str, Any] = {}
-    monkeypatch.setattr(factory, "driver_class", lambda _: lambda **given: made.update(given))
+    monkeypatch.setattr(opening, "driver_class", lambda _: lambda **given: made.update(given))
     file = tmp_path / "robot.yaml"
     file.write_text(
         "driver: serial\nboard: tb6612\nserial: {port: /dev/x, baud_rate: 9600, any_board: true,"
@@ -238,7 +242,7 @@ def test_a_file_gives_the_serial_driver_all_its_options(
 def test_a_plug_in_driver_takes_its_options_from_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(factory, "_plug_ins", lambda: {"acme": "builtins:dict"})
+    monkeypatch.setattr(opening, "_plug_ins", lambda: {"acme": "builtins:dict"})
     file = tmp_path / "robot.yaml"
     file.write_text("driver: acme\nacme:\n  host: bot\n  gears: [1, 2]\n")
     robot: Any = wheelwire.connect(file)
@@ -254,8 +258,8 @@ def test_a_plug_in_driver_takes_its_options_from_the_file(
 def test_a_plug_in_driver_that_lacks_an_option_of_the_file_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(factory, "_plug_ins", lambda: {"acme": "acme:robot"})
-    monkeypatch.setattr(config, "driver_class", lambda _: lambda *, host="": host)
+    monkeypatch.setattr(opening, "_plug_ins", lambda: {"acme": "acme:robot"})
+    monkeypatch.setattr(opening, "driver_class", lambda _: lambda *, host="": host)
     file = tmp_path / "robot.yaml"
     file.write_text("driver: acme\nacme: {hots: bot}\n")
     with pytest.raises(ConfigurationError, match=r"robot.yaml.*no option 'hots'.*mean 'host'"):

@@ -16,14 +16,14 @@ from support.simulator_on_line import GOOD, simulator_on
 from wheelwire import errors
 from wheelwire.cli.address import Address
 from wheelwire.cli.doctor import _of_robot
-from wheelwire.doctor import Finding, examine_robot, robot
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.files.bad_line import load_profile
-from wheelwire.files.board import load_board
 from wheelwire.peripherals import BatteryLevels, DigitalInput, Pull
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.doctor import Finding, examine_robot, robot
+from wheelwire.tools.files.bad_line import load_profile
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import Fault, Group, ResetReason
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.sensors import PeripheralKind, Place
@@ -318,7 +318,7 @@ def test_a_robot_that_goes_away_half_way_is_a_finding(
 ) -> None:
     with SerialDriver(simulator.port) as driver:
         driver.estop()
-    monkeypatch.setattr("wheelwire.doctor.robot.time.sleep", lambda _: simulator.close())
+    monkeypatch.setattr("wheelwire.tools.doctor.robot.time.sleep", lambda _: simulator.close())
     monkeypatch.setattr(robot, "_link", lambda driver: driver.device_counters())
     found = _of_robot(Address(simulator.port), None, as_json=False)
     assert [finding.name for finding in found] == ["stopped", "no-answer"]

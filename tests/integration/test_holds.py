@@ -13,9 +13,9 @@ import pytest
 import wheelwire
 from support.command import run, run_json, run_process
 from support.waiting import wait_until
-from wheelwire.diagnosis import Stop
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.holds import HeldBy
+from wheelwire.log.why import Stop
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.timeout(120)

@@ -17,12 +17,12 @@ from support.range_board import simulator_on_board
 from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
 from wheelwire.cli.app import app
-from wheelwire.drivers import requests
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RecordingError
-from wheelwire.files.board import load_board
-from wheelwire.recording.reader import is_complete, metadata
+from wheelwire.log.reader import is_complete, metadata
+from wheelwire.robot import calls as requests
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import Group
 from wheelwire_protocol.types import GroupGet
 

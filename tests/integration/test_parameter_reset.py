@@ -13,8 +13,8 @@ from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.files.state import state_folder
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.state import state_folder
 
 WIDE = {"COLUMNS": "500"}
 """A question is one line."""

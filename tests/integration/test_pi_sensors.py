@@ -17,9 +17,9 @@ from support.i2c_bus import I2cBuses
 from support.processes import children
 from support.waiting import wait_until
 from wheelwire import aio, connect, errors, open_driver
-from wheelwire.config import load_config
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.files.pins import Pins
+from wheelwire.pi.pins import Pins
+from wheelwire.robot.base import BaseDriver
+from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import Reflex, SensorState
 
@@ -79,7 +79,7 @@ def core_of_the_driver() -> int:
     found: list[int] = []
 
     def is_there() -> bool:
-        guards = [pid for pid in children(os.getpid()) if _runs(pid, "wheelwire.linux_mcu")]
+        guards = [pid for pid in children(os.getpid()) if _runs(pid, "wheelwire.pi")]
         found[:] = [core for guard in guards for core in children(guard)]
         return bool(found)
 

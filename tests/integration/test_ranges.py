@@ -22,11 +22,11 @@ from support.range_board import (
 )
 from support.waiting import wait_until
 from wheelwire import RangeSample, aio, errors, open_driver
-from wheelwire.drivers.attached import open_or_attach
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.peripherals import ImuSensor
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.attach import open_or_attach
 from wheelwire_protocol.sensors import IMUS, SensorChip, SensorEventCode, SensorState
 
 

@@ -12,11 +12,11 @@ import wheelwire
 from support.range_board import simulator_on_board
 from support.waiting import wait_until
 from wheelwire import aio
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
-from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Phase
-from wheelwire.recording.reader import messages, metadata, records
+from wheelwire.log.reader import messages, metadata, records
+from wheelwire.log.rerun import Rerun
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 
 

@@ -18,9 +18,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from wheelwire import open_driver
-from wheelwire.recording.raw import TOPICS
-from wheelwire.recording.reader import messages
-from wheelwire.recording.views import BUMPERS, CHANNELS, ODOM
+from wheelwire.log.raw import TOPICS
+from wheelwire.log.reader import messages
+from wheelwire.log.views import BUMPERS, CHANNELS, ODOM
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +89,8 @@ for name in ("lz4", "lz4.frame", "zstandard"):
     sys.modules[name] = None  # its import fails, as on a 32-bit ARM
 import time
 from wheelwire import open_driver
-from wheelwire.recording.repair import repair
-from wheelwire.recording.summary import summary
+from wheelwire.log.repair import repair
+from wheelwire.log.summary import summary
 with open_driver("mock", record=sys.argv[1]) as robot:
     time.sleep(1.2)
     robot.read()

@@ -17,16 +17,16 @@ from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
 from support.range_board import simulator_on_board
 from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
-from wheelwire.diagnosis import Stop
-from wheelwire.drivers import requests
-from wheelwire.drivers.attached import open_or_attach
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.files.board import load_board
 from wheelwire.link import session
+from wheelwire.log.why import Stop
 from wheelwire.peripherals import BatteryLevels, DigitalInput, PowerSensor, Pull
+from wheelwire.robot import calls as requests
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.attach import open_or_attach
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
 from wheelwire_protocol.codes import Fault, Group
 from wheelwire_protocol.sensors import (

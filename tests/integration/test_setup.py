@@ -17,12 +17,12 @@ from support.command import check_error, run, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors, open_driver
-from wheelwire.commissioning.problems import DEFECTS
-from wheelwire.commissioning.setup import CHANGED
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.files.plant import load_plant
 from wheelwire.peripherals import ImuSensor
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.plant import load_plant
+from wheelwire.tools.setup.problems import DEFECTS
+from wheelwire.tools.setup.setup import CHANGED
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.sensors import Axis
 

@@ -10,14 +10,14 @@ import pytest
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from wheelwire.board import Configuration
-from wheelwire.commissioning.questions import SKIP, Question
-from wheelwire.commissioning.setup import set_up
-from wheelwire.commissioning.wiring import Wiring
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.pigpio import PigpioDriver
-from wheelwire.files.pins import Pins
+from wheelwire.pi.pins import Pins
+from wheelwire.robot.base import BaseDriver
+from wheelwire.tools.setup.questions import SKIP, Question
+from wheelwire.tools.setup.setup import set_up
+from wheelwire.tools.setup.wiring import Wiring
 
 PATIENT = {"overrun_limit_us": 1e6}
 """A busy test machine is no fault of the robot's."""

@@ -17,8 +17,8 @@ from support.usb_ports import environment_with_ports
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator, TrueState
-from wheelwire.teleop.drive import STALE_S
-from wheelwire.teleop.keys import FIRST_LIFE_S
+from wheelwire.tools.teleop.drive import STALE_S
+from wheelwire.tools.teleop.keys import FIRST_LIFE_S
 from wheelwire_protocol.codes import SupervisorState
 
 PERIOD_US = 1000

@@ -38,7 +38,7 @@ def simulator() -> Iterator[Simulator]:
 HELD_UP = "setpoints came late in a drive, as this computer or the line is busy"
 HELD_UP_IN_RAMPS = """
 import runpy, time
-from wheelwire.commissioning.driving import Record
+from wheelwire.tools.setup.driving import Record
 
 add = Record.add
 

@@ -13,15 +13,16 @@ import pytest
 pytest.importorskip("textual")
 from support.viewing import Viewing, viewing
 from support.waiting import wait_until
-from wheelwire.drivers.attached import AttachedDriver, open_or_attach
-from wheelwire.drivers.factory import open_driver
+from wheelwire.connect import open_driver
+from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import InvalidArgument, LinkClosed
-from wheelwire.recording.reader import records
+from wheelwire.log.reader import records
 from wheelwire.simulation.simulator import Simulator
-from wheelwire.teleop.drive import STALE_S
-from wheelwire.view.tuning import LOST
+from wheelwire.tools.attach import open_or_attach
+from wheelwire.tools.teleop.drive import STALE_S
+from wheelwire.tools.view.tuning import LOST
 from wheelwire_protocol.codes import SupervisorState
 
 IDLE, ESTOPPED = SupervisorState.IDLE, SupervisorState.ESTOPPED
@@ -262,7 +263,7 @@ async def test_a_full_disk_ends_the_recording_alone(
     async with viewing(robot) as at:
         await at.press("r")
         await at.hears("recording to ")
-        monkeypatch.setattr("wheelwire.recording.writer.os.write", full)
+        monkeypatch.setattr("wheelwire.log.writer.os.write", full)
         await at.hears("No space left on device")
         await at.sees("IDLE: Stopped")
 

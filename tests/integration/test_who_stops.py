@@ -24,8 +24,8 @@ from support.mcu_process import McuProcess, now_us
 from support.pigpio_process import PigpioProcess
 from support.stand_in import StandIn
 from support.waiting import wait_until
-from wheelwire.files.pins import Pins
-from wheelwire.linux_mcu.settings import McuSettings
+from wheelwire.pi.pins import Pins
+from wheelwire.pi.settings import McuSettings
 
 LIFE_US = 4_500_000
 """Life of the last setpoint: longer than all that is measured here."""

@@ -12,11 +12,11 @@ import pytest
 import wheelwire
 from support.command import PROGRAM, check_error, run, run_json
 from support.waiting import wait_until
-from wheelwire.diagnosis import Stop
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
-from wheelwire.recording.black_box import read_box
+from wheelwire.log.black_box import read_box
+from wheelwire.log.why import Stop
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator
 

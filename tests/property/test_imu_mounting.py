@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wheelwire.commissioning.imu_mounting import (
+from wheelwire.sensors import Vector
+from wheelwire.tools.setup.imu_mounting import (
     GRAVITY_MPS2,
     Unclear,
     forward_axis,
@@ -18,7 +19,6 @@ from wheelwire.commissioning.imu_mounting import (
     raised_axis,
     upward_axis,
 )
-from wheelwire.sensors import Vector
 from wheelwire_protocol.sensors import Axis
 
 MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, WheelwireError
-from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codes import StopMode

@@ -16,9 +16,9 @@ from sensor_msgs.msg import BatteryState
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from wheelwire import open_driver
-from wheelwire.files.board import load_board
 from wheelwire.peripherals import BatteryLevels, Peripheral, PowerSensor
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
 from wheelwire_protocol.sensors import SensorChip
 

@@ -20,7 +20,7 @@ from support.pigpio_process import PigpioProcess
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
-from wheelwire.files.board import to_yaml
+from wheelwire.tools.files.board import to_yaml
 
 LONG_OVERRUN_LIMIT_US = 1_000_000
 LONG_STALL_TIME_S = 2.0

@@ -149,7 +149,7 @@ def test_parameters_that_there_are_not_are_named() -> None:
 
 def test_a_robots_own_file_is_no_parameter_file(graph: Graph) -> None:
     with (
-        as_file(files("wheelwire.files") / "pi4b_robot.yaml") as file,
+        as_file(files("wheelwire.tools.files") / "pi4b_robot.yaml") as file,
         RobotNode(graph, file=file) as node,
     ):
         words = "a ROS parameter file has its values below `/**:`"

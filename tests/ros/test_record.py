@@ -19,10 +19,10 @@ from support.range_board import simulator_on_board
 from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
-from wheelwire.link.rerun import Rerun
+from wheelwire.log.reader import is_complete, messages, metadata, records
+from wheelwire.log.rerun import Rerun
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry as Poses
-from wheelwire.recording.reader import is_complete, messages, metadata, records
 
 
 def drive(graph: Graph, node: RobotNode) -> float:

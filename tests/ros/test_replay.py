@@ -23,7 +23,7 @@ from support.ros import Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from support.stop_host import stopped
-from wheelwire.drivers.factory import RECORD_VARIABLE
+from wheelwire.connect import RECORD_VARIABLE
 from wheelwire_ros.publishers import time_ns
 
 TOPICS = {"odom": Odometry, "joint_states": JointState, "tf": TFMessage}

@@ -22,8 +22,8 @@ from support.pty_device import PtyDevice
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, State, open_rig, values
-from wheelwire.files.board import board_mapping
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import board_mapping
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
 

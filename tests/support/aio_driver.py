@@ -10,11 +10,11 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from wheelwire import aio
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.link.info import LinkStatistics
 from wheelwire.link.news import Happening
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
 from wheelwire.parameters import ParameterInfo, Parameters, Trial
+from wheelwire.robot.base import BaseDriver
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.parameters import Parameter
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wheelwire.link.attached import Holder, find_holder
+from wheelwire.log.share.attached_link import Holder, find_holder
 
 from .waiting import wait_until
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wheelwire.board import Configuration
-from wheelwire.linux_mcu.gpio.base import HIGH_Q15
+from wheelwire.pi.gpio.base import HIGH_Q15
 from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.board import OUTPUTS
 from wheelwire_protocol.native import declare

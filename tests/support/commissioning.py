@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelwire.commissioning.before_after import Proof, prove, there_and_back
-from wheelwire.commissioning.expectation import expected_rms_mps
-from wheelwire.commissioning.gains import tuned
-from wheelwire.commissioning.identification import STAIRS, Identification, identify
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.files.plant import load_plant, shipped_plants
+from wheelwire.tools.files.plant import load_plant, shipped_plants
+from wheelwire.tools.setup.expectation import expected_rms_mps
+from wheelwire.tools.setup.gains import tuned
+from wheelwire.tools.setup.identification import STAIRS, Identification, identify
+from wheelwire.tools.tune.before_after import Proof, prove, there_and_back
 
 PLANTS = tuple(shipped_plants())
 BATTERIES_V = (6.5, 7.4, 9.0)

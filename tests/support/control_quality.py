@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wheelwire.demo.figure import DURATION_S, commanded_path, twist_at
+from wheelwire.tools.demo.figure import DURATION_S, commanded_path, twist_at
 
 from .virtual import VirtualRobot
 

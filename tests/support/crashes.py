@@ -23,13 +23,13 @@ from mcap.reader import make_reader
 from support.tapped_line import TappedLine
 from wheelwire.errors import RecordingError
 from wheelwire.link.tap import Kind, Record, TapReader
-from wheelwire.recording import recorder as recorder_module
-from wheelwire.recording import writer
-from wheelwire.recording.raw import TOPICS, decode
-from wheelwire.recording.reader import is_complete, records
-from wheelwire.recording.recorder import Attachment, Recorder
-from wheelwire.recording.repair import repair
-from wheelwire.recording.writer import RecordingFile
+from wheelwire.log import recorder as recorder_module
+from wheelwire.log import writer
+from wheelwire.log.raw import TOPICS, decode
+from wheelwire.log.reader import is_complete, records
+from wheelwire.log.recorder import Attachment, Recorder
+from wheelwire.log.repair import repair
+from wheelwire.log.writer import RecordingFile
 
 STEP_S = 0.05
 LONGEST_S = 2.6

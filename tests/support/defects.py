@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wheelwire.commissioning.problems import (
+from wheelwire.tools.setup.problems import (
     BLOCKED,
     CHANNEL_DEAD,
     CHANNELS_MIXED,

@@ -8,7 +8,7 @@ from pathlib import Path
 from support.gpio_chip.factory import SOCKET
 from support.stand_in import TESTS, StandIn
 from wheelwire.board import Configuration
-from wheelwire.files.pins import Pins
+from wheelwire.pi.pins import Pins
 
 SITE = TESTS / "support" / "gpio_chip" / "site"
 

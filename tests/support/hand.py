@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.teleop.drive import Teleop
-from wheelwire.teleop.keys import SPACE, Action, KeyEvent
+from wheelwire.tools.teleop.drive import Teleop
+from wheelwire.tools.teleop.keys import SPACE, Action, KeyEvent
 from wheelwire_protocol.codes import SupervisorState
 
 STEP_S = 0.001

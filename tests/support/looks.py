@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from wheelwire.samples import Setpoint, WheelSample
-from wheelwire.view.model import Look
+from wheelwire.tools.view.model import Look
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 LOOK_S = 0.05

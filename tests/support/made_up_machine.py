@@ -9,8 +9,8 @@ from typing import Any
 
 import yaml
 
-from wheelwire.doctor import Machine
-from wheelwire.doctor.machine import Node
+from wheelwire.tools.doctor import Machine
+from wheelwire.tools.doctor.machine import Node
 
 _NODE = re.compile(
     r"c(?P<mode>[r-][w-].[r-][w-].[r-][w-].) \d+ root (?P<group>\w+) (?P<numbers>.*)"

@@ -16,8 +16,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
-from wheelwire.linux_mcu import launch
-from wheelwire.linux_mcu.settings import McuSettings
+from wheelwire.pi import launch
+from wheelwire.pi.settings import McuSettings
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
@@ -55,7 +55,7 @@ class McuProcess:
         self._ours, theirs = socket.socketpair()
         with theirs:
             settings = replace(settings, socket=theirs.fileno(), parent=os.getpid())
-            command = [sys.executable, "-m", "wheelwire.linux_mcu", settings.to_json()]
+            command = [sys.executable, "-m", "wheelwire.pi", settings.to_json()]
             self._process = launch.start(command, theirs.fileno())
         self.guard = self._process.pid
         self.offset_us = self.error_us = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wheelwire.files.board import load_board
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
 
 OWN_BOARD = replace(

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TypeVar
 
 from wheelwire.board import Configuration
-from wheelwire.files.pins import Pins
-from wheelwire.linux_mcu.bus_reader import BusReader
 from wheelwire.peripherals import BatteryLevels, ImuSensor, Peripheral, PowerSensor
+from wheelwire.pi.bus_reader import BusReader
+from wheelwire.pi.pins import Pins
 from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.native import Core, Identity, Outputs, Sensors, TransferResult

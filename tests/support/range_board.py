@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.files.board import load_board
 from wheelwire.peripherals import AnalogInput, ImuSensor, RangeSensor
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
 from wheelwire_protocol.sensors import Place, SensorChip
 

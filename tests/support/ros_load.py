@@ -25,9 +25,9 @@ from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.stand_in import StandIn
 from wheelwire.drivers.attached import AttachedDriver
-from wheelwire.link.attached import AttachedLink
 from wheelwire.link.info import quantile
 from wheelwire.link.latest_sample import LatestSample
+from wheelwire.log.share.attached_link import AttachedLink
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
 

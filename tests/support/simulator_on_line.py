@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from wheelwire.files.bad_line import load_profile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.bad_line import load_profile
 
 GOOD = "good"
 LINES = (GOOD, "noisy", "split")

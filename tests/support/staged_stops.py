@@ -7,12 +7,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
-from wheelwire.diagnosis import Diagnosis, Stop
-from wheelwire.drivers.linked import WATCHED
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.port_loop import CLOSED
 from wheelwire.link.session import Phase
 from wheelwire.link.tap import Kind, TapReader
+from wheelwire.log.why import Diagnosis, Stop
+from wheelwire.robot.linked import WATCHED
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import Fault, ResetReason, StopMode, TrialAction
 from wheelwire_protocol.framing import encode_frame

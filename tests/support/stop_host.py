@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from wheelwire.connect import RECORD_VARIABLE
 from wheelwire.drivers.attached import AttachedDriver
-from wheelwire.drivers.factory import RECORD_VARIABLE
 from wheelwire.simulation.bad_line import ImpairedLine, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator, TrueState

@@ -17,11 +17,11 @@ from typing import Any
 from support.answering_port import Port
 from support.core_device import CoreDevice
 from wheelwire import aio
-from wheelwire.drivers.linked import WATCHED
-from wheelwire.drivers.transport_driver import DeviceDriver, opened_later
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
+from wheelwire.robot.linked import WATCHED
+from wheelwire.robot.robot import DeviceDriver, opened_later
 
 BOUND_S = 8.0
 """A call takes 5 s at most; the rest is for a computer that has other things to do."""

@@ -12,12 +12,12 @@ from typing import Any
 from textual.pilot import Pilot
 from textual.widgets import DataTable
 
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.view.app import ViewApp
-from wheelwire.view.controls import Controls
-from wheelwire.view.model import Model
-from wheelwire.view.screens import Panel
-from wheelwire.view.source import Source
+from wheelwire.robot.base import BaseDriver
+from wheelwire.tools.view.app import ViewApp
+from wheelwire.tools.view.controls import Controls
+from wheelwire.tools.view.model import Model
+from wheelwire.tools.view.screens import Panel
+from wheelwire.tools.view.source import Source
 
 TIMEOUT_S = 20.0
 HELD_S = 0.1

@@ -6,8 +6,8 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
+from wheelwire.robot.base import BaseDriver
 
 PERIOD_S = 0.002
 TIMEOUT_S = 30.0

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 
-from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import Findings, set_up
-from wheelwire.commissioning.wiring import Wiring
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
-from wheelwire.files.plant import load_plant, shipped_plants
 from wheelwire.samples import WheelSample
+from wheelwire.tools.files.plant import load_plant, shipped_plants
+from wheelwire.tools.setup.questions import Question, SimulatedPerson
+from wheelwire.tools.setup.setup import Findings, set_up
+from wheelwire.tools.setup.wiring import Wiring
 from wheelwire_protocol.codes import SupervisorState
 
 MOST_TURNS = 1.5

@@ -12,6 +12,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,12 @@ from support.processes import open_files
 from support.pty_device import PtyDevice
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
-from wheelwire.drivers import factory
-from wheelwire.drivers.loop_link import LoopCalls
-from wheelwire.drivers.transport_driver import DeviceDriver, TransportDriver, opened_later
+from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.transports import open_transport
+from wheelwire.robot.loop_link import LoopCalls
+from wheelwire.robot.robot import DeviceDriver, opened_later
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -42,6 +43,9 @@ from wheelwire_protocol.types import (
     Stop,
     WheelState,
 )
+
+opening = import_module("wheelwire.connect")
+"""The module, beside the function that `wheelwire` has of that name."""
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -401,7 +405,7 @@ class _Acme(TransportDriver):
 
 async def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     points = {"acme": f"{__name__}:_Acme"}
-    monkeypatch.setattr(factory, "_plug_ins", lambda: points)
+    monkeypatch.setattr(opening, "_plug_ins", lambda: points)
     with PtyDevice(tmp_path / "robot") as device:
         async with aio.open_driver("acme", path=device.path) as robot:
             robot.set_velocity(0.1, 0.0)

@@ -19,7 +19,8 @@ from wheelwire.board import (
     unpacked,
 )
 from wheelwire.errors import ConfigurationError
-from wheelwire.files.board import (
+from wheelwire.peripherals import DigitalInput, Pull, channel_name
+from wheelwire.tools.files.board import (
     board_mapping,
     checked_board,
     load_board,
@@ -27,7 +28,6 @@ from wheelwire.files.board import (
     shipped_boards,
     to_yaml,
 )
-from wheelwire.peripherals import DigitalInput, Pull, channel_name
 from wheelwire_protocol.board import (
     CHIPS,
     STAGES,

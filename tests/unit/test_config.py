@@ -14,11 +14,11 @@ from support.cases import each
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire.board import Configuration
-from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
-from wheelwire.files.pins import Pins
 from wheelwire.peripherals import ImuSensor
+from wheelwire.pi.pins import Pins
+from wheelwire.tools.files.robot import parse_config, service_settings
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -222,5 +222,10 @@ def test_files_are_read_as_utf_8_whatever_the_computers_locale(tmp_path: Path) -
         "import sys, wheelwire; assert wheelwire.load_config(sys.argv[1]).store == 'M\\xfcllwagen'"
     )
     # Python warns wherever a text file is opened in the locale's encoding.
-    strict = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning:wheelwire.files.reading"]
+    strict = [
+        "-X",
+        "warn_default_encoding",
+        "-W",
+        "error::EncodingWarning:wheelwire.tools.files.reading",
+    ]
     subprocess.run([sys.executable, *strict, "-c", program, str(file)], check=True)

@@ -16,7 +16,8 @@ from support.core_device import CoreDevice
 from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
 from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
 from support.pty_device import PtyDevice
-from wheelwire import errors, flash
+from wheelwire import errors
+from wheelwire.tools import flash
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.types import Stop, WheelState
 

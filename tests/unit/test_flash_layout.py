@@ -9,7 +9,7 @@ import pytest
 from support.esp_chip import ESP32, ESP32C3, ESP32C6, ESP32S3, ChipKind
 from support.esp_image import FACTORY_LAYOUT, Row, merged_image, our_layout, table_bytes
 from wheelwire.errors import FlashFailed
-from wheelwire.flash import Image, parse_table, plan_flash, read_image
+from wheelwire.tools.flash import Image, parse_table, plan_flash, read_image
 from wheelwire_protocol.codes import Chip
 
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from support.cases import each
 from wheelwire import errors, parameters
-from wheelwire.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.parameters import (
     ParameterInfo,
     Parameters,
@@ -23,6 +22,7 @@ from wheelwire.parameters import (
     definition_of,
     differences,
 )
+from wheelwire.tools.files.parameters import ParameterFile, load_parameter_file
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, Parameter
 

@@ -16,9 +16,7 @@ from hypothesis import strategies as st
 
 from support.cases import each
 from wheelwire.board import Configuration, unpacked
-from wheelwire.config import parse_config
 from wheelwire.errors import ConfigurationError
-from wheelwire.files.board import load_board, parse_board, to_yaml
 from wheelwire.peripherals import (
     DIGITAL_INPUTS,
     AnalogInput,
@@ -33,6 +31,8 @@ from wheelwire.peripherals import (
     packed_entry,
     unpacked_entry,
 )
+from wheelwire.tools.files.board import load_board, parse_board, to_yaml
+from wheelwire.tools.files.robot import parse_config
 from wheelwire_protocol.messages import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
 from wheelwire_protocol.native import check_peripherals
 from wheelwire_protocol.sensors import (

@@ -15,10 +15,11 @@ import yaml
 import wheelwire
 import wheelwire.aio
 from support.cases import each
-from wheelwire import config, errors
+from wheelwire import errors
 from wheelwire.cli.app import app
-from wheelwire.files import robot as robot_file
-from wheelwire.files.pins import Pins
+from wheelwire.pi.pins import Pins
+from wheelwire.tools.files import robot as config
+from wheelwire.tools.files import robot as robot_file
 from wheelwire_protocol.codes import Fault
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -75,7 +76,7 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
             expected[f"{section}.{field.name}"] = "none" if value is None else written
     keys = {key: default for key, default in told.items() if key in expected}
     assert keys == expected
-    assert {*robot_file.TOP, *config._SECTIONS, "pins", "parameters"} == {
+    assert {*robot_file.TOP, *config.SECTIONS_OF_DRIVERS, "pins", "parameters"} == {
         key.partition(".")[0] for key in expected
     }
 

@@ -12,20 +12,20 @@ from typing import Annotated
 
 import typer
 
-from wheelwire.config import (
+from wheelwire.connect import (
     ADDRESS_KINDS,
     ENVIRONMENT,
     MOCK,
     driver_at,
     is_board_id,
     is_robot_file,
-    load_config,
     named,
+    open_driver,
 )
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.factory import open_driver
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort, likely_boards
+from wheelwire.robot.base import BaseDriver
+from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .output import print_note
@@ -93,14 +93,14 @@ class Address:
 
         Args:
             baud_rate: Baud rate of a port; None: the default.
-            bare: See `wheelwire.config.driver_at`.
+            bare: See `wheelwire.connect.driver_at`.
             drives: The command drives, so the robot is to obey its first setpoint.
 
         Raises:
             InvalidArgument: A baud rate was given, but the address is not a port.
             WheelwireError: As `open_driver` and `open_robot`.
         """
-        from wheelwire.drivers.transport_driver import opened_to_look
+        from wheelwire.robot.robot import opened_to_look
 
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
         with nullcontext() if drives else opened_to_look():
@@ -122,8 +122,9 @@ class Address:
         Raises:
             WheelwireError: As `open`.
         """
-        from wheelwire.drivers.attached import AttachedDriver, open_or_attach
-        from wheelwire.drivers.transport_driver import opened_to_look
+        from wheelwire.drivers.attached import AttachedDriver
+        from wheelwire.robot.robot import opened_to_look
+        from wheelwire.tools.attach import open_or_attach
 
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=True)
         with opened_to_look():

@@ -11,10 +11,10 @@ from typing import Annotated
 import typer
 
 from wheelwire.board import Configuration, WheelPins, chip_of_pins, sentence
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
-from wheelwire.files.board import (
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
+from wheelwire.tools.files.board import (
     ANY_MODULE,
     CHIP_BY_NAME,
     MODULE_BY_NAME,
@@ -25,7 +25,7 @@ from wheelwire.files.board import (
     shipped_boards,
     to_yaml,
 )
-from wheelwire.files.peripherals import peripheral_sections
+from wheelwire.tools.files.peripherals import peripheral_sections
 from wheelwire_protocol.board import (
     CHIPS,
     MODULES,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from wheelwire.config import is_recording
+from wheelwire.connect import is_recording
 from wheelwire.errors import InvalidArgument, OutputFailed
 from wheelwire_protocol.black_box import Outcome, Rerun
 
@@ -30,7 +30,7 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
         RecordingError: The file is no box that this core can re-run.
         typer.Exit: The core did something else.
     """
-    from wheelwire.recording.black_box import read_box, rerun_box
+    from wheelwire.log.black_box import read_box, rerun_box
 
     if is_recording(file.name):
         raise InvalidArgument(

@@ -9,8 +9,8 @@ from wheelwire.errors import OutputFailed, RecordingError
 from wheelwire_protocol.black_box import BoxError
 
 if TYPE_CHECKING:
-    from wheelwire.diagnosis import Stop
     from wheelwire.link.stored_boxes import Recorded, StoredBox
+    from wheelwire.log.why import Stop
 
 SUFFIX = ".box"
 
@@ -26,8 +26,8 @@ def stops_of_file(file: Path) -> list[Stop]:
     Raises:
         RecordingError: It cannot be read, or is no black box.
     """
-    from wheelwire.diagnosis.boxes import stops_of_box
-    from wheelwire.recording.black_box import read_box
+    from wheelwire.log.black_box import read_box
+    from wheelwire.log.why.boxes import stops_of_box
 
     try:
         return stops_of_box(read_box(file))

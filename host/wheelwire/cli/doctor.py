@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ProtocolMismatch, WheelwireError
+from wheelwire.robot.robot import DeviceDriver
 
 from .address import Address, BaudRateOption, RobotArgument
 from .output import JsonFlag, console, print_json, print_lines
 
 if TYPE_CHECKING:
-    from wheelwire.doctor import Finding
+    from wheelwire.tools.doctor import Finding
 
 FOUND = 30
 """Exit code if anything was found."""
@@ -31,7 +31,7 @@ def doctor(
 
     Opens no port that is not named. Exit code 30 if anything was found.
     """
-    from wheelwire.doctor import Machine, examine
+    from wheelwire.tools.doctor import Machine, examine
 
     found = list(examine(Machine(robot=robot or "")))
     if robot is not None:
@@ -45,7 +45,7 @@ def doctor(
 
 
 def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> Iterator[Finding]:
-    from wheelwire.doctor import Finding, examine_robot
+    from wheelwire.tools.doctor import Finding, examine_robot
 
     try:
         with address.open_to_look(baud_rate, as_json=as_json) as driver:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import Progress
 
-from wheelwire.config import is_robot_file
+from wheelwire.connect import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
 from .address import RobotArgument, resolve
 from .output import JsonFlag, console, error_console, print_json, print_lines
 
 if TYPE_CHECKING:
-    from wheelwire.flash import Plan
+    from wheelwire.tools.flash import Plan
 
 
 def flash(
@@ -35,10 +35,10 @@ def flash(
     as_json: JsonFlag = False,
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters stay."""
-    from wheelwire import flash as flasher  # here, so that other commands start faster
-    from wheelwire.drivers.factory import open_driver
-    from wheelwire.drivers.transport_driver import opened_to_look
-    from wheelwire.files.board import checked_board
+    from wheelwire.connect import open_driver
+    from wheelwire.robot.robot import opened_to_look
+    from wheelwire.tools import flash as flasher  # here, so that other commands start faster
+    from wheelwire.tools.files.board import checked_board
 
     _check_is_no_image(robot)
     # What can be wrong without the chip is found before it is touched.

@@ -14,8 +14,8 @@ from types import FrameType
 
 import typer
 
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
+from wheelwire.robot.base import BaseDriver
 from wheelwire.samples import WheelSample
 
 from . import INTERRUPTED

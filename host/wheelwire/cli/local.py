@@ -46,7 +46,9 @@ def demo(
     as_json: JsonFlag = False,
 ) -> None:
     """Drive a simulated robot through a figure eight, then hang on purpose."""
-    from wheelwire.demo import run  # here, because the display and the plot are slow to import
+    from wheelwire.tools.demo import (
+        run,  # here, because the display and the plot are slow to import
+    )
 
     report = run(output, Console(stderr=True) if as_json else console)
     if as_json:
@@ -67,10 +69,10 @@ def mcu(
     listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],
 ) -> None:
     """Run the firmware's core on this computer's own pins until SIGTERM or Ctrl-C."""
-    from wheelwire.config import load_config, service_settings
+    from wheelwire.tools.files.robot import load_config, service_settings
 
     settings = service_settings(load_config(config), listen)
     # exec, so that the service runs without the configuration libraries in memory and receives
     # the service manager's signals itself.
-    command = [sys.executable, "-m", "wheelwire.linux_mcu", settings.to_json()]
+    command = [sys.executable, "-m", "wheelwire.pi", settings.to_json()]
     os.execv(sys.executable, command)  # noqa: S606

@@ -1,6 +1,6 @@
 """`wheelwire log`: record a robot's day; look at, decode, draw and repair what was recorded.
 
-What the commands need of `wheelwire.recording` they import themselves: all others start without it.
+What the commands need of `wheelwire.log` they import themselves: all others start without it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wheelwire.config import driver_at, is_recording
+from wheelwire.connect import driver_at, is_recording
 from wheelwire.drivers.attached import AttachedDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import (
     DriverUnavailable,
     InvalidArgument,
@@ -30,6 +29,7 @@ from wheelwire.errors import (
     RecordingError,
     meant,
 )
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codec import BY_ID
 
 from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
@@ -50,9 +50,9 @@ from .parameters import RobotCommand, split
 from .sensors import ask_for_samples
 
 if TYPE_CHECKING:
-    from wheelwire.recording.frames import Frame
-    from wheelwire.recording.recorder import Recorder
-    from wheelwire.recording.summary import Summary
+    from wheelwire.log.frames import Frame
+    from wheelwire.log.recorder import Recorder
+    from wheelwire.log.summary import Summary
 
 LOOK_S = 0.1
 """Time between two looks at the robot while the link records it."""
@@ -108,7 +108,7 @@ def record(
     port it records that program's link, until it ends.
     No file is overwritten: the new one's name gets a number. Goes on when a lost link is back.
     """
-    from wheelwire.recording.recorder import recording_path
+    from wheelwire.log.recorder import recording_path
 
     robot, (file,) = split(context, arguments or (), "FILE")
     if not is_recording(file) and not Path(file).is_dir():
@@ -118,7 +118,7 @@ def record(
     if is_recording(address.text):
         raise InvalidArgument(f"{address.text} is a recording already: name a robot")
     # What it logs of its own end, the command says.
-    logging.getLogger("wheelwire.recording").addHandler(logging.NullHandler())
+    logging.getLogger("wheelwire.log").addHandler(logging.NullHandler())
     recorder: Recorder | None = None
     begin = end = time.monotonic()
     lost = 0
@@ -185,7 +185,7 @@ def _say_what_was_written(
 @app.command("info")
 def info(file: FileArgument, as_json: JsonFlag = False) -> None:
     """Show what a recording holds, and whether it is complete."""
-    from wheelwire.recording.summary import summary
+    from wheelwire.log.summary import summary
 
     found = summary(file)
     if as_json:
@@ -208,7 +208,7 @@ def info(file: FileArgument, as_json: JsonFlag = False) -> None:
 
 
 def _completeness(file: Path, found: Summary) -> str:
-    from wheelwire.recording.reader import is_being_written
+    from wheelwire.log.reader import is_being_written
 
     if found.complete:
         return "yes"
@@ -236,7 +236,7 @@ def decode(
 
     `unix_s` is the time of day; `host_s` is the host's monotonic clock, as in a sample's stamp.
     """
-    from wheelwire.recording.reader import check_left_out, offset_us
+    from wheelwire.log.reader import check_left_out, offset_us
 
     wanted = None if message is None else _message(message)
     offset = offset_us(file)
@@ -274,8 +274,8 @@ def _message(name: str) -> Any:
 
 
 def _checked(file: Path) -> Iterator[Frame]:
-    from wheelwire.recording.frames import frames
-    from wheelwire.recording.reader import records
+    from wheelwire.log.frames import frames
+    from wheelwire.log.reader import records
 
     try:
         yield from frames(records(file))
@@ -343,11 +343,11 @@ def draw_recording(
     """
     if find_spec("matplotlib") is None:
         raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
-    from wheelwire.commissioning.before_after import check_picture
-    from wheelwire.recording.plot import draw
-    from wheelwire.recording.reader import metadata, session_records
-    from wheelwire.recording.summary import time_of_day
-    from wheelwire.recording.trace import Trace
+    from wheelwire.log.plot import draw
+    from wheelwire.log.reader import metadata, session_records
+    from wheelwire.log.summary import time_of_day
+    from wheelwire.log.trace import Trace
+    from wheelwire.tools.tune.before_after import check_picture
 
     said = metadata(file)
     check_writable(picture)
@@ -379,7 +379,7 @@ def plot(
     as_json: JsonFlag = False,
 ) -> None:
     """Draw speeds asked and measured, duties, states and faults of a recording."""
-    from wheelwire.recording.reader import metadata
+    from wheelwire.log.reader import metadata
 
     if output is None:
         metadata(file)  # first: what is no file has no name for a picture
@@ -394,7 +394,7 @@ def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
 
     All complete records stay. The next recording in the same folder does this by itself.
     """
-    from wheelwire.recording.repair import repair
+    from wheelwire.log.repair import repair
 
     was_repaired = repair(file)
     text = f"{file} is complete: nothing was changed"

@@ -11,13 +11,13 @@ import typer
 import typer.core
 from rich.padding import Padding
 
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument, OutputFailed, WheelwireError
-from wheelwire.files.parameters import ParameterFile, load_parameter_file
-from wheelwire.files.state import state_folder
 from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
+from wheelwire.tools.files.parameters import ParameterFile, load_parameter_file
+from wheelwire.tools.files.state import state_folder
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
@@ -302,7 +302,7 @@ def _write_copy(values: ParameterFile, file: Path | None) -> Path:
 
 
 def _new_copy(board_id: str) -> Path:
-    from wheelwire.recording.writer import free_path  # here: no other command on values records
+    from wheelwire.log.writer import free_path  # here: no other command on values records
 
     folder = state_folder()
     folder.mkdir(parents=True, exist_ok=True)

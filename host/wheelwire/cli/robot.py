@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wheelwire.config import is_recording
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.connect import is_recording
 from wheelwire.errors import (
     DeviceRefused,
     DriverUnavailable,
@@ -28,6 +26,8 @@ from wheelwire.holds import HeldBy
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
@@ -47,7 +47,7 @@ from .sensors import ask_for_samples
 from .view import can_show, show
 
 if TYPE_CHECKING:
-    from wheelwire.diagnosis import Stop
+    from wheelwire.log.why import Stop
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
@@ -64,7 +64,7 @@ def info(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """Show the connected board, its state and link quality."""
-    from wheelwire.diagnosis.device import ledger_counts, ledger_facts
+    from wheelwire.log.why.device import ledger_counts, ledger_facts
 
     address = resolve(robot, as_json=as_json)
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
@@ -145,7 +145,7 @@ def _board(board: ActiveBoard | None) -> str:
 
 def _warnings(driver: DeviceDriver, sample: WheelSample, address: str) -> list[str]:
     """What keeps the robot from driving, or makes it less safe; of a fault how to end it."""
-    from wheelwire.diagnosis.cures import cure_of_stores
+    from wheelwire.log.why.cures import cure_of_stores
 
     active = driver.contradictions()
     found = [flag.doc for flag in Contradiction if flag in active]

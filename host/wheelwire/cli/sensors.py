@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.device_sensors import IN_FILE, SensorStatus, wait_until_read
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_iterator import SampleIterator
 from wheelwire.peripherals import INPUTS
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
 from wheelwire.sensors import (
     ImuSample,
     InputReading,

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wheelwire.config import MOCK
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.connect import MOCK
 from wheelwire.errors import CommissioningFailed, InvalidArgument
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
@@ -24,9 +24,9 @@ from .sim import setting
 from .tune import check_plot
 
 if TYPE_CHECKING:
-    from wheelwire.commissioning.questions import Person, Question
-    from wheelwire.commissioning.setup import Findings, Options
     from wheelwire.drivers.mock import MockDriver
+    from wheelwire.tools.setup.questions import Person, Question
+    from wheelwire.tools.setup.setup import Findings, Options
 
 WIRING_VARIABLES = (
     "motors_swapped",
@@ -110,8 +110,8 @@ def setup(
     robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
-    from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
-    from wheelwire.commissioning.setup import Options
+    from wheelwire.tools.setup.questions import AnswersFile, SimulatedPerson
+    from wheelwire.tools.setup.setup import Options
 
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument(
@@ -167,9 +167,9 @@ def set_up_at(
 
     Raises:
         typer.Exit: The set-up could not go on.
-        WheelwireError: As `Address.open` and `wheelwire.commissioning.setup.set_up`.
+        WheelwireError: As `Address.open` and `wheelwire.tools.setup.setup.set_up`.
     """
-    from wheelwire.commissioning.setup import Options, Progress
+    from wheelwire.tools.setup.setup import Options, Progress
 
     person = person or _Terminal(as_json=as_json)
     options = options or Options()
@@ -199,7 +199,7 @@ def _print_next(robot: str, *, on_the_floor: bool) -> None:
 
 
 def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> Findings:
-    from wheelwire.commissioning.setup import set_up
+    from wheelwire.tools.setup.setup import set_up
 
     # With --json, standard output is the findings alone.
     screen = error_console if as_json else console
@@ -277,7 +277,7 @@ def _check_lasting(address: Address, keep: Path | None) -> None:
         raise InvalidArgument(
             "mock exists only while this command runs: use `wheelwire setup --simulated`"
         )
-    from wheelwire.commissioning.setup import CHANGED
+    from wheelwire.tools.setup.setup import CHANGED
 
     address.check_parameters(CHANGED, save=True)
 
@@ -287,8 +287,8 @@ def _simulated_robot(
 ) -> MockDriver:
     """A robot raised and wired at random; or on the floor, set up except for its gains."""
     from wheelwire.drivers.mock import MockDriver
-    from wheelwire.files.plant import load_plant
     from wheelwire.simulation.libfwsim import FwSimError
+    from wheelwire.tools.files.plant import load_plant
 
     given = dict(map(setting, settings))
     values = load_plant(plant).settings if plant is not None else {}

@@ -17,12 +17,12 @@ import typer
 import typer.core
 
 from wheelwire.errors import InvalidArgument, SimulatorNotFound, WheelwireError, with_point
-from wheelwire.files.bad_line import load_profile
-from wheelwire.files.plant import load_plant
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.narration import SIDES, Narrator
 from wheelwire.simulation.remote import RemoteConsole, RemoteSimulator, running_simulators
 from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
+from wheelwire.tools.files.bad_line import load_profile
+from wheelwire.tools.files.plant import load_plant
 
 from .output import JsonFlag, print_json, print_lines, print_note, print_result
 

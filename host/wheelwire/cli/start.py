@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from wheelwire.config import MOCK
-from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.connect import MOCK
 from wheelwire.errors import DeviceSilent, ForeignDevice, InvalidArgument, ProtocolMismatch
 from wheelwire.link.port_list import likely_boards
 from wheelwire.parameters import definition_of
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.board import ConfigurationState
 
 from .address import Address, RobotArgument, named_robot
@@ -119,7 +119,7 @@ def _confirm_board(address: Address) -> None:
 
 
 def _set_up(address: Address) -> None:
-    from wheelwire.commissioning.setup import CHANGED  # here: numpy is slow to import
+    from wheelwire.tools.setup.setup import CHANGED  # here: numpy is slow to import
 
     print_lines("4/5 Set-up")
     with address.open_to_look(as_json=False) as driver:

@@ -17,11 +17,11 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from wheelwire import __version__
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import OutputFailed, WheelwireError
-from wheelwire.files.board import to_yaml
-from wheelwire.files.parameters import ParameterFile
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
+from wheelwire.tools.files.board import to_yaml
+from wheelwire.tools.files.parameters import ParameterFile
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 
 from .address import BaudRateOption, RobotArgument, resolve

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from wheelwire.drivers.base import BaseDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument, LinkLost, RequestTimeout
-from wheelwire.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
-from wheelwire.teleop.terminal import Terminal
+from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import DeviceDriver
+from wheelwire.tools.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
+from wheelwire.tools.teleop.terminal import Terminal
 from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from wheelwire.commissioning.driving import meaning_of
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.errors import CommissioningFailed, DriverUnavailable, InvalidArgument, OutputFailed
 from wheelwire.parameters import checked_values, definition_of, number_text
+from wheelwire.robot.base import BaseDriver
+from wheelwire.tools.setup.driving import meaning_of
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
@@ -31,8 +31,8 @@ from .output import (
 from .prompts import ask, ask_yes_or_no, can_ask
 
 if TYPE_CHECKING:
-    from wheelwire.commissioning.before_after import Course
-    from wheelwire.commissioning.tuning import Comparison, Drive, Tracking
+    from wheelwire.tools.tune.before_after import Course
+    from wheelwire.tools.tune.tuning import Comparison, Drive, Tracking
 
 Outcome = Literal["keep", "undo", "save"]
 _REVERTED = "the previous values are active again"
@@ -155,8 +155,8 @@ class _Wish:
 def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
     """Drive, show, ask; the robot then has the values that were decided on."""
     # Here, so that no other command waits until numpy is imported.
-    from wheelwire.commissioning.driving import set_at_rest
-    from wheelwire.commissioning.tuning import compare
+    from wheelwire.tools.setup.driving import set_at_rest
+    from wheelwire.tools.tune.tuning import compare
 
     def confirm(course: Course) -> None:
         if not wish.yes and not ask_yes_or_no(_question(wish, course)):
@@ -184,7 +184,7 @@ def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
 
 def _checked(shape: str, wheel: str, speed: float, seconds: float, distance: float) -> Drive:
     """The drive; raises `InvalidArgument`."""
-    from wheelwire.commissioning.tuning import SHAPES, WHEELS, Drive
+    from wheelwire.tools.tune.tuning import SHAPES, WHEELS, Drive
 
     for name, value, allowed in (("shape", shape, SHAPES), ("wheel", wheel, WHEELS)):
         if value not in allowed:
@@ -207,7 +207,7 @@ def check_plot(plot: Path | None) -> None:
     check_writable(plot)
     if find_spec("matplotlib") is None:
         raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
-    from wheelwire.commissioning.before_after import check_picture
+    from wheelwire.tools.tune.before_after import check_picture
 
     check_picture(plot)
 
@@ -290,7 +290,7 @@ def _verdict(found: Comparison, gain_mps: float) -> str:
 
 
 def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
-    from wheelwire.commissioning.before_after import draw
+    from wheelwire.tools.tune.before_after import draw
 
     titles = found.titles if len(found.titles) > 1 else ("measured",)
     try:

@@ -7,7 +7,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from wheelwire.config import is_recording, is_robot_file, load_config
+from wheelwire.connect import is_recording, is_robot_file
+from wheelwire.tools.files.robot import load_config
 
 from .address import Address
 from .interruptions import Interrupted
@@ -38,7 +39,7 @@ def show(address: Address, seconds: float, baud_rate: int | None) -> None:
         Interrupted: It was a signal, or Ctrl-C.
         WheelwireError: As `Address.open_to_look`; `LinkClosed` if the robot is gone for good.
     """
-    from wheelwire.view.app import show  # here, for Textual is slow to import
+    from wheelwire.tools.view.app import show  # here, for Textual is slow to import
 
     with address.open_to_look(baud_rate, as_json=False) as driver:
         ask_for_samples(driver)  # for what it records, and for others beside it

@@ -1,6 +1,6 @@
 """`wheelwire why`: why the robot stopped, in plain words, with the evidence.
 
-What it needs of `wheelwire.diagnosis` it imports itself: other commands start without it.
+What it needs of `wheelwire.log.why` it imports itself: other commands start without it.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wheelwire.config import is_recording
-from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.connect import is_recording
 from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
 from wheelwire.link.clock import host_clock_us
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codes import StopCause
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
@@ -25,7 +25,7 @@ from .log import draw_recording
 from .output import JsonFlag, print_json, print_lines
 
 if TYPE_CHECKING:
-    from wheelwire.diagnosis import Stop
+    from wheelwire.log.why import Stop
 
 BEFORE_S, AFTER_S = 4.0, 1.0
 """The time around the newest stop that the picture shows."""
@@ -109,8 +109,7 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
 
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and what was latched before, if that is all."""
-    from wheelwire.diagnosis import Diagnosis
-    from wheelwire.recording.reader import (
+    from wheelwire.log.reader import (
         ENDED,
         is_being_written,
         metadata,
@@ -118,6 +117,7 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
         session_records,
         was_cut,
     )
+    from wheelwire.log.why import Diagnosis
 
     diagnosis = Diagnosis()
     try:
@@ -154,7 +154,7 @@ def _of_robot(
     address: Address, baud_rate: int | None, folder: Path | None, *, as_json: bool
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and other facts that are worth a line."""
-    from wheelwire.diagnosis.device import ledger_facts, stops_of_device
+    from wheelwire.log.why.device import ledger_facts, stops_of_device
 
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
         if not isinstance(driver, DeviceDriver):

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
 
-from ..errors import DriverUnavailable, LinkClosed, PortUnavailable
-from ..link.attached import AttachedLink, Holder, find_holder
-from ..link.port_name import port_name
-from ..linux_mcu.settings import McuSettings
-from .base import BaseDriver
-from .factory import open_driver
-from .pin_options import L298NOptions, PigpioDriverOptions
-from .transport_driver import DeviceDriver
+from ..log.share.attached_link import AttachedLink, Holder
+from ..robot.robot import DeviceDriver
 
 
 class AttachedDriver(DeviceDriver):
@@ -35,61 +27,3 @@ class AttachedDriver(DeviceDriver):
     def __init__(self, holder: Holder, *, listens: bool = True) -> None:
         self.holder = holder
         super().__init__(partial(AttachedLink, holder=holder, listens=listens))
-
-
-def open_or_attach(name: str, options: Mapping[str, Any], *, listens: bool = True) -> BaseDriver:
-    """Open a robot; if another program holds its port and offers its link, attach to that.
-
-    Args:
-        name: As of `open_driver`.
-        options: As of `open_driver`, by name.
-        listens: See `AttachedDriver`.
-
-    Raises:
-        WheelwireError: As `open_driver` and `AttachedDriver`.
-    """
-    place = _place(name, options)
-    attached = place.attached(listens=listens) if place and place.is_slow_to_open else None
-    if attached is not None:
-        return attached
-    try:
-        return open_driver(name, **options)
-    except (PortUnavailable, DriverUnavailable):
-        attached = place and place.attached(listens=listens)
-        if attached is None:
-            raise
-        return attached
-
-
-class _Place(NamedTuple):
-    """Where a robot is that only one program can hold."""
-
-    identity: str
-    board_id: str = ""
-    is_slow_to_open: bool = False
-    """Whether it takes long to find out there that another program holds it."""
-
-    def attached(self, *, listens: bool) -> AttachedDriver | None:
-        """A driver beside the program that holds it; None if no program offers its link."""
-        holder = find_holder(self.identity, self.board_id)
-        if holder is None:
-            return None
-        try:
-            return AttachedDriver(holder, listens=listens)
-        except LinkClosed:  # it has just ended
-            return None
-
-
-def _place(name: str, options: Mapping[str, Any]) -> _Place | None:
-    """Where the robot is; None if each program gets a robot of its own."""
-    if name == "serial":
-        port, board_id = port_name(str(options["port"])), str(options.get("board_id") or "").lower()
-        # For a board's id all free ports are opened. The peer of a socket lets the second
-        # connection wait, or drops the first.
-        is_slow = bool(board_id) or port.startswith(("socket://", "unix:"))
-        return _Place(port, board_id, is_slow)
-    pins = {"l298n": L298NOptions, "pigpio": PigpioDriverOptions}.get(name)
-    if pins is None:
-        return None
-    settings: McuSettings = pins(**options).checked()
-    return _Place(settings.identity, is_slow_to_open=True)  # pins are tried again for seconds

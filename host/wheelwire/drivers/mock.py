@@ -21,12 +21,12 @@ from ..errors import InvalidArgument, LinkLost
 from ..link.connection import Link, LinkOptions
 from ..link.transports import SocketTransport, Transport
 from ..parameters import checked_values
+from ..robot.linked import WATCHED
+from ..robot.robot import DeviceDriver
 from ..simulation.libfwsim import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
-from .linked import WATCHED
 from .options import MockOptions, takes
-from .transport_driver import DeviceDriver
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""

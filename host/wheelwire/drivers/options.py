@@ -24,7 +24,7 @@ from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
 from ..link.port_name import port_name
 from ..parameters import checked_values
-from .linked import WATCHED
+from ..robot.linked import WATCHED
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000
@@ -97,7 +97,7 @@ class DeviceOptions:
                 )
             board_id = board_id.lower()  # as `DeviceInfo` writes it: ids are compared as text
         if board is not None and not isinstance(board, Configuration):
-            from ..files.board import load_board  # here, for most give no board
+            from ..tools.files.board import load_board  # here, for most give no board
 
             board = load_board(board)
         expected = None if board is None else _expected(board)

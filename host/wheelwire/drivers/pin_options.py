@@ -10,9 +10,9 @@ from typing import Any
 from ..arguments import path, text, whole
 from ..board import Configuration
 from ..errors import ConfigurationError, InvalidArgument, shown
-from ..files.pins import Pins
-from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
+from ..pi.pins import Pins
+from ..pi.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 
 MAX_CORE_TIMEOUT_MS = 60_000
 MAX_CHIP = 255

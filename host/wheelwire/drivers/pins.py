@@ -8,10 +8,10 @@ from functools import partial
 
 from ..link.connection import Link
 from ..link.transports import Transport
-from ..linux_mcu.launch import launch
-from ..linux_mcu.settings import McuSettings
+from ..pi.launch import launch
+from ..pi.settings import McuSettings
+from ..robot.robot import DeviceDriver
 from .options import DeviceOptions
-from .transport_driver import DeviceDriver
 
 _log = logging.getLogger("wheelwire")
 

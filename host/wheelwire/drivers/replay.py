@@ -7,10 +7,10 @@ from typing import Any
 
 from ..arguments import timeout_s
 from ..link.clock import host_clock_us
-from ..recording.reader import records
-from ..recording.replay import Comparison, ReplayLink
+from ..log.reader import records
+from ..log.replay import Comparison, ReplayLink
+from ..robot.robot import DeviceDriver
 from .options import ReplayOptions, takes
-from .transport_driver import DeviceDriver
 
 
 class ReplayDriver(DeviceDriver):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from ..link.connection import Link
+from ..robot.robot import DeviceDriver
 from .options import SerialDriverOptions, takes
-from .transport_driver import DeviceDriver
 
 
 class SerialDriver(DeviceDriver):

@@ -44,7 +44,7 @@ from .tap import TapReader
 from .waiting import Notifier, start_without_waiting
 
 if TYPE_CHECKING:
-    from .tap_server import TapServer
+    from ..log.share.server import TapServer
     from .transports import Transport
 
 CONNECT_TIMEOUT_S = 5.0
@@ -75,7 +75,7 @@ class LinkOptions:
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost, in a thread of its own. It may raise any WheelwireError.
             It decides which board is the right one: any is.
-        tap: Whether other programs of this computer may look, stop and e-stop; see `tap_server`.
+        tap: Whether other programs of this computer may look, stop and e-stop; see `log.share`.
         identity: What these programs find the robot by; empty: by its port.
     """
 
@@ -184,7 +184,7 @@ class Link(DeviceLink):
         if self.arms:
             yield from arming(self, session)
         if self._options.tap:
-            from .tap_server import offer  # here, for what it imports opens ports
+            from ..log.share.server import offer  # here, for what it imports opens ports
 
             self._tap_server = offer(self)
 

@@ -262,6 +262,10 @@ class DeviceLink(Reporter, ABC):
             raise afresh(result)
         return result
 
+    def refused_rate(self, rate_hz: int, error: InvalidCommand) -> InvalidCommand:  # noqa: ARG002
+        """The error of a program that may not ask for its sensors' samples at this rate."""
+        return error
+
     def no_answer(self) -> RequestTimeout:
         """The error of a call that has had no result within `CALL_TIMEOUT_S`."""
         return RequestTimeout(

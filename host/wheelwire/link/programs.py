@@ -11,7 +11,7 @@ import shlex
 from pathlib import Path
 
 from ..holds import Program, start_of
-from .tap_directory import TapDirectory, tap_directories
+from .runtime_folder import TapDirectory, tap_directories
 
 KEPT = 8
 """Sessions of one board that are remembered."""

@@ -5,5 +5,5 @@ this process, in virtual time, and `virtual_link` joins that to a session. `bad_
 line without any clock or port; `impaired_simulator` puts it between a `Simulator` and the host.
 Data flow: host -> port -> bad line, if any -> firmware's core -> plant, and back as state frames;
 the plant's true state comes beside them, as variables or `TrueState`. `plants/` and `profiles/` are
-data that `wheelwire.files` reads.
+data that `wheelwire.tools.files` reads.
 """

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import WheelwireError
-from ..link.tap_directory import tap_directory
+from ..link.runtime_folder import tap_directory
 
 _PREFIX, _SUFFIX = "sim-", ".sock"
 _ANSWER_S = 5.0

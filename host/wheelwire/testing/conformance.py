@@ -17,11 +17,11 @@ import pytest
 from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
 
 from .. import errors
-from ..commissioning.driving import set_at_rest
-from ..drivers.base import BaseDriver
 from ..holds import HeldBy
 from ..motion.kinematics import WheelVelocities
+from ..robot.base import BaseDriver
 from ..samples import WheelSample
+from ..tools.setup.driving import set_at_rest
 from .harness import CLOSE, SPEED_MPS, TIMEOUT_S, Bench, DriveHarness, mean_of, standing, turning
 
 TURN_RADPS = 1.5

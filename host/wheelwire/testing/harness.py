@@ -9,8 +9,8 @@ from typing import Literal, TypeVar
 
 import pytest
 
-from ..drivers.base import BaseDriver
 from ..errors import LinkLost, RequestTimeout
+from ..robot.base import BaseDriver
 from ..samples import WheelSample
 
 

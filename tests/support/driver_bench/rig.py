@@ -120,7 +120,7 @@ def pin_processes() -> list[int]:
     """Core and guard of this process's driver."""
     found = []
     for pid in children(os.getpid()):
-        if b"wheelwire.linux_mcu" in Path(f"/proc/{pid}/cmdline").read_bytes():
+        if b"wheelwire.pi" in Path(f"/proc/{pid}/cmdline").read_bytes():
             found += [pid, *children(pid)]
     return found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from wheelwire.linux_mcu.gpio.base import PWM_CHANNEL
+from wheelwire.pi.gpio.base import PWM_CHANNEL
 
 
 class PwmDirectory:

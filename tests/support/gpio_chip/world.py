@@ -10,7 +10,7 @@ from support.gpio_chip.chip import Chip
 from support.gpio_chip.factory import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
 from wheelwire.board import Configuration
-from wheelwire.linux_mcu.gpio.base import PWM_CHANNEL, encoder_pins
+from wheelwire.pi.gpio.base import PWM_CHANNEL, encoder_pins
 
 BATCH_S = 0.001
 PART = 64 * EVENT.size

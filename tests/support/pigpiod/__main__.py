@@ -10,7 +10,7 @@ from support.pigpiod.pins import PinBank
 from support.pigpiod.world import World
 from support.stand_in import serve
 from wheelwire.board import unpacked
-from wheelwire.files.pins import Pins
+from wheelwire.pi.pins import Pins
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ from support.bare_robot import BareRobot, clock_us
 from support.pigpiod.pins import PinBank
 from support.pigpiod.reports import Notification, Sampler
 from wheelwire.board import Configuration
-from wheelwire.linux_mcu.gpio.base import encoder_pins
+from wheelwire.pi.gpio.base import encoder_pins
 
 BATCH_S = 0.001
 

@@ -13,7 +13,7 @@ from support.usb_ports import plug_in
 from wheelwire import errors
 from wheelwire.cli import address
 from wheelwire.cli.address import Address, looks_like_address, resolve
-from wheelwire.config import ENVIRONMENT
+from wheelwire.connect import ENVIRONMENT
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort
 

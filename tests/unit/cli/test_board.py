@@ -10,7 +10,7 @@ import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
 from wheelwire import errors
-from wheelwire.files.board import board_mapping, load_board, shipped_boards
+from wheelwire.tools.files.board import board_mapping, load_board, shipped_boards
 
 ANSWERS = [
     *("esp32", "pwm_in1_in2", "mine", "any"),

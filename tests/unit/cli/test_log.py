@@ -22,8 +22,8 @@ from wheelwire import errors, open_driver
 from wheelwire.cli import log
 from wheelwire.cli.app import app
 from wheelwire.link.tap import Kind, Record, TapReader
-from wheelwire.recording.reader import records
-from wheelwire.recording.writer import RecordingFile
+from wheelwire.log.reader import records
+from wheelwire.log.writer import RecordingFile
 
 OFFSET_NS = 1_700_000_000_000_000_000
 SPEEDS = [0.02 * step for step in range(20)]

@@ -16,9 +16,9 @@ from support.usb_ports import plug_in
 from wheelwire import connect, errors, open_driver
 from wheelwire.cli import local
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.link.port_list import SerialPort
-from wheelwire.link.tap_directory import DIRECTORY_VARIABLE
+from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE
+from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codes import SupervisorState
 
 NAMES = ("s1", "./s1", "DEVICE", "ABSOLUTE", "~/s1", "other/link", "robot.yaml", "BOARD")

@@ -9,8 +9,8 @@ import pytest
 
 from wheelwire.cli import robot
 from wheelwire.cli.address import Address
-from wheelwire.drivers.base import BaseDriver
 from wheelwire.errors import LinkClosed
+from wheelwire.robot.base import BaseDriver
 
 
 class Stopping:

@@ -17,8 +17,8 @@ from support.own_board import OWN_BOARD
 from wheelwire import errors
 from wheelwire.cli import support
 from wheelwire.cli.support import _anonymous, _written
-from wheelwire.files.board import load_board
-from wheelwire.files.parameters import load_parameter_file
+from wheelwire.tools.files.board import load_board
+from wheelwire.tools.files.parameters import load_parameter_file
 from wheelwire_protocol.parameters import PARAMETERS
 
 

@@ -15,8 +15,8 @@ from support.waiting import wait_until
 from wheelwire.cli.address import Address
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import opened_to_look
 from wheelwire.errors import DeviceRefused
+from wheelwire.robot.robot import opened_to_look
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.decoder import Decoder

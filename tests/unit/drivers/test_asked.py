@@ -2,7 +2,7 @@
 
 import pytest
 
-from wheelwire.drivers.factory import open_driver
+from wheelwire.connect import open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.samples import Setpoint
 

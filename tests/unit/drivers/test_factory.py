@@ -2,6 +2,7 @@ import inspect
 import re
 import subprocess
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -9,8 +10,10 @@ import pytest
 
 import wheelwire
 from wheelwire import aio
-from wheelwire.drivers import factory
 from wheelwire.errors import DriverUnavailable, InvalidArgument
+
+opening = import_module("wheelwire.connect")
+"""The module, beside the function that `wheelwire` has of that name."""
 
 
 def test_an_unknown_driver_is_told_with_those_there_are() -> None:
@@ -19,15 +22,15 @@ def test_an_unknown_driver_is_told_with_those_there_are() -> None:
 
 
 def test_a_driver_that_lacks_its_library_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(factory._BUILT_IN, "odd", "a_module_that_is_not_there:Driver")
+    monkeypatch.setitem(opening._BUILT_IN, "odd", "a_module_that_is_not_there:Driver")
     with pytest.raises(DriverUnavailable, match="a_module_that_is_not_there"):
         wheelwire.open_driver("odd")
 
 
 def test_a_driver_of_another_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(factory, "_plug_ins", lambda: {"dict": "builtins:dict"})
+    monkeypatch.setattr(opening, "_plug_ins", lambda: {"dict": "builtins:dict"})
     assert wheelwire.open_driver("dict", port="x") == {"port": "x"}  # type: ignore[comparison-overlap]
-    assert factory.driver_names() == ["dict", "l298n", "mock", "pigpio", "replay", "serial"]
+    assert opening.driver_names() == ["dict", "l298n", "mock", "pigpio", "replay", "serial"]
 
 
 def test_every_public_name_is_there() -> None:
@@ -59,7 +62,7 @@ def test_importing_the_package_and_driving_load_nothing_slow(code: str) -> None:
 
 def test_the_serial_driver_loads_nothing_of_pins_and_of_files() -> None:
     loaded = loaded_by("from wheelwire.drivers import serial")
-    assert not {"wheelwire.linux_mcu", "wheelwire.files"} & loaded
+    assert not {"wheelwire.pi", "wheelwire.tools.files"} & loaded
 
 
 def loaded_by(code: str) -> set[str]:
@@ -71,13 +74,13 @@ def loaded_by(code: str) -> set[str]:
     return set(loaded.stdout.split())
 
 
-@pytest.mark.parametrize("module", [factory, aio])
-@pytest.mark.parametrize("name", sorted(factory._BUILT_IN))
+@pytest.mark.parametrize("module", [opening, aio])
+@pytest.mark.parametrize("name", sorted(opening._BUILT_IN))
 def test_a_type_checker_knows_the_options_of_every_driver(name: str, module: ModuleType) -> None:
     source = inspect.getsource(module)
     found = re.search(rf"@arguments_of\((?:_Sync)?(\w+)\)\n +def open_driver.*\"{name}\"", source)
     assert found
-    assert found[1] == factory.driver_class(name).__name__
+    assert found[1] == opening.driver_class(name).__name__
 
 
 def test_a_driver_takes_its_arguments_by_position_or_by_name() -> None:

@@ -12,14 +12,9 @@ import pytest
 from support.pty_device import PtyDevice
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
-from wheelwire.drivers.device_sensors import (
-    READ_WITHIN_S,
-    SensorStatus,
-    SensorsView,
-    wait_until_read,
-)
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.robot.sensors import READ_WITHIN_S, SensorStatus, SensorsView, wait_until_read
 from wheelwire.sensors import SensorInfo
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, SensorState

@@ -21,11 +21,11 @@ from support.cases import each
 from support.command import check_error, run
 from support.waiting import until
 from wheelwire import aio, errors, open_driver
-from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.link.session import Session
 from wheelwire.link.tap import Kind, TapReader
-from wheelwire.recording.reader import records
-from wheelwire.recording.recorder import Recorder
+from wheelwire.log.reader import records
+from wheelwire.log.recorder import Recorder
+from wheelwire.robot.robot import DeviceDriver
 
 pytestmark = pytest.mark.timeout(60)
 

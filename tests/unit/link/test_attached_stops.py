@@ -20,14 +20,14 @@ from support.waiting import wait_until
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, WheelwireError
-from wheelwire.link import tap_directory
-from wheelwire.link.attached import AttachedLink, find_holder
-from wheelwire.link.attached_stops import PERIOD_S, AttachedStops
+from wheelwire.link import runtime_folder as tap_directory
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.requests import Answer, Done
-from wheelwire.link.rerun import Rerun
 from wheelwire.link.tap import STOP_ASKED, Kind, TapReader
-from wheelwire.link.tap_wire import Say, tagged
+from wheelwire.log.rerun import Rerun
+from wheelwire.log.share.attached_link import AttachedLink, find_holder
+from wheelwire.log.share.stops import PERIOD_S, AttachedStops
+from wheelwire.log.share.wire import Say, tagged
 from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import Ack, Estop, SetWheelVelocity, Stop, WheelState

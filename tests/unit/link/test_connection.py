@@ -22,7 +22,7 @@ from support.threads import link_threads
 from support.waiting import wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import TransportDriver
+from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link import connection as link
 from wheelwire.link.transports import SerialTransport, SocketTransport, Transport
 from wheelwire_protocol.codes import RefusalCode, SupervisorState

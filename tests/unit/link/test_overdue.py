@@ -9,10 +9,10 @@ import pytest
 
 from support.pty_device import PtyDevice
 from wheelwire import aio
-from wheelwire.drivers import loop_link
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RequestTimeout
 from wheelwire.link import device_link
+from wheelwire.robot import loop_link
 from wheelwire_protocol.types import ParameterSet
 
 pytestmark = pytest.mark.timeout(60)

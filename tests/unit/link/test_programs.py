@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wheelwire.link.programs import KEPT, LONGEST_COMMAND, driver_of, note_driver, this_program
-from wheelwire.link.tap_directory import DIRECTORY_VARIABLE, TapDirectory, tap_directory
+from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE, TapDirectory, tap_directory
 
 BOARD = "240ac4123456"
 

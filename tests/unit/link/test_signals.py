@@ -23,7 +23,7 @@ from support.threads import link_threads
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.drivers.transport_driver import TransportDriver
+from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import Transport, open_transport

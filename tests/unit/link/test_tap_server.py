@@ -29,15 +29,15 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link import attached as attached_module
-from wheelwire.link import tap_server
-from wheelwire.link.attached import AttachedLink, Holder, find_holder
 from wheelwire.link.connection import Link
 from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE, GROUP_VARIABLE
 from wheelwire.link.tap import Kind, TapReader
-from wheelwire.link.tap_directory import DIRECTORY_VARIABLE, GROUP_VARIABLE
-from wheelwire.link.tap_server import TapServer, _Program
-from wheelwire.link.tap_wire import VERSION, Say, message, tagged
+from wheelwire.log.share import attached_link as attached_module
+from wheelwire.log.share import server as tap_server
+from wheelwire.log.share.attached_link import AttachedLink, Holder, find_holder
+from wheelwire.log.share.server import TapServer, _Program
+from wheelwire.log.share.wire import VERSION, Say, message, tagged
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import (

@@ -18,7 +18,7 @@ from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire.link.tap import Kind, Record
-from wheelwire.recording import cdr, messages, raw
+from wheelwire.log import cdr, messages, raw
 
 MOST_PADDING = 7
 """The size that rclpy computes counts the alignment of an empty sequence at the end."""

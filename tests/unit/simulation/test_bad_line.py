@@ -8,7 +8,6 @@ import pytest
 
 from support.cases import each
 from wheelwire.errors import ConfigurationError
-from wheelwire.files.bad_line import load_profile, shipped_profiles
 from wheelwire.simulation.bad_line import (
     CUT_TIMEOUT_US,
     ImpairedLine,
@@ -17,6 +16,7 @@ from wheelwire.simulation.bad_line import (
     LineEvent,
     LineProfile,
 )
+from wheelwire.tools.files.bad_line import load_profile, shipped_profiles
 
 FRAME = b"\0\x02\x05\0"
 

@@ -11,7 +11,7 @@ import pytest
 
 from support.virtual import VirtualRobot
 from wheelwire.errors import ConfigurationError
-from wheelwire.files.plant import load_plant, parse_plant, shipped_plants
+from wheelwire.tools.files.plant import load_plant, parse_plant, shipped_plants
 
 PLANTS = ["25ga-1440", "jgb37-520", "tt-1-48"]
 TO_TERMINALS = {"bridge.drop_v": 0.0, "bridge.drop_ohm": 0.0}

@@ -1,0 +1,351 @@
+"""Records what crosses a link, in a thread of its own, for which the link never waits.
+
+A record is on the disk after a second. When the disk is full or gone, the recording ends, and the
+robot drives on.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Protocol
+
+from ..arguments import path as checked_path
+from ..errors import RecordingError, WheelwireError, afresh
+from ..link.forking import abandon_in_child
+from ..link.tap import Kind, Record, Tap, TapReader
+from .reader import require_mcap
+from .repair import repair_folder
+from .views import CHANNELS, Views
+from .writer import RecordingFile, free_path
+
+PERIOD_S = 0.05
+"""How often the link's records are fetched."""
+CHUNK_S = 0.25
+"""How often a chunk is closed: the longest that the interpreter is held for one grows with it."""
+SYNC_S = 1.0
+"""How much of a recording a power cut destroys, at most."""
+SLICE = 16
+"""Records between two pauses, in which the link's threads get the interpreter."""
+PAUSE_S = 0.0002
+QUEUE = 100_000
+"""Records that wait while the disk does not answer: 20 s of a link that is driven at 1 kHz."""
+MAX_BYTES = 1 << 30
+MAX_S = 3600.0
+"""A recording goes on in a next file after so much, and after so long."""
+CLOSE_S = 10.0
+BEGIN_S = 5.0
+"""A tap begins once the session knows its board, for which it asks up to four times 1 s."""
+BEGIN_STEP_S = 0.001
+CLOCK_STEP_NS = 500_000_000
+"""A clock that differs by more was set; below this it is only slewed."""
+_LOG = logging.getLogger("wheelwire.log")
+
+
+class Tapped(Protocol):
+    """A link that can be listened to."""
+
+    @property
+    def tap(self) -> Tap:
+        """Where a listener is removed."""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the link has ended, so that no record comes any more."""
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """Give `reader` all records from now on, beginning with the state of the session."""
+
+
+def wait_until_it_began(link: Tapped, reader: TapReader) -> None:
+    """Wait for the first record: what is asked for next then gets to `reader`, with its answer.
+
+    Raises:
+        WheelwireError: The link has ended, or cannot give it any.
+    """
+    end_s = time.monotonic() + BEGIN_S
+    while reader not in link.tap.readers and not link.has_ended and time.monotonic() < end_s:
+        if reader.failure is not None:
+            break
+        time.sleep(BEGIN_STEP_S)
+    if reader.failure is not None:
+        raise afresh(reader.failure)
+
+
+class Attachment(NamedTuple):
+    """A file within the recording."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class _Inlet:
+    """Takes the records from a START up to the first that is missing.
+
+    Behind a gap a session cannot be run again.
+
+    Attributes:
+        has_gap: A record is missing.
+        has_begun: The START has come.
+        lost: Records that are missing or came behind one that is.
+    """
+
+    def __init__(self) -> None:
+        self.reader = TapReader(QUEUE)
+        self.has_gap = False
+        self.lost = 0
+        self.has_begun = False
+
+    def take(self) -> list[Record]:
+        records = self.reader.take()
+        if not records:
+            return []
+        if not self.has_begun:
+            self.has_begun = True
+            self.has_gap = records[0].kind is not Kind.START
+        elif self.reader.lost > 0:
+            self.has_gap = True
+        if not self.has_gap:
+            return records
+        self.lost += len(records) + self.reader.lost
+        self.reader.lost = 0
+        return []
+
+
+class Recorder:
+    """Records a link until it ends or `close` is called, as the exit of `with` does.
+
+    Args:
+        link: To be recorded.
+        path: The file; a folder: a file in it that is named by the time. A file that exists is
+            left as it is: a number is put behind the new one's name.
+        metadata: What the file says of the robot.
+        attachments: Gives what is to be attached; called in a thread of its own, once. None of it
+            need be there: it may raise a WheelwireError.
+
+    Attributes:
+        lost: Records that came faster than they could be written.
+        error: Why the recording has ended before the link.
+        files: All that were written, in order; of the last one more may come.
+
+    Raises:
+        RecordingError: The file cannot be made, or the package `mcap` is not installed.
+    """
+
+    def __init__(
+        self,
+        link: Tapped,
+        path: str | Path,
+        metadata: Mapping[str, str],
+        attachments: Callable[[], Iterable[Attachment]] | None = None,
+    ) -> None:
+        self.lost = 0
+        self.error: RecordingError | None = None
+        self.files: list[Path] = []
+        self._link = link
+        self._path = recording_path(path)
+        self._metadata = dict(metadata)
+        self._offset_ns = _clock_offset_ns()
+        self._part = 0
+        self._file = self._next_file()
+        self._views = Views(self._offset_ns)
+        self._successor: _Inlet | None = None
+        """The next inlet: for the next file, or after a loss."""
+        self._lost_before = 0
+        """Records that earlier inlets lost."""
+        self._attached: list[Attachment] = []
+        self._closing = threading.Event()
+        self._pid = os.getpid()
+        self._synced_s = self._chunk_s = time.monotonic()
+        self._inlet = self._listen()
+        try:
+            wait_until_it_began(link, self._inlet.reader)
+        except BaseException:  # of a file that would stay empty nothing is left
+            link.tap.remove(self._inlet.reader)
+            self._file.discard()
+            raise
+        self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
+        self._thread.start()
+        threading.Thread(target=repair_folder, args=(self._path.parent,), daemon=True).start()
+        if attachments is not None:
+            threading.Thread(target=self._fetch, args=(attachments,), daemon=True).start()
+        atexit.register(self.close)
+
+    @property
+    def file(self) -> Path:
+        """The file that is being written, or was last."""
+        return self._file.path
+
+    def close(self) -> None:
+        """Write what is left and the file's end. Safe to call more than once."""
+        self._closing.set()
+        if os.getpid() == self._pid and threading.current_thread() is not self._thread:
+            self._thread.join(CLOSE_S)
+        atexit.unregister(self.close)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _next_file(self) -> RecordingFile:
+        self._part += 1
+        self._began_s = time.monotonic()
+        said = self._metadata | {"part": str(self._part)}
+        if self._part > 1:
+            said["previous"] = self._file.path.name
+        while True:
+            path = free_path(self._path)
+            try:
+                file = RecordingFile(path, self._offset_ns, said, CHANNELS)
+            except FileExistsError:
+                continue  # another recorder was faster
+            except OSError as error:
+                raise RecordingError(
+                    f"cannot record to {path}: {error.strerror}; choose another folder"
+                ) from error
+            abandon_in_child(file)
+            self.files.append(path)
+            return file
+
+    def _fetch(self, attachments: Callable[[], Iterable[Attachment]]) -> None:
+        self._attached += attachments()
+
+    # --- the thread ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
+                self._write(self._taken())
+                self._check_failure()
+                self._keep_time()
+            self._write(self._taken())
+            self._attach()
+            self._check_begun()
+            self._file.close()
+        except Exception as error:
+            self._give_up(error)
+        finally:
+            for inlet in (self._inlet, self._successor):
+                if inlet is not None:
+                    self._link.tap.remove(inlet.reader)
+
+    def _check_failure(self) -> None:
+        """Raise why the link gives it nothing."""
+        for inlet in (self._inlet, self._successor):
+            if inlet is not None and inlet.reader.failure is not None and not self._link.has_ended:
+                raise RecordingError(str(inlet.reader.failure))
+
+    def _check_begun(self) -> None:
+        """Raise if nothing was recorded at all."""
+        self._check_failure()
+        if not self._inlet.has_begun and self._part == 1:
+            raise RecordingError("the link has given nothing to record: run it again")
+
+    def _give_up(self, error: Exception) -> None:
+        known = isinstance(error, WheelwireError)
+        reason = getattr(error, "strerror", None) or (error if known else repr(error))
+        if not known and not isinstance(error, OSError):
+            _LOG.error("the recorder has failed", exc_info=error)
+        self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
+        _LOG.error("%s; the robot is driven on", self.error)
+        with suppress(OSError):  # a full disk may report it once more
+            self._file.give_up(str(reason))
+
+    def _taken(self) -> list[Record]:
+        """The records for this file. Begins the next file, or begins anew after a loss."""
+        records = self._inlet.take()
+        if self._inlet.has_gap:
+            self.lost = self._lost_before + self._inlet.lost
+            if self._successor is None:
+                self._successor = self._listen()
+        fresh = self._successor.take() if self._successor is not None else []
+        if self._successor is not None and self._successor.has_gap:
+            self._link.tap.remove(self._successor.reader)
+            self._successor = self._listen()
+        if not fresh or self._successor is None:
+            return records
+        self._write([record for record in records if record.number < fresh[0].number])
+        self._link.tap.remove(self._inlet.reader)
+        self._inlet, self._successor = self._successor, None
+        self._lost_before = self.lost
+        if self._is_full:
+            self._file.close()
+            self._file = self._next_file()
+        return fresh
+
+    def _listen(self) -> _Inlet:
+        inlet = _Inlet()
+        self._link.listen_to_tap(inlet.reader)
+        return inlet
+
+    def _write(self, records: list[Record]) -> None:
+        file, views = self._file, self._views
+        for begin in range(0, len(records), SLICE):
+            for record in records[begin : begin + SLICE]:
+                file.add(record)
+                for channel, time_ns, data in views.feed(record):
+                    file.register(channel)
+                    file.add_message(channel.topic, time_ns, data)
+            time.sleep(PAUSE_S)
+
+    def _keep_time(self) -> None:
+        now_s = time.monotonic()
+        offset_ns = _clock_offset_ns()
+        if abs(offset_ns - self._offset_ns) >= CLOCK_STEP_NS:
+            self._offset_ns = self._views.offset_ns = offset_ns
+            self._file.set_clock(offset_ns)
+        if now_s - self._synced_s >= SYNC_S:
+            self._attach()
+            self._file.sync()
+            self._synced_s = self._chunk_s = now_s
+            if self._is_full and self._successor is None:
+                self._successor = self._listen()
+        elif now_s - self._chunk_s >= CHUNK_S:
+            self._file.flush()
+            self._chunk_s = now_s
+
+    @property
+    def _is_full(self) -> bool:
+        age_s = time.monotonic() - self._began_s
+        return self._file.size >= MAX_BYTES or age_s >= MAX_S
+
+    def _attach(self) -> None:
+        while self._attached:
+            self._file.attach(*self._attached.pop(0), time.time_ns())
+
+
+def _clock_offset_ns() -> int:
+    return time.time_ns() - time.monotonic_ns()
+
+
+def recording_path(path: str | Path) -> Path:
+    """The file that is meant; raises `RecordingError` where none can be made."""
+    require_mcap()
+    found = checked_path("path", path)
+    if found.is_dir():
+        found /= f"wheelwire-{datetime.now().astimezone():%Y%m%d-%H%M%S}.mcap"
+    if not found.parent.is_dir():
+        raise RecordingError(
+            f"cannot record to {found}: there is no folder {found.parent}; make it first"
+        )
+    if not os.access(found.parent, os.W_OK):
+        raise RecordingError(
+            f"cannot record to {found}: its folder cannot be written to; choose another one"
+        )
+    return found

@@ -1,0 +1,399 @@
+"""A link beside the program that holds the port: it reads, stops and e-stops, and never drives.
+
+That program passes on what crosses its link (`server`). From that this one runs the session
+again, so a caller can read here whatever it can read of a link.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any, NoReturn, cast
+
+from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import encode_frame
+from wheelwire_protocol.types import Estop, Stop
+
+from ...errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, WheelwireError
+from ...link.connection import CONNECT_TIMEOUT_S
+from ...link.device_link import CALL_TIMEOUT_S
+from ...link.info import LinkInfo, LinkStatistics
+from ...link.latest_sample import LatestSample
+from ...link.port_name import device_of
+from ...link.requests import Answer, Done, RequestMessage
+from ...link.runtime_folder import SUFFIX, tap_directories
+from ...link.tap import Kind, Record, Tap, TapReader
+from ..rerun_link import RerunLink
+from .wire import (
+    VERSION,
+    MessageReader,
+    Say,
+    decoded_error,
+    decoded_json,
+    decoded_records,
+    message,
+    tagged,
+    take_tag,
+)
+
+GREETING_S = 3.0
+"""How long a program has to say what it holds; a busy computer takes a while. A suspended program
+never answers."""
+LONGEST_MESSAGE = 1 << 24
+CLOSED = "the link is closed; open it again"
+
+
+@dataclass
+class Holder:
+    """A program that holds a port, and the connection to it.
+
+    Attributes:
+        name: For messages: `python3, process 4711`.
+        identity: The robot's port, or what stands for it.
+        port: The port that it holds, for messages.
+        board_id: The id of the board at the port.
+    """
+
+    name: str
+    identity: str
+    port: str
+    board_id: str
+    connection: socket.socket
+    reader: MessageReader
+    rest: list[tuple[Say, bytes]]
+    """The messages that came behind the greeting."""
+
+
+def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
+    """The program that holds this robot, or the one that this board is at; None if there is none.
+
+    The caller closes `Holder.connection`, or the link that it makes of it.
+
+    Args:
+        identity: A port, or what stands for it (`LinkOptions.identity`).
+        board_id: The id of the board; the identity is then ignored.
+    """
+    wanted = device_of(identity)
+    for holder in _holders(board_id or ""):
+        if holder.board_id == board_id if board_id else holder.identity == wanted:
+            return holder
+        holder.connection.close()
+    return None
+
+
+def _holders(board_id: str) -> Iterator[Holder]:
+    """All programs that offer a link, or those whose socket has this board's name.
+
+    Those that answer first come first, so that a suspended one does not hide the others.
+    """
+    paths: list[Path] = []
+    for folder in tap_directories():
+        with suppress(OSError):  # it has just been removed
+            paths += sorted(folder.path.glob(f"{board_id}*{SUFFIX}"))
+    connections = [one for one in map(_connect, paths) if one is not None]
+    asked = {one.fileno(): one for one in connections}
+    poller = select.poll()
+    for descriptor in asked:
+        poller.register(descriptor, select.POLLIN)
+    end_s = time.monotonic() + GREETING_S
+    try:
+        while asked and (left_s := end_s - time.monotonic()) > 0:
+            for descriptor, _ in poller.poll(left_s * 1000):
+                poller.unregister(descriptor)
+                holder = _greeted(asked.pop(descriptor))
+                if holder is not None:
+                    yield holder
+    finally:
+        for connection in asked.values():
+            connection.close()
+
+
+def _connect(path: Path) -> socket.socket | None:
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.settimeout(GREETING_S)
+        connection.connect(str(path))
+        connection.sendall(VERSION)
+    except OSError:  # it was killed, or is ending
+        connection.close()
+        return None
+    return connection
+
+
+def _greeted(connection: socket.socket) -> Holder | None:
+    try:
+        reader = MessageReader(LONGEST_MESSAGE)
+        messages: list[tuple[Say, bytes]] = []
+        while not messages:
+            data = connection.recv(4096)
+            if not data:
+                raise ConnectionError
+            messages = reader.feed(data)
+        known = decoded_json(messages.pop(0)[1])
+        name = f"{known['program']}, process {known['pid']}"
+        robot = known["identity"], known["port"], known["board_id"]
+        return Holder(name, *robot, connection, reader, messages)
+    except (OSError, ValueError, KeyError):  # it is ending, or of another release
+        connection.close()
+        return None
+
+
+class AttachedLink(RerunLink):
+    """A link that another program holds.
+
+    Args:
+        latest_sample: Takes the samples.
+        holder: That program; its connection is closed with this link.
+        listens: Whether what crosses the link is wanted: a stop alone needs nothing of it.
+
+    Attributes:
+        lost: How many records this program took too late; after each loss it took the session over
+            anew.
+    """
+
+    def __init__(
+        self, latest_sample: LatestSample, holder: Holder, *, listens: bool = True
+    ) -> None:
+        super().__init__(latest_sample)
+        self.holder = holder
+        self.lost = 0
+        self._listens = listens
+        self._status: dict[str, Any] | None = None
+        self._tags = count(1)
+        self._asked: dict[int, Done] = {}
+        self._tap = Tap()
+        self._joining: list[TapReader] = []
+        """The readers that get all records from the next START on."""
+        self._thread = threading.Thread(
+            target=self._run, name=f"wheelwire attached to {holder.port}", daemon=True
+        )
+
+    # --- opening and closing -------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Begin to listen, and wait until the state of the session is known.
+
+        Raises:
+            LinkLost: The program says nothing.
+        """
+        self.holder.connection.settimeout(None)
+        self._thread.start()
+        if not self._listens:
+            return
+        try:
+            self._send(message(Say.LISTEN))
+            self.changed.wait_for(self._is_known, CONNECT_TIMEOUT_S)
+            self._check_known()
+        except BaseException:
+            self.close()
+            raise
+
+    def _is_known(self) -> bool:
+        known = self._rerun.session is not None and self._status is not None
+        return known or self._end is not None
+
+    def _check_known(self) -> None:
+        self._check_alive()
+        if not self._is_known():
+            raise LinkLost(
+                f"{self.holder.name}, which holds {self.name}, says nothing: end that program, or "
+                "try again when it is less busy"
+            )
+
+    def finish(self) -> None:
+        """Begin to close, without waiting."""
+        self._finish(LinkClosed(CLOSED))
+
+    def close(self) -> None:
+        """Close the connection; the other program goes on driving. Safe to call more than once."""
+        self.finish()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(CALL_TIMEOUT_S)
+        self.holder.connection.close()
+
+    def _finish(self, end: LinkClosed) -> None:
+        if self._end is not None:
+            return
+        self._end = end
+        with suppress(OSError):  # the other side was faster
+            self.holder.connection.shutdown(socket.SHUT_RDWR)
+        for tag in tuple(self._asked):
+            self._answer(tag, end)
+        self._latest_sample.fail(end)
+        self.changed.notify_all()
+
+    # --- what comes ----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        """Take what the other program says, until it ends: the thread's main function."""
+        holder, end = self.holder, self._gone
+        try:
+            messages = holder.rest
+            while True:
+                for kind, data in messages:
+                    self._take(kind, data)
+                received = holder.connection.recv(1 << 16)
+                if not received:
+                    break
+                messages = holder.reader.feed(received)
+        except OSError:
+            pass  # as if it had closed the connection
+        except ValueError as error:
+            end = f"{holder.name} holds {self.name} and cannot be understood ({error}): " + (
+                "use one release of Wheelwire in both programs"
+            )
+        self._finish(LinkClosed(end))
+
+    @property
+    def _gone(self) -> str:
+        return f"{self.holder.name}, which held {self.name}, has ended or closed it: run this again"
+
+    def _take(self, kind: Say, data: bytes) -> None:
+        if kind is Say.RECORDS:
+            for record in decoded_records(data):
+                self._do_again(record)
+            self._latest_sample.notify_all()
+        elif kind is Say.STATUS:
+            self._status = decoded_json(data)
+            self.changed.notify_all()
+        elif kind is Say.ANSWER:
+            tag, frame = take_tag(data)
+            for answer in Decoder().feed(frame):
+                self._answer(tag, cast("Answer", answer))
+        elif kind is Say.FAILURE:
+            tag, error = take_tag(data)
+            self._answer(tag, decoded_error(error))
+        elif kind is Say.LOST:
+            self.lost += take_tag(data)[0]
+
+    def _do_again(self, record: Record) -> None:
+        tap = self._tap
+        if record.kind is Kind.START:
+            while self._joining:
+                tap.readers = (*tap.readers, self._joining.pop())
+        for reader in tap.readers:
+            reader.append(record)
+        super()._do_again(record)
+        if record.kind is Kind.START:  # with another device, perhaps
+            self.changed.notify_all()
+
+    def _answer(self, tag: int, result: Answer | WheelwireError) -> None:
+        done = self._asked.pop(tag, None)
+        if done is not None:
+            done(result)
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self.holder.port
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+        device, session, status = self._device, self._session, self._status or {}
+        return LinkInfo(
+            status.get("port", self.name),
+            status.get("baud_rate"),
+            status.get("low_latency"),
+            device,
+            session.board,
+            session.copies_lost,
+        )
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What the other program has counted since it opened the link; a second old at most."""
+        return LinkStatistics(**(self._status or {}).get("statistics", {}))
+
+    @property
+    def tap(self) -> Tap:
+        """Passes on what the other program says of its own tap, under the same numbers."""
+        return self._tap
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """Nothing: the notes, and the recording, are the other program's."""
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """As `Link.listen_to_tap`; records that this program takes too late are missing."""
+        self._joining.append(reader)
+        self._send(message(Say.LISTEN))
+
+    def leave_tap(self, reader: TapReader) -> None:
+        """`reader` gets nothing more."""
+        with suppress(ValueError):
+            self._joining.remove(reader)
+        self._tap.remove(reader)
+
+    # --- what is asked for -----------------------------------------------------------------------
+
+    def post(self, message: RequestMessage, done: Done) -> None:
+        """As `Link.post`; an `InvalidCommand` for what changes something."""
+        self._ask(message, done)
+
+    def post_stop(self, done: Done, mode: StopMode | None = StopMode.CONFIGURED) -> None:
+        """As `Link.post_stop`. The next setpoint of the other program drives, unless it latched.
+
+        Any other `mode` than None is the configured one: how that program's robot stops is its own.
+        """
+        self._ask(Estop(0, 0) if mode is None else Stop(0, 0, 0, StopMode.CONFIGURED), done)
+
+    def withdraw(self, done: Done) -> None:
+        """The caller no longer waits for `done`."""
+        for tag in [tag for tag, one in self._asked.items() if one is done]:
+            self._asked.pop(tag, None)
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> NoReturn:  # noqa: ARG002
+        """Refuse: the other program drives.
+
+        Raises:
+            InvalidCommand: Always.
+        """
+        raise InvalidCommand(
+            f"{self.holder.name} holds {self.name} and alone drives, sets and clears; a program "
+            "that is attached reads, stops and e-stops: end that one first to drive from here"
+        )
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> NoReturn:
+        """As `drive_velocity`."""
+        self.drive_velocity(left, right, expiry_us)
+
+    def _ask(self, asked: RequestMessage, done: Done) -> None:
+        self._check_alive()
+        tag = next(self._tags)
+        self._asked[tag] = done
+        self._send(tagged(Say.ASK, tag, encode_frame(asked, 0)))
+
+    def _send(self, data: bytes) -> None:
+        # One call, all or nothing: any thread may send without a lock.
+        try:
+            self.holder.connection.sendall(data)
+        except OSError:
+            self._finish(LinkClosed(self._gone))
+            self._check_alive()
+
+    def refused_rate(self, rate_hz: int, error: InvalidCommand) -> InvalidCommand:  # noqa: ARG002
+        """As `DeviceLink.refused_rate`; says which program can ask."""
+        has = self.sensors.rate_hz
+        asked = f"has asked for its sensors at {has} Hz" if has else "has not asked for them"
+        return InvalidCommand(
+            f"only the program that holds {self.name} can ask for its sensors at {rate_hz} Hz, "
+            f"and {self.holder.name} {asked}: call `robot.sensors.start({rate_hz})` there, "
+            "then this program gets the samples, too; or end that program and run this again"
+        )
+
+    def no_answer(self) -> RequestTimeout:
+        """As `DeviceLink.no_answer`; says whose answer it is."""
+        return RequestTimeout(
+            f"{self.holder.name}, which holds {self.name}, gave no answer for "
+            f"{CALL_TIMEOUT_S:g} s: whether it was done is not known; look at that program"
+        )

@@ -1,0 +1,101 @@
+"""Watches a link for stops, beside the program that drives."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from types import TracebackType
+
+from ...link.tap import TapReader
+from ..recorder import Tapped, wait_until_it_began
+from .diagnosis import Diagnosis, Stop
+
+PERIOD_S = 0.05
+PATIENCE_S = 2.0
+_LOG = logging.getLogger("wheelwire.log.why")
+
+
+class StopWatch:
+    """Calls `report` for each stop, in a thread of its own, until the link ends or `close`.
+
+    The exit of `with` closes it, too.
+
+    The thread takes the tap's copies 20 times a second: it costs the link nothing, and some 12 us
+    of the processor a record. After more records than its queue holds, it begins anew.
+
+    Args:
+        link: To be watched.
+        report: What it raises is logged.
+    """
+
+    def __init__(self, link: Tapped, report: Callable[[Stop], object]) -> None:
+        self._link = link
+        self._report = report
+        self._closing = threading.Event()
+        self._lock = threading.Lock()
+        """Guards all attributes below."""
+        self._found: list[Stop] = []
+        self._begin()
+        wait_until_it_began(link, self._reader)
+        self._thread = threading.Thread(target=self._run, name="wheelwire stops", daemon=True)
+        self._thread.start()
+
+    def latched(self) -> Stop | None:
+        """The stop that keeps the robot from driving now, also before it is reported."""
+        # A signal handler may ask while the program asks, which would wait for itself.
+        if self._closing.is_set() or not self._lock.acquire(timeout=PATIENCE_S):
+            return None
+        try:
+            self._take()
+            return self._diagnosis.latched()
+        finally:
+            self._lock.release()
+
+    def close(self) -> None:
+        """Stop watching. Safe to call more than once."""
+        self._closing.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def __enter__(self) -> StopWatch:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _begin(self) -> None:
+        self._reader = TapReader()
+        self._diagnosis = Diagnosis()
+        self._link.listen_to_tap(self._reader)
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
+                with self._lock:
+                    self._take()
+                    found, self._found = self._found, []
+                for stop in found:
+                    self._tell(stop)
+        finally:
+            self._link.tap.remove(self._reader)
+
+    def _take(self) -> None:
+        records = self._reader.take()
+        if self._reader.lost:
+            # Behind a gap nothing can be done again.
+            self._link.tap.remove(self._reader)
+            self._begin()
+            return
+        self._found += self._diagnosis.feed_all(records)
+
+    def _tell(self, stop: Stop) -> None:
+        try:
+            self._report(stop)
+        except Exception:
+            _LOG.exception("the function to call at a stop has failed")

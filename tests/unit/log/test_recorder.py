@@ -1,0 +1,334 @@
+"""The recorder: what it writes, when it goes on in another file, and how it ends."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
+from itertools import pairwise
+from pathlib import Path
+from random import Random
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from support.tapped_line import TappedLine
+from support.waiting import wait_until
+from wheelwire.errors import RecordingError
+from wheelwire.link.session import Session
+from wheelwire.link.tap import Kind
+from wheelwire.log import recorder as recorder_module
+from wheelwire.log.reader import is_complete, messages, metadata, offset_us, records, was_closed
+from wheelwire.log.recorder import Attachment, Recorder
+from wheelwire.log.repair import repair
+from wheelwire.log.rerun import Rerun
+from wheelwire.log.summary import summary
+from wheelwire.log.writer import RecordingFile
+
+
+@pytest.fixture
+def link() -> TappedLine:
+    return TappedLine()
+
+
+@pytest.fixture
+def make(link: TappedLine, tmp_path: Path) -> Iterator[Callable[..., Recorder]]:
+    made: list[Recorder] = []
+
+    def record(path: Path = tmp_path / "day.mcap", **options: object) -> Recorder:
+        recorder = Recorder(link, path, {"driver": "mock"}, **options)  # type: ignore[arg-type]
+        made.append(recorder)
+        return recorder
+
+    yield record
+    for recorder in made:
+        recorder.close()
+
+
+def samples_of(path: Path) -> tuple[list[object], Session]:
+    again = Rerun()
+    found = [one.sample() for one in again.feed_all(records(path))]
+    assert again.session is not None
+    return list(found), again.session
+
+
+def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., Recorder]) -> None:
+    known = len(link.line.samples)
+    recorder = make()
+    link.drive(3)
+    recorder.close()
+    samples, session = samples_of(recorder.file)
+    assert samples == link.line.samples[known:]
+    assert session.values == link.line.session.values
+    assert (recorder.lost, recorder.error) == (0, None)
+    assert metadata(recorder.file)["driver"] == "mock"
+    assert not link.tap.readers
+
+
+def test_closing_twice_and_the_links_end(link: TappedLine, make: Callable[..., Recorder]) -> None:
+    recorder = make()
+    link.drive(0.2)
+    link.has_ended = True
+    wait_until(lambda: not link.tap.readers)
+    recorder.close()
+    recorder.close()
+    with recorder.file.open("rb") as file:
+        assert make_reader(file).get_summary() is not None
+    assert not repair(recorder.file)
+
+
+def test_viewers_find_messages_that_they_know(
+    link: TappedLine, make: Callable[..., Recorder]
+) -> None:
+    recorder = make()
+    link.drive(2)
+    link.line.run(1)  # the setpoint expires
+    recorder.close()
+    found: dict[str, list[object]] = {}
+    with recorder.file.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for schema, channel, _, message in reader.iter_decoded_messages():
+            assert schema is not None
+            assert schema.encoding == "ros2msg"
+            found.setdefault(channel.topic, []).append(message)
+    last = link.line.samples[-1]
+    odometry, joints = found["/odom"][-1], found["/joint_states"][-1]
+    assert odometry.header.frame_id == "odom"  # type: ignore[attr-defined]
+    assert odometry.pose.pose.position.x > 0.2  # type: ignore[attr-defined]
+    assert joints.name == ["left_wheel_joint", "right_wheel_joint"]  # type: ignore[attr-defined]
+    assert joints.position[0] > 0  # type: ignore[attr-defined]
+    # By the device's clock: none is left out because another came late.
+    assert 149 <= len(found["/odom"]) <= 151
+    assert len(found["/odom"]) == len(found["/joint_states"]) == len(found["/tf"])
+    (transform,) = found["/tf"][-1].transforms  # type: ignore[attr-defined]
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert transform.transform.translation.x == odometry.pose.pose.position.x  # type: ignore[attr-defined]
+    battery = found.get("/battery_state", [])
+    assert len(battery) == (0 if last.battery_v is None else 3)
+    said = [(one.level, one.msg) for one in found["/wheelwire/events"]]  # type: ignore[attr-defined]
+    assert said == [(20, "DRIVING"), (20, "TIMED_OUT")]
+
+
+@pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1), ("MAX_S", 0.5)])
+def test_a_full_file_goes_on_in_the_next(
+    link: TappedLine,
+    make: Callable[..., Recorder],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
+    value: float,
+) -> None:
+    monkeypatch.setattr(recorder_module, limit, value)
+    known = len(link.line.samples)
+    recorder = make()
+    first = recorder.file
+    for _ in range(2):
+        before = recorder.file
+        while recorder.file == before:
+            link.drive(0.1)
+            time.sleep(0.05)
+    recorder.close()
+    files = [first, first.with_name("day-2.mcap"), first.with_name("day-3.mcap")]
+    assert recorder.files == files
+    assert metadata(files[1])["previous"] == "day.mcap"
+    # Each stands by itself, and together they miss nothing.
+    found = [sample for file in files for sample in samples_of(file)[0]]
+    assert found == link.line.samples[known:]
+    numbers = [r.number for file in files for r in records(file)]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
+    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder_module, "QUEUE", 50)
+    monkeypatch.setattr(recorder_module, "PERIOD_S", 0.3)
+    recorder = make()
+    time.sleep(0.7)
+    link.drive(5)
+    wait_until(lambda: recorder.lost)
+    link.line.run(0.1)
+    time.sleep(0.7)
+    known = len(link.line.samples)
+    link.line.run(0.05)
+    recorder.close()
+    samples, session = samples_of(recorder.file)
+    assert samples[-5:] == link.line.samples[known : known + 5]
+    assert session.values == link.line.session.values
+    kinds = [record.kind for record in records(recorder.file)]
+    assert kinds.count(Kind.START) > 1
+
+
+def test_a_full_disk_ends_the_recording_alone(
+    link: TappedLine,
+    make: Callable[..., Recorder],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    recorder = make()
+    link.drive(0.5)
+    wait_until(lambda: len(list(records(recorder.file))) > 20)
+    written = list(records(recorder.file))
+
+    def full(_: int, __: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch, caplog.at_level(logging.ERROR, "wheelwire"):
+        patch.setattr("wheelwire.log.writer.os.write", full)
+        link.drive(0.5)
+        wait_until(lambda: recorder.error)
+    link.drive(0.5)
+    recorder.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"the recording {recorder.file} has ended: No space left on device; the robot is driven on"
+    ]
+    assert not link.tap.readers
+    assert list(records(recorder.file))[: len(written)] == written
+
+
+def test_a_disk_that_is_full_for_a_part_of_a_chunk(
+    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = make()
+    write, left = os.write, [3000]
+
+    def nearly_full(descriptor: int, data: memoryview) -> int:
+        if not left[0]:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written = write(descriptor, data[: left[0]])
+        left[0] -= written
+        return written
+
+    with monkeypatch.context() as patch:
+        patch.setattr("wheelwire.log.writer.os.write", nearly_full)
+        link.drive(2)
+        wait_until(lambda: recorder.error)
+    recorder.close()
+    assert repair(recorder.file)
+    with recorder.file.open("rb") as file:
+        assert make_reader(file).get_summary() is not None
+
+
+def test_the_next_recording_in_a_folder_repairs_what_a_crash_left(
+    link: TappedLine, make: Callable[..., Recorder], tmp_path: Path
+) -> None:
+    recorder = make(tmp_path / "whole.mcap")
+    link.drive(1)
+    recorder.close()
+    whole = recorder.file.read_bytes()
+    crashed, foreign = tmp_path / "crashed.mcap", tmp_path / "foreign.mcap"
+    crashed.write_bytes(whole[: len(whole) // 2])
+    foreign.write_bytes(whole[:100].replace(b"wheelwire", b"elsewhere"))
+    others = foreign.read_bytes()
+    known = list(records(crashed))
+    other = make(tmp_path / "other.mcap")
+    next_one = make(tmp_path / "next.mcap")  # the other one is being written, and left alone
+    wait_until(lambda: crashed.read_bytes().endswith(b"MCAP0\r\n"))
+    time.sleep(0.2)  # until it is closed
+    assert list(records(crashed)) == known
+    assert not repair(crashed)
+    assert is_complete(crashed)
+    assert not was_closed(crashed)  # why the robot stopped does not change by a repair
+    assert was_closed(recorder.file)
+    with pytest.raises(RecordingError, match="is being written"):
+        repair(other.file)
+    assert foreign.read_bytes() == others
+    assert recorder.file.read_bytes() == whole
+    for one in (other, next_one):
+        one.close()
+        assert not repair(one.file)
+
+
+def test_a_folder_gets_a_file_named_by_the_time(
+    make: Callable[..., Recorder], tmp_path: Path
+) -> None:
+    first, second = make(tmp_path), make(tmp_path)
+    assert first.file != second.file
+    for one in (first, second):
+        assert one.file.parent == tmp_path
+        assert one.file.name.startswith("wheelwire-2")
+        assert one.file.suffix == ".mcap"
+
+
+def test_nothing_is_overwritten(make: Callable[..., Recorder], tmp_path: Path) -> None:
+    (tmp_path / "day.mcap").write_text("precious")
+    assert make().file == tmp_path / "day-2.mcap"
+    assert (tmp_path / "day.mcap").read_text() == "precious"
+
+
+def test_a_folder_that_is_missing(make: Callable[..., Recorder], tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="there is no folder"):
+        make(tmp_path / "none" / "day.mcap")
+
+
+def test_attachments(link: TappedLine, make: Callable[..., Recorder]) -> None:
+    recorder = make(attachments=lambda: [Attachment("a.yaml", "application/yaml", b"b: 1\n")])
+    link.drive(0.2)
+    time.sleep(0.1)
+    recorder.close()
+    with recorder.file.open("rb") as file:
+        (found,) = make_reader(file).iter_attachments()
+    assert (found.name, found.media_type, found.data) == ("a.yaml", "application/yaml", b"b: 1\n")
+
+
+def test_without_a_power_cut_nothing_is_older_than_a_chunk(
+    link: TappedLine, make: Callable[..., Recorder]
+) -> None:
+    recorder = make()
+    link.drive(0.5)
+    newest = link.line.now_us
+    # What a kill would leave, a moment later.
+    wait_until(
+        lambda: max((r.host_us for r in records(recorder.file)), default=0) >= newest - 50_000
+    )
+    assert any(topic == "/odom" for topic, _, _ in messages(recorder.file))
+
+
+def test_it_syncs_off_the_links_thread_and_each_second(
+    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times: list[float] = []
+    sync = RecordingFile.sync
+
+    def noted(self: RecordingFile) -> None:
+        times.append(time.monotonic())
+        sync(self)
+
+    monkeypatch.setattr(RecordingFile, "sync", noted)
+    recorder = make()
+    random = Random(1)
+    end = time.monotonic() + 3.3
+    while time.monotonic() < end:
+        link.drive(0.05)
+        time.sleep(random.uniform(0, 0.02))
+    recorder.close()
+    assert 3 <= len(times) <= 5
+    assert all(later - earlier < 1.5 for earlier, later in pairwise(times))
+
+
+def test_times_of_day_follow_a_clock_that_is_set(
+    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a Pi without a battery, once it reaches a time server."""
+    years_ns = 10 * 365 * 86_400 * 10**9
+    recorder = make()
+    before_us = offset_us(recorder.file)
+    link.drive(0.5)
+    wait_until(lambda: len(list(records(recorder.file))) > 50)
+    time_ns = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: time_ns() + years_ns)
+    wait_until(lambda: recorder._offset_ns // 1000 - before_us > years_ns // 2000)
+    link.drive(0.5)
+    recorder.close()
+    monkeypatch.undo()
+    assert offset_us(recorder.file) - before_us == pytest.approx(years_ns // 1000, abs=1_000_000)
+    for topic in ("/wheelwire/received", "/odom"):
+        times = [when for name, when, _ in messages(recorder.file) if name == topic]
+        assert times[-1] - times[0] == pytest.approx(years_ns, abs=20e9)
+    began = datetime.fromisoformat(summary(recorder.file).began)
+    assert began.year >= datetime.now(timezone.utc).year + 9
+    assert list(records(recorder.file))
+    assert is_complete(recorder.file)

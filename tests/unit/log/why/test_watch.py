@@ -1,0 +1,288 @@
+"""Stops are reported while a program drives, beside it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+import pytest
+
+import wheelwire
+from support.lost_answers import LostAnswers
+from support.waiting import until
+from wheelwire import aio
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import DeviceRefused, InvalidArgument, InvalidCommand, LinkLost
+from wheelwire.log.why import Stop
+from wheelwire.log.why.watch import StopWatch
+from wheelwire.robot.robot import DeviceDriver
+from wheelwire_protocol.codes import ResetReason
+from wheelwire_protocol.types import GroupInfo
+
+pytestmark = pytest.mark.timeout(60)
+PATIENCE_S = 20.0
+
+
+class Reports:
+    """Collects stops."""
+
+    def __init__(self) -> None:
+        self.stops: list[Stop] = []
+        self.changed = threading.Condition()
+
+    def __call__(self, stop: Stop) -> None:
+        with self.changed:
+            self.stops.append(stop)
+            self.changed.notify_all()
+
+    def wait(self, number: int) -> list[str]:
+        """The causes, once there are so many."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: len(self.stops) >= number, PATIENCE_S)
+            return [stop.cause for stop in self.stops]
+
+
+def drive(robot: DeviceDriver) -> None:
+    began_s = time.monotonic()
+    while True:
+        # Out of reach while the session after a reset is opened, and held until the zero.
+        with suppress(LinkLost):
+            if robot.is_unarmed:
+                robot.set_velocity(0.0, 0.0)
+            with suppress(DeviceRefused):
+                robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if drives_since(began_s, robot.read(PATIENCE_S)):
+                return
+
+
+def drives_since(began_s: float, sample: wheelwire.WheelSample) -> bool:
+    # An unread sample may be older than the stop before this drive.
+    return sample.state is wheelwire.SupervisorState.DRIVING and sample.stamp > began_s
+
+
+def test_each_stop_is_reported_once() -> None:
+    reports = Reports()
+    with wheelwire.open_driver("mock") as robot:
+        watch = robot.watch_stops(reports)
+        drive(robot)
+        assert reports.wait(1) == ["program_paused"]
+        drive(robot)
+        robot.stop()
+        assert reports.wait(2) == ["program_paused", "stop_by_session"]
+        watch.close()
+        watch.close()
+        robot.estop()
+    assert len(reports.stops) == 2
+
+
+def test_a_watch_misses_no_stop_while_the_session_still_asks_for_the_board(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports = Reports()
+    with wheelwire.open_driver("mock") as robot:
+        assert isinstance(robot, MockDriver)
+        before = robot.info.device.boot_id
+        lost = LostAnswers(monkeypatch, GroupInfo, 4)
+        robot.simulator.reset(ResetReason.POWER_ON)
+        while robot.info.device.boot_id == before:
+            with suppress(LinkLost):
+                robot.read(PATIENCE_S)
+        drive(robot)
+        robot.watch_stops(reports)  # most computers get here before the board is known
+        robot.estop()
+        with pytest.raises(DeviceRefused) as refused:
+            robot.set_velocity(0.1, 0.0)
+        assert refused.value.why == "The emergency stop was asked for over this link."
+        assert reports.wait(1) == ["estop_by_session"]
+        assert lost.left == 0
+
+
+def test_what_a_report_raises_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    reports = Reports()
+
+    def fail(stop: Stop) -> None:
+        reports(stop)
+        raise RuntimeError("mine")
+
+    with wheelwire.open_driver("mock") as robot:
+        robot.watch_stops(fail)
+        for number in (1, 2):
+            drive(robot)
+            robot.stop()
+            reports.wait(number)
+    assert "the function to call at a stop has failed" in caplog.text
+
+
+def test_a_chip_that_resets_is_reported_and_watched_on() -> None:
+    reports = Reports()
+    with wheelwire.open_driver("mock") as robot:
+        assert isinstance(robot, MockDriver)
+        robot.watch_stops(reports)
+        drive(robot)
+        robot.simulator.reset(ResetReason.TASK_WATCHDOG)
+        assert reports.wait(1) == ["task_watchdog"]
+        assert "TASK_WATCHDOG" in reports.stops[0].evidence[0]
+        drive(robot)
+        robot.stop()
+        assert reports.wait(2) == ["task_watchdog", "stop_by_session"]
+
+
+def test_two_watches_report_alike_and_one_outlives_the_other() -> None:
+    first, second = Reports(), Reports()
+    with wheelwire.open_driver("mock") as robot:
+        robot.watch_stops(first)
+        watch = robot.watch_stops(second)
+        drive(robot)
+        robot.stop()
+        assert first.wait(1) == second.wait(1) == ["stop_by_session"]
+        # But for the time, which each watch estimates from the exchanges that it has seen.
+        assert first.stops == [replace(second.stops[0], host_us=first.stops[0].host_us)]
+        watch.close()
+        drive(robot)
+        robot.stop()
+        assert first.wait(2) == ["stop_by_session"] * 2
+    assert len(second.stops) == 1
+
+
+# --- asyncio -----------------------------------------------------------------------------------
+
+
+async def drive_in_loop(robot: aio.Driver) -> None:
+    began_s = time.monotonic()
+    while True:
+        with suppress(LinkLost):
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if drives_since(began_s, await robot.read(PATIENCE_S)):
+                return
+
+
+async def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
+    found: list[tuple[str, bool]] = []
+    own = threading.get_ident()
+
+    async def report(stop: Stop) -> None:
+        await asyncio.sleep(0)
+        found.append((stop.cause, threading.get_ident() == own))
+
+    async with aio.open_driver("mock") as robot:
+        watch = await robot.watch_stops(report)
+        await drive_in_loop(robot)
+        await until(lambda: len(found) == 1)
+        await robot.estop()
+        await until(lambda: len(found) == 2)
+        latched = watch.latched()
+        assert latched is not None
+        with pytest.raises(DeviceRefused) as raised:
+            robot.set_velocity(0.2, 0.0)
+        assert raised.value.why == latched.sentence
+        await watch.close()
+        await watch.close()
+        await robot.clear_estop()
+        await robot.estop()
+        assert watch.latched() is None
+    assert found == [("program_paused", True), ("estop_by_session", True)]
+
+
+async def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    reports: list[str] = []
+    running = 0
+
+    async def report(stop: Stop) -> None:
+        nonlocal running
+        running += 1
+        assert running == 1
+        await asyncio.sleep(0.2)
+        running -= 1
+        reports.append(stop.cause)
+        raise RuntimeError("mine")
+
+    async with aio.open_driver("mock") as robot:
+        await robot.watch_stops(report)
+        for _ in range(2):
+            await drive_in_loop(robot)
+            await robot.stop()
+        await until(lambda: len(reports) == 2)
+    assert reports == ["stop_by_session"] * 2
+    assert "watch_stops raised an exception" in caplog.text
+
+
+async def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
+    closed: list[str] = []
+
+    async with aio.open_driver("mock") as robot:
+
+        async def report(stop: Stop) -> None:
+            await robot.close()
+            closed.append(stop.cause)
+
+        await robot.watch_stops(report)
+        await drive_in_loop(robot)
+        await robot.stop()
+        await until(lambda: bool(closed))
+    assert closed == ["stop_by_session"]
+    assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
+
+
+async def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() -> None:
+    found: list[Stop] = []
+
+    async with aio.open_driver("mock") as robot:
+        await robot.watch_stops(found.append)
+        await drive_in_loop(robot)
+        await robot.close()
+        await asyncio.sleep(0.2)
+    assert found == []
+    assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
+
+
+@pytest.mark.parametrize("begun", [False, True], ids=["before", "after"])
+async def test_a_loop_s_watch_that_is_cancelled_while_it_begins_is_closed(
+    monkeypatch: pytest.MonkeyPatch, *, begun: bool
+) -> None:
+    begins, goes_on, has_begun = threading.Event(), threading.Event(), threading.Event()
+    watch_stops = DeviceDriver.watch_stops
+
+    def slow(robot: DeviceDriver, report: Callable[[Stop], object]) -> StopWatch:
+        begins.set()
+        assert goes_on.wait(PATIENCE_S)
+        watch = watch_stops(robot, report)
+        has_begun.set()
+        return watch
+
+    monkeypatch.setattr(DeviceDriver, "watch_stops", slow)
+    async with aio.open_driver("mock") as robot:
+        task = asyncio.create_task(robot.watch_stops(print))
+        await until(begins.is_set)
+        if begun:
+            # Before the loop runs again: the task is cancelled although it is done.
+            goes_on.set()
+            assert has_begun.wait(PATIENCE_S)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        goes_on.set()
+        assert await asyncio.to_thread(has_begun.wait, PATIENCE_S)
+        await until(lambda: "wheelwire stops" not in [one.name for one in threading.enumerate()])
+        await robot.read()
+
+
+async def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+        with pytest.raises(InvalidCommand, match="only a robot in real time"):
+            await robot.watch_stops(print)
+        with pytest.raises(InvalidArgument, match="watch_stops = 1"):
+            await robot.watch_stops(1)  # type: ignore[arg-type]
+
+
+def test_virtual_time_is_not_watched() -> None:
+    with (
+        wheelwire.open_driver("mock", realtime=False) as robot,
+        pytest.raises(InvalidCommand, match="only a robot in real time"),
+    ):
+        robot.watch_stops(print)

@@ -1,0 +1,118 @@
+"""The units of systemd in the documentation have what the programs in them need."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from support.cases import each
+from support.units import NOT_EMULATED, documented_units, without_rights
+from wheelwire.pi.gpio import library
+
+UNITS = documented_units()
+OURS = [unit for unit in UNITS if any("wheelwire" in word for word in unit.command)]
+EMULATED = {
+    *("ExecStart", "User", "Group", "RuntimeDirectory", "RuntimeDirectoryPreserve"),
+    *("StateDirectory", "WorkingDirectory", "Environment", "KillMode", "Restart", "RestartSec"),
+}
+PROGRAM = """
+import json, os, sys
+from wheelwire.pi.gpio.library import LGPIO_FOLDER, _give_lgpio_a_folder
+user, cwd = int(sys.argv[1]), sys.argv[2]
+if user:
+    os.setgroups([])
+    os.setgid(user)
+    os.setuid(user)
+os.chdir(cwd)
+_give_lgpio_a_folder()
+folder = os.environ.get(LGPIO_FOLDER) or os.getcwd()
+open(os.path.join(folder, ".lgd-nfy-test"), "w").close()
+print(json.dumps([folder, os.getcwd()]))
+"""
+
+
+def test_there_are_some() -> None:
+    assert OURS
+
+
+@each("number", range(len(UNITS)))
+def test_every_entry_is_emulated_or_known_not_to_be(number: int) -> None:
+    unit = UNITS[number]
+    assert unit.service.keys() <= EMULATED | NOT_EMULATED, unit.page
+
+
+@each("number", range(len(OURS)))
+def test_a_unit_has_a_user_and_a_folder_that_it_can_write_to(number: int) -> None:
+    unit = OURS[number]
+    assert unit.service["User"] != "root"
+    assert unit.folder in unit.writable  # lgpio makes a pipe there
+    words = unit.command
+    assert words[0].startswith("/")  # systemd searches no PATH of a user's
+    for word in words[1:]:
+        assert not word.startswith(("~", "./")), word
+    listen = words[words.index("--listen") + 1].removeprefix("unix:")
+    assert str(Path(listen).parent) in unit.writable
+
+
+@each("number", range(len(OURS)))
+def test_lgpio_has_a_folder_for_its_pipe(number: int) -> None:
+    """Without a home, in a folder of its own and in the root, as a user without rights."""
+    user = without_rights() or 0
+    with TemporaryDirectory(prefix="wheelwire-unit-") as runtime:
+        if user:
+            os.chown(runtime, user, user)
+        environment = OURS[number].environment | {
+            "WHEELWIRE_RUNTIME_DIR": runtime,
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }
+        for folder in ("/", runtime):
+            result = subprocess.run(
+                [sys.executable, "-c", PROGRAM, str(user), folder],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert result.returncode == 0, result.stderr
+            assert json.loads(result.stdout) == [runtime, folder]
+
+
+def test_a_folder_that_is_named_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(library.LGPIO_FOLDER, "/elsewhere")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    library._give_lgpio_a_folder()
+    assert os.environ[library.LGPIO_FOLDER] == "/elsewhere"
+
+
+def test_a_folder_that_can_be_written_to_needs_no_other(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv(library.LGPIO_FOLDER, raising=False)
+    monkeypatch.chdir(tmp_path)
+    library._give_lgpio_a_folder()
+    assert library.LGPIO_FOLDER not in os.environ
+
+
+@each(
+    ("writable", "chips", "said"),
+    [
+        (False, ["gpiochip0"], "WorkingDirectory"),
+        (True, [], "Raspberry Pi"),
+        (True, ["gpiochip0"], "group gpio"),
+    ],
+)
+def test_each_reason_is_named_as_itself(
+    writable: bool, chips: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "glob", lambda *_: [tmp_path / name for name in chips])
+    monkeypatch.setattr(
+        os, "access", lambda path, *_: writable and not str(path).endswith("gpiochip0")
+    )
+    monkeypatch.setenv(library.LGPIO_FOLDER, str(tmp_path))
+    assert said in library._why_no_gpio(OSError("can not open gpiochip"))

@@ -1,0 +1,153 @@
+"""The l298n driver's PWM: the kernel's, the library's, and neither; and its e-stop contact."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from support.gpio_chip_process import GpioChip
+from support.waiting import wait_until
+from wheelwire.drivers.l298n import L298NDriver
+from wheelwire.errors import ConfigurationError, DeviceRefused, DriverUnavailable
+from wheelwire.pi.pins import Pins
+
+LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
+"""A busy test machine is no fault of the robot's."""
+Wire = Callable[[GpioChip], GpioChip]
+
+
+@pytest.fixture
+def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
+    def wire(chip: GpioChip) -> GpioChip:
+        for name, value in chip.environment.items():
+            monkeypatch.setenv(name, value)
+        return chip
+
+    return wire
+
+
+@pytest.fixture
+def chip(tmp_path: Path, wire: Wire) -> Iterator[GpioChip]:
+    with GpioChip(tmp_path) as chip:
+        yield wire(chip)
+
+
+def open_on(chip: GpioChip, **options: object) -> L298NDriver:
+    return L298NDriver(
+        pwm_directory=chip.pwm_directory,
+        parameters=LONG_OVERRUN_LIMIT,
+        core_timeout_ms=5000,
+        **options,  # type: ignore[arg-type]
+    )
+
+
+def text(chip: GpioChip, file: str) -> str:
+    return (chip.pwm_directory / "pwmchip0" / file).read_text().strip()
+
+
+def test_kernel_pwm_has_the_period_asked_for_and_ends_low(chip: GpioChip) -> None:
+    with open_on(chip) as driver:
+        driver.set_duty(0.25, -0.25, ttl=1.0)
+        wait_until(lambda: text(chip, "pwm0/duty_cycle") == "12500")
+        wait_until(lambda: text(chip, "pwm1/duty_cycle") == "12500")
+        assert text(chip, "pwm0/period") == "50000"
+        assert text(chip, "pwm0/enable") == "1"
+        assert not any("PWM at" in limit for limit in driver.limits)
+    assert text(chip, "pwm0/duty_cycle") == text(chip, "pwm0/enable") == "0"
+    assert text(chip, "pwm1/duty_cycle") == text(chip, "pwm1/enable") == "0"
+
+
+def test_a_pi_5_has_its_gpios_on_other_channels(tmp_path: Path, wire: Wire) -> None:
+    chip5 = tmp_path / "pwmchip2"
+    for channel in (2, 3):
+        directory = chip5 / f"pwm{channel}"
+        directory.mkdir(parents=True)
+        for name in ("duty_cycle", "period", "enable"):
+            (directory / name).write_text("0\n")
+    (chip5 / "npwm").write_text("4\n")
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        wire(chip)
+        with L298NDriver(pwm_directory=tmp_path):
+            assert (chip5 / "pwm2" / "period").read_text() == "50000\n"
+            assert (chip5 / "pwm3" / "period").read_text() == "50000\n"
+
+
+def test_several_chips_are_a_question(tmp_path: Path, wire: Wire) -> None:
+    for number in (0, 2):
+        (tmp_path / f"pwmchip{number}").mkdir()
+        (tmp_path / f"pwmchip{number}" / "npwm").write_text("4\n")
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        wire(chip)
+        with pytest.raises(DriverUnavailable, match=r"pwmchip0, pwmchip2.*pwm_chip"):
+            L298NDriver(pwm_directory=tmp_path)
+        with pytest.raises(DriverUnavailable, match="no pwmchip7"):
+            L298NDriver(pwm_directory=tmp_path, pwm_chip=7)
+
+
+def test_without_the_kernels_pwm_the_librarys_limit_is_told(
+    tmp_path: Path, wire: Wire, caplog: pytest.LogCaptureFixture
+) -> None:
+    with GpioChip(tmp_path, kernel_pwm=False) as chip, open_on(wire(chip)) as driver:
+        assert "1000 Hz instead of 20000 Hz" in driver.limits[0]
+        assert "1000 Hz instead of 20000 Hz" in caplog.text
+        driver.set_duty(0.5, 0.5)
+        wait_until(lambda: driver.get_encoder_ticks()[0] > 10)
+
+
+def test_a_factory_without_pwm_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GPIOZERO_PIN_FACTORY", "mock")
+    with pytest.raises(DriverUnavailable, match="pwm-2chan"):
+        L298NDriver(pwm_directory=tmp_path)
+
+
+def test_no_pins_at_all_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GPIOZERO_PIN_FACTORY", "no such factory")
+    with pytest.raises(DriverUnavailable, match=r"no such factory.*wheelwire\[pi\]"):
+        L298NDriver()
+
+
+@pytest.mark.whole
+def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
+    with open_on(chip) as driver:
+        driver.set_velocity(0.2, 0.0, ttl=1.0)
+        with pytest.raises(DriverUnavailable, match="another program uses one of the pins"):
+            open_on(chip)
+        driver.set_velocity(0.2, 0.0)
+        wait_until(lambda: bool(chip.truth()["driven"]))
+
+
+@pytest.mark.whole
+def test_an_open_estop_contact_stops_and_is_cleared_when_closed(chip: GpioChip) -> None:
+    chip.command("level 26 0")
+    with open_on(chip, pins=Pins(estop=26)) as driver:
+        wait_until(lambda: driver.read().state.name == "IDLE")
+        chip.command("level 26 1")
+        wait_until(lambda: driver.read().state.name == "ESTOPPED")
+        chip.command("level 26 0")
+        wait_until(lambda: cleared(driver))
+        wait_until(lambda: driver.read().state.name == "IDLE")
+
+
+def cleared(driver: L298NDriver) -> bool:
+    try:
+        driver.clear_estop()
+    except DeviceRefused:  # the contact's level is on its way
+        return False
+    return True
+
+
+def test_a_parameter_that_is_none_is_refused_before_anything_is_started() -> None:
+    with pytest.raises(ConfigurationError, match="left_pwm = 99"):
+        L298NDriver(pins=Pins(left_pwm=99))
+
+
+@pytest.mark.whole
+def test_a_close_while_driving_brakes_before_the_pins_are_given_back(chip: GpioChip) -> None:
+    with open_on(chip) as driver:
+        driver.parameters.set("brake_time_s", 0.5)
+        driver.set_velocity(0.2, 0.0)
+        wait_until(lambda: bool(chip.truth()["driven"]))
+        start = time.monotonic()
+    assert time.monotonic() - start > 0.4
+    assert text(chip, "pwm0/duty_cycle") == "0"

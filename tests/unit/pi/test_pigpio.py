@@ -1,0 +1,163 @@
+"""pigpio's traps, and what the driver makes of them, with the real client library."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pigpio
+import pytest
+
+from support.pigpio_process import PigpioProcess
+from support.waiting import wait_until
+from wheelwire.drivers.pigpio import PigpioDriver
+from wheelwire.errors import ConfigurationError, DriverUnavailable
+from wheelwire.pi.gpio.pigpio_watchdog import MAX_SCRIPTS
+from wheelwire.tools.files.robot import parse_config
+
+HOST = "127.0.0.1"
+LONG_S = 30.0
+DRIVING = """
+import sys, time, wheelwire
+robot = wheelwire.open_driver("pigpio", host="127.0.0.1", port=int(sys.argv[1]),
+                              parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
+                              core_timeout_ms=5000)
+while True:
+    robot.set_velocity(0.2, 0.0, ttl=5)
+    time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def daemon() -> Iterator[PigpioProcess]:
+    with PigpioProcess() as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def client(daemon: PigpioProcess) -> Iterator[Any]:
+    client = pigpio.pi(HOST, daemon.port)
+    callback_thread = client._notify  # `stop` forgets it without waiting for its end
+    yield client
+    client.stop()
+    # Still alive when the daemon ends, it would raise ConnectionResetError in a later test.
+    callback_thread.join(LONG_S)
+    assert not callback_thread.is_alive()
+
+
+def driver_at(daemon: PigpioProcess) -> PigpioDriver:
+    return PigpioDriver(
+        HOST,
+        daemon.port,
+        parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
+        core_timeout_ms=5000,
+    )
+
+
+def drive(driver: PigpioDriver, daemon: PigpioProcess) -> None:
+    driver.set_velocity(0.2, 0.0, ttl=5)
+    wait_until(lambda: bool(daemon.command("truth")["driven"]))
+
+
+def test_the_stand_in_clamps_dma_pwm_as_the_daemon_does(client: Any) -> None:
+    assert client.set_PWM_frequency(18, 20_000) == 8000
+    assert client.get_PWM_real_range(18) == 25
+
+
+def test_the_driver_uses_hardware_pwm_at_the_frequency_asked_for(
+    daemon: PigpioProcess, client: Any
+) -> None:
+    with driver_at(daemon) as driver:
+        drive(driver, daemon)
+        for gpio in (18, 19):
+            assert client.get_PWM_frequency(gpio) == 20_000
+            assert client.get_PWM_real_range(gpio) == 18_750
+
+
+def test_a_daemon_whose_clock_is_the_pwm_hardware_is_refused_by_its_reason() -> None:
+    with PigpioProcess("-t", "0") as daemon, pytest.raises(DriverUnavailable, match="-t 0"):
+        driver_at(daemon)
+
+
+def test_no_daemon_says_how_to_start_one() -> None:
+    with PigpioProcess() as daemon:
+        port = daemon.port
+    with pytest.raises(DriverUnavailable, match="systemctl start pigpiod"):
+        PigpioDriver(HOST, port)
+
+
+def test_two_wheels_on_one_pwm_channel_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r"right_pwm = 12.*share"):
+        parse_config({"driver": "pigpio", "pins": {"right_pwm": 12}})
+    with pytest.raises(ConfigurationError, match=r"left_pwm = 4.*12, 13, 18 and 19"):
+        parse_config({"driver": "pigpio", "pins": {"left_pwm": 4}})
+
+
+@pytest.mark.whole
+def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(
+    daemon: PigpioProcess, client: Any
+) -> None:
+    for _ in range(3):
+        subprocess.run(
+            [sys.executable, "-c", _OPEN_AND_DIE, str(daemon.port)],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            check=False,
+        )
+    with driver_at(daemon):
+        assert len(stored_scripts(client)) == 1
+    assert stored_scripts(client) == []
+
+
+_OPEN_AND_DIE = """
+import os, signal, sys, wheelwire
+robot = wheelwire.open_driver("pigpio", host="127.0.0.1", port=int(sys.argv[1]))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def stored_scripts(client: Any) -> list[int]:
+    return [i for i in range(MAX_SCRIPTS) if client.script_status(i)[0] >= 0]
+
+
+@pytest.mark.whole
+def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:
+    with driver_at(daemon), pytest.raises(DriverUnavailable, match="another program"):
+        driver_at(daemon)
+
+
+@pytest.mark.whole
+def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
+    daemon = PigpioProcess()
+    with driver_at(daemon) as driver:
+        drive(driver, daemon)
+        first = driver.read().boot_id
+        daemon.kill()
+        wait_until(lambda: not driver.is_open)
+        with PigpioProcess("--port", str(daemon.port)):
+            # The last sample of before may not have been read.
+            wait_until(lambda: driver.read(LONG_S).boot_id != first)
+            assert driver.statistics.reconnects == 1
+            driver.set_velocity(0.0, 0.0)  # its core started anew, so it is unarmed
+            driver.set_velocity(0.1, 0.0)
+    daemon.close()
+
+
+@pytest.mark.whole
+def test_a_daemon_that_hangs_is_a_lost_link() -> None:
+    with PigpioProcess() as daemon, driver_at(daemon) as driver:
+        drive(driver, daemon)
+        os.kill(daemon.pid, signal.SIGSTOP)
+        try:
+            wait_until(lambda: not driver.is_open)
+        finally:
+            os.kill(daemon.pid, signal.SIGCONT)
+
+
+@pytest.mark.whole
+def test_edges_closer_than_a_sample_are_reported_as_lost(daemon: PigpioProcess) -> None:
+    with driver_at(daemon) as driver:
+        daemon.command("spin 250000")
+        wait_until(lambda: driver.control_counters().left_illegal > 100, LONG_S)
+        daemon.command("spin 0")

@@ -1,0 +1,80 @@
+"""The parameters that a computer's robot keeps in a file."""
+
+from pathlib import Path
+
+import pytest
+
+from support.core_host import CoreHost
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import DeviceRefused
+from wheelwire.pi.core import active_parameters, make_core
+from wheelwire.pi.pins import Pins
+from wheelwire.pi.settings import McuSettings
+from wheelwire_protocol.types import ParameterSave
+
+
+def in_force(store: Path, **parameters: float) -> dict[str, float]:
+    settings = McuSettings(backend="l298n", board=Pins(), parameters=parameters, store=str(store))
+    return active_parameters(settings)
+
+
+def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
+    store = tmp_path / "parameters"
+    with MockDriver(realtime=False, store=store) as driver:
+        default = driver.parameters["integral_gain"]
+        driver.parameters.set("integral_gain", 7.5)
+        driver.parameters.save()
+        driver.parameters.set("integral_gain", 8.0)
+    with MockDriver(realtime=False, store=store) as driver:
+        assert driver.parameters["integral_gain"] == 7.5
+        driver.parameters.reset()
+        assert driver.parameters["integral_gain"] == default
+
+
+def test_the_file_precedes_the_configuration_which_a_reset_restores(tmp_path: Path) -> None:
+    store = tmp_path / "parameters"
+    _save_on(McuSettings("l298n", Pins(), {"integral_gain": 7.5}, str(store)))
+    assert in_force(store, integral_gain=3.0)["integral_gain"] == 7.5
+    store.unlink()
+    assert in_force(store, integral_gain=3.0)["integral_gain"] == 3.0
+
+
+def test_a_computer_has_defaults_of_its_own(tmp_path: Path) -> None:
+    values = in_force(tmp_path / "none")
+    assert values["control_rate_hz"] == 100
+    assert values["estop_input_enabled"] == 0
+
+
+def test_without_a_file_nothing_can_be_saved() -> None:
+    core = make_core(McuSettings(backend="l298n", board=Pins()))
+    assert core is not None
+    with pytest.raises(DeviceRefused, match="store"):
+        _save_on(McuSettings(backend="l298n", board=Pins()))
+
+
+def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> None:
+    store = tmp_path / "parameters"
+    _save_on(
+        McuSettings(
+            backend="l298n", board=Pins(), store=str(store), parameters={"integral_gain": 7.5}
+        )
+    )
+    before = store.read_bytes()
+    (tmp_path / "parameters.new").symlink_to("/dev/full")
+    with pytest.raises(DeviceRefused, match="store"):
+        _save_on(McuSettings(backend="l298n", board=Pins(), store=str(store)))
+    assert store.read_bytes() == before
+
+
+def _save_on(settings: McuSettings) -> None:
+    CoreHost(make_core(settings)).ask(ParameterSave(0, 0, 0))
+
+
+def test_a_change_is_in_force_at_once() -> None:
+    with MockDriver(realtime=False) as driver:
+        driver.parameters.set("right_motor_inverted", 1)
+        driver.set_duty(0.5, 0.5)
+        driver.advance(0.5)
+        left, right = driver.get_encoder_ticks()
+        assert left > 10
+        assert right < -10
