@@ -20,7 +20,7 @@ enum class Kind : uint8_t {
   kPing,
   kVelocity,
   kDuty,
-  kHoldGet,
+  kHold,
   kStop,
   kEstop,
   kClearEstop,
@@ -36,7 +36,7 @@ enum class Kind : uint8_t {
   kTrial,
   kGroup,
   kContradictions,
-  kHold,
+  kHoldGet,
   kRestart,
   kConfigurationGet,
   kConfigure,
@@ -90,6 +90,7 @@ struct Operation {
 
 /// The name of a kind and of what it takes; an empty name ends the arguments.
 struct KindSpec {
+  Kind kind;
   const char* name;
   std::array<const char*, kArguments> arguments;
 };
