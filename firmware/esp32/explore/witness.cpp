@@ -866,6 +866,7 @@ void Witness::writes(StoredBlock block, int slot) {
   if (block == StoredBlock::kLatches && estop != flash_.estop) {
     former = flash_;  // Until the second slot is written.
     flash_.estop = estop;
+    for (Flash& flash : maybe_flashes_) flash.estop = estop;
   }
   // The configuration records another block after that was written.
   record_writes_ = block == StoredBlock::kConfiguration ? record_writes_ + 1 : 0;
