@@ -50,7 +50,7 @@ demo: sim  ### Drive the simulated robot: a figure eight, then a stop by watchdo
 	@$(BIN)/wheelwire demo --output build/demo
 	@echo "In this folder the command is $(BIN)/wheelwire; after \`. $(BIN)/activate\`, it is wheelwire."
 
-gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, commands' options, simulator's tables
+gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, commands' options, simulator's tables, the page's words
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw_packages.py
 	$(BIN)/python tools/write_cli_page.py
@@ -59,6 +59,7 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 	$(BIN)/python tools/write_view.py
 	$(BIN)/python tools/write_boards.py
 	$(BIN)/python tools/draw_wiring.py
+	$(BIN)/python tools/write_page_causes.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
@@ -67,6 +68,7 @@ gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python tools/write_cli_page.py --check
 	$(BIN)/python tools/write_boards.py --check
 	$(BIN)/python tools/draw_wiring.py --check
+	$(BIN)/python tools/write_page_causes.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	$(BIN)/ruff format $(PYTHON_FOLDERS)

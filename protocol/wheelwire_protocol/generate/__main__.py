@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from . import board_tables, cpp, cpp_vectors, markdown, python, sensor_tables, vectors
+from . import board_tables, cpp, cpp_vectors, markdown, python, sensor_tables, typescript, vectors
 
 CHECKOUT = Path(__file__).parents[3]
 HANDMADE = Path("protocol/vectors/handmade.json")
@@ -37,6 +37,7 @@ def outputs(root: Path) -> dict[Path, str]:
     return {
         Path("protocol/wheelwire_protocol/types.py"): python.generate(),
         Path("protocol/MESSAGES.md"): markdown.generate(),
+        Path("web/src/generated/protocol.ts"): typescript.generate(),
         Path("protocol/vectors/generated.json"): generated,
         Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
         Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),

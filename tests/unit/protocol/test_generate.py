@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wheelwire_protocol.generate import __main__ as generate
-from wheelwire_protocol.generate import cpp, markdown, python
+from wheelwire_protocol.generate import cpp, markdown, python, typescript
 from wheelwire_protocol.messages import MESSAGES
 
 ROOT = Path(__file__).parents[3]
@@ -20,6 +20,7 @@ INPUTS = [
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
     "firmware/esp32/test",
+    "web/src/generated",
 ]
 OUTPUTS = [
     "protocol/wheelwire_protocol/types.py",
@@ -29,6 +30,7 @@ OUTPUTS = [
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
     "firmware/esp32/test/vectors.hpp",
+    "web/src/generated/protocol.ts",
 ]
 OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name]
 
@@ -106,7 +108,9 @@ def test_types_that_do_not_parse_are_written_anew(checkout: Path) -> None:
     assert run(checkout, "--check").returncode == 0
 
 
-@pytest.mark.parametrize("text", [python.generate(), cpp.generate(), markdown.generate()])
+@pytest.mark.parametrize(
+    "text", [python.generate(), cpp.generate(), markdown.generate(), typescript.generate()]
+)
 def test_every_message_and_field_is_there(text: str) -> None:
     for message in MESSAGES:
         assert message.name in text

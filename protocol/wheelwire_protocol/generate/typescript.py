@@ -1,0 +1,95 @@
+"""The messages and codes for the page in `web/`: types for its compiler, tables for its codec."""
+
+from __future__ import annotations
+
+import json
+from itertools import chain
+
+from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
+from ..message import Field, Message
+from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
+from ..parameters import PARAMETERS
+from .text import banner, unit_note
+from .wire_layout import layout_hash
+
+_WIDE = ("Q", "q")
+"""Formats whose values a JavaScript number does not hold exactly."""
+
+
+def _type(field: Field) -> str:
+    if field.is_text:
+        return "Uint8Array"
+    return "bigint" if field.format in _WIDE else "number"
+
+
+def _interface(message: Message) -> list[str]:
+    return [
+        f"/** {message.doc} */",
+        f"export interface {message.name} {{",
+        *(
+            f"  /** {field.docs}{unit_note(field.unit)} */\n  {field.name}: {_type(field)};"
+            for field in message.fields
+        ),
+        "}",
+        "",
+    ]
+
+
+def _layout(message: Message) -> str:
+    fields = " ".join(f"{field.name}:{field.format}" for field in message.fields)
+    return f"  {message.name}: [0x{message.id:02x}, {json.dumps(fields)}],"
+
+
+def _codes(codes: type[DocumentedEnum] | type[DocumentedFlag]) -> list[str]:
+    """Values and sentences apart, so that a bundle has the sentences that it shows alone."""
+    return [
+        f"/** {(codes.__doc__ or '').strip()} */",
+        f"export const {codes.__name__} = {{",
+        *(f"  {member.name}: {member.value}," for member in codes),
+        "} as const;",
+        f"export const {codes.__name__}Docs: Sentences<typeof {codes.__name__}> = {{",
+        *(f"  {member.name}: {json.dumps(member.doc)}," for member in codes),
+        "};",
+        "",
+    ]
+
+
+def generate() -> str:
+    """The text of `protocol.ts`."""
+    lines = [
+        f"// {banner('Messages and codes')}",
+        "",
+        f"export const PROTOCOL_VERSION = {PROTOCOL_VERSION};",
+        "/** Of the group BASE: what a hello compares. */",
+        f"export const SCHEMA_HASH = 0x{layout_hash():08x};",
+        "/** Bytes of the longest payload: id, seq, body, CRC. */",
+        f"export const MAX_PAYLOAD = {MAX_PAYLOAD};",
+        "",
+        "/** What users are shown of each code. */",
+        "export type Sentences<Codes> = Readonly<Record<keyof Codes, string>>;",
+        "",
+        *chain.from_iterable(map(_codes, ENUMERATIONS)),
+        *chain.from_iterable(map(_codes, FLAGS)),
+        *chain.from_iterable(map(_interface, MESSAGES)),
+        "/** All messages by name. */",
+        "export interface Messages {",
+        *(f"  {message.name}: {message.name};" for message in MESSAGES),
+        "}",
+        "",
+        "/** Of each message the id, and its fields with their formats as in Python's `struct`. */",
+        "export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>> = {",
+        *map(_layout, MESSAGES),
+        "};",
+        "",
+        "/** The ids of the parameters. */",
+        "export const Parameter = {",
+        *(f"  /** {p.doc}{unit_note(p.unit)} */\n  {p.name}: {p.id}," for p in PARAMETERS),
+        "} as const;",
+        "",
+        "/** Their defaults, in their units. */",
+        "export const DEFAULTS = {",
+        *(f"  {p.name}: {p.default:.9g}," for p in PARAMETERS),
+        "} as const;",
+        "",
+    ]
+    return "\n".join(lines)
