@@ -1,0 +1,479 @@
+// One host's session with one device: hello, preparation, and dispatch of messages.
+//
+//   CLOSED -> HELLO -> PREPARING -> OPEN      and from any of them back to HELLO or CLOSED
+//
+// As host/wheelwire/link/session.py, for a page: bytes and times in; bytes, samples and the next
+// deadline out. All times are microseconds of one monotonic host clock.
+import { Synchroniser } from "./clock.js";
+import { idOf, type Message, type Name } from "./codec.js";
+import { LinkLost, ProtocolMismatch, WheelwireError, nameOf } from "./errors.js";
+import { Decoder, Encoder, type Counters } from "./framing.js";
+import {
+  PROTOCOL_VERSION,
+  RefusalCode,
+  RefusalCodeDocs,
+  SCHEMA_HASH,
+  StopMode,
+  SupervisorState,
+  type Messages,
+} from "./generated/protocol.js";
+import {
+  RequestQueue,
+  type Answer,
+  type AnswerName,
+  type Asked,
+  type Done,
+  type RequestName,
+} from "./requests.js";
+import { SetpointSender } from "./setpoints.js";
+
+const HELLO_PERIOD_US = 30_000;
+const RETRY_US = 1_000_000;
+/** No pong and no state frame for this long: the session is over, say hello again. */
+const SILENCE_US = 2_000_000;
+/** Nothing was received for this long: ping, because a device that was reset sends nothing. */
+const QUIET_US = 100_000;
+const QUIET_PERIOD_US = 25_000;
+const DUTY_SCALE = 32_767;
+const UNWRAP_US = 60_000_000;
+
+export type Phase = "CLOSED" | "HELLO" | "PREPARING" | "OPEN";
+
+/** What was measured at one instant. */
+export interface Sample {
+  readonly bootId: number;
+  /** The device's clock at the latch, 64 bits. [us] */
+  readonly tUs: number;
+  /** The same moment by the host's clock, and the bound of its error. [us] */
+  readonly stampUs: number;
+  readonly stampErrorUs: number;
+  readonly leftTicks: number;
+  readonly rightTicks: number;
+  readonly leftMps: number;
+  readonly rightMps: number;
+  /** -1 to 1. */
+  readonly leftDuty: number;
+  readonly rightDuty: number;
+  readonly commandSeq: number;
+  /** As in SupervisorState. */
+  readonly state: number;
+  readonly faults: number;
+  /** Undefined if it is not measured. */
+  readonly batteryV: number | undefined;
+}
+
+/** The messages that answer a request, and no other. */
+const ANSWER_NAMES: ReadonlySet<Name> = new Set<AnswerName>([
+  "Ack",
+  "ParameterValue",
+  "Hold",
+  "LinkCounters",
+]);
+const SETPOINT_IDS = new Set([idOf("SetWheelVelocity"), idOf("SetDuty")]);
+const STATES: ReadonlySet<number> = new Set(Object.values(SupervisorState));
+
+/** The host's side of the link, for one session after another. */
+export class Session {
+  phase: Phase = "CLOSED";
+  /** Its id on the wire; 0 outside one. */
+  id = 0;
+  /** The reason why no session is open; meaningless while one is. */
+  error: WheelwireError = new LinkLost("the port was not opened yet");
+  /** Of the newest session. */
+  device: Messages["DeviceHello"] | undefined;
+  /** What the device said last of what holds it, and of its last stop. */
+  hold: Messages["Hold"] | undefined;
+  /** As in SupervisorState; undefined when it is about to change, or no session is open. */
+  state: number | undefined;
+  faults = 0;
+  /** Number of sessions so far. */
+  count = 0;
+  refused = 0;
+  /** Messages of other sessions, or that nobody asked for. */
+  foreign = 0;
+  staleStates = 0;
+  setpoints: SetpointSender | undefined;
+
+  readonly #decoder = new Decoder();
+  #encoder = new Encoder();
+  #output: Uint8Array[] = [];
+  #nonce = 0;
+  #bootId: number | undefined;
+  readonly #oldBoots = new Set<number>();
+  #helloDueUs = 0;
+  #heardUs = 0;
+  #unprepared = 0;
+  #preparationFailure: WheelwireError | undefined;
+  #newestUs: number | undefined;
+  #synchroniser = new Synchroniser(0, () => undefined, 0);
+  readonly #requests = new RequestQueue((name, fields) => {
+    this.#send(name, fields);
+  });
+
+  /**
+   * @param drawNonce Draws 32 random bits for each session.
+   * @param streamRateHz Rate of the state frames.
+   */
+  constructor(
+    readonly drawNonce: () => number,
+    readonly streamRateHz: number,
+  ) {}
+
+  get counters(): Readonly<Counters> {
+    return this.#decoder.counters;
+  }
+
+  get requestsRepeated(): number {
+    return this.#requests.repeated;
+  }
+
+  // --- the port ----------------------------------------------------------------------------------
+
+  /** The port is open: say hello. */
+  connect(nowUs: number): void {
+    this.#encoder = new Encoder();
+    this.#decoder.restart();
+    this.#output = [];
+    this.#beginHello(new LinkLost("the device has not answered yet"), nowUs);
+  }
+
+  /** Process bytes, whatever they are; returns what was measured anew. */
+  receive(data: Uint8Array, nowUs: number): Sample[] {
+    const samples: Sample[] = [];
+    for (const message of this.#decoder.feed(data)) {
+      const sample = this.#take(message, nowUs);
+      if (sample !== undefined) samples.push(sample);
+    }
+    // At once, not at the next `advance`: the last answer may just have come.
+    this.#openWhenPrepared(nowUs);
+    return samples;
+  }
+
+  /** Do what is due: hello, pings, repeats, the end of a session whose device is silent. */
+  advance(nowUs: number): void {
+    if (this.phase === "HELLO") {
+      this.#sayHello(nowUs);
+    } else if (this.#inSession && nowUs >= this.#heardUs + SILENCE_US) {
+      const text = "the device fell silent; saying hello until it answers";
+      this.#beginHello(new LinkLost(text), nowUs);
+    }
+    if (!this.#inSession) return;
+    this.#requests.advance(nowUs);
+    this.setpoints?.advance(nowUs);
+    if (nowUs >= this.#pingDueUs) this.#synchroniser.ping(nowUs);
+    this.#openWhenPrepared(nowUs);
+  }
+
+  /** When `advance` is due next; infinite while there is no port. */
+  get nextDeadlineUs(): number {
+    if (this.phase === "CLOSED") return Infinity;
+    if (this.phase === "HELLO") return this.#helloDueUs;
+    return Math.min(
+      this.#heardUs + SILENCE_US,
+      this.#pingDueUs,
+      this.#requests.nextDeadlineUs,
+      this.setpoints?.repeatDueUs ?? Infinity,
+    );
+  }
+
+  /** Return the bytes to send, and forget them. */
+  takeOutput(): Uint8Array {
+    const size = this.#output.reduce((total, frame) => total + frame.length, 0);
+    const bytes = new Uint8Array(size);
+    let at = 0;
+    for (const frame of this.#output) {
+      bytes.set(frame, at);
+      at += frame.length;
+    }
+    this.#output = [];
+    return bytes;
+  }
+
+  // --- what the program asks for -----------------------------------------------------------------
+
+  /**
+   * Send a velocity setpoint of both wheels that expires at `expiryUs`.
+   *
+   * @throws LinkLost, ProtocolMismatch No session is open.
+   * @throws DeviceRefused, Expired As SetpointSender.drive.
+   */
+  drive(leftMps: number, rightMps: number, expiryUs: number, nowUs: number): void {
+    const setpoints = this.setpoints;
+    if (this.phase !== "OPEN" || setpoints === undefined) throw this.error;
+    setpoints.drive(leftMps, rightMps, expiryUs, nowUs, this.state, this.faults);
+  }
+
+  /** Void the setpoint and stop. Without a session it is sent, but not acknowledged. */
+  stop(done: Done<"Stop">, nowUs: number): void {
+    // Numbered from the setpoints' counter, so that those still on their way are void.
+    const command_seq = this.setpoints?.nextSeq() ?? 0;
+    this.#stop("Stop", { session_id: this.id, command_seq, mode: StopMode.CONFIGURED }, done, nowUs);
+  }
+
+  /** Stop, and latch until it is cleared. Without a session it is sent, but not acknowledged. */
+  estop(done: Done<"Estop">, nowUs: number): void {
+    this.#stop("Estop", { session_id: this.id }, done, nowUs);
+  }
+
+  /**
+   * Send a request. `done` is called once, with the answer or the error.
+   *
+   * @throws LinkLost, ProtocolMismatch No session is open.
+   */
+  request<R extends Exclude<RequestName, "Stop" | "Estop">>(
+    name: R,
+    fields: Omit<Asked<R>, "session_id">,
+    done: Done<R>,
+    nowUs: number,
+  ): void {
+    if (this.phase !== "OPEN") throw this.error;
+    const clears = name === "ClearEstop" || name === "ClearFault";
+    if (clears) this.setpoints?.void(); // only what is commanded from now on may move the wheels
+    const asked = { ...fields, session_id: this.id } as unknown as Asked<R>;
+    const finish: Done<R> = (result) => {
+      // Until the next state frame tells, assume that the device is no longer latched.
+      if (clears && !(result instanceof WheelwireError)) this.state = undefined;
+      done(result);
+    };
+    this.#requests.submit(name, asked, finish, nowUs);
+  }
+
+  #stop<R extends "Stop" | "Estop">(name: R, asked: Asked<R>, done: Done<R>, nowUs: number): void {
+    this.setpoints?.void();
+    if (this.phase === "OPEN") {
+      this.#requests.submit(name, asked, done, nowUs);
+      return;
+    }
+    // The device obeys a stop of anybody; whether it arrived is then not known.
+    if (this.phase !== "CLOSED") {
+      this.#send(name, { ...asked, request_id: 0 } as unknown as Messages[R]);
+    }
+    done(this.error);
+  }
+
+  // --- hello, and the end of a session -----------------------------------------------------------
+
+  get #inSession(): boolean {
+    return this.phase === "PREPARING" || this.phase === "OPEN";
+  }
+
+  #beginHello(error: WheelwireError, nowUs: number, pauseUs = 0): void {
+    this.error = error;
+    this.phase = "HELLO";
+    this.setpoints = undefined;
+    this.hold = undefined;
+    this.state = undefined;
+    this.id = 0;
+    this.#bootId = undefined;
+    this.#requests.abort(error);
+    // A new one, so that a late answer to a previous hello cannot begin this session.
+    this.#nonce = this.drawNonce() >>> 0;
+    this.#helloDueUs = nowUs + pauseUs;
+    this.#sayHello(nowUs);
+  }
+
+  #sayHello(nowUs: number): void {
+    if (nowUs < this.#helloDueUs) return;
+    this.#helloDueUs = nowUs + HELLO_PERIOD_US;
+    this.#send("Hello", {
+      nonce: this.#nonce,
+      protocol_version: PROTOCOL_VERSION,
+      schema_hash: SCHEMA_HASH,
+    });
+  }
+
+  #onHello(hello: Messages["DeviceHello"], nowUs: number): void {
+    if (hello.nonce !== this.#nonce) {
+      this.foreign++;
+      return;
+    }
+    if (this.#inSession) {
+      this.#beginAnewIfReset(hello.boot_id, nowUs);
+      return;
+    }
+    const refusal = refusalOf(hello);
+    if (refusal !== undefined) {
+      this.error = refusal; // hellos go on: the device may be flashed meanwhile
+      return;
+    }
+    this.device = hello;
+    this.phase = "PREPARING";
+    this.count++;
+    this.id = (this.#nonce ^ hello.boot_id) >>> 0;
+    this.#bootId = hello.boot_id;
+    this.#oldBoots.add(hello.boot_id);
+    this.#heardUs = nowUs;
+    this.#newestUs = undefined;
+    this.faults = 0;
+    this.#decoder.restartSequence();
+    this.#requests.beginSession();
+    this.#synchroniser = new Synchroniser(
+      this.id,
+      (ping) => {
+        this.#send("Ping", ping);
+      },
+      nowUs,
+    );
+    this.#synchroniser.ping(nowUs);
+    this.#unprepared = 1;
+    this.#preparationFailure = undefined;
+    const rate = { session_id: this.id, rate_hz: this.streamRateHz };
+    const prepared: Done<"SetStreamRate"> = (answer) => {
+      this.#unprepared--;
+      if (answer instanceof WheelwireError) this.#preparationFailure ??= answer;
+    };
+    this.#requests.submit("SetStreamRate", rate, prepared, nowUs);
+  }
+
+  #openWhenPrepared(nowUs: number): void {
+    if (this.phase !== "PREPARING") return;
+    const failure = this.#preparationFailure;
+    if (failure !== undefined) {
+      this.#beginHello(failure, nowUs, RETRY_US);
+    } else if (this.#unprepared === 0 && this.#synchroniser.ready) {
+      this.setpoints = new SetpointSender(this.id, this.#synchroniser.clock, (setpoint) => {
+        this.#send("SetWheelVelocity", setpoint);
+      });
+      this.phase = "OPEN";
+    }
+  }
+
+  // --- what the device says ----------------------------------------------------------------------
+
+  #take(message: Message, nowUs: number): Sample | undefined {
+    const { name, fields } = message;
+    if (name === "WheelState") return this.#onState(fields, nowUs);
+    if (name === "DeviceHello") this.#onHello(fields, nowUs);
+    else if (name === "Pong") this.#onPong(fields, nowUs);
+    else if (name === "Refuse") this.#onRefuse(fields, nowUs);
+    else if (name === "Event") this.#onEvent(fields, nowUs);
+    else if (ANSWER_NAMES.has(name)) this.#onAnswer(name as AnswerName, fields as Answer, nowUs);
+    else this.foreign++; // of a group that was not asked for, or an echo
+    return undefined;
+  }
+
+  /** Whether a message belongs to this session. If so, the device counts as heard. */
+  #isOurs(sessionId: number, nowUs: number): boolean {
+    const ours = this.#inSession && sessionId === this.id;
+    if (ours) this.#heardUs = nowUs;
+    else this.foreign++;
+    return ours;
+  }
+
+  #isThisBoot(bootId: number, nowUs: number): boolean {
+    if (bootId === this.#bootId) {
+      this.#heardUs = nowUs;
+      return true;
+    }
+    if (this.#bootId !== undefined) this.#beginAnewIfReset(bootId, nowUs);
+    return false;
+  }
+
+  #beginAnewIfReset(bootId: number, nowUs: number): void {
+    if (this.#oldBoots.has(bootId)) return;
+    this.#beginHello(new LinkLost("the device was reset; a new session is being opened"), nowUs);
+  }
+
+  #onState(state: Messages["WheelState"], nowUs: number): Sample | undefined {
+    if (!this.#isThisBoot(state.boot_id, nowUs) || this.phase !== "OPEN") return undefined;
+    if (!STATES.has(state.supervisor)) return undefined;
+    const tUs = this.#unwrapped(state.t_us, nowUs);
+    if (this.#newestUs !== undefined && tUs <= this.#newestUs) {
+      this.staleStates++;
+      return undefined;
+    }
+    this.#newestUs = tUs;
+    this.state = state.supervisor;
+    this.faults = state.faults;
+    this.setpoints?.onObeyed(state.command_seq);
+    const stamp = this.#synchroniser.clock.deviceToHost(tUs);
+    return {
+      bootId: state.boot_id,
+      tUs,
+      stampUs: stamp.us,
+      stampErrorUs: stamp.errorUs,
+      leftTicks: state.left_ticks,
+      rightTicks: state.right_ticks,
+      leftMps: state.left_mps,
+      rightMps: state.right_mps,
+      leftDuty: state.left_duty_q15 / DUTY_SCALE,
+      rightDuty: state.right_duty_q15 / DUTY_SCALE,
+      commandSeq: state.command_seq,
+      state: state.supervisor,
+      faults: state.faults,
+      batteryV: state.battery_mv === 0 ? undefined : state.battery_mv / 1000,
+    };
+  }
+
+  /** The 64-bit time of a state frame: relative to the newest one, if that is not long ago. */
+  #unwrapped(tUs: number, nowUs: number): number {
+    const newestUs = this.#newestUs;
+    const clock = this.#synchroniser.clock;
+    if (newestUs === undefined || nowUs >= clock.deviceToHost(newestUs).us + UNWRAP_US) {
+      return clock.unwrap(tUs, nowUs);
+    }
+    return newestUs + ((tUs - newestUs) | 0);
+  }
+
+  #onPong(pong: Messages["Pong"], nowUs: number): void {
+    if (this.#isOurs(pong.session_id, nowUs) && !this.#synchroniser.onPong(pong, nowUs)) {
+      this.foreign++;
+    }
+  }
+
+  #onEvent(event: Messages["Event"], nowUs: number): void {
+    if (!this.#isThisBoot(event.boot_id, nowUs) || !STATES.has(event.after)) return;
+    this.state = event.after;
+    this.faults = event.faults;
+  }
+
+  #onRefuse(refuse: Messages["Refuse"], nowUs: number): void {
+    if (!this.#isOurs(refuse.session_id, nowUs)) return;
+    this.refused++;
+    if (refuse.code === RefusalCode.NO_SESSION) {
+      const text = "the device no longer knows this session; opening a new one";
+      this.#beginHello(new LinkLost(text), nowUs);
+    } else if (SETPOINT_IDS.has(refuse.message_id)) {
+      this.setpoints?.onRefused(refuse);
+    } else if (!this.#requests.onRefuse(refuse, nowUs, this.faults)) {
+      this.foreign++;
+    }
+  }
+
+  #onAnswer(name: AnswerName, answer: Answer, nowUs: number): void {
+    if (!this.#isOurs(answer.session_id, nowUs)) return;
+    if (name === "Hold") {
+      this.hold = answer as Messages["Hold"];
+      if (answer.request_id === 0) return; // the device says it by itself
+    }
+    if (this.#requests.onAnswer(name, answer, nowUs) === undefined) this.foreign++;
+  }
+
+  // --- sending -----------------------------------------------------------------------------------
+
+  #send<N extends Name>(name: N, fields: Messages[N]): void {
+    this.#output.push(this.#encoder.encode(name, fields));
+  }
+
+  get #pingDueUs(): number {
+    const { dueUs, sentUs } = this.#synchroniser;
+    return Math.min(dueUs, Math.max(this.#heardUs + QUIET_US, sentUs + QUIET_PERIOD_US));
+  }
+}
+
+/** Why the device opens no session, naming both sides and what to do; undefined if it does. */
+function refusalOf(hello: Messages["DeviceHello"]): ProtocolMismatch | WheelwireError | undefined {
+  const hex = (value: number): string => `0x${value.toString(16).padStart(8, "0")}`;
+  const version = `${String(hello.version_major)}.${String(hello.version_minor)}.${String(hello.version_patch)}`;
+  if (hello.protocol_version !== PROTOCOL_VERSION || hello.schema_hash !== SCHEMA_HASH) {
+    return new ProtocolMismatch(
+      `this page speaks protocol ${String(PROTOCOL_VERSION)} with schema ${hex(SCHEMA_HASH)}, the ` +
+        `firmware ${version} protocol ${String(hello.protocol_version)} with schema ` +
+        `${hex(hello.schema_hash)}: use page and firmware of one release`,
+    );
+  }
+  if (hello.refusal === RefusalCode.NONE) return undefined;
+  const name = nameOf(RefusalCode, hello.refusal);
+  const reason = name === undefined ? `code ${String(hello.refusal)}` : RefusalCodeDocs[name];
+  return new WheelwireError(`the device opens no session: ${reason}`);
+}
