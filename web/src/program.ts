@@ -1,0 +1,209 @@
+// The program that drives: what a person asks for, as setpoints that expire. Sans-IO.
+//
+// It drives only on a fresh wish. Whatever ends a drive (a stop, a latch, a lost session, a time in
+// which it did not run) ends the wish as well, and nothing brings it back but the person.
+import { DeviceRefused, WheelwireError } from "./errors.js";
+import { DEFAULTS, Parameter } from "./generated/protocol.js";
+import type { Done } from "./requests.js";
+import { Session, type Sample } from "./session.js";
+
+export const STREAM_RATE_HZ = 100;
+/** Life of each setpoint. */
+export const TTL_US = 300_000;
+const PERIOD_US = 50_000;
+const WHEEL_SEPARATION_M = 0.2;
+const FIGURE_EIGHT_MPS = 0.2;
+const FIGURE_EIGHT_RADPS = 0.8;
+const OTHER_BRAKE_TIME_S = 0.5;
+const CIRCLE_US = Math.round((2 * Math.PI * 1e6) / FIGURE_EIGHT_RADPS);
+
+/** Forward, and counter-clockwise. */
+export interface Twist {
+  readonly mps: number;
+  readonly radps: number;
+}
+
+/** What the wheels were asked for, at the rim. */
+export interface WheelSpeeds {
+  readonly leftMps: number;
+  readonly rightMps: number;
+}
+
+const STANDSTILL: WheelSpeeds = { leftMps: 0, rightMps: 0 };
+
+export class Program {
+  readonly session: Session;
+  /** The newest sample that it received. */
+  sample: Sample | undefined;
+  #wish: ((nowUs: number) => Twist | undefined) | undefined;
+  #isArmed = false;
+  #dueUs = 0;
+  #commanded = STANDSTILL;
+  #expiryUs = 0;
+  #wasOpen = false;
+  #nowUs = 0;
+  /** The robot's, once it said so in this session. */
+  #brakeTimeS: number = DEFAULTS.brake_time_s;
+  /** A save was sent, and not answered yet. */
+  isSaving = false;
+
+  /**
+   * @param drawNonce Draws 32 random bits.
+   * @param say Takes what a person should know.
+   */
+  constructor(
+    drawNonce: () => number,
+    readonly say: (text: string) => void,
+  ) {
+    this.session = new Session(drawNonce, STREAM_RATE_HZ);
+  }
+
+  /** Whether it sends setpoints. */
+  get isDriving(): boolean {
+    return this.#wish !== undefined;
+  }
+
+  /** The newest setpoint that may still be obeyed. */
+  commanded(nowUs: number): WheelSpeeds {
+    return nowUs < this.#expiryUs ? this.#commanded : STANDSTILL;
+  }
+
+  /** Drive like this until it is asked for something else. */
+  drive(twist: Twist): void {
+    this.#begin(() => twist);
+  }
+
+  /** Two circles, one to each side, by the clock. */
+  figureEight(nowUs: number): void {
+    this.#isArmed = false;
+    this.#begin((atUs) => {
+      const elapsedUs = atUs - nowUs;
+      if (elapsedUs >= 2 * CIRCLE_US) return undefined;
+      const radps = elapsedUs < CIRCLE_US ? FIGURE_EIGHT_RADPS : -FIGURE_EIGHT_RADPS;
+      return { mps: FIGURE_EIGHT_MPS, radps };
+    });
+  }
+
+  stop(nowUs: number): void {
+    this.#end();
+    this.session.stop(() => undefined, nowUs);
+  }
+
+  estop(nowUs: number): void {
+    this.#end();
+    this.session.estop((result) => {
+      this.#sayFailure("e-stop", result);
+    }, nowUs);
+  }
+
+  /** Clear what is latched; it moves nothing. */
+  clear(nowUs: number): void {
+    this.#end();
+    try {
+      for (const name of ["ClearEstop", "ClearFault"] as const) {
+        this.session.request(name, {}, (result) => { this.#sayFailure("clear", result); }, nowUs);
+      }
+    } catch (error) {
+      this.#sayFailure("clear", error);
+    }
+  }
+
+  /** Stop, change the brake time, and save that. */
+  save(nowUs: number): void {
+    this.stop(nowUs);
+    const now = (): number => this.#nowUs;
+    const parameter = Parameter.brake_time_s;
+    const other = this.#brakeTimeS === DEFAULTS.brake_time_s ? OTHER_BRAKE_TIME_S : DEFAULTS.brake_time_s;
+    const saved: Done<"ParameterSave"> = (result) => {
+      this.isSaving = false;
+      this.#sayFailure("save", result);
+    };
+    const set: Done<"ParameterSet"> = (result) => {
+      this.#sayFailure("save", result);
+      if (result instanceof WheelwireError) return;
+      this.isSaving = true;
+      this.session.request("ParameterSave", { parameter }, saved, now());
+    };
+    try {
+      this.session.request("ParameterSet", { parameter, value: other }, set, nowUs);
+    } catch (error) {
+      this.#sayFailure("save", error);
+    }
+  }
+
+  /** It did not run for a while: what was wished before is out of date. */
+  wake(nowUs: number): void {
+    if (this.#wish !== undefined || nowUs < this.#expiryUs) this.stop(nowUs);
+    this.#end();
+  }
+
+  receive(bytes: Uint8Array, nowUs: number): void {
+    this.#nowUs = nowUs;
+    const samples = this.session.receive(bytes, nowUs);
+    this.sample = samples.at(-1) ?? this.sample;
+  }
+
+  advance(nowUs: number): void {
+    this.#nowUs = nowUs;
+    this.session.advance(nowUs);
+    const isOpen = this.session.phase === "OPEN";
+    if (this.#wasOpen && !isOpen) this.#end(); // the next session begins at rest
+    if (!this.#wasOpen && isOpen) this.#readBrakeTime(nowUs);
+    this.#wasOpen = isOpen;
+    if (this.#wish === undefined || nowUs < this.#dueUs) return;
+    this.#dueUs = nowUs + PERIOD_US;
+    const twist = this.#wish(nowUs);
+    if (twist === undefined) {
+      this.stop(nowUs);
+      return;
+    }
+    try {
+      this.#send(twist, nowUs);
+    } catch (error) {
+      this.#end();
+      this.#sayFailure("drive", error);
+    }
+  }
+
+  #readBrakeTime(nowUs: number): void {
+    const parameter = Parameter.brake_time_s;
+    const take: Done<"ParameterGet"> = (result) => {
+      if (!(result instanceof WheelwireError)) this.#brakeTimeS = result.value;
+    };
+    this.session.request("ParameterGet", { parameter }, take, nowUs);
+  }
+
+  #begin(wish: (nowUs: number) => Twist | undefined): void {
+    if (this.#wish === undefined) this.#isArmed = false;
+    this.#wish = wish;
+    this.#dueUs = 0;
+  }
+
+  #end(): void {
+    this.#wish = undefined;
+    this.#isArmed = false;
+    this.#expiryUs = 0;
+  }
+
+  #send(twist: Twist, nowUs: number): void {
+    const half = (twist.radps * WHEEL_SEPARATION_M) / 2;
+    const speeds = { leftMps: twist.mps - half, rightMps: twist.mps + half };
+    const expiryUs = nowUs + TTL_US;
+    // A person pressed anew: the zero before says that this is no program that went on.
+    if (!this.#isArmed) this.session.drive(0, 0, expiryUs, nowUs);
+    this.#isArmed = true;
+    this.session.drive(speeds.leftMps, speeds.rightMps, expiryUs, nowUs);
+    this.#commanded = speeds;
+    this.#expiryUs = expiryUs;
+  }
+
+  #sayFailure(what: string, result: unknown): void {
+    if (!(result instanceof WheelwireError)) {
+      if (result instanceof Error) throw result;
+      return;
+    }
+    const isKnown = result instanceof DeviceRefused;
+    this.say(isKnown ? `${what}: ${result.message}` : `${what} was not possible: ${result.message}`);
+  }
+}
+

@@ -1,0 +1,157 @@
+// The simulated robot, its cable, and the program at the other end: one virtual time for all.
+import { Cable } from "./cable.js";
+import { Decoder } from "./framing.js";
+import { SupervisorState, type Messages } from "./generated/protocol.js";
+import { Program } from "./program.js";
+import { Random } from "./random.js";
+import type { Simulator } from "./simulator.js";
+
+/** How often program and cable get their share of the time. */
+export const SLICE_US = 1000;
+/** What waits for a program that hangs, as in a computer's buffer. */
+const BUFFER_SIZE = 1 << 16;
+/** So much of an absence the robot lives through: long before its end it stands. */
+const LONGEST_ABSENCE_US = 30_000_000;
+
+/** A drive that ended, by what is true of the simulated robot. */
+export interface Stop {
+  /** The state that followed DRIVING. */
+  readonly state: number;
+  /** When the state changed. [us] */
+  readonly atUs: number;
+  /** From the setpoint's deadline to the end of the drive; undefined if something else ended it. */
+  readonly lateUs: number | undefined;
+  /** From the end of the drive to standstill; undefined while it rolls. */
+  rolledUs: number | undefined;
+  /** How far it rolled. [m] */
+  rolledM: number;
+}
+
+export class World {
+  readonly program: Program;
+  readonly cable: Cable;
+  /** The program does not run. */
+  isHung = false;
+  /** What the robot says at its own end of the cable. */
+  said: { state: Messages["WheelState"] | undefined; hold: Messages["Hold"] | undefined } = {
+    state: undefined,
+    hold: undefined,
+  };
+  stop: Stop | undefined;
+  /** Called after each slice. */
+  readonly watchers = new Set<() => void>();
+  readonly #decoder = new Decoder();
+  #waiting: Uint8Array[] = [];
+  #waitingSize = 0;
+  #state: number = SupervisorState.BOOT;
+  #stopAtM = 0;
+  #spareUs = 0;
+
+  /** @param say Takes what a person should know. */
+  constructor(
+    readonly simulator: Simulator,
+    seed: number,
+    readonly say: (text: string) => void,
+  ) {
+    const random = new Random(seed);
+    this.cable = new Cable(new Random(seed ^ 0x5eed));
+    this.program = new Program(() => random.bits(), say);
+    this.program.session.connect(this.nowUs);
+  }
+
+  get nowUs(): number {
+    return this.simulator.nowUs;
+  }
+
+  /** The supervisor's state, by what is true. */
+  get state(): number {
+    return this.#state;
+  }
+
+  /** Let this much time pass. */
+  run(us: number): void {
+    this.#spareUs += us;
+    while (this.#spareUs >= SLICE_US) {
+      this.#spareUs -= SLICE_US;
+      this.#slice(true);
+    }
+  }
+
+  /**
+   * The page did not run for this long: the robot lives through it, and hears nothing. Only then
+   * does the program go on, and it begins with a stop if it was driving.
+   */
+  wake(us: number): void {
+    this.#spareUs = 0;
+    const slices = Math.ceil(Math.min(us, LONGEST_ABSENCE_US) / SLICE_US);
+    for (let slice = 0; slice < slices; slice++) this.#slice(false);
+    this.program.wake(this.nowUs);
+  }
+
+  /** Run what the program has to say at once, before the page stops running. */
+  flush(): void {
+    this.#slice(true);
+  }
+
+  /** A person repaired the program: what it wished before it hung is out of date. */
+  resume(): void {
+    this.isHung = false;
+    this.program.wake(this.nowUs);
+  }
+
+  #slice(programRuns: boolean): void {
+    this.simulator.advance(SLICE_US);
+    const sent = this.simulator.read();
+    this.#listen(sent);
+    this.#buffer(this.cable.carry(sent));
+    if (programRuns && !this.isHung) {
+      for (const bytes of this.#waiting) this.program.receive(bytes, this.nowUs);
+      this.#waiting = [];
+      this.#waitingSize = 0;
+      this.program.advance(this.nowUs);
+      const bytes = this.cable.carry(this.program.session.takeOutput());
+      if (bytes.length > 0) this.simulator.write(bytes);
+    }
+    this.#watchStop();
+    for (const watch of this.watchers) watch();
+  }
+
+  #buffer(bytes: Uint8Array): void {
+    if (bytes.length === 0 || this.#waitingSize + bytes.length > BUFFER_SIZE) return;
+    this.#waiting.push(bytes);
+    this.#waitingSize += bytes.length;
+  }
+
+  #listen(bytes: Uint8Array): void {
+    if (bytes.length === 0) return;
+    for (const { name, fields } of this.#decoder.feed(bytes)) {
+      if (name === "WheelState") this.said.state = fields;
+      else if (name === "Hold") this.said.hold = fields;
+    }
+  }
+
+  #watchStop(): void {
+    const { simulator, nowUs } = this;
+    const before = this.#state;
+    const state = (this.#state = simulator.get("state"));
+    if (state === SupervisorState.BOOT && before !== state) {
+      // What it said before its start is out of date.
+      this.said = { state: undefined, hold: undefined };
+    }
+    if (before === SupervisorState.DRIVING && state !== before) {
+      const lateUs = simulator.get("drive_removed_us") - simulator.get("deadline_us");
+      this.stop = {
+        state,
+        atUs: nowUs,
+        lateUs: state === SupervisorState.TIMED_OUT ? lateUs : undefined,
+        rolledUs: undefined,
+        rolledM: 0,
+      };
+      this.#stopAtM = simulator.get("true.distance_m");
+    }
+    const stop = this.stop;
+    if (stop === undefined || stop.rolledUs !== undefined) return;
+    stop.rolledM = simulator.get("true.distance_m") - this.#stopAtM;
+    if (simulator.get("stands_still") !== 0) stop.rolledUs = nowUs - stop.atUs;
+  }
+}
