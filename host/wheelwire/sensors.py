@@ -204,6 +204,33 @@ _LEVELS = {
 }
 
 
+# By what their identity register holds, from their data sheets: modules of other names carry them.
+_OTHER_CHIPS = {
+    0x11: "ICM-20600",
+    0x12: "ICM-20602",
+    0x19: "MPU-6886",
+    0x42: "ICM-42605",
+    0x47: "ICM-42688-P",
+    0x6B: "LSM6DSR",
+    0x6C: "LSM6DSO",
+    0xAE: "ICM-20608-D",
+    0xAF: "ICM-20608-G",
+}
+
+
+def sentence_of_identity(identity: int) -> str:
+    """What another chip in a sensor's place says it is, and what to do."""
+    if name := _OTHER_CHIPS.get(identity):
+        return (
+            f"another chip answers in its place: {identity:#04x}, as of an {name}, "
+            "which Wheelwire cannot read; use a module with one of the chips in docs/sensors.md"
+        )
+    return (
+        f"another chip answers in its place: {identity:#04x}, which is none that Wheelwire knows; "
+        "look at the bus for a device of the same address, and at `chip` in the board's file"
+    )
+
+
 def sentence_of_event(name: str, code: SensorEventCode, value: int) -> str:
     """An event in words.
 
@@ -218,11 +245,15 @@ def sentence_of_event(name: str, code: SensorEventCode, value: int) -> str:
         return f"{name} is free again"
     if code is SensorEventCode.BATTERY:
         return f"{name}: {_LEVELS[BatteryLevel(value)]}"
+    if code is SensorEventCode.IDENTITY:
+        return f"{name}: {sentence_of_identity(value)}"
     return f"{name}: the line carries only {value} samples a second"
 
 
-def sentence_of_state(state: SensorState) -> str:
-    """A sensor's state in words."""
+def sentence_of_state(state: SensorState, identity: int = 0) -> str:
+    """A sensor's state in words; `identity`: what another chip in its place says it is."""
+    if state is SensorState.ABSENT and identity:
+        return f"STALE, ABSENT: {sentence_of_identity(identity)}"
     if state is SensorState.OK:
         return "OK"
     return f"STALE, {state.name}: {state.doc[0].lower()}{state.doc[1:].rstrip('.')}"

@@ -129,6 +129,7 @@ class SensorEventCode(DocumentedEnum):
     RELEASED = 2, "The input is free again; `value` is what its reflex did."
     BATTERY = 3, "The battery's level changed; `value` is the BatteryLevel."
     REDUCED = 4, "The line is too slow for the rate asked for; `value` is the rate [Hz]."
+    IDENTITY = 5, "Another chip answers in its place; `value` is what it says it is."
 
 
 class Reflex(DocumentedFlag):
@@ -237,7 +238,8 @@ class ImuTable:
 
     Attributes:
         address: On the bus, with its address pin low; high is one more.
-        identity_register: Holds one of `identities`.
+        identity_register: Holds one of `identities`. Chips that have it at the same address are
+            sold for each other: one is used by its own table, whichever the board's file names.
         setup: Registers and the values to write to them, in order.
         check_register: Reads `check_value` as long as the chip has its settings.
         data_register: The first of the bytes that are read at once.
@@ -333,7 +335,7 @@ IMUS: Mapping[SensorChip, ImuTable] = MappingProxyType(
         # PWR_MGMT_1: clock of the x gyroscope; CONFIG: filter; then the two ranges; SMPLRT_DIV;
         # INT_ENABLE: data ready.
         SensorChip.MPU6050: ImuTable(
-            identities=(0x68,),
+            identities=(0x68, 0x72),  # 0x72: a copy
             setup=((0x6B, 0x01), (0x1A, 0x03), (0x1B, 0x08), (0x1C, 0x08), (0x19, 4), (0x38, 1)),
             temperature_offset_cdeg=3653,
             temperature_counts=340.0,
@@ -341,7 +343,8 @@ IMUS: Mapping[SensorChip, ImuTable] = MappingProxyType(
             accelerometer_noise=20.7,
             **_MPU,
         ),
-        SensorChip.MPU6500: ImuTable(identities=(0x70,), **_MPU6500),
+        # 0x98: an ICM-20689, of the same registers; its thermometer shows 4 degrees too little.
+        SensorChip.MPU6500: ImuTable(identities=(0x70, 0x98), **_MPU6500),
         SensorChip.MPU9250: ImuTable(identities=(0x71, 0x73), **_MPU6500),
         SensorChip.LSM6DS3: ImuTable(identities=(0x69,), temperature_counts=16.0, **_LSM6),
         SensorChip.LSM6DS3TR_C: ImuTable(identities=(0x6A,), temperature_counts=256.0, **_LSM6),

@@ -38,7 +38,7 @@ from wheelwire.link.sample_iterator import SampleIterator
 from wheelwire.log import messages
 from wheelwire.log.obstacles import OBSTACLES, obstacles
 from wheelwire.peripherals import BatteryLevels, Peripheral
-from wheelwire.sensors import sentence_of_event, sentence_of_state
+from wheelwire.sensors import sentence_of_event
 from wheelwire_protocol.sensors import (
     REAR_PLACES,
     PeripheralKind,
@@ -322,7 +322,7 @@ def limits_of(channels: Sequence[SensorStatus], inputs: InputsSample | None) -> 
         inputs: The newest sample of the inputs; None: there is none.
     """
     sentences = [
-        f"{status.info.name}: {sentence_of_state(status.state)}"
+        f"{status.info.name}: {status.sentence}"
         for status in channels
         if status.state is not SensorState.OK and status.state not in PASSING
     ]
@@ -378,7 +378,7 @@ def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
         values["triggered"] = reading.triggered
         values["edges"] = reading.edges
     sentence = _sentence(status)
-    return bool(sentence), sentence or sentence_of_state(status.state), values
+    return bool(sentence), sentence or status.sentence, values
 
 
 # --- ranges --------------------------------------------------------------------------------------

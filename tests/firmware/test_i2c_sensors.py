@@ -9,6 +9,8 @@ from statistics import fmean, stdev
 import pytest
 
 from support.raw import RawHost
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import SensorStale
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import IMUS, SensorChip, SensorEventCode, SensorState
 from wheelwire_protocol.types import (
@@ -49,6 +51,12 @@ class SensingHost(RawHost):
             (event.t_us, SensorState(event.value))
             for event in self.of(SensorEvent)
             if (event.channel, event.code) == (IMU, SensorEventCode.STATE)
+        ]
+
+    def identities(self) -> list[int]:
+        """What another chip in the IMU's place has said it is."""
+        return [
+            event.value for event in self.of(SensorEvent) if event.code == SensorEventCode.IDENTITY
         ]
 
     def ms_until(self, state: SensorState) -> float:
@@ -257,3 +265,41 @@ def test_the_same_seed_gives_the_same_samples() -> None:
         host.run_ms(200)
         runs.append([sample.gyro_x for sample in host.of(Imu)])
     assert runs[0] == runs[1] != runs[2]
+
+
+@pytest.mark.parametrize("identity", [0x70, 0x72, 0x98], ids=hex)
+def test_a_chip_that_is_sold_for_an_mpu6050_works(identity: int) -> None:
+    host = SensingHost(1, **{"imu.identity": identity})
+    host.run_ms(500)
+    assert host.of(Imu)
+    assert not host.identities()
+
+
+def test_another_chip_says_in_each_session_what_it_is() -> None:
+    host = SensingHost(1, **{"imu.identity": 0x19})
+    assert host.identities() == [0x19]
+    host.received.clear()
+    host.hello(nonce=7)  # the session is another one
+    host.open()
+    host.send(SensorStream(host.session_id, 2, 200))
+    host.run_ms(100)
+    assert host.identities() == [0x19]
+    assert not host.of(Imu)
+
+
+def test_the_library_names_the_chip_that_answers() -> None:
+    with MockDriver(realtime=False) as robot:
+        robot.sensors.start()
+        assert robot.imu.read().gyro
+        robot.simulator.set("imu.identity", 0x19)
+        robot.simulator.set("imu.reset", 1)
+        robot.advance(1.0)
+        with pytest.raises(SensorStale, match="0x19, as of an MPU-6886"):
+            robot.imu.read()
+        (status,) = [one for one in robot.sensors.channels if one.info.name == "imu"]
+        assert "0x19" in status.sentence
+        robot.simulator.set("imu.identity", 0)
+        robot.advance(1.0)
+        assert robot.imu.read().gyro
+        (status,) = [one for one in robot.sensors.channels if one.info.name == "imu"]
+        assert status.identity == 0

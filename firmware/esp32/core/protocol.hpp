@@ -307,7 +307,7 @@ constexpr uint32_t hash_of(Group group) {
     case Group::kStore:
       return 0x7b6bfe88;
     case Group::kSensor:
-      return 0xbcdbdcae;
+      return 0x1cc0245f;
   }
   return 0;
 }
@@ -545,6 +545,7 @@ enum class SensorEventCode : uint8_t {
   kReleased = 2,   ///< The input is free again; `value` is what its reflex did.
   kBattery = 3,    ///< The battery's level changed; `value` is the BatteryLevel.
   kReduced = 4,    ///< The line is too slow for the rate asked for; `value` is the rate [Hz].
+  kIdentity = 5,   ///< Another chip answers in its place; `value` is what it says it is.
 };
 
 namespace peripheralflag {

@@ -41,6 +41,25 @@ I2cResult I2cChip::read(uint8_t at, uint8_t* out, size_t size) {
 
 // --- an IMU --------------------------------------------------------------------------------------
 
+namespace {
+
+bool has_identity(const ImuTable& table, uint8_t identity) {
+  return identity == table.identities[0] || identity == table.identities[1];
+}
+
+/// The table of the chip that answers. Modules of one name carry several chips, each with filters
+/// and a thermometer of its own. nullptr: it is none of those that are sold for this one.
+const ImuTable* table_of(const ImuTable& wanted, uint8_t identity) {
+  if (has_identity(wanted, identity)) return &wanted;
+  for (const ImuTable& table : kImuTables)
+    if (table.address == wanted.address && table.identity_register == wanted.identity_register &&
+        has_identity(table, identity))
+      return &table;
+  return nullptr;
+}
+
+}  // namespace
+
 void ImuDriver::poll() {
   const uint64_t now_us = chip_.now_us();
   if (now_us < next_us_) return;
@@ -53,8 +72,10 @@ void ImuDriver::poll() {
 void ImuDriver::set_up(uint64_t now_us) {
   uint8_t identity = 0;
   if (!succeeded(chip_.read(table_->identity_register, &identity, 1))) return;
-  if (identity != table_->identities[0] && identity != table_->identities[1])
-    return fail(SensorState::kAbsent);
+  const ImuTable* const found = table_of(*table_, identity);
+  if (found == nullptr) return fail(SensorState::kAbsent, identity);
+  if (found != table_) has_settings_ = false;
+  table_ = found;
   if (has_settings_) {
     if (!check_settings()) return;
     next_us_ = now_us;
@@ -175,7 +196,7 @@ void PowerDriver::set_up(uint64_t now_us) {
   uint16_t identity = 0;
   if (!succeeded(chip_.write(write, sizeof write))) return;
   if (!read_register(table_->identity_register, identity)) return;
-  if (identity != table_->identity) return fail(SensorState::kAbsent);
+  if (identity != table_->identity) return fail(SensorState::kAbsent, identity);
   is_ready_ = true;
   next_us_ = now_us + kI2cSettleUs;
 }

@@ -68,9 +68,9 @@ class I2cDriver {
     return false;
   }
   /// Lost settings are written again at once: the chip then has time to settle.
-  void fail(SensorState state) {
+  void fail(SensorState state, uint16_t identity = 0) {
     const uint64_t now_us = chip_.now_us();
-    post({.state = state, .t_us = now_us});
+    post({.state = state, .t_us = now_us, .identity = identity});
     is_ready_ = false;
     next_us_ = state == SensorState::kReset ? now_us : now_us + kI2cRetryUs;
   }

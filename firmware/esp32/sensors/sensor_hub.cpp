@@ -161,12 +161,17 @@ SensorState SensorHub::overdue(size_t channel, uint32_t period_us, uint64_t now_
 }
 
 /// True if its newest reading can be used.
-bool SensorHub::note_state(size_t channel, SensorState state, uint64_t now_us) {
+bool SensorHub::note_state(size_t channel, SensorState state, uint64_t now_us, uint16_t identity) {
   Channel& known = channels_[channel];
   if (state != known.state) {
     known.state = state;
     observer_.on_sensor_event(SensorEventCode::kState, channel, static_cast<uint16_t>(state),
                               now_us);
+  }
+  if (identity != known.identity) {
+    known.identity = identity;
+    if (identity != 0)
+      observer_.on_sensor_event(SensorEventCode::kIdentity, channel, identity, now_us);
   }
   return state == SensorState::kOk;
 }
@@ -174,12 +179,12 @@ bool SensorHub::note_state(size_t channel, SensorState state, uint64_t now_us) {
 void SensorHub::read_imu(size_t channel, uint64_t now_us) {
   ImuReading reading;
   if (!port_->take(channel, reading)) {
-    note_state(channel, overdue(channel, kImuPeriodUs, now_us), now_us);
+    note_state(channel, overdue(channel, kImuPeriodUs, now_us), now_us, identity(channel));
     return;
   }
   // Where steps are farther apart than samples each step takes several.
   do {
-    if (!note_state(channel, reading.state, now_us)) continue;
+    if (!note_state(channel, reading.state, now_us, reading.identity)) continue;
     channels_[channel].seen_us = now_us;
     observer_.on_reading(channel, reading, ++channels_[channel].count);
   } while (port_->take(channel, reading));
@@ -188,11 +193,11 @@ void SensorHub::read_imu(size_t channel, uint64_t now_us) {
 void SensorHub::read_power(size_t channel, uint64_t now_us) {
   PowerReading reading;
   if (!port_->take(channel, reading)) {
-    note_state(channel, overdue(channel, kPowerPeriodUs, now_us), now_us);
+    note_state(channel, overdue(channel, kPowerPeriodUs, now_us), now_us, identity(channel));
     return;
   }
   const bool was_measured = channels_[channel].state == SensorState::kOk;
-  if (!note_state(channel, reading.state, now_us)) return;
+  if (!note_state(channel, reading.state, now_us, reading.identity)) return;
   channels_[channel].seen_us = now_us;
   // What was drawn before the first reading, or while there was none, nobody knows.
   if (was_measured)

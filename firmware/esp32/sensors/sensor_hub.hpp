@@ -50,6 +50,8 @@ class SensorHub {
 
   const PeripheralList& list() const { return *list_; }
   SensorState state(size_t channel) const { return channels_[channel].state; }
+  /// What another chip in its place says it is; 0: there is none.
+  uint16_t identity(size_t channel) const { return channels_[channel].identity; }
   uint8_t reflexes() const { return reflexes_; }
   /// Which of them hold the robot, as flags of `held`. Call it after the first `update`.
   uint32_t held() const;
@@ -76,6 +78,7 @@ class SensorHub {
  private:
   struct Channel {
     SensorState state = SensorState::kUnread;
+    uint16_t identity = 0;
     uint16_t count = 0;  // Of an IMU and a range sensor its samples, of an input its edges.
     uint64_t seen_us = 0;
   };
@@ -86,7 +89,7 @@ class SensorHub {
   void read_range(size_t channel, uint64_t now_us);
   void read_analog(size_t channel, uint64_t now_us);
   void read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us);
-  bool note_state(size_t channel, SensorState state, uint64_t now_us);
+  bool note_state(size_t channel, SensorState state, uint64_t now_us, uint16_t identity = 0);
   /// The state of a sensor that gave nothing new.
   SensorState overdue(size_t channel, uint32_t period_us, uint64_t now_us) const;
   uint8_t reflex_of(const Peripheral& entry) const;

@@ -16,6 +16,7 @@ struct ImuReading {
   int16_t gyro[3]{};
   int16_t accelerometer[3]{};
   int16_t temperature_cdeg = 0;
+  uint16_t identity = 0;  ///< What another chip in its place says it is; 0: there is none.
 };
 
 /// One reading of a power sensor.
@@ -24,6 +25,7 @@ struct PowerReading {
   uint64_t t_us = 0;
   uint16_t voltage_mv = 0;
   int32_t current_ma = 0;
+  uint16_t identity = 0;  ///< As an IMU's.
 };
 
 /// One measurement of a range sensor.

@@ -65,13 +65,13 @@ void SensorServer::fit_to_line(uint32_t state_hz, uint64_t now_us) {
 
 void SensorServer::stream(uint64_t now_us) {
   // One in a step: all at once might not fit into the line's buffer.
-  if (streams_.infos_left != 0) send_info(--streams_.infos_left);
+  if (streams_.infos_left != 0) send_info(--streams_.infos_left, now_us);
   if (streams_.asked_hz == 0) return;
   send_inputs(now_us);
   send_power(now_us);
 }
 
-void SensorServer::send_info(size_t channel) {
+void SensorServer::send_info(size_t channel, uint64_t now_us) {
   const Peripheral& entry = hub_.list().entries[channel];
   SensorInfo info{.session_id = server_->session_id(),
                   .channel = static_cast<uint8_t>(channel),
@@ -101,6 +101,8 @@ void SensorServer::send_info(size_t channel) {
     info.rate_hz = kPowerHz;
   }
   server_->link().send(info);
+  if (hub_.identity(channel) != 0)
+    on_sensor_event(SensorEventCode::kIdentity, channel, hub_.identity(channel), now_us);
 }
 
 void SensorServer::send_power(uint64_t now_us) {

@@ -42,7 +42,7 @@ class SensorServer final : public SensorMessages, public SensorObserver {
     uint16_t analog_mv[kMostAnalog]{};
   };
 
-  void send_info(size_t channel);
+  void send_info(size_t channel, uint64_t now_us);
   void send_power(uint64_t now_us);
   void send_inputs(uint64_t now_us);
   Inputs digital_inputs() const;

@@ -61,6 +61,8 @@ void SimulatedImu::write(const uint8_t* data, size_t size) {
 
 void SimulatedImu::read(uint8_t at, uint8_t* out, size_t size) {
   for (size_t i = 0; i < size; ++i) out[i] = registers_[static_cast<uint8_t>(at + i)];
+  if (faults_.identity != 0 && at == table_.identity_register)
+    out[0] = static_cast<uint8_t>(faults_.identity);
 }
 
 /// It sleeps until it has all its settings: others than those of its table are not simulated.

@@ -30,6 +30,7 @@ struct ImuFaults {
   double noise = 1.0;       ///< Relative to the chip's own.
   bool freeze = false;      ///< It repeats its newest sample.
   bool absent = false;      ///< Its plug is off.
+  int identity = 0;         ///< What it says it is; 0: the chip that the board names.
   bool bus_hung = false;
   bool interrupt_lost = false;  ///< The wire of its data-ready output is off.
   /// The axes that point forward and up, codes of Axis. Unless both are given, and are not on one

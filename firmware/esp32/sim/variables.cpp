@@ -383,6 +383,10 @@ void add_chips(std::vector<Variable>& table) {
               toggle("imu.freeze", "The IMU repeats its newest sample.")),
           with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.absent; }>(
               toggle("imu.absent", "The IMU's plug is off.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.identity; }>(
+              whole("imu.identity", "", 0, 255,
+                    "What the IMU says it is; 0: the chip that the board names. It stays that "
+                    "chip.")),
           with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.bus_hung; }>(
               toggle("imu.bus_hung",
                      "A line of the IMU's bus is held low. What else is on it hangs, too.")),

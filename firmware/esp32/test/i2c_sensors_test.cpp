@@ -108,6 +108,7 @@ class Rig final : public SensorPort, public SensorObserver {
 
   FakeChip& chip() { return bus.chips[kAddress]; }
   SensorState state() const { return hub_.state(0); }
+  uint16_t identity() const { return hub_.identity(0); }
   uint64_t now_us() const { return now_us_; }
 
   void run(uint64_t duration_us) {
@@ -132,8 +133,9 @@ class Rig final : public SensorPort, public SensorObserver {
   bool take(size_t channel, PowerReading& out) override { return sensors.take(channel, out); }
   bool take(size_t, RangeReading&) override { return false; }
   bool take(size_t, AnalogReading&) override { return false; }
-  void on_sensor_event(SensorEventCode, size_t, uint16_t value, uint64_t now_us) override {
-    states.push_back({static_cast<SensorState>(value), now_us});
+  void on_sensor_event(SensorEventCode code, size_t, uint16_t value, uint64_t now_us) override {
+    if (code == SensorEventCode::kState)
+      states.push_back({static_cast<SensorState>(value), now_us});
   }
   void on_reading(size_t, const ImuReading& reading, uint16_t) override {
     readings.push_back(reading);
@@ -361,10 +363,28 @@ TEST(a_chip_that_never_answers_is_absent_at_once) {
 
 TEST(another_chip_at_the_address_is_absent_and_gets_no_settings) {
   Rig rig{!kInterrupt};
-  rig.chip().bytes[0x75] = 0x70;
+  rig.chip().bytes[0x75] = 0x19;
   CHECK(rig.until(SensorState::kAbsent) <= 2'000);
+  CHECK(rig.identity() == 0x19);
   rig.run(500'000);
   CHECK(rig.chip().writes == 0 && rig.readings.empty());
+}
+
+/// A module sold as an MPU-6050 carries one of these; the thermometers tell which table is used.
+TEST(a_chip_that_is_sold_for_another_works_by_its_own_table) {
+  const struct {
+    uint8_t identity;
+    int writes;
+    int16_t temperature_cdeg;
+  } chips[] = {{0x68, 6, 3653}, {0x72, 6, 3653}, {0x70, 7, 2100}, {0x98, 7, 2100}};
+  for (const auto& chip : chips) {
+    Rig rig{!kInterrupt};
+    rig.chip().bytes[0x75] = chip.identity;
+    rig.run(500'000);
+    CHECK(rig.chip().writes == chip.writes);
+    CHECK(!rig.readings.empty());
+    if (!rig.readings.empty()) CHECK(rig.readings.back().temperature_cdeg == chip.temperature_cdeg);
+  }
 }
 
 TEST(a_single_transfer_that_fails_is_repeated_and_no_sample_is_lost) {

@@ -212,6 +212,7 @@ class SensorStream:
         rate_hz: What the application asked for; 0 before it did.
         infos: What each channel is, by its number, as far as the session knows.
         states: Whether its samples can be used, by the same number.
+        identities: What another chip in place of a channel's says it is.
         newest: The newest measurement by the channel's name, while its state is OK; also of INPUTS.
         sensed: What nobody has passed on yet, in order.
         stopped: The newest inputs that said that a sensor stops the robot; None before that.
@@ -222,6 +223,7 @@ class SensorStream:
         self.rate_hz = 0
         self.infos: Mapping[int, SensorInfo] = {}
         self.states: Mapping[int, SensorState] = {}
+        self.identities: Mapping[int, int] = {}
         self.newest: dict[str, SensorMeasurement] = {}
         self.sensed: deque[Sensed] = deque(maxlen=WAITING)
         self.stopped: InputsMeasurement | None = None
@@ -238,7 +240,7 @@ class SensorStream:
 
     def forget(self) -> None:
         """A session ends: nothing of it is known to be true from now on."""
-        self.infos, self.states = {}, {}
+        self.infos, self.states, self.identities = {}, {}, {}
         self.newest.clear()
         self._channels.clear()
         self._early = self.stopped = None
@@ -379,6 +381,8 @@ class SensorStream:
             self._set_state(number, SensorState(message.value))
         elif code is SensorEventCode.REDUCED:
             self._set_rate(number, message.value)
+        elif code is SensorEventCode.IDENTITY:
+            self.identities = {**self.identities, number: message.value}
 
     def _sense_event(
         self, message: wire.SensorEvent, t_us: int, conversion: Conversion, now_us: int
@@ -441,6 +445,8 @@ class SensorStream:
 
     def _set_state(self, number: int, state: SensorState) -> None:
         self.states = {**self.states, number: state}
+        if state is not SensorState.ABSENT and number in self.identities:
+            self.identities = {n: it for n, it in self.identities.items() if n != number}
         if state is not SensorState.OK:
             self.newest.pop(self.infos[number].name, None)
         inputs = self.newest.get(INPUTS)

@@ -64,12 +64,19 @@ class SensorStatus(NamedTuple):
         state: Whether the channel's samples can be used.
         age_s: Age of the newest sample; None if there is none that can be used. [s]
         sample: The newest sample; for an input, that of all inputs.
+        identity: What another chip in its place says it is; 0: there is none.
     """
 
     info: SensorInfo
     state: SensorState
     age_s: float | None
     sample: AnySample | None
+    identity: int = 0
+
+    @property
+    def sentence(self) -> str:
+        """Its state in words."""
+        return sentence_of_state(self.state, self.identity)
 
 
 class Streams:
@@ -158,7 +165,12 @@ class Streams:
     def status(self, info: SensorInfo) -> SensorStatus:
         """A channel now."""
         state, sample = self.known(info)
-        return SensorStatus(info, state, None if sample is None else self.age_s(sample), sample)
+        age_s = None if sample is None else self.age_s(sample)
+        return SensorStatus(info, state, age_s, sample, self._identity(info))
+
+    def _identity(self, info: SensorInfo | None) -> int:
+        known = self.requests.link.sensors.identities
+        return 0 if info is None else known.get(info.channel, 0)
 
     async def read(self, name: str, find: Find, limit_s: float) -> AnySample:
         """The newest sample of a channel; waits for the first one.
@@ -178,9 +190,8 @@ class Streams:
             link.check()
             info = find(self.infos)
             has_no_room = info is not None and not info.rate_hz and state is SensorState.MISSED
-            raise SensorStale(
-                name, state, sentence_of_state(state) + (_NO_ROOM if has_no_room else "")
-            )
+            sentence = sentence_of_state(state, self._identity(info))
+            raise SensorStale(name, state, sentence + (_NO_ROOM if has_no_room else ""))
         return sample
 
     def age_s(self, sample: AnySample) -> float:

@@ -25,7 +25,7 @@ from ...log.why.standing import standing_stops
 from ...parameters import number_text
 from ...robot.robot import DeviceDriver
 from ...robot.sensors import wait_until_read
-from ...sensors import InputsSample, PowerSample, sentence_of_event, sentence_of_state
+from ...sensors import InputsSample, PowerSample, sentence_of_event
 from .finding import Finding
 
 WATCH_S = 1.5
@@ -241,7 +241,7 @@ def _sensors(driver: DeviceDriver) -> Iterator[Finding]:
         if status.state is not SensorState.OK:
             yield Finding(
                 "sensor",
-                f"{name} cannot be used: {sentence_of_state(status.state)}.",
+                f"{name} cannot be used: {status.sentence}.",
                 f"docs/sensors.md#states names where to look for {status.state.name}",
             )
         elif isinstance(sample, InputsSample) and name in sample.triggered:
