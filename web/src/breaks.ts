@@ -102,7 +102,7 @@ export const BREAKS: readonly Break[] = [
     },
     isMet: (seen) => seen.damaged.damaged > 0 && seen.faults === 0,
     note: (seen) =>
-      `Of ${String(seen.damaged.all)} frames ${String(seen.damaged.damaged)} came damaged; none was used.`,
+      `Of ${seen.damaged.all} frames ${seen.damaged.damaged} came damaged; none was used.`,
   },
   {
     name: "cut an encoder",
@@ -179,7 +179,7 @@ export const BREAKS: readonly Break[] = [
   },
   {
     name: "drain the battery",
-    should: `The supply falls for three seconds. Below ${String(BROWNOUT_V)} V the chip is reset, and held there: the wheels coast. Charged, it starts, and stands until you drive.`,
+    should: `The supply falls for three seconds. Below ${BROWNOUT_V} V the chip is reset, and held there: the wheels coast. Charged, it starts, and stands until you drive.`,
     needsDrive: false,
     watchUs: 6_000_000,
     apply: (world) => {
@@ -205,11 +205,11 @@ export const BREAKS: readonly Break[] = [
     },
     repair: () => undefined,
     isMet: (seen) => seen.reached(IDLE) && seen.sessions === 1 && !drivesAgain(seen),
-    note: (seen) => `Sessions opened since: ${String(seen.sessions)}.`,
+    note: (seen) => `Sessions opened since: ${seen.sessions}.`,
   },
   {
     name: "cut the power while it saves",
-    should: "The robot stops, and its brake time is saved; in the middle of that its power fails. With power again it has the old value or the new one, and nothing is damaged.",
+    should: "The robot stops, and its speed limit is saved; in the middle of that its power fails. With power again it has the old value or the new one, and nothing is damaged.",
     needsDrive: false,
     watchUs: 8_000_000,
     apply: (world) => {

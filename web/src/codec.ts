@@ -37,14 +37,14 @@ function integer(name: string, format: string, bits: number): Field {
   const signed = format === format.toLowerCase();
   const least = signed ? -(2 ** (bits - 1)) : 0;
   const greatest = 2 ** (signed ? bits - 1 : bits) - 1;
-  const kind = `${signed ? "Int" : "Uint"}${String(bits)}` as "Int8" | "Int16" | "Uint16" | "Int32";
+  const kind = `${signed ? "Int" : "Uint"}${bits}` as "Int8" | "Int16" | "Uint16" | "Int32";
   return {
     name,
     size: bits / 8,
     put(view, at, value) {
       // A DataView would wrap it: a number that does not fit must not become another one.
       if (!Number.isInteger(value) || Number(value) < least || Number(value) > greatest) {
-        throw new RangeError(`${name} is ${String(value)}: give a whole number of ${String(bits)} bits`);
+        throw new RangeError(`${name} is ${String(value)}: give a whole number of ${bits} bits`);
       }
       view[`set${kind}`](at, Number(value), true);
     },
@@ -85,7 +85,7 @@ function text(name: string, size: number): Field {
     size,
     put(view, at, value) {
       const bytes = value as Uint8Array;
-      if (bytes.length > size) throw new RangeError(`${name} has more than ${String(size)} bytes`);
+      if (bytes.length > size) throw new RangeError(`${name} has more than ${size} bytes`);
       new Uint8Array(view.buffer, view.byteOffset + at, size).set(bytes);
     },
     get: (view, at) => new Uint8Array(view.buffer, view.byteOffset + at, size).slice(),

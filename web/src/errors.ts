@@ -52,7 +52,7 @@ export class DeviceRefused extends WheelwireError {
     readonly faults = 0,
   ) {
     const name = nameOf(RefusalCode, code);
-    const reason = name === undefined ? `code ${String(code)}` : `${name}: ${RefusalCodeDocs[name]}`;
+    const reason = name === undefined ? `code ${code}` : `${name}: ${RefusalCodeDocs[name]}`;
     const latched = flagsOf(Fault, faults).map((fault) => ` ${fault}: ${FaultDocs[fault]}`);
     super(`the device refused ${subject}. ${reason}${latched.join("")}`);
   }

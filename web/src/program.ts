@@ -1,7 +1,7 @@
 // The program that drives: what a person asks for, as setpoints that expire. Sans-IO.
 //
-// It drives only on a fresh wish. Whatever ends a drive (a stop, a latch, a lost session, a time in
-// which it did not run) ends the wish as well, and nothing brings it back but the person.
+// It drives only on a fresh wish. Whatever ends a drive (a stop, a latch, a robot that is not heard,
+// a time in which it did not run) ends the wish as well, and nothing brings it back but the person.
 import { DeviceRefused, WheelwireError } from "./errors.js";
 import { DEFAULTS, Parameter } from "./generated/protocol.js";
 import type { Done } from "./requests.js";
@@ -14,7 +14,7 @@ const PERIOD_US = 50_000;
 const WHEEL_SEPARATION_M = 0.2;
 const FIGURE_EIGHT_MPS = 0.2;
 const FIGURE_EIGHT_RADPS = 0.8;
-const OTHER_BRAKE_TIME_S = 0.5;
+const OTHER_LIMIT_MPS = 0.35;
 const CIRCLE_US = Math.round((2 * Math.PI * 1e6) / FIGURE_EIGHT_RADPS);
 
 /** Forward, and counter-clockwise. */
@@ -42,8 +42,10 @@ export class Program {
   #expiryUs = 0;
   #wasOpen = false;
   #nowUs = 0;
+  /** When the robot's newest sample came, or the drive began. */
+  #heardUs = 0;
   /** The robot's, once it said so in this session. */
-  #brakeTimeS: number = DEFAULTS.brake_time_s;
+  #limitMps: number = DEFAULTS.max_velocity_mps;
   /** A save was sent, and not answered yet. */
   isSaving = false;
 
@@ -108,12 +110,12 @@ export class Program {
     }
   }
 
-  /** Stop, change the brake time, and save that. */
+  /** Stop, change the speed limit, and save that. */
   save(nowUs: number): void {
     this.stop(nowUs);
     const now = (): number => this.#nowUs;
-    const parameter = Parameter.brake_time_s;
-    const other = this.#brakeTimeS === DEFAULTS.brake_time_s ? OTHER_BRAKE_TIME_S : DEFAULTS.brake_time_s;
+    const parameter = Parameter.max_velocity_mps;
+    const other = this.#limitMps === DEFAULTS.max_velocity_mps ? OTHER_LIMIT_MPS : DEFAULTS.max_velocity_mps;
     const saved: Done<"ParameterSave"> = (result) => {
       this.isSaving = false;
       this.#sayFailure("save", result);
@@ -140,7 +142,9 @@ export class Program {
   receive(bytes: Uint8Array, nowUs: number): void {
     this.#nowUs = nowUs;
     const samples = this.session.receive(bytes, nowUs);
-    this.sample = samples.at(-1) ?? this.sample;
+    if (samples.length === 0) return;
+    this.sample = samples.at(-1);
+    this.#heardUs = nowUs;
   }
 
   advance(nowUs: number): void {
@@ -148,9 +152,14 @@ export class Program {
     this.session.advance(nowUs);
     const isOpen = this.session.phase === "OPEN";
     if (this.#wasOpen && !isOpen) this.#end(); // the next session begins at rest
-    if (!this.#wasOpen && isOpen) this.#readBrakeTime(nowUs);
+    if (!this.#wasOpen && isOpen) this.#readLimit(nowUs);
     this.#wasOpen = isOpen;
     if (this.#wish === undefined || nowUs < this.#dueUs) return;
+    if (nowUs > this.#heardUs + TTL_US) {
+      this.stop(nowUs);
+      this.say(`nothing came from the robot for ${TTL_US / 1000} ms: the program drives no more`);
+      return;
+    }
     this.#dueUs = nowUs + PERIOD_US;
     const twist = this.#wish(nowUs);
     if (twist === undefined) {
@@ -165,10 +174,10 @@ export class Program {
     }
   }
 
-  #readBrakeTime(nowUs: number): void {
-    const parameter = Parameter.brake_time_s;
+  #readLimit(nowUs: number): void {
+    const parameter = Parameter.max_velocity_mps;
     const take: Done<"ParameterGet"> = (result) => {
-      if (!(result instanceof WheelwireError)) this.#brakeTimeS = result.value;
+      if (!(result instanceof WheelwireError)) this.#limitMps = result.value;
     };
     this.session.request("ParameterGet", { parameter }, take, nowUs);
   }
@@ -176,6 +185,7 @@ export class Program {
   #begin(wish: (nowUs: number) => Twist | undefined): void {
     if (this.#wish === undefined) this.#isArmed = false;
     this.#wish = wish;
+    this.#heardUs = Math.max(this.#heardUs, this.#nowUs);
     this.#dueUs = 0;
   }
 

@@ -85,7 +85,7 @@ export class RequestQueue {
   submit<R extends RequestName>(name: R, asked: Asked<R>, done: Done<R>, nowUs: number): void {
     const request: Request = {
       name,
-      fields: { ...asked, request_id: 0 } as unknown as Messages[RequestName],
+      fields: { ...asked, request_id: 0 },
       done: done as Done,
       urgent: isUrgent(name),
       attempts: 0,
@@ -107,7 +107,7 @@ export class RequestQueue {
         this.repeated++;
         this.#send(request, nowUs);
       } else {
-        const text = `no answer to ${request.name} after ${String(request.attempts)} attempts`;
+        const text = `no answer to ${request.name} after ${request.attempts} attempts`;
         this.#finish(key, new RequestTimeout(`${text}: check the cable`), nowUs);
       }
     }
@@ -164,7 +164,7 @@ export class RequestQueue {
     request.attempts++;
     const doublings = request.urgent ? 0 : request.attempts - 1;
     request.deadlineUs = nowUs + Math.min(REPEAT_US * 2 ** doublings, LONGEST_WAIT_US);
-    this.send(request.name, request.fields as never);
+    this.send(request.name, request.fields);
   }
 
   #finish(key: string, result: Answer | WheelwireError, nowUs: number): void {
@@ -176,5 +176,5 @@ export class RequestQueue {
 }
 
 function keyOf(urgent: boolean, id: number): string {
-  return `${urgent ? "u" : "r"}${String(id)}`;
+  return `${urgent ? "u" : "r"}${id}`;
 }

@@ -464,16 +464,16 @@ export class Session {
 /** Why the device opens no session, naming both sides and what to do; undefined if it does. */
 function refusalOf(hello: Messages["DeviceHello"]): ProtocolMismatch | WheelwireError | undefined {
   const hex = (value: number): string => `0x${value.toString(16).padStart(8, "0")}`;
-  const version = `${String(hello.version_major)}.${String(hello.version_minor)}.${String(hello.version_patch)}`;
+  const version = `${hello.version_major}.${hello.version_minor}.${hello.version_patch}`;
   if (hello.protocol_version !== PROTOCOL_VERSION || hello.schema_hash !== SCHEMA_HASH) {
     return new ProtocolMismatch(
-      `this page speaks protocol ${String(PROTOCOL_VERSION)} with schema ${hex(SCHEMA_HASH)}, the ` +
-        `firmware ${version} protocol ${String(hello.protocol_version)} with schema ` +
+      `this page speaks protocol ${PROTOCOL_VERSION} with schema ${hex(SCHEMA_HASH)}, the ` +
+        `firmware ${version} protocol ${hello.protocol_version} with schema ` +
         `${hex(hello.schema_hash)}: use page and firmware of one release`,
     );
   }
   if (hello.refusal === RefusalCode.NONE) return undefined;
   const name = nameOf(RefusalCode, hello.refusal);
-  const reason = name === undefined ? `code ${String(hello.refusal)}` : RefusalCodeDocs[name];
+  const reason = name === undefined ? `code ${hello.refusal}` : RefusalCodeDocs[name];
   return new WheelwireError(`the device opens no session: ${reason}`);
 }

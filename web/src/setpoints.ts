@@ -63,8 +63,8 @@ export class SetpointSender {
     const boundUs = Math.ceil(device.errorUs);
     if (expiryUs - boundUs <= nowUs) {
       throw new Expired(
-        `${String((expiryUs - nowUs) / 1000)} ms are left of the setpoint's ttl, and the device's ` +
-          `clock is known to ${String(boundUs / 1000)} ms: give it a longer ttl`,
+        `${(expiryUs - nowUs) / 1000} ms are left of the setpoint's ttl, and the device's ` +
+          `clock is known to ${boundUs / 1000} ms: give it a longer ttl`,
       );
     }
     const setpoint: Setpoint = {

@@ -1,0 +1,163 @@
+// The page: the simulated robot in real time, what a person sees of it, and what they ask for.
+import { Floor, SpeedPlot } from "./drawing.js";
+import { Banner, Breaks, Log, element } from "./panel.js";
+import { Recorder } from "./recorder.js";
+import { loadSimulator, type Simulator } from "./simulator.js";
+import { Steering } from "./steering.js";
+import { World } from "./world.js";
+
+/** A page that did not run for so long was frozen, hidden, or asleep with its computer. */
+const ABSENCE_US = 250_000;
+const DEFAULT_SEED = 1;
+
+/** For a person at the browser's console, and for tests. */
+interface Tools {
+  world: World;
+  /** The calls on the simulator so far, if the address has `?record`. */
+  calls: () => readonly string[];
+  /** How many pictures were drawn. */
+  frames: number;
+}
+declare global {
+  var wheelwire: Tools | undefined;
+}
+
+const query = new URLSearchParams(location.search);
+const seed = Number(query.get("seed") ?? DEFAULT_SEED) >>> 0;
+
+async function start(): Promise<void> {
+  const wasm = await (await fetch("robot.wasm")).arrayBuffer();
+  const log = new Log();
+  const banner = new Banner();
+  const floor = new Floor(element("floor") as HTMLCanvasElement);
+  const plot = new SpeedPlot(element("speeds") as HTMLCanvasElement);
+  let world = await newWorld();
+  const breaks = new Breaks(
+    () => world,
+    (text) => {
+      log.say(text, world.nowUs);
+    },
+  );
+
+  async function newWorld(): Promise<World> {
+    let simulator: Simulator = await loadSimulator(wasm, seed);
+    let calls: readonly string[] = [];
+    if (query.has("record")) {
+      const recorder = new Recorder(simulator, seed);
+      [simulator, calls] = [recorder, recorder.lines];
+    }
+    const made = new World(simulator, seed, (text) => {
+      log.say(text, made.nowUs);
+    });
+    made.watchers.add(() => {
+      plot.take(made);
+      breaks.look();
+    });
+    globalThis.wheelwire = { world: made, calls: () => calls, frames: 0 };
+    return made;
+  }
+
+  const steering = new Steering(
+    element("stick"),
+    element("knob"),
+    (twist) => {
+      world.program.drive(twist);
+    },
+    () => {
+      world.program.stop(world.nowUs);
+    },
+  );
+  const onClick = (id: string, act: () => void): void => {
+    element(id).addEventListener("click", act);
+  };
+  onClick("eight", () => {
+    world.program.figureEight(world.nowUs);
+  });
+  onClick("estop", () => {
+    world.program.estop(world.nowUs);
+  });
+  onClick("clear", () => {
+    world.program.clear(world.nowUs);
+  });
+  onClick("again", () => {
+    steering.letGo();
+    void newWorld().then((made) => {
+      world = made;
+      for (const one of [floor, plot, breaks]) one.restart();
+      log.clear();
+    });
+  });
+
+  // A page that is about to be hidden or frozen stops the robot while it still can.
+  const leave = (): void => {
+    steering.letGo();
+    if (!world.program.isDriving) return;
+    world.program.stop(world.nowUs);
+    world.flush();
+    log.say("this page was hidden: it stopped the robot", world.nowUs);
+  };
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden) leave();
+  });
+  document.addEventListener("freeze", leave);
+  addEventListener("pagehide", leave);
+
+  const clock = new Clock();
+  const draw = (): void => {
+    const elapsedUs = clock.elapsedUs();
+    if (elapsedUs > ABSENCE_US) {
+      steering.letGo();
+      world.wake(elapsedUs);
+    } else {
+      world.run(elapsedUs);
+    }
+    banner.show(world);
+    floor.draw(world);
+    plot.draw(world.nowUs);
+    showNumbers(world, plot);
+    if (globalThis.wheelwire !== undefined && globalThis.wheelwire.frames++ === 0) {
+      performance.mark("first picture");
+    }
+    requestAnimationFrame(draw);
+  };
+  requestAnimationFrame(draw);
+}
+
+/** How much time has passed, also while the page or its computer was asleep. */
+class Clock {
+  #pageMs = performance.now();
+  #wallMs = Date.now();
+
+  elapsedUs(): number {
+    const [pageMs, wallMs] = [performance.now(), Date.now()];
+    // The page's clock may stand still while the computer sleeps; the other one may be set.
+    const byPage = pageMs - this.#pageMs;
+    const byWall = wallMs - this.#wallMs;
+    [this.#pageMs, this.#wallMs] = [pageMs, wallMs];
+    return Math.round(1000 * (byWall * 1000 > byPage * 1000 + ABSENCE_US ? byWall : byPage));
+  }
+}
+
+function showNumbers(world: World, plot: SpeedPlot): void {
+  const speeds = plot.newest;
+  if (speeds === undefined) return;
+  const text = (wheel: 0 | 1): string =>
+    `${mmps(speeds.measured[wheel])} of ${mmps(speeds.commanded[wheel])}`;
+  element("left").textContent = text(0);
+  element("right").textContent = text(1);
+  const { simulator, program } = world;
+  const [x, y] = [simulator.get("true.x_m"), simulator.get("true.y_m")];
+  const side = y < 0 ? "right" : "left";
+  const ahead = x < 0 ? "behind" : "ahead of";
+  element("floor-text").textContent = `It is ${mmps(Math.abs(x))} mm ${ahead} and ${mmps(Math.abs(y))} mm to the ${side} of its start.`;
+  const { phase, counters, error } = program.session;
+  const damaged = counters.bad_cobs + counters.bad_crc;
+  const link = phase === "OPEN" ? "open" : `not open: ${error.message}`;
+  element("link").textContent = `The program's link is ${link}. Frames received: ${counters.frames}, damaged: ${damaged}, lost: ${counters.seq_lost}.`;
+}
+
+function mmps(metres: number): string {
+  return String(Math.round(metres * 1000));
+}
+
+void start();

@@ -1,0 +1,172 @@
+// What a person finds in the page: at both sizes, light and dark, by keyboard, by touch, offline.
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { gzipSync } from "node:zlib";
+import { BREAKS } from "../../src/breaks.js";
+import { SupervisorState } from "../../src/generated/protocol.js";
+import { expect, test } from "./page.js";
+
+const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const FILES = ["index.html", "page.js", "page.css", "icon.svg"];
+const BUDGET = 150_000;
+
+const LOOKS = [1280, 390].flatMap((width) =>
+  (["light", "dark"] as const).map((colorScheme) => ({ width, colorScheme })),
+);
+
+for (const { width, colorScheme } of LOOKS) {
+  test.describe(`${width} px, ${colorScheme}`, () => {
+    test.use({ viewport: { width, height: 844 }, colorScheme });
+
+    test("everything fits, and axe finds nothing serious", async ({ robot, page }) => {
+      await robot.open();
+      await robot.drive();
+      await robot.button("open the e-stop contact").click();
+      await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
+      const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+      expect(wide).toBeLessThanOrEqual(width);
+      // Not by a script element, which the page's policy forbids.
+      await page.evaluate(AXE);
+      const found = await page.evaluate(async () => {
+        const { axe } = globalThis as unknown as { axe: { run: () => Promise<{ violations: { id: string; impact: string; nodes: { html: string }[] }[] }> } };
+        const { violations } = await axe.run();
+        return violations.map(({ id, impact, nodes }) => [impact, id, nodes[0]?.html]);
+      });
+      expect(found.filter(([impact]) => impact === "serious" || impact === "critical")).toEqual([]);
+    });
+  });
+}
+
+test("each of the buttons has its name, and says beforehand what should happen", async ({ robot, page }) => {
+  await robot.open();
+  for (const name of ["figure eight", "e-stop", "clear", "start again"]) {
+    await expect(robot.button(name)).toHaveCount(1);
+  }
+  for (const one of BREAKS) {
+    await expect(robot.button(one.name)).toHaveAccessibleDescription(one.should);
+    await expect(robot.button(one.name)).toHaveAttribute("aria-pressed", "false");
+  }
+  expect(await page.locator("#breaks button").count()).toBe(13);
+  expect(await page.locator('[role=status], output, [aria-live]').count()).toBe(1);
+  expect(await page.locator("[role=log]").count()).toBe(1);
+});
+
+test("the status holds the state and the codes, and nothing else in capitals", async ({ robot }) => {
+  await robot.open();
+  await expect(robot.status).toHaveText("IDLE");
+  await robot.button("e-stop").click();
+  await expect(robot.status).toHaveText("ESTOPPED, held by ESTOP");
+  await robot.button("clear").click();
+  await expect(robot.status).toHaveText("IDLE");
+  await robot.button("press the front bumper").click();
+  await expect(robot.status).toHaveText("IDLE, held by BUMPER_FRONT_LEFT, BUMPER_FRONT_RIGHT");
+});
+
+test("by keyboard alone: drive while an arrow is held, break, repair, clear", async ({ robot, page }) => {
+  await robot.open();
+  await page.keyboard.down("ArrowUp");
+  await expect(robot.status).toHaveText("DRIVING");
+  await expect.poll(() => robot.get("true.x_m")).toBeGreaterThan(0.1);
+  await page.keyboard.up("ArrowUp");
+  await expect(robot.status).toHaveText("IDLE");
+  const names: string[] = [];
+  for (let press = 0; press < 30; press++) {
+    await page.keyboard.press("Tab");
+    names.push(await page.evaluate(() => document.activeElement?.textContent ?? ""));
+    if (names.at(-1) === "open the e-stop contact") break;
+  }
+  expect(names).toEqual(expect.arrayContaining(["figure eight", "e-stop", "clear", "start again"]));
+  await page.keyboard.press("Space");
+  await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
+  await page.keyboard.press("Space");
+  await robot.button("clear").focus();
+  await page.keyboard.press("Enter");
+  await expect(robot.status).toHaveText("IDLE");
+});
+
+test("a key that is held through a fault drives no more, until it is pressed anew", async ({ robot, page }) => {
+  await robot.open();
+  await page.keyboard.down("ArrowUp");
+  await expect(robot.status).toHaveText("DRIVING");
+  await robot.button("e-stop").click();
+  await robot.button("clear").click();
+  await expect(robot.status).toHaveText("IDLE");
+  await page.keyboard.down("ArrowUp"); // the keyboard's repeat
+  await page.waitForTimeout(1500);
+  await expect(robot.status).toHaveText("IDLE");
+  await page.keyboard.up("ArrowUp");
+  await page.keyboard.down("ArrowUp");
+  await expect(robot.status).toHaveText("DRIVING");
+  await page.keyboard.up("ArrowUp");
+});
+
+test.describe("with a touch screen", () => {
+  test.use({ hasTouch: true, viewport: { width: 390, height: 844 } });
+
+  test("the stick drives while it is held", async ({ robot, page }) => {
+    await robot.open();
+    const stick = page.locator("#stick");
+    await stick.scrollIntoViewIfNeeded();
+    const box = await stick.boundingBox();
+    if (box === null) throw new Error("the stick is not shown");
+    const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+    const touch = await page.context().newCDPSession(page);
+    const send = (type: "touchStart" | "touchMove" | "touchEnd", points: { x: number; y: number }[]): Promise<unknown> =>
+      touch.send("Input.dispatchTouchEvent", { type, touchPoints: points });
+    await send("touchStart", [{ x, y }]);
+    await send("touchMove", [{ x, y: y - 30 }]);
+    await expect(robot.status).toHaveText("DRIVING");
+    await expect.poll(() => robot.get("true.x_m")).toBeGreaterThan(0.05);
+    await send("touchEnd", []);
+    await expect(robot.status).toHaveText("IDLE");
+  });
+});
+
+test("a hidden page sends a stop", async ({ robot, page }) => {
+  await robot.open("?record");
+  await robot.drive();
+  const state = await page.evaluate(() => {
+    Object.defineProperty(document, "hidden", { value: true });
+    document.dispatchEvent(new Event("visibilitychange"));
+    return globalThis.wheelwire?.world.program.isDriving;
+  });
+  expect(state).toBe(false);
+  await expect(robot.status).toHaveText("IDLE");
+  await expect(page.getByRole("log")).toContainText("this page was hidden: it stopped the robot");
+});
+
+test("once loaded it needs no network, and a seed repeats a run", async ({ robot, page, context }) => {
+  await robot.open("?seed=7");
+  await context.setOffline(true);
+  const bootIds = new Set([await robot.get("boot_id")]);
+  await robot.button("start again").click();
+  await page.waitForFunction(() => (globalThis.wheelwire?.world.nowUs ?? 1e9) < 2e6);
+  bootIds.add(await robot.get("boot_id"));
+  expect(bootIds.size).toBe(1);
+  await robot.drive();
+  expect(await robot.get("state")).toBe(SupervisorState.DRIVING);
+});
+
+test("the policy allows WebAssembly, and no inline script", async ({ robot, page }) => {
+  await robot.open();
+  const policy = await page.locator('meta[http-equiv="Content-Security-Policy"]').getAttribute("content");
+  expect(policy).toContain("script-src 'self' 'wasm-unsafe-eval';");
+  expect(policy).not.toContain("unsafe-inline");
+  const ran = await page.evaluate(() => {
+    const script = document.createElement("script");
+    script.textContent = "globalThis.inlineRan = true";
+    document.body.append(script);
+    return "inlineRan" in globalThis;
+  });
+  expect(ran).toBe(false);
+  robot.complaints.length = 0; // the browser's own about that script
+});
+
+test("the page's code is within its budget", () => {
+  const size = FILES.reduce((total, name) => {
+    const path = new URL(`../../../build/web/${name}`, import.meta.url);
+    return total + gzipSync(readFileSync(path), { level: 9 }).length;
+  }, 0);
+  console.log(`the page's code: ${size} bytes gzipped`);
+  expect(size).toBeLessThanOrEqual(BUDGET);
+});
