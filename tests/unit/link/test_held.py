@@ -167,6 +167,7 @@ def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) ->
     warned.device.forget()
     warned.device.lost.clear()
     assert warned.publish(3.0)[-1] == RefusalCode.UNARMED
+    assert warned.device.count(SetWheelVelocity) == 0
     assert not warned.moved()
 
 
