@@ -27,10 +27,16 @@ class FrameReader:
         self._received = Decoder()
         self._sent = Decoder()
 
+    @property
+    def lost(self) -> int:
+        """Received frames that are missing, by their sequence numbers."""
+        return self._received.counters.seq_lost
+
     def feed(self, record: Record) -> Iterator[Frame]:
         """The messages that one record completes."""
         kind = record.kind
-        if kind is Kind.CONNECTED:  # a frame that was cut by the loss of the port has no rest
+        # A frame that was cut by the loss of the port, or of records, has no rest.
+        if kind in (Kind.START, Kind.CONNECTED):
             self._received.restart()
             self._sent.restart()
         elif kind in (Kind.RECEIVED, Kind.RECEIVED_EACH):

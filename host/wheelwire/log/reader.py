@@ -34,6 +34,8 @@ OFFSET = "unix_minus_monotonic_ns"
 """The entry that says what to add to the host's clock for the time of day."""
 ENDED = "ended_by"
 """The entry of `METADATA` that says why a recorder gave up; blank until then."""
+COUNTS = "wheelwire_counts"
+"""The name of the one at the end that says what was counted: the fields of `summary.Counts`."""
 REPAIRED = "wheelwire_repaired"
 """The name of the one that a repair adds: nobody closed the recording."""
 INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
@@ -53,7 +55,7 @@ FOREIGN = (
 HEAD = struct.Struct("<BQ")
 """How a part begins: its opcode, and the length of its content."""
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
-ATTACHMENT, METADATA_RECORD, DATA_END = 9, 12, 15
+ATTACHMENT, STATISTICS, METADATA_RECORD, METADATA_INDEX, DATA_END = 9, 11, 12, 13, 15
 """Opcodes of MCAP's specification. The last is the highest."""
 _READ = {HEADER: "Header", CHANNEL: "Channel", METADATA_RECORD: "Metadata"}
 """Parts whose form is checked, by the names of what reads them."""
@@ -163,6 +165,17 @@ def records(path: str | Path) -> Iterator[Record]:
     Raises:
         RecordingError: The file cannot be read, is no recording, or of another release.
     """
+    check_release(path)
+    for topic, _, data in messages(path):
+        if topic in TOPICS:
+            try:
+                yield decode(data)
+            except ValueError as error:
+                raise RecordingError(f"{path}: {error}") from error
+
+
+def check_release(path: str | Path) -> None:
+    """Raise `RecordingError` for a recording of a release whose messages differ."""
     said, ours = metadata(path), f"{schema_hash():08x}"
     if said.get("schema", ours) != ours:
         version = said.get("version", "another release")
@@ -170,12 +183,6 @@ def records(path: str | Path) -> Iterator[Record]:
             f"{path} was recorded by Wheelwire {version}, whose messages differ: "
             f"read it with that release"
         )
-    for topic, _, data in messages(path):
-        if topic in TOPICS:
-            try:
-                yield decode(data)
-            except ValueError as error:
-                raise RecordingError(f"{path}: {error}") from error
 
 
 def session_records(path: str | Path) -> Iterator[Record]:
@@ -272,14 +279,67 @@ def offset_us(path: str | Path) -> int:
     """
     text = metadata(path).get(OFFSET, "0")
     with opened(path) as file:
-        for part in _metadata_parts(file):
-            text = (_said(part, CLOCK) or {}).get(OFFSET, text)
+        text = (_newest(file, CLOCK) or {}).get(OFFSET, text)
     # If it is damaged, only the date is lost.
     return int(text) // 1000 if text.lstrip("-").isdecimal() else 0
 
 
+def counts(path: str | Path) -> dict[str, str] | None:
+    """What the recorder has counted, by the file's end: reads nothing of what it has recorded.
+
+    None for a file without an end, and where another program has left out some of the records.
+
+    Raises:
+        RecordingError: The file cannot be opened.
+    """
+    with opened(path) as file:
+        index, said = _index(file), _newest(file, COUNTS)
+    if index is None or said is None:
+        return None
+    from mcap.records import Channel, Statistics
+
+    ours: set[int] = set()
+    counted: dict[int, int] = {}
+    for opcode, begin, end in within(index):
+        if opcode == CHANNEL:
+            channel = Channel.read(stream_of(index[begin:end]))
+            if channel.topic in TOPICS:
+                ours.add(channel.id)
+        elif opcode == STATISTICS:
+            counted = Statistics.read(stream_of(index[begin:end])).channel_message_counts
+    there = sum(counted.get(number, 0) for number in ours)
+    return said if said.get("records") == str(there) else None
+
+
+def _newest(file: BinaryIO, name: str) -> dict[str, str] | None:
+    """What the last metadata of this name say; None if there are none."""
+    found = None
+    for part in _metadata_parts(file):
+        found = _said(part, name) or found
+    return found
+
+
 def _metadata_parts(file: BinaryIO) -> Iterator[Part]:
     """The metadata of a file, without reading what is between them."""
+    for offset in _metadata_offsets(file):
+        file.seek(offset)
+        opcode, length = HEAD.unpack(file.read(HEAD.size))
+        part = Part(offset, opcode, file.read(length))
+        if not is_whole(part):
+            return
+        yield part
+
+
+def _metadata_offsets(file: BinaryIO) -> Iterator[int]:
+    """Where metadata begin: by the file's index, or from part to part."""
+    index = _index(file)
+    if index is not None:
+        from mcap.records import MetadataIndex
+
+        for opcode, begin, end in within(index):
+            if opcode == METADATA_INDEX:
+                yield MetadataIndex.read(stream_of(index[begin:end])).offset
+        return
     size, offset = file.seek(0, os.SEEK_END), len(MAGIC)
     while offset + HEAD.size <= size:
         file.seek(offset)
@@ -288,10 +348,7 @@ def _metadata_parts(file: BinaryIO) -> Iterator[Part]:
         if not HEADER <= opcode < DATA_END or end > size:
             return
         if opcode == METADATA_RECORD:
-            part = Part(offset, opcode, file.read(length))
-            if not is_whole(part):
-                return
-            yield part
+            yield offset
         offset = end
 
 
@@ -309,20 +366,28 @@ def has_end(file: BinaryIO) -> bool:
     The end is written once all before it is on the disk. A file that grows or shrinks meanwhile
     has no end yet.
     """
+    return _index(file) is not None
+
+
+def _index(file: BinaryIO) -> bytes | None:
+    """The index at a file's end, which MCAP calls its summary; None if it has no such end."""
     size = file.seek(0, os.SEEK_END)
     if size < len(MAGIC) + len(_DATA_END) + _FOOTER.size:
-        return False
+        return None
     file.seek(size - _FOOTER.size)
     footer = file.read()
     if len(footer) != _FOOTER.size:
-        return False
+        return None
     opcode, length, index, _, crc, magic = _FOOTER.unpack(footer)
     begin = index - HEAD.size - 4
     if (opcode, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= begin < size:
-        return False
+        return None
     file.seek(begin)
     data = file.read(size - begin - len(MAGIC) - 4)
-    return data.startswith(_DATA_END) and bool(crc == zlib.crc32(data[HEAD.size + 4 :]))
+    summed = data[HEAD.size + 4 :]  # the checksum is of the index and of the footer's beginning
+    if not data.startswith(_DATA_END) or crc != zlib.crc32(summed):
+        return None
+    return summed[: len(MAGIC) + 4 - _FOOTER.size]
 
 
 def is_complete(path: str | Path) -> bool:

@@ -2,15 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
 
 from ..errors import RecordingError
-from ..link.tap import Kind
+from ..link.tap import Record
 from .frames import FrameReader
-from .reader import ENDED, is_complete, metadata, offset_us, session_records
-from .rerun import Rerun
+from .reader import (
+    ENDED,
+    check_release,
+    counts,
+    is_complete,
+    metadata,
+    offset_us,
+    session_records,
+)
+
+
+@dataclass
+class Counts:
+    """What is counted of a file's records, as it is written or read.
+
+    Attributes:
+        records: Records of the link.
+        first_us: The host's clock at the first.
+        last_us: The same at the last.
+        frames_received: Good frames from the robot.
+        frames_sent: Frames that the port took.
+        frames_lost: On the way from the robot, by their sequence numbers.
+    """
+
+    records: int = 0
+    first_us: int = 0
+    last_us: int = 0
+    frames_received: int = 0
+    frames_sent: int = 0
+    frames_lost: int = 0
+
+    @classmethod
+    def of(cls, said: Mapping[str, str]) -> Counts:
+        """What a file says.
+
+        Raises:
+            KeyError, ValueError: It is of another release, or damaged.
+        """
+        return cls(*(int(said[field.name]) for field in fields(cls)))
+
+
+class Counter:
+    """Counts records.
+
+    Attributes:
+        counts: Those that were fed.
+    """
+
+    def __init__(self) -> None:
+        self.counts = Counts()
+        self._reader = FrameReader()
+
+    def feed(self, record: Record) -> None:
+        """Count one record."""
+        counts = self.counts
+        counts.first_us = counts.first_us if counts.records else record.host_us
+        counts.last_us = max(counts.last_us, record.host_us)
+        counts.records += 1
+        for frame in self._reader.feed(record):
+            if frame.is_sent:
+                counts.frames_sent += 1
+            else:
+                counts.frames_received += 1
+        counts.frames_lost = self._reader.lost
 
 
 @dataclass(frozen=True)
@@ -45,46 +108,47 @@ class Summary:
 
 
 def summary(path: str | Path) -> Summary:
-    """Read all of a recording.
+    """Summarise a recording, by what its end says; one without an end is read in full.
 
     Raises:
         RecordingError: The file cannot be read, is no recording, or of another release; or what
             crossed the link is not in it.
     """
     said = metadata(path)
-    again, reader = Rerun(), FrameReader()
-    first_us = received = sent = lost = 0
-
-    def count() -> tuple[int, int]:
-        if again.session is None:
-            return received, lost
-        counted = again.session.statistics(again.host_us)
-        return received + counted.frames_received, lost + counted.frames_lost
-
-    try:
-        for record in session_records(path):
-            if record.kind is Kind.START:  # anew, where records are missing
-                received, lost = count()
-                first_us = first_us or record.host_us
-            again.feed(record)
-            if record.kind is Kind.SENT:
-                sent += sum(1 for _ in reader.feed(record))
-    except ValueError as error:
-        raise RecordingError(f"{path}: {error}") from error
-    received, lost = count()
+    check_release(path)
+    counted, complete = _said_at_end(path), True
+    if counted is None:
+        counted, complete = _counted(path), is_complete(path)
     return Summary(
-        duration_s=(again.host_us - first_us) / 1e6,
-        frames_received=received,
-        frames_sent=sent,
-        frames_lost=lost,
+        duration_s=(counted.last_us - counted.first_us) / 1e6,
+        frames_received=counted.frames_received,
+        frames_sent=counted.frames_sent,
+        frames_lost=counted.frames_lost,
         board_id=said.get("board_id", ""),
-        complete=is_complete(path),
+        complete=complete,
         ended_by=said.get(ENDED, ""),
-        began=time_of_day(first_us, path),
+        began=time_of_day(counted.first_us, path),
         driver=said.get("driver", ""),
         version=said.get("version", ""),
         size_bytes=Path(path).stat().st_size,
     )
+
+
+def _said_at_end(path: str | Path) -> Counts | None:
+    try:
+        return None if (said := counts(path)) is None else Counts.of(said)
+    except (KeyError, ValueError):
+        return None
+
+
+def _counted(path: str | Path) -> Counts:
+    counter = Counter()
+    try:
+        for record in session_records(path):
+            counter.feed(record)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    return counter.counts
 
 
 def time_of_day(host_us: int, path: str | Path) -> str:

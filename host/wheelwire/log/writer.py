@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from ..link.tap import Record
 from . import raw
-from .reader import CLOCK, ENDED, METADATA, OFFSET, require_mcap
+from .reader import CLOCK, COUNTS, ENDED, METADATA, OFFSET, require_mcap
+from .summary import Counter
 
 LIBRARY = "wheelwire"
 """The entry in the file's header that marks our files."""
@@ -115,6 +116,7 @@ class RecordingFile:
         self._offset_ns = unix_minus_monotonic_ns
         self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o644)
         self._output = _Output(self._descriptor)
+        self._counter = Counter()
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = Writer(self._output, compression=CompressionType.NONE)
@@ -155,6 +157,7 @@ class RecordingFile:
 
     def add(self, record: Record) -> None:
         """A record of the tap."""
+        self._counter.feed(record)
         self.add_message(
             raw.TOPIC_BY_KIND.get(record.kind, raw.SESSION),
             record.host_us * 1000 + self._offset_ns,
@@ -181,8 +184,11 @@ class RecordingFile:
         os.fdatasync(self._descriptor)
 
     def close(self) -> None:
-        """Write the index, and close the file."""
+        """Write what was counted and the index, and close the file."""
         try:
+            self._writer.flush()  # mcap puts it between two chunks
+            counted = {name: str(number) for name, number in vars(self._counter.counts).items()}
+            self._writer.add_metadata(COUNTS, counted)
             self.sync()  # first: a file that has an end is whole
             self._writer.finish()
             self._output.flush()

@@ -15,7 +15,7 @@ import pytest
 from wheelwire.errors import RecordingError
 from wheelwire.link.tap import Kind, Record
 from wheelwire.log import repair as repair_module
-from wheelwire.log.reader import METADATA, has_end, metadata, records, was_closed
+from wheelwire.log.reader import COUNTS, METADATA, has_end, metadata, records, was_closed
 from wheelwire.log.repair import repair, repair_folder
 from wheelwire.log.summary import summary
 from wheelwire.log.writer import RecordingFile, free_path
@@ -54,7 +54,7 @@ def test_others_read_it_as_well(tmp_path: Path) -> None:
         reader = make_reader(opened)
         assert reader.get_header().profile == "ros2"
         found = list(reader.iter_messages())
-        assert [one.name for one in reader.iter_metadata()] == [METADATA]
+        assert [one.name for one in reader.iter_metadata()] == [METADATA, COUNTS]
     assert len(found) == len(RECORDS)
     for schema, channel, message in found:
         assert schema is not None
