@@ -35,35 +35,6 @@ struct ControlConfig {
   int32_t rolling_umps;
   uint32_t overrun_limit_us;
   bool estop_input_enabled;
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("period_us", period_us);
-    visit("um_per_tick_q10", um_per_tick_q10);
-    visit("velocity_window_us", velocity_window_us);
-    visit("gains", gains);
-    visit("path", path);
-    visit("faults", faults);
-    visit("plausibility_time_us", plausibility_time_us);
-    visit("supply", supply);
-    visit("max_velocity_umps", max_velocity_umps);
-    visit("velocity_slew_umps", velocity_slew_umps);
-    visit("duty_slew_q15", duty_slew_q15);
-    visit("left_motor_inverted", left_motor_inverted);
-    visit("right_motor_inverted", right_motor_inverted);
-    visit("left_encoder_inverted", left_encoder_inverted);
-    visit("right_encoder_inverted", right_encoder_inverted);
-    visit("motors_swapped", motors_swapped);
-    visit("encoders_swapped", encoders_swapped);
-    visit("stop_mode", stop_mode);
-    visit("estop_mode", estop_mode);
-    visit("brake_time_us", brake_time_us);
-    visit("ttl_max_us", ttl_max_us);
-    visit("rearm_gap_us", rearm_gap_us);
-    visit("rolling_umps", rolling_umps);
-    visit("overrun_limit_us", overrun_limit_us);
-    visit("estop_input_enabled", estop_input_enabled);
-  }
 };
 
 ControlConfig make_config(const Parameters& parameters);

@@ -93,19 +93,6 @@ class ActiveConfiguration {
   /// A new session: what the previous one set, or wrote without a restart, is not tried.
   void drop_candidate();
 
-  /// For a re-run.
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("chip", chip_);
-    bool is_fixed = this->is_fixed();
-    visit("is_fixed", is_fixed);
-    if (is_fixed) store_ = nullptr;
-    visit("state", state_);
-    visit("is_fresh", is_fresh_);
-    visit("fingerprint", fingerprint_);
-    for (uint32_t& word : staged_) visit("staged", word);
-  }
-
  private:
   /// kWritten: no restart was asked for yet. kRequested: the next start tries it.
   enum class Candidate : uint8_t { kNone, kWritten, kTried, kRequested };

@@ -16,20 +16,6 @@ struct ControllerGains {
   int32_t limit_q15;         ///< Of the output, in either direction.
   int32_t slew_umps;         ///< Largest change of a setpoint per control step.
   int32_t memory_shift;      ///< Log2 of the control steps that ObstacleMemory averages over.
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("proportional_q24", proportional_q24);
-    visit("integral_q32", integral_q32);
-    visit("feedforward_q24", feedforward_q24);
-    visit("acceleration_q24", acceleration_q24);
-    visit("delay_steps", delay_steps);
-    visit("static_q15", static_q15);
-    visit("margin_q15", margin_q15);
-    visit("limit_q15", limit_q15);
-    visit("slew_umps", slew_umps);
-    visit("memory_shift", memory_shift);
-  }
 };
 
 /// Undoes the windup of a blocked wheel. While the wheel is held, the integral grows to a value
@@ -48,14 +34,6 @@ class ObstacleMemory {
     held_ = false;
     rolled_steps_ = 0;
     return rolling_q32_;
-  }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("held", held_);
-    visit("rolled_steps", rolled_steps_);
-    visit("gain_umps", gain_umps_);
-    visit("rolling_q32", rolling_q32_);
   }
 
  private:
@@ -89,15 +67,6 @@ class Controller {
   int32_t last_target_umps() const { return last_target_umps_; }
   /// The output was limited in the last step.
   bool saturated() const { return saturated_; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("last_target_umps", last_target_umps_);
-    visit("steady_limit_q15", steady_limit_q15_);
-    visit("integral_q32", integral_q32_);
-    visit("saturated", saturated_);
-    visit("obstacle", obstacle_);
-  }
 
  private:
   int32_t last_target_umps_ = 0;

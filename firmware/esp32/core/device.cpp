@@ -53,7 +53,7 @@ void Device::sense(SensorMessages& sensors) {
 /// What follows does not belong to the step before it.
 void Device::prepare_recorder() {
   recorder()->note_pause();
-  if (recorder()->wants_state()) recorder()->note_state(server_);
+  if (recorder()->wants_state()) recorder()->note_state(server_, robot_);
 }
 
 void Device::note_stall() {

@@ -43,11 +43,6 @@ class Device {
   void begin_step(uint64_t now_us) { robot_.begin_step(now_us); }
   void serve(const Frame& frame, uint64_t now_us) { server_.serve(frame, now_us); }
   void finish_step(uint64_t now_us) { robot_.finish_step(now_us); }
-  /// See the recorder's `StateWriter`.
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    server_.visit(visit);
-  }
 
   /// Whether the device is to restart. Its wheels stand still.
   bool is_restart_due(uint64_t now_us) const { return server_.is_restart_due(now_us); }

@@ -75,26 +75,6 @@ class Drive {
   /// Both wheels, as far as their encoders show.
   bool is_still() const { return left_.is_still() && right_.is_still(); }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("left", left_);
-    visit("right", right_);
-    visit("overspeed", overspeed_);
-    visit("encoders_swapped", encoders_swapped_);
-    visit("mode", mode_);
-    visit("following", following_);
-    visit("reflexes", reflexes_);
-    visit("slewed", slewed_);
-    visit("command", command_);
-    visit("direction", direction_);
-    visit("battery_mv", battery_mv_);
-    visit("supply_q12", supply_q12_);
-    visit("stop_began", stop_began_);
-    const bool were_swapped = motors_swapped_;
-    visit("motors_swapped", motors_swapped_);
-    if (motors_swapped_ != were_swapped) left_.exchange_motors(right_);
-  }
-
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair corrected(const ControlConfig& config);

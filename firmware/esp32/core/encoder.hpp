@@ -38,12 +38,6 @@ class TickTotal {
 
   int32_t ticks() const { return static_cast<int32_t>(ticks_); }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("counter", counter_);
-    visit("ticks", ticks_);
-  }
-
  private:
   int16_t counter_;
   uint32_t ticks_ = 0;

@@ -32,12 +32,6 @@ class Evidence {
   uint32_t us() const { return us_; }
   bool is_none() const { return us_ == 0; }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("us", us_);
-    visit("calm_us", calm_us_);
-  }
-
  private:
   // Out of line: there is mostly nothing to lose, and most control steps ask.
   [[gnu::noinline]] void lose(uint32_t us) { us_ -= us_ < us ? us_ : us; }

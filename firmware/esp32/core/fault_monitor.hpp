@@ -11,14 +11,6 @@ struct FaultThresholds {
   uint32_t stall_time_us;
   int32_t reversal_duty_q15;
   int32_t reversal_umps;
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("stall_duty_q15", stall_duty_q15);
-    visit("stall_time_us", stall_time_us);
-    visit("reversal_duty_q15", reversal_duty_q15);
-    visit("reversal_umps", reversal_umps);
-  }
 };
 
 enum class WheelFault : uint8_t { kNone, kNotCounting, kReversed, kImplausible };
@@ -45,15 +37,6 @@ class FaultMonitor {
     still_.end();
     opposed_.end();
     against_ = false;
-  }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("anchor_ticks", anchor_ticks_);
-    visit("still", still_);
-    visit("against", against_);
-    visit("lowest_umps", lowest_umps_);
-    visit("opposed", opposed_);
   }
 
  private:

@@ -33,19 +33,6 @@ class FollowingError {
   /// while it may not be.
   int32_t minimum_umps(int32_t um_per_tick_q10) const;
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("total_q10", total_q10_);
-    visit("at_tick_q10", at_tick_q10_);
-    visit("trimmed_q10", trimmed_q10_);
-    visit("held_um", held_um_);
-    visit("setpoint_umps", setpoint_umps_);
-    visit("direction", direction_);
-    visit("following", following_);
-    visit("now_us", now_us_);
-    visit("tick_us", tick_us_);
-  }
-
  private:
   int64_t total_q10_ = 0;
   int64_t at_tick_q10_ = 0;  // total_q10_ at the last tick.

@@ -26,14 +26,6 @@ struct Latches {
 
   bool operator==(const Latches&) const = default;
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("estop", estop);
-    visit("holds", holds);
-    visit("battery_at_stop", battery_at_stop);
-    visit("faults", faults);
-  }
-
   static constexpr size_t kSize = 16 + LastStop::kSize;
   /// Writes kSize bytes with a checksum; the last stop is in the same record.
   void encode(uint8_t* out, const LastStop& stop = {}) const;
@@ -65,15 +57,6 @@ class LatchKeeper {
   bool sync_at_rest(uint64_t now_us);
   /// Of the last write to flash.
   bool write_failed() const { return write_failed_; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("latches", latches_);
-    visit("is_stored", is_stored_);
-    visit("is_damaged", is_damaged_);
-    visit("write_failed", write_failed_);
-    visit("next_note_us", next_note_us_);
-  }
 
  private:
   /// Between two notes of an e-stop in flash, which wears: a contact may chatter for hours.

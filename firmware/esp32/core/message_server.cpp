@@ -24,7 +24,7 @@ void MessageServer::hang_up(uint64_t now_us) {
 
 void MessageServer::note_message(const Frame& frame, uint64_t now_us) {
   Recorder& recorder = *robot_.recorder();
-  if (recorder.wants_state()) recorder.note_state(*this);
+  if (recorder.wants_state()) recorder.note_state(*this, robot_);
   recorder.note_message(frame.id, frame.body, static_cast<size_t>(body_size(frame.id)), now_us);
 }
 

@@ -84,19 +84,6 @@ class MessageServer final : public RobotObserver {
            (configuration_ != nullptr && configuration_->is_overdue(now_us));
   }
 
-  bool has_configuration() const { return configuration_ != nullptr; }
-  bool has_sensors() const { return sensors_ != nullptr; }
-  bool has_archive() const { return archive_ != nullptr; }
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("boot_id", identity_.boot_id);
-    visit("capabilities", identity_.capabilities);
-    visit("session", session_);
-    visit("restart_us", restart_us_);
-    if (configuration_ != nullptr) visit("configuration", *configuration_);
-    visit("robot", robot_);
-  }
-
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;

@@ -27,11 +27,6 @@ class OverspeedMonitor {
   }
   void end_evidence() { excess_.end(); }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("excess", excess_);
-  }
-
  private:
   static constexpr uint32_t kTimeUs = 1'000'000;
   /// Within the limit for this long it has obeyed: longer than a start from rest takes.

@@ -45,11 +45,6 @@ class Parameters {
   static bool exists(ParameterId id);
   const ParameterSpec& spec(ParameterId id) const { return specs_[static_cast<size_t>(id) - 1]; }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    for (float& value : values_) visit("value", value);
-  }
-
  private:
   const ParameterSpec* specs_;
   uint32_t board_;

@@ -13,12 +13,6 @@ struct WheelPair {
   int32_t right;
 
   constexpr bool is_zero() const { return left == 0 && right == 0; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("left", left);
-    visit("right", right);
-  }
 };
 
 struct PathGains {
@@ -29,14 +23,6 @@ struct PathGains {
   int32_t limit_um;      ///< The largest error that is corrected.
 
   bool follows() const { return path_q16 != 0 || heading_q16 != 0; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("path_q16", path_q16);
-    visit("heading_q16", heading_q16);
-    visit("catch_up_q15", catch_up_q15);
-    visit("limit_um", limit_um);
-  }
 };
 
 /// The part of the errors `behind` [um] that is still to be corrected. All of it is dropped when

@@ -13,13 +13,6 @@ struct Supply {
   int32_t nominal_mv;     ///< Behind the bridge, where the feed-forward holds.
   int32_t drop_mv;        ///< Lost in the bridge.
   int32_t unmeasured_mv;  ///< Battery voltage assumed where it is not measured.
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("nominal_mv", nominal_mv);
-    visit("drop_mv", drop_mv);
-    visit("unmeasured_mv", unmeasured_mv);
-  }
 };
 
 /// Nominal over present supply behind the bridge, x 4096.
@@ -52,15 +45,6 @@ class PlausibilityMonitor {
   }
   /// Somebody has cleared the fault, or what seemed to be one was none.
   void end_evidence() { excess_.end(); }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("slow_umps_q4", slow_umps_q4_);
-    visit("silence_us", silence_us_);
-    visit("excess", excess_);
-    visit("earlier_q4", earlier_q4_);
-    visit("impulse_q15", impulse_q15_);
-  }
 
  private:
   bool lasts(int32_t excess_q15, int32_t gain_q4, int32_t speed_umps, int32_t slow_q4,

@@ -11,6 +11,7 @@ namespace wheelwire {
 
 class MessageServer;
 class Parameters;
+class Robot;
 struct ControlConfig;
 
 /// The inputs of a control step, and what the outputs were until it began.
@@ -35,7 +36,7 @@ class Recorder {
   /// Whether it needs the device's state before anything else. Asked where a step or a message is
   /// about to be carried out.
   bool wants_state() const { return at_ > limit_; }
-  virtual void note_state(MessageServer& device) = 0;
+  virtual void note_state(MessageServer& server, Robot& robot) = 0;
 
   virtual void note_step(const StepNote& note) = 0;
   /// The messages of the step follow, then its outputs.

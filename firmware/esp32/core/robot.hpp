@@ -23,14 +23,6 @@ struct Setpoint {
   WheelPair wheels;    ///< um/s or q15, by the mode.
   uint64_t expiry_us;  ///< Device clock.
   uint32_t command_seq;
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("mode", mode);
-    visit("wheels", wheels);
-    visit("expiry_us", expiry_us);
-    visit("command_seq", command_seq);
-  }
 };
 
 struct Transition {
@@ -65,14 +57,6 @@ struct BoardFacts {
 
   /// On another one the inputs of the power stage that brake may drive.
   bool may_brake() const { return is_confirmed && !on_trial; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("checksum", checksum);
-    visit("max_pwm_hz", max_pwm_hz);
-    visit("is_confirmed", is_confirmed);
-    visit("on_trial", on_trial);
-  }
 };
 
 /// What is in flash, apart from the recorder.
@@ -193,38 +177,6 @@ class Robot {
   uint32_t late_steps() const { return late_steps_; }
   /// The longest time from one step to the next.
   uint32_t longest_interval_us() const { return longest_interval_us_; }
-
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("board", board_);
-    visit("supervisor", supervisor_);
-    visit("parameters_changed", parameters_changed_);
-    visit("unarmed", unarmed_);
-    visit("reflexes", reflexes_);
-    visit("contact_open", contact_open_);
-    visit("stalled", stalled_);
-    visit("failures", failures_);
-    visit("store_faults", store_faults_);
-    visit("repairs", repairs_);
-    visit("next_repair_us", next_repair_us_);
-    visit("faults", faults_);
-    visit("contradictions", contradictions_);
-    visit("last_step_us", last_step_us_);
-    visit("drove_us", drove_us_);
-    visit("quiet_since_us", quiet_since_us_);
-    visit("not_slow_us", not_slow_us_);
-    visit("bumped_until_us", bumped_until_us_);
-    visit("setpoint", setpoint_);
-    visit("target", target_);
-    visit("stop_action", stop_action_);
-    visit("rolling", rolling_);
-    visit("config", config_);
-    visit("drive", drive_);
-    visit("latches", latches_);
-    visit("store_state", store_state_);
-    visit("parameters", parameters_);
-    visit("trial", trial_);
-  }
 
  private:
   void latch();

@@ -33,14 +33,6 @@ class RollingMonitor {
   /// Call when the robot drives.
   void reset() { is_fast_ = is_reported_ = false; }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("is_fast", is_fast_);
-    visit("is_reported", is_reported_);
-    visit("began_umps", began_umps_);
-    visit("since_us", since_us_);
-  }
-
  private:
   // A braked wheel loses half of its speed within a tenth of a second.
   static constexpr uint64_t kWindowUs = 300'000;

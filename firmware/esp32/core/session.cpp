@@ -21,8 +21,8 @@ bool Session::take_command(uint32_t command_seq) {
 Session::Request Session::classify(uint16_t request_id, const Answer*& answer) const {
   // First: one of the answers may be as old as a round of all ids.
   if (static_cast<int16_t>(request_id - newest_request_) > 0) return Request::kNew;
-  const size_t kept = answer_count_ < kAnswers ? answer_count_ : kAnswers;
-  for (size_t i = 0; i < kept; ++i) {
+  const uint32_t kept = answer_count_ < kAnswers ? answer_count_ : kAnswers;
+  for (uint32_t i = 0; i < kept; ++i) {
     if (answers_[i].request_id == request_id) {
       answer = &answers_[i];
       return Request::kRepeat;

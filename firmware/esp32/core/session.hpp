@@ -47,22 +47,8 @@ class Session {
   /// Makes room for the answer to a new request, in place of the oldest one.
   Answer& record(uint16_t request_id);
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("open", open_);
-    visit("nonce", nonce_);
-    visit("id", id_);
-    visit("clock_synchronised", clock_synchronised_);
-    visit("newest_command", newest_command_);
-    visit("newest_request", newest_request_);
-    auto count = static_cast<uint32_t>(answer_count_);
-    visit("answers", count);
-    answer_count_ = count;
-    for (Answer& answer : answers_) visit("answered", answer.request_id);
-  }
-
  private:
-  static constexpr size_t kAnswers = 4;
+  static constexpr uint32_t kAnswers = 4;
 
   bool open_ = false;
   uint32_t nonce_ = 0;
@@ -70,7 +56,7 @@ class Session {
   bool clock_synchronised_ = false;
   uint32_t newest_command_ = 0;
   Answer answers_[kAnswers];
-  size_t answer_count_ = 0;  // since the session was opened
+  uint32_t answer_count_ = 0;  // since the session was opened
   uint16_t newest_request_ = 0;
 };
 

@@ -38,13 +38,6 @@ class StopAction {
   /// Whether it brakes until the robot drives.
   bool holds() const { return mode_ == StopMode::kBrakeUntilDriven; }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("mode", mode_);
-    visit("guards", guards_);
-    visit("until_us", until_us_);
-  }
-
  private:
   static_assert(StopMode::kCoast < StopMode::kBrake &&
                 StopMode::kBrake < StopMode::kBrakeUntilDriven);

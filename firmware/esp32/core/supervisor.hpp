@@ -30,11 +30,6 @@ class Supervisor {
     return state_ != before;
   }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("state", state_);
-  }
-
  private:
   SupervisorState state_ = SupervisorState::kBoot;
 };

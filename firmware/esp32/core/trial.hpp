@@ -34,13 +34,6 @@ class Trial {
   /// Why none can begin, and why what outlasts a session cannot change.
   RefusalCode lasting_refusal() const { return runs() ? RefusalCode::kOnTrial : refusal(); }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("state", state_);
-    visit("deadline_us", deadline_us_);
-    if (runs()) visit("previous", former_);
-  }
-
  private:
   enum class State : uint8_t { kNone, kRuns, kExpired };
 

@@ -24,7 +24,7 @@ constexpr uint32_t kPeriodsOfAPause = 4;
 }  // namespace
 
 void VelocityEstimator::reset() {
-  count_ = 0;
+  marks_.clear();
   direction_ = 0;
   cycle_us_ = 0;
   baseline_ = {};
@@ -40,7 +40,7 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
     // between.
     if (sign(change) != direction_) reset();
     direction_ = sign(change);
-    if (silence_us_ > 0 && follows_a_pause()) count_ = 0;
+    if (silence_us_ > 0 && follows_a_pause()) marks_.clear();
     newest_ = {newest_.ticks + static_cast<uint32_t>(change), t_us, behind_q4};
   }
   if (direction_ == 0) return;
@@ -66,26 +66,20 @@ bool VelocityEstimator::follows_a_pause() const {
 
 /// Takes a mark at times that do not depend on ticks: kMarks of them span kMaxWindows windows.
 void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
-  if (count_ > 0 && t_us - mark(count_ - 1).noted_us < spacing_us_) return;
+  if (marks_.size() > 0 && t_us - marks_[marks_.size() - 1].noted_us < spacing_us_) return;
   // Evenly spaced marks could lock into the ratio of ticks to steps themselves. Dithered by
   // multiples of the golden ratio, the number worst approximated by fractions, they cannot.
   dither_q16_ = static_cast<uint16_t>(dither_q16_ + kGoldenRatio_q16);
   const uint32_t even_us = window_us / kMarksPerWindow;
   spacing_us_ = even_us / 2 + (even_us * dither_q16_ >> 16);
-  if (count_ == kMarks) {
-    first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
-    --count_;
-  }
-  const size_t slot = first_ + count_;
-  marks_[slot < kMarks ? slot : slot - kMarks] = {newest_, t_us};
-  ++count_;
+  marks_.push() = {newest_, t_us};
 }
 
 /// Drops marks that are too old, so that the baseline begins about a window ago.
 void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
   const uint32_t least_us = window_us - window_us / (2 * kMarksPerWindow);
-  while (count_ > 2) {
-    const Mark& next = mark(2);
+  while (marks_.size() > 2) {
+    const Mark& next = marks_[2];
     const uint32_t age_us = t_us - next.noted_us;
     if (age_us < least_us) return;
     const int32_t ticks = magnitude(static_cast<int32_t>(newest_.ticks - next.newest.ticks));
@@ -98,17 +92,16 @@ void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
       return;
     }
     if (cycle_us_ > age_us) cycle_us_ = age_us;
-    first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
-    --count_;
+    marks_.drop_oldest();
   }
 }
 
 /// The mean of two baselines, one mark apart, so that a tick seen late has half the weight.
 void VelocityEstimator::measure() {
-  Tick sum = since(mark(0).newest, newest_);
-  if (count_ > 2) {
-    const Tick later = since(mark(1).newest, newest_);
-    const Tick earlier = since(mark(0).newest, mark(count_ - 2).newest);
+  Tick sum = since(marks_[0].newest, newest_);
+  if (marks_.size() > 2) {
+    const Tick later = since(marks_[1].newest, newest_);
+    const Tick earlier = since(marks_[0].newest, marks_[marks_.size() - 2].newest);
     sum = {later.ticks + earlier.ticks, later.t_us + earlier.t_us,
            later.behind_q4 + earlier.behind_q4};
   }

@@ -11,13 +11,25 @@
 // the length by the number of ticks in it by up to 3.3 % at 100 control steps a second.
 #pragma once
 
-#include <stddef.h>
 #include <stdint.h>
+
+#include "ring.hpp"
 
 namespace wheelwire {
 
 class VelocityEstimator {
  public:
+  struct Tick {
+    uint32_t ticks;
+    uint32_t t_us;
+    uint32_t behind_q4;
+  };
+  /// Which tick was the newest one at `noted_us`.
+  struct Mark {
+    Tick newest;
+    uint32_t noted_us;
+  };
+
   /// Call at every control step with the ticks since the last call, and with how far the wheel is
   /// behind its setpoint, um x 16 (modulo 2^32).
   void update(int32_t change, uint32_t behind_q4, uint64_t now_us, uint32_t period_us,
@@ -33,53 +45,11 @@ class VelocityEstimator {
   /// of the measurement is not mistaken for an error while the setpoint ramps.
   int32_t falling_behind_umps() const { return falling_behind_umps_; }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("direction", direction_);
-    visit("spacing_us", spacing_us_);
-    visit("dither_q16", dither_q16_);
-    visit("cycle_us", cycle_us_);
-    visit("silence_us", silence_us_);
-    visit("newest", newest_);
-    visit("baseline", baseline_);
-    visit("rate_q8", rate_q8_);
-    visit("falling_behind_umps", falling_behind_umps_);
-    auto count = static_cast<uint32_t>(count_);
-    visit("marks", count);
-    if (count > kMarks) return;
-    if (count != count_) first_ = 0;
-    count_ = count;
-    for (size_t i = 0; i < count; ++i) visit("mark", marks_[slot(i)]);
-  }
-
  private:
-  struct Tick {
-    uint32_t ticks;
-    uint32_t t_us;
-    uint32_t behind_q4;
-
-    template <typename Visitor>
-    void visit(Visitor& visit) {
-      visit("ticks", ticks);
-      visit("t_us", t_us);
-      visit("behind_q4", behind_q4);
-    }
-  };
-  /// Which tick was the newest one at `noted_us`.
-  struct Mark {
-    Tick newest;
-    uint32_t noted_us;
-
-    template <typename Visitor>
-    void visit(Visitor& visit) {
-      visit("newest", newest);
-      visit("noted_us", noted_us);
-    }
-  };
   static constexpr uint32_t kMarksPerWindow = 6;
   /// Longest baseline while waiting for a whole cycle of ticks, in windows.
   static constexpr uint32_t kMaxWindows = 4;
-  static constexpr size_t kMarks = kMarksPerWindow * kMaxWindows;
+  static constexpr uint32_t kMarks = kMarksPerWindow * kMaxWindows;
 
   static Tick since(const Tick& before, const Tick& after) {
     return {after.ticks - before.ticks, after.t_us - before.t_us,
@@ -89,15 +59,8 @@ class VelocityEstimator {
   void note(uint32_t t_us, uint32_t window_us);
   void drop_old(uint32_t t_us, uint32_t window_us, bool fine);
   void measure();
-  size_t slot(size_t index) const {
-    const size_t from_start = first_ + index;
-    return from_start < kMarks ? from_start : from_start - kMarks;
-  }
-  const Mark& mark(size_t index) const { return marks_[slot(index)]; }
 
-  Mark marks_[kMarks];  // oldest first, from first_
-  size_t first_ = 0;
-  size_t count_ = 0;
+  Ring<Mark, kMarks> marks_;
   Tick newest_{};
   int32_t direction_ = 0;    // 0: at rest
   uint32_t spacing_us_ = 0;  // To the next mark.

@@ -59,23 +59,6 @@ class Wheel {
   void trim_to(int32_t um) { following_.trim_to(um); }
   bool saturated() const { return controller_.saturated(); }
 
-  template <typename Visitor>
-  void visit(Visitor& visit) {
-    visit("total", total_);
-    visit("estimator", estimator_);
-    visit("controller", controller_);
-    visit("monitor", monitor_);
-    visit("following", following_);
-    visit("plausibility", plausibility_);
-    visit("closed_loop", closed_loop_);
-    visit("reverses", reverses_);
-    visit("yields", yields_);
-    visit("brakes", brakes_);
-    visit("direction", direction_);
-    visit("velocity_umps", velocity_umps_);
-    visit("duty_q15", duty_q15_);
-  }
-
  private:
   int32_t error_umps(int32_t setpoint_umps, int32_t command_umps, const ControlConfig&) const;
   void output(int32_t duty_q15, bool motor_inverted);

@@ -2,9 +2,8 @@
 
 #include <string.h>
 
+#include "core_state.hpp"
 #include "ledger.hpp"
-#include "message_server.hpp"
-#include "state.hpp"
 
 namespace wheelwire {
 
@@ -33,6 +32,54 @@ constexpr uint32_t duties(const StepNote& note) {
   return static_cast<uint16_t>(note.left_duty_q15) |
          static_cast<uint32_t>(static_cast<uint16_t>(note.right_duty_q15)) << 16;
 }
+
+/// Writes each number as one word, or as two, the low one first.
+class StateWriter {
+ public:
+  StateWriter(uint32_t* out, uint32_t* end) : out_(out), end_(end) {}
+
+  template <typename... Parts>
+  void write(Parts&... parts) {
+    (walk(*this, parts), ...);
+  }
+  /// Behind the last word; nullptr: there was no room for all.
+  uint32_t* end() const { return fits_ ? out_ : nullptr; }
+
+  // For `walk`.
+  template <auto kMember>
+  void enter() {}
+  void leave() {}
+  template <typename T>
+  void number(T value) {
+    put(static_cast<uint32_t>(value));
+    if constexpr (sizeof(T) == 8) put(static_cast<uint32_t>(static_cast<uint64_t>(value) >> 32));
+  }
+  void number(float value) { put(__builtin_bit_cast(uint32_t, value)); }
+  template <typename T>
+  void check(const T&) {}
+  template <typename T>
+  void keep(T* part) {
+    put(part != nullptr);
+  }
+  template <typename T, uint32_t kCapacity>
+  uint32_t resize(const Ring<T, kCapacity>& ring) {
+    put(ring.size());
+    return ring.size();
+  }
+
+ private:
+  void put(uint32_t word) {
+    if (out_ == end_) {
+      fits_ = false;
+      return;
+    }
+    *out_++ = word;
+  }
+
+  uint32_t* out_;
+  uint32_t* end_;
+  bool fits_ = true;
+};
 
 }  // namespace
 
@@ -117,15 +164,12 @@ void BlackBox::begin_segment() {
   is_first_ = true;
 }
 
-void BlackBox::note_state(MessageServer& device) {
+void BlackBox::note_state(MessageServer& server, Robot& robot) {
   begin_segment();
   uint32_t* const out = memory_ + at_ + 1;
-  out[0] = (in_step_ ? box::kInStep : 0) | (open_ ? box::kOpenContact : 0) |
-           (device.has_configuration() ? box::kHasConfiguration : 0) |
-           (device.has_archive() ? box::kHasArchive : 0) |
-           (device.has_sensors() ? box::kHasPeripherals : 0);
+  out[0] = (in_step_ ? box::kInStep : 0) | (open_ ? box::kOpenContact : 0);
   StateWriter writer(out + 1, memory_ + end_);
-  device.visit(writer);
+  writer.write(server, robot);
   // It always fits: a test fills it as far as it goes.
   if (writer.end() != nullptr) {
     const auto words = static_cast<size_t>(writer.end() - out);
@@ -236,9 +280,7 @@ void BlackBox::note_parameters(Parameters& parameters, ControlConfig& config,
   if (end_ == 0) return;
   uint32_t* const out = memory_ + at_ + 1;
   StateWriter writer(out, memory_ + end_);
-  writer("", parameters);
-  writer("", config);
-  writer("", contradictions);
+  writer.write(parameters, config, contradictions);
   if (writer.end() == nullptr) return;
   const auto words = static_cast<size_t>(writer.end() - out);
   commit(Kind::kParameters, static_cast<uint32_t>(words), words);

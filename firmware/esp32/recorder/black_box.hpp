@@ -42,7 +42,7 @@ class BlackBox final : public Recorder {
   /// How many segments were begun.
   uint32_t segments() const { return number_; }
 
-  void note_state(MessageServer& device) override;
+  void note_state(MessageServer& server, Robot& robot) override;
   void note_step(const StepNote& note) override;
   void note_message(uint8_t id, const uint8_t* body, size_t size, uint64_t now_us) override;
   void note_hang_up(uint64_t now_us) override;

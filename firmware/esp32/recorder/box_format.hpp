@@ -52,9 +52,6 @@ constexpr size_t kEndWords = 3;
 /// Flags of a kState's first word, and of a kMessage's.
 constexpr uint32_t kInStep = 1;
 constexpr uint32_t kOpenContact = 2;
-constexpr uint32_t kHasConfiguration = 4;
-constexpr uint32_t kHasArchive = 8;
-constexpr uint32_t kHasPeripherals = 16;
 
 /// One more word in a check.
 constexpr uint32_t mix(uint32_t check, uint32_t word) {

@@ -40,19 +40,15 @@ void Rerun::restore() {
                 .estop = estop_,
                 .battery = battery_,
                 .configuration = &store_};
-  if ((flags & box::kHasConfiguration) != 0) {
-    configuration_.emplace(&store_, Chip::kSimulated, nullptr);
-    device_.emplace(hal, Identity{}, kParameters, *configuration_);
-  } else {
-    device_.emplace(hal, Identity{});
-  }
-  if ((flags & box::kHasArchive) != 0) device_->offer(archive_);
-  if ((flags & box::kHasPeripherals) != 0)
-    device_->sense(sensors_.emplace(PeripheralList{}, nullptr, nullptr));
+  // With all parts that there can be: the state takes away those that there were not.
+  configuration_.emplace(&store_, Chip::kSimulated, nullptr);
+  device_.emplace(hal, Identity{}, kParameters, *configuration_);
+  device_->offer(archive_);
+  device_->sense(sensors_.emplace(PeripheralList{}, nullptr, nullptr));
   contact_ = (flags & box::kOpenContact) != 0;
   is_pending_ = (flags & box::kInStep) != 0;
   StateReader reader(next_.payload + 1, next_.words - 1);
-  device_->visit(reader);
+  reader.read(*device_);
   if (!reader.is_whole()) outcome_ = Outcome::kUnreadable;
   now_us_ = device_->last_step_us();
   // Only from here on: what the constructors do is not in the box.
@@ -131,7 +127,7 @@ void Rerun::compare_state() {
   if (next_.kind != Kind::kState || outcome_ != Outcome::kSame) return;
   if (!is_this_core()) return advance();
   StateComparer comparer(next_.payload + 1, next_.words - 1);
-  device_->visit(comparer);
+  comparer.compare(*device_);
   if (comparer.differs()) return differ(comparer.field(), comparer.recorded(), comparer.computed());
   if (!comparer.is_whole()) outcome_ = Outcome::kUnreadable;
   advance();
@@ -215,9 +211,7 @@ void Rerun::note_parameters(Parameters& parameters, ControlConfig& config,
                             uint32_t& contradictions) {
   if (!take(Kind::kParameters)) return;
   StateReader reader(next_.payload, next_.words);
-  reader("parameters", parameters);
-  reader("config", config);
-  reader("contradictions", contradictions);
+  reader.read(parameters, config, contradictions);
   if (!reader.is_whole()) outcome_ = Outcome::kUnreadable;
   advance();
 }

@@ -40,7 +40,7 @@ class Rerun final : public Recorder {
   uint64_t first_us() const { return first_us_; }
   uint64_t last_us() const { return last_us_; }
 
-  void note_state(MessageServer&) override {}  // Each is compared where the box has it.
+  void note_state(MessageServer&, Robot&) override {}  // Each is compared where the box has it.
   void note_step(const StepNote& note) override;
   void note_message(uint8_t id, const uint8_t* body, size_t size, uint64_t now_us) override;
   void note_hang_up(uint64_t now_us) override;

@@ -1,73 +1,99 @@
-// The core's state out of a box, and its comparison with that of a re-run; see core/state.hpp.
+// The core's state out of a box, and its comparison with that of a re-run; see core_state.hpp.
 #pragma once
 
 #include <string.h>
 
 #include <type_traits>
 
-#include "supervisor.hpp"
+#include "core_state.hpp"
 
 namespace wheelwire {
+namespace {
 
 /// The words of a state, in their order.
 class StateWords {
  public:
   StateWords(const uint32_t* words, size_t count) : at_(words), end_(words + count) {}
 
-  /// All were there, and no more than that.
+  /// All were there, no more than that, and none that the core cannot have.
   bool is_whole() const { return is_good_ && at_ == end_; }
 
  protected:
-  uint32_t take() {
+  template <typename T>
+  T take() {
+    if constexpr (std::is_same_v<T, float>) {
+      return __builtin_bit_cast(float, take_word());
+    } else {
+      uint64_t bits = take_word();
+      if constexpr (sizeof(T) == 8) bits |= static_cast<uint64_t>(take_word()) << 32;
+      return static_cast<T>(bits);
+    }
+  }
+  void refuse() { is_good_ = false; }
+
+ private:
+  uint32_t take_word() {
     if (at_ == end_) {
-      is_good_ = false;
+      refuse();
       return 0;
     }
     return *at_++;
   }
-  template <typename T>
-  T take_as() {
-    if constexpr (std::is_same_v<T, float>) {
-      return __builtin_bit_cast(float, take());
-    } else {
-      uint64_t bits = take();
-      if constexpr (sizeof(T) == 8) bits |= static_cast<uint64_t>(take()) << 32;
-      if constexpr (std::is_same_v<T, bool>) return bits != 0;
-      if constexpr (std::is_same_v<T, SupervisorState>) {
-        // The row of a table.
-        if (bits >= kStateCount) is_good_ = false;
-        bits %= kStateCount;
-      }
-      return static_cast<T>(bits);
-    }
-  }
 
   bool is_good_ = true;
-
- private:
   const uint32_t* at_;
   const uint32_t* end_;
 };
 
-/// Sets each field to what the box says.
+/// Sets each field to what the box says, and takes away the parts that it says were not there.
 class StateReader : public StateWords {
  public:
   using StateWords::StateWords;
 
-  template <typename T>
-  void operator()(const char*, T& value) {
-    if constexpr (requires { value.visit(*this); }) {
-      value.visit(*this);
-    } else {
-      value = take_as<T>();
-    }
+  template <typename... Parts>
+  void read(Parts&... parts) {
+    (walk(*this, parts), ...);
   }
-  void operator()(const char* name, int32_t& value) {
-    value = take_as<int32_t>();
-    // The only number by which something is shifted.
-    if (strcmp(name, "memory_shift") != 0 || (value > 2 && value < 20)) return;
-    is_good_ = false;
-    value = 3;
+
+  // For `walk`.
+  template <auto kMember>
+  void enter() {}
+  void leave() {}
+  template <typename T>
+  void number(T& value) {
+    value = take<T>();
+  }
+  /// The row of a table.
+  void number(SupervisorState& state) {
+    const auto row = take<uint32_t>();
+    if (row >= kStateCount) refuse();
+    state = static_cast<SupervisorState>(row % kStateCount);
+  }
+  template <typename T>
+  void check(const T&) {}
+  /// By which the core shifts.
+  void check(ControllerGains& gains) {
+    if (gains.memory_shift > 2 && gains.memory_shift < 20) return;
+    refuse();
+    gains.memory_shift = 3;
+  }
+  template <typename T>
+  void keep(T*& part) {
+    if (!take<bool>())
+      part = nullptr;
+    else if (part == nullptr)
+      refuse();
+  }
+  template <typename T, uint32_t kCapacity>
+  uint32_t resize(Ring<T, kCapacity>& ring) {
+    ring.clear();
+    const auto size = take<uint32_t>();
+    if (size > kCapacity) {
+      refuse();
+      return 0;
+    }
+    while (ring.size() < size) ring.push() = {};
+    return size;
   }
 };
 
@@ -76,44 +102,71 @@ class StateComparer : public StateWords {
  public:
   using StateWords::StateWords;
 
-  template <typename T>
-  void operator()(const char* name, T& value) {
-    const size_t outer = length_;
-    if (!differs_) enter(name);
-    if constexpr (requires { value.visit(*this); }) {
-      value.visit(*this);
-    } else {
-      const T recorded = take_as<T>();
-      if (!differs_ && memcmp(&recorded, &value, sizeof value) != 0) {
-        differs_ = true;
-        recorded_ = static_cast<double>(recorded);
-        computed_ = static_cast<double>(value);
-      }
-    }
-    if (!differs_) length_ = outer;
+  template <typename... Parts>
+  void compare(Parts&... parts) {
+    (walk(*this, parts), ...);
   }
-
   bool differs() const { return differs_; }
-  /// "robot.drive.left.velocity_umps".
+  /// "drive.left.velocity_umps".
   const char* field() const { return path_; }
   double recorded() const { return recorded_; }
   double computed() const { return computed_; }
 
+  // For `walk`.
+  template <auto kMember>
+  void enter() {
+    if (!differs_) append(name_of<kMember>());
+  }
+  void leave() {
+    if (differs_) return;
+    char* const point = strrchr(path_, '.');
+    *(point == nullptr ? path_ : point) = '\0';
+  }
+  template <typename T>
+  void number(const T& value) {
+    const T recorded = take<T>();
+    if (differs_ || memcmp(&recorded, &value, sizeof value) == 0) return;
+    differs_ = true;
+    recorded_ = static_cast<double>(recorded);
+    computed_ = static_cast<double>(value);
+  }
+  template <typename T>
+  void check(const T&) {}
+  template <typename T>
+  void keep(T* part) {
+    number(part != nullptr);
+  }
+  template <typename T, uint32_t kCapacity>
+  uint32_t resize(const Ring<T, kCapacity>& ring) {
+    number(ring.size());
+    return ring.size();
+  }
+
  private:
-  void enter(const char* name) {
-    const size_t size = strlen(name);
-    const size_t point = length_ == 0 ? 0 : 1;
-    if (length_ + point + size >= sizeof path_) return;
-    if (point != 0) path_[length_] = '.';
-    memcpy(path_ + length_ + point, name, size + 1);
-    length_ += point + size;
+  struct Name {
+    const char* text;
+    size_t size;
+  };
+  /// "velocity_umps" of `&Wheel::velocity_umps_`, as compilers write that.
+  template <auto kMember>
+  static Name name_of() {
+    const char* const text = strrchr(__PRETTY_FUNCTION__, ':') + 1;
+    const size_t size = strcspn(text, ";,]");
+    return {text, text[size - 1] == '_' ? size - 1 : size};
+  }
+  void append(Name name) {
+    size_t length = strlen(path_);
+    if (length + name.size + 2 > sizeof path_) return;
+    if (length != 0) path_[length++] = '.';
+    memcpy(path_ + length, name.text, name.size);
+    path_[length + name.size] = '\0';
   }
 
   char path_[120] = "";
-  size_t length_ = 0;
   bool differs_ = false;
   double recorded_ = 0;
   double computed_ = 0;
 };
 
+}  // namespace
 }  // namespace wheelwire

@@ -365,7 +365,7 @@ TEST(a_state_that_is_not_what_the_re_run_computes_names_its_field) {
   robot.bench.run(1000);
   Rerun rerun(robot.memory.data());
   CHECK(rerun.run() == Outcome::kDiffers);
-  CHECK(std::strcmp(rerun.difference().field, "session.newest_request") == 0);
+  CHECK(std::strcmp(rerun.difference().field, "server.session.newest_request") == 0);
   CHECK(rerun.difference().recorded == 3 && rerun.difference().computed == 0);
 }
 
