@@ -1,38 +1,9 @@
 #include "drive.hpp"
 
+#include "slew.hpp"
+
 namespace wheelwire {
 namespace {
-
-/// value * part / whole, for |part| <= |whole|.
-int32_t proportion(int32_t value, int32_t part, int32_t whole) {
-  return static_cast<int32_t>(static_cast<int64_t>(value) * part / whole);
-}
-
-/// One step towards `wanted`, within the slew limit.
-int32_t step_towards(int32_t from, int32_t wanted, int32_t max_step) {
-  // Not by 64-bit sums: they take ten times as many instructions.
-  int32_t low;
-  int32_t high;
-  if (__builtin_sub_overflow(from, max_step, &low)) low = -INT32_MAX;
-  if (__builtin_add_overflow(from, max_step, &high)) high = INT32_MAX;
-  return clamp(wanted, low, high);
-}
-
-int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
-
-/// a - b, saturated symmetrically.
-int32_t difference(int32_t a, int32_t b) {
-  int32_t result;
-  if (__builtin_sub_overflow(a, b, &result)) return a < b ? -INT32_MAX : INT32_MAX;
-  return greater(result, -INT32_MAX);
-}
-
-/// `slewed`, or one step towards the limit where a lowered one leaves the output above it.
-int32_t towards_limit(int32_t slewed, int32_t before, const ControlConfig& config) {
-  const int32_t limit = config.gains.limit_q15;
-  if (magnitude(slewed) <= limit) return slewed;
-  return step_towards(before, clamp(slewed, -limit, limit), config.duty_slew_q15);
-}
 
 /// What an encoder that fails may report is bounded here once: a correction is at most as large as
 /// the setpoint, so that no sum of the two overflows, however long the robot follows.
@@ -53,21 +24,6 @@ uint32_t flags_of(WheelFault left, WheelFault right) {
 }
 
 }  // namespace
-
-WheelPair scale_to_limit(WheelPair target, int32_t limit) {
-  const int32_t peak = greater(magnitude(target.left), magnitude(target.right));
-  if (peak <= limit) return target;
-  return {proportion(target.left, limit, peak), proportion(target.right, limit, peak)};
-}
-
-WheelPair approach(WheelPair from, WheelPair to, int32_t max_step) {
-  const int32_t left = difference(to.left, from.left);
-  const int32_t right = difference(to.right, from.right);
-  const int32_t peak = greater(magnitude(left), magnitude(right));
-  if (peak <= max_step) return to;
-  return {from.left + proportion(left, max_step, peak),
-          from.right + proportion(right, max_step, peak)};
-}
 
 int32_t Drive::speed_umps() const {
   return greater(magnitude(left_.velocity_umps()), magnitude(right_.velocity_umps()));
@@ -147,8 +103,9 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     slewed_ = approach(before, target, config.duty_slew_q15);
     // `approach` keeps the ratio of the wheels' steps, so a wheel just above a lowered limit would
     // stay there for as long as the other one has far to go.
-    slewed_ = {towards_limit(slewed_.left, before.left, config),
-               towards_limit(slewed_.right, before.right, config)};
+    slewed_ = {
+        towards_limit(slewed_.left, before.left, config.gains.limit_q15, config.duty_slew_q15),
+        towards_limit(slewed_.right, before.right, config.gains.limit_q15, config.duty_slew_q15)};
     left_.drive_duty(slewed_.left, config.left_motor_inverted);
     right_.drive_duty(slewed_.right, config.right_motor_inverted);
   }

@@ -2,24 +2,12 @@
 #pragma once
 
 #include "overspeed.hpp"
+#include "reflex.hpp"
 #include "wheel.hpp"
 
 namespace wheelwire {
 
 enum class ControlMode : uint8_t { kVelocity, kDuty };
-
-/// Both scaled by one factor, so that neither exceeds the limit and the path keeps its curvature.
-WheelPair scale_to_limit(WheelPair target, int32_t limit);
-
-/// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.
-WheelPair approach(WheelPair from, WheelPair to, int32_t max_step);
-
-/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: turning
-/// a wheel towards a bumper, be it one alone, which would sweep the robot along the obstacle.
-constexpr bool forbids(uint8_t reflexes, WheelPair wheels) {
-  return ((reflexes & reflex::kNoForward) != 0 && (wheels.left > 0 || wheels.right > 0)) ||
-         ((reflexes & reflex::kNoReverse) != 0 && (wheels.left < 0 || wheels.right < 0));
-}
 
 class Drive {
  public:

@@ -20,6 +20,8 @@ constexpr T magnitude(T value) {
   return value < 0 ? -value : value;
 }
 
+constexpr int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
+
 /// Of counts that wrap.
 constexpr int32_t wrapped_difference(int32_t later, int32_t earlier) {
   return static_cast<int32_t>(static_cast<uint32_t>(later) - static_cast<uint32_t>(earlier));

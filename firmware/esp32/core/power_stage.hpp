@@ -1,4 +1,5 @@
-// One wheel's power stage as a motor port: its truth table is data.
+// One wheel's power stage as a motor port. Its truth table is data: a stage is added to `STAGES` in
+// protocol/wheelwire_protocol/board.py.
 #pragma once
 
 #include "board_tables.hpp"

@@ -1,6 +1,8 @@
 #include "robot.hpp"
 
 #include "contradictions.hpp"
+#include "deadline.hpp"
+#include "slew.hpp"
 
 namespace wheelwire {
 
@@ -62,20 +64,11 @@ void Robot::begin_step(uint64_t now_us) {
   trip(faults, now_us);
 }
 
-void Robot::note_reflexes(uint8_t reflexes) {
-  if (reflexes == reflexes_) return;
-  if (recorder_ != nullptr) recorder_->note_reflexes(reflexes);
-  reflexes_ = reflexes;
-  note_forbidden();
-  target_ = limited(setpoint_);
-  note_latches();
-}
-
 void Robot::finish_step(uint64_t now_us) {
   // Not by `check_contact`: each step would pay for the call.
   const bool is_open = contact_is_open();
   if (is_open != contact_open_) note_contact(is_open, now_us);
-  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us) {
+  if (supervisor_.may_drive() && has_passed(setpoint_.expiry_us, now_us)) {
     begin_action(StopMode::kConfigured, false, now_us);
     apply(SupervisorEvent::kDeadline, now_us, StopCause::kDeadline);
   }
@@ -153,46 +146,6 @@ void Robot::actuate(uint64_t now_us) {
   if (!supervisor_.may_drive()) return stand_still(now_us);
   if (forbidden() != 0) return actuate_within_reflexes(now_us);
   follow();
-}
-
-/// A wheel that is driven towards a bumper is released in this very step, also where the setpoint
-/// is allowed and the wheels still slew from one that is not. Then a setpoint towards the bumper
-/// counts as zero.
-void Robot::actuate_within_reflexes(uint64_t now_us) {
-  const bool is_held = forbids(forbidden(), target_);
-  if (is_held) hold_off(now_us);
-  if (drive_.goes_against_reflexes()) {
-    drive_.release();
-    bumped_until_us_ = now_us + config_.brake_time_us;
-  }
-  if (is_held || (target_.is_zero() && now_us < bumped_until_us_)) return hold_still(now_us);
-  follow();
-}
-
-/// By what a stop does for as long as the robot slides on towards the bumper, then as a setpoint of
-/// zero holds it. An open loop has nothing to hold it by.
-void Robot::hold_still(uint64_t now_us) {
-  const bool slides =
-      now_us < bumped_until_us_ && !drive_.is_following() && drive_.turns_against_reflexes();
-  if (slides || setpoint_.mode == ControlMode::kDuty) {
-    drive_.release();  // What follows begins anew, not at the duty of before.
-    return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
-  }
-  drive_.follow(ControlMode::kVelocity, {}, config_);
-  // While its command comes down to zero the loop drives it. If it moves on after that, it rolls.
-  if (!drive_.commanded().is_zero()) return rolling_.reset();
-  note_speed(now_us);
-}
-
-/// From now on the robot is to be armed before it goes towards the bumper.
-void Robot::hold_off(uint64_t now_us) {
-  const auto held_by = [this](uint32_t way) {
-    return forbids(static_cast<uint8_t>(forbidden() & way), target_) ? static_cast<uint8_t>(way)
-                                                                     : uint8_t{0};
-  };
-  const auto held = static_cast<uint8_t>(held_by(reflex::kNoForward) | held_by(reflex::kNoReverse));
-  if (moves_) end_motion(StopCause::kBumper, now_us);
-  if ((held & ~unarmed_) != 0) disarm(held, now_us);
 }
 
 void Robot::follow() {
@@ -336,7 +289,7 @@ void Robot::begin_action(StopMode mode, bool may_weaken, uint64_t now_us) {
 // --- setpoints -----------------------------------------------------------------------------------
 
 RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
-  if (setpoint.expiry_us <= now_us) return RefusalCode::kExpired;
+  if (has_passed(setpoint.expiry_us, now_us)) return RefusalCode::kExpired;
   if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
@@ -344,11 +297,10 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
     return standing_refusal(setpoint, now_us);
   if (unarmed_ != 0 && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
-  const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
       .wheels = setpoint.wheels,
-      .expiry_us = setpoint.expiry_us < latest_us ? setpoint.expiry_us : latest_us,
+      .expiry_us = deadline_of(setpoint.expiry_us, now_us, config_.ttl_max_us),
       .command_seq = setpoint.command_seq,
   };
   target_ = limited(setpoint);

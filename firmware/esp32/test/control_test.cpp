@@ -1,5 +1,6 @@
 #include "check.hpp"
 #include "drive.hpp"
+#include "slew.hpp"
 
 using namespace wheelwire;
 
