@@ -92,11 +92,11 @@ struct wheelwire_core {
 
   /// What the caller has given cannot be changed by a host.
   void start_device() {
-    if (!description) {
+    if (!given_configuration) {
       device.emplace(hal(), identity, specs);
       return;
     }
-    configuration.emplace(nullptr, description->board.chip, &*description,
+    configuration.emplace(nullptr, given_configuration->board.chip, &*given_configuration,
                           wheelwire::ActiveConfiguration::BuiltIn::kConfirmed);
     configuration->start();
     device.emplace(hal(), identity, specs, *configuration);
@@ -129,7 +129,7 @@ struct wheelwire_core {
   NoStore no_store;
   Contact contact;
   Battery battery;
-  std::optional<wheelwire::Configuration> description;  // Once it was given.
+  std::optional<wheelwire::Configuration> given_configuration;  // Once it was given.
   wheelwire_sensors* sensors = nullptr;
   std::optional<wheelwire::ActiveConfiguration> configuration;
   std::optional<wheelwire::SensorServer> sensor_server;
@@ -164,7 +164,7 @@ uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* packed, size_t
   core->left_motor.emplace(core->left_pins, stage);
   core->right_motor.emplace(core->right_pins, stage);
   wheelwire::apply_board(configuration.board, core->specs);
-  core->description = configuration;
+  core->given_configuration = configuration;
   return 0;
 }
 
@@ -182,9 +182,10 @@ uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus, uint64_t no
 }
 
 uint8_t wheelwire_core_sense(wheelwire_core* core, wheelwire_sensors* sensors) {
-  if (!core->description) return static_cast<uint8_t>(wheelwire::PeripheralFault::kNotOnThisChip);
+  if (!core->given_configuration)
+    return static_cast<uint8_t>(wheelwire::PeripheralFault::kNotOnThisChip);
   const wheelwire::PeripheralFault fault =
-      wheelwire::first_issue(sensors->port.list(), core->description->board).fault;
+      wheelwire::first_issue(sensors->port.list(), core->given_configuration->board).fault;
   if (fault == wheelwire::PeripheralFault::kNone) core->sensors = sensors;
   return static_cast<uint8_t>(fault);
 }
