@@ -82,16 +82,16 @@ class Line final : public ByteStream {
   uint32_t bytes_per_second() const override { return 0; }
 };
 
-/// The caller's block: the saved parameters in two slots, each behind its size.
+/// The caller's block: the saved parameters in two copies, each behind its size.
 class Store {
  public:
   Store(const uint8_t* block, size_t size, wheelwire_save save, void* context)
       : save_(save), context_(context) {
     if (size >= kHead && memcmp(block, kMagic, kHead) == 0) {
       const uint8_t* at = block + kHead;
-      for (Slot& slot : slots_) at = slot.take(at, block + size);
+      for (Copy& copy : copies_) at = copy.take(at, block + size);
     } else if (size > 0) {
-      slots_[0].put(block, size);  // As an earlier release wrote it, or damaged.
+      copies_[0].put(block, size);  // As an earlier release wrote it, or damaged.
     }
   }
   Store(const Store&) = delete;
@@ -104,9 +104,9 @@ class Store {
   static constexpr size_t kHead = sizeof kMagic - 1;
   static constexpr size_t kRoom = kMaxParameterBlock + TwinStore::kTail;
 
-  class Slot final : public BlockStore {
+  class Copy final : public BlockStore {
    public:
-    explicit Slot(Store& store) : store_(store) {}
+    explicit Copy(Store& store) : store_(store) {}
 
     size_t load(uint8_t* out, size_t capacity) override {
       memcpy(out, bytes_, size_ < capacity ? size_ : capacity);
@@ -114,10 +114,10 @@ class Store {
     }
     bool save(const uint8_t* data, size_t size) override {
       if (size > sizeof bytes_) return false;
-      const Slot before = *this;
+      const Copy before = *this;
       put(data, size);
       if (store_.forward()) return true;
-      restore(before);
+      put(before.bytes_, before.size_);
       return false;
     }
 
@@ -143,8 +143,6 @@ class Store {
     }
 
    private:
-    void restore(const Slot& before) { put(before.bytes_, before.size_); }
-
     Store& store_;
     size_t size_ = 0;
     uint8_t bytes_[kRoom];
@@ -154,14 +152,14 @@ class Store {
     uint8_t block[kHead + 2 * (2 + kRoom)];
     memcpy(block, kMagic, kHead);
     uint8_t* at = block + kHead;
-    for (const Slot& slot : slots_) at = slot.write(at);
+    for (const Copy& copy : copies_) at = copy.write(at);
     return save_(context_, block, static_cast<size_t>(at - block)) != 0;
   }
 
   wheelwire_save save_;
   void* context_;
-  Slot slots_[2]{Slot{*this}, Slot{*this}};
-  TwinStore parameters_{slots_[0], slots_[1]};
+  Copy copies_[2]{Copy{*this}, Copy{*this}};
+  TwinStore parameters_{copies_[0], copies_[1]};
 };
 
 /// What is latched, kept by the caller.

@@ -153,12 +153,9 @@ class BoardCheck {
 
   constexpr void check_standby() {
     if (board_.standby < 0) return;
-    if (!stage_.has_standby) {
-      tell(BoardFault::kPinWithoutUse, BoardPin::kStandby);
-    } else {
-      check_drives(BoardPin::kStandby);
-      check_low_at_reset(BoardPin::kStandby, false);
-    }
+    if (!stage_.has_standby) return tell(BoardFault::kPinWithoutUse, BoardPin::kStandby);
+    check_drives(BoardPin::kStandby);
+    check_low_at_reset(BoardPin::kStandby, false);
   }
 
   /// While the chip starts, only resistors keep an input low that holds the motors off. The stage's
@@ -210,12 +207,8 @@ class BoardCheck {
   }
 
   constexpr void check_led() {
-    if (board_.led < 0) return;
-    if (!chip_.has_led) {
-      tell(BoardFault::kNotOnThisChip, BoardPin::kLed);
-    } else {
-      check_drives(BoardPin::kLed);
-    }
+    if (board_.led >= 0 && !chip_.has_led) return tell(BoardFault::kNotOnThisChip, BoardPin::kLed);
+    check_drives(BoardPin::kLed);
   }
 
   constexpr void check_pull_downs() {

@@ -8,7 +8,6 @@ namespace {
 
 constexpr uint16_t kMagic = 0x4c57;  // "WL"
 constexpr uint8_t kEstopFlag = 1;
-// Not set in records of releases that do not know them.
 constexpr uint8_t kBatteryFlag = 4;
 constexpr uint8_t kHoldFlag = 8;
 constexpr uint8_t kMovesFlag = 16;
@@ -57,19 +56,12 @@ Latches LatchKeeper::start() {
       store_.faults() != 0 || (stored_size != 0 && !Latches::decode(record, stored_size, stored));
   is_stored_ = stored.estop;
   const size_t size = memory_.load(record, sizeof record);
-  if (size == 0) {
-    // The power was off: only flash knows.
-    latches_ = {};
-    latches_.estop = is_stored_;
-    if (is_stored_) latches_.source = EstopSource::kBeforePowerOn;
-  } else if (!Latches::decode(record, size, latches_, &stop_)) {
-    latches_ = {};
-    latches_.estop = true;
-    latches_.source = EstopSource::kDamagedRecord;
-  }
-  // Also where the memory says otherwise: what is damaged may be an e-stop, until somebody clears
-  // it.
-  if (is_damaged_ && !latches_.estop) {
+  // Without one the power was off: only flash knows.
+  if (size == 0 && is_stored_) latches_ = {.estop = true, .source = EstopSource::kBeforePowerOn};
+  const bool is_whole = size == 0 || Latches::decode(record, size, latches_, &stop_);
+  // What is damaged may be an e-stop, until somebody clears it, also where the other one says that
+  // there is none.
+  if ((is_damaged_ || !is_whole) && !latches_.estop) {
     latches_.estop = true;
     latches_.source = EstopSource::kDamagedRecord;
   }

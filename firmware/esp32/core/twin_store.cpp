@@ -26,10 +26,10 @@ void TwinStore::record(TwinStore& parameters, TwinStore& latches) {
 }
 
 size_t TwinStore::load(uint8_t* out, size_t capacity) {
-  Slot content;
-  const int slot = find(content);
-  if (slot < 0) return 0;
-  read(slot);
+  Copy content;
+  const int copy = find(content);
+  if (copy < 0) return 0;
+  read(copy);
   memcpy(out, buffer_, content.size < capacity ? content.size : capacity);
   return content.size;
 }
@@ -37,7 +37,7 @@ size_t TwinStore::load(uint8_t* out, size_t capacity) {
 bool TwinStore::save(const uint8_t* data, size_t size) {
   if (size == 0 || size > kCapacity) return false;
   if (waits_ && !recorder_->note(0)) return false;
-  Slot content;
+  Copy content;
   const int last = find(content) == 0 ? 0 : 1;
   content.size = size;
   ++content.number;
@@ -52,17 +52,17 @@ bool TwinStore::save(const uint8_t* data, size_t size) {
 }
 
 bool TwinStore::repair() {
-  Slot content;
-  const int slot = find(content);
-  if (slot < 0 || !is_incomplete_) return true;
-  read(slot);
-  is_incomplete_ = !write(1 - slot, content) || (recorder_ != nullptr && !recorder_->note(flag_));
+  Copy content;
+  const int copy = find(content);
+  if (copy < 0 || !is_incomplete_) return true;
+  read(copy);
+  is_incomplete_ = !write(1 - copy, content) || (recorder_ != nullptr && !recorder_->note(flag_));
   return !is_incomplete_;
 }
 
-TwinStore::Slot TwinStore::read(int slot) {
-  Slot found;
-  const size_t size = slots_[slot]->load(buffer_, sizeof buffer_);
+TwinStore::Copy TwinStore::read(int copy) {
+  Copy found;
+  const size_t size = copies_[copy]->load(buffer_, sizeof buffer_);
   if (size == 0) return found;
   found.state = State::kDamaged;
   if (size < kTail || size > sizeof buffer_ || crc32(buffer_, size) != kCrcResidue) return found;
@@ -76,24 +76,24 @@ TwinStore::Slot TwinStore::read(int slot) {
   return found;
 }
 
-int TwinStore::find(Slot& content) {
-  const Slot slots[2] = {read(0), read(1)};
-  const bool whole[2] = {slots[0].state == State::kWhole, slots[1].state == State::kWhole};
+int TwinStore::find(Copy& content) {
+  const Copy copies[2] = {read(0), read(1)};
+  const bool whole[2] = {copies[0].state == State::kWhole, copies[1].state == State::kWhole};
   // The difference, as the numbers may wrap.
-  const auto ahead = static_cast<int32_t>(slots[1].number - slots[0].number);
+  const auto ahead = static_cast<int32_t>(copies[1].number - copies[0].number);
   is_incomplete_ = has_lost_copy_ = false;
   if (whole[0] || whole[1]) {
     const int newest = whole[1] && (!whole[0] || ahead > 0) ? 1 : 0;
-    content = slots[newest];
+    content = copies[newest];
     faults_ = 0;
     has_lost_copy_ = !(whole[0] && whole[1]);
     is_incomplete_ =
         has_lost_copy_ || ahead != 0 || (recorder_ != nullptr && !recorder_->records(flag_));
     return newest;
   }
-  faults_ = slots_[0]->faults() | slots_[1]->faults();
-  const auto either = [&slots](State state) {
-    return slots[0].state == state || slots[1].state == state;
+  faults_ = copies_[0]->faults() | copies_[1]->faults();
+  const auto either = [&copies](State state) {
+    return copies[0].state == state || copies[1].state == state;
   };
   if (either(State::kOutdated)) {
     faults_ |= fault::kStoreOutdated;
@@ -103,25 +103,25 @@ int TwinStore::find(Slot& content) {
   return -1;
 }
 
-bool TwinStore::write(int slot, const Slot& content, const uint8_t* data) {
+bool TwinStore::write(int copy, const Copy& content, const uint8_t* data) {
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     memcpy(buffer_, data, content.size);
-    if (write(slot, content)) return true;
+    if (write(copy, content)) return true;
   }
   return false;
 }
 
-bool TwinStore::write(int slot, const Slot& content) {
+bool TwinStore::write(int copy, const Copy& content) {
   uint8_t* at = buffer_ + content.size;
   wire::put(at, kMagic);
   wire::put(at, content.records);
   wire::put(at, content.number);
   const uint32_t crc = crc32(buffer_, static_cast<size_t>(at - buffer_));
   wire::put(at, crc);
-  if (!slots_[slot]->save(buffer_, content.size + kTail)) return false;
+  if (!copies_[copy]->save(buffer_, content.size + kTail)) return false;
   // Flash that was written while the power failed may take a later write badly, and NVS may lose an
   // entry that it has just taken.
-  const Slot written = read(slot);
+  const Copy written = read(copy);
   if (written.state != State::kWhole || written.size != content.size) return false;
   const uint8_t* end = buffer_ + content.size + kTail - sizeof crc;
   uint32_t read_back;
@@ -131,7 +131,7 @@ bool TwinStore::write(int slot, const Slot& content) {
 
 /// Records that another block exists; 0: only makes sure that there is a record at all.
 bool TwinStore::note(uint8_t flag) {
-  Slot content;
+  Copy content;
   const int found = find(content);
   // A configuration that is damaged stays so until another one is written.
   if (found < 0 && faults_ != 0) return true;
@@ -154,7 +154,7 @@ uint8_t TwinStore::existing() {
 }
 
 bool TwinStore::records(uint8_t flag) {
-  Slot content;
+  Copy content;
   return find(content) >= 0 && (content.records & flag) != 0;
 }
 
@@ -162,7 +162,7 @@ bool TwinStore::exists() {
   return read(0).state != State::kEmpty || read(1).state != State::kEmpty;
 }
 
-/// Both slots are empty. Whether there was a block.
+/// Both copies are empty. Whether there was a block.
 bool TwinStore::is_gone() {
   if (recorder_ != nullptr) return recorder_->records(flag_);
   return others_[0] != nullptr && others_[0]->exists();

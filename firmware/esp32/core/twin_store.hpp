@@ -1,32 +1,32 @@
-// A block in two slots, which hold the same: one that is lost is written anew from the other.
+// A block in two copies, which hold the same: one that is lost is written anew from the other.
 #pragma once
 
 #include "hal.hpp"
 
 namespace wheelwire {
 
-/// Each slot holds the block, a number that grows with each save, and a checksum. A save is done
-/// once both slots hold it and were read back. If the power goes in the middle, the slot with the
-/// higher number counts: it holds the old block or the new one. Where neither slot is whole, the
+/// Each copy holds the block, a number that grows with each save, and a checksum. A save is done
+/// once both copies hold it and were read back. If the power goes in the middle, the copy with the
+/// higher number counts: it holds the old block or the new one. Where neither copy is whole, the
 /// block is damaged.
 ///
-/// Flash may lose a slot without a trace: NVS erases a blob whose checksum is wrong. So one store,
+/// Flash may lose a copy without a trace: NVS erases a blob whose checksum is wrong. So one store,
 /// that of the configuration, records which other blocks exist: see `record`.
 class TwinStore final : public BlockStore {
  public:
   /// The longest block.
   static constexpr size_t kCapacity = 480;
-  /// What a slot has beside the block.
+  /// What a copy has beside the block.
   static constexpr size_t kTail = 11;
 
-  TwinStore(BlockStore& first, BlockStore& second) : slots_{&first, &second} {}
+  TwinStore(BlockStore& first, BlockStore& second) : copies_{&first, &second} {}
   /// From now on this store records whether these have a block. `parameters` get none before this
   /// store has something, so they prove that it had. An e-stop does not wait for a record.
   void record(TwinStore& parameters, TwinStore& latches);
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
-  bool format() override { return slots_[0]->format() && slots_[1]->format(); }
+  bool format() override { return copies_[0]->format() && copies_[1]->format(); }
   /// As of the last load().
   uint32_t faults() override { return faults_; }
   bool has_lost_copy() override { return has_lost_copy_; }
@@ -35,7 +35,7 @@ class TwinStore final : public BlockStore {
 
  private:
   enum class State : uint8_t { kEmpty, kWhole, kDamaged, kOutdated };
-  struct Slot {
+  struct Copy {
     State state = State::kEmpty;
     uint8_t records = 0;  ///< Flags of the other blocks that exist.
     size_t size = 0;      ///< Of the block.
@@ -43,20 +43,20 @@ class TwinStore final : public BlockStore {
   };
 
   /// Reads into buffer_.
-  Slot read(int slot);
-  /// The slot that counts, and what it holds; -1 if neither is whole.
-  int find(Slot& content);
+  Copy read(int copy);
+  /// The copy that counts, and what it holds; -1 if neither is whole.
+  int find(Copy& content);
   /// Writes the block in buffer_, which afterwards holds what was read back.
-  bool write(int slot, const Slot& content);
-  bool write(int slot, const Slot& content, const uint8_t* data);
+  bool write(int copy, const Copy& content);
+  bool write(int copy, const Copy& content, const uint8_t* data);
   bool note(uint8_t flag);
   uint8_t existing();
   bool records(uint8_t flag);
-  /// Whether a slot holds anything, be it damaged.
+  /// Whether a copy holds anything, be it damaged.
   bool exists();
   bool is_gone();
 
-  BlockStore* slots_[2];
+  BlockStore* copies_[2];
   TwinStore* others_[2]{};         ///< What this one records.
   TwinStore* recorder_ = nullptr;  ///< What records this one,
   uint8_t flag_ = 0;               ///< and as what,
