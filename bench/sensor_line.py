@@ -11,7 +11,7 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.sensors import sentence_of_event
 from wheelwire_protocol import Decoder
 from wheelwire_protocol.sensors import SensorEventCode
@@ -56,8 +56,8 @@ def load_of(baud: int, states_hz: int) -> Load:
     """Drive on such a line."""
     with MockDriver(realtime=False) as robot:
         robot.simulator.set("baud_rate", baud)
-        tap = TapReader()
-        robot._link.listen_to_tap(tap)
+        tap = TrafficReader()
+        robot._link.listen_to_traffic(tap)
         robot._link.request(SetStreamRate(0, 0, states_hz))
         robot.sensors.start(IMU_HZ)
         robot.advance(0.5)

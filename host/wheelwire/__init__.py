@@ -58,10 +58,10 @@ if TYPE_CHECKING:
     from .holds import Program as Program
     from .link.info import Health as Health
     from .link.info import LinkStatistics as LinkStatistics
-    from .link.latest_sample import Latest as Latest
-    from .link.port_list import SerialPort as SerialPort
-    from .link.port_list import ports as ports
-    from .link.sample_iterator import SampleIterator as SampleIterator
+    from .link.ports import SerialPort as SerialPort
+    from .link.ports import ports as ports
+    from .link.sample_stream import Latest as Latest
+    from .link.sample_stream import SampleIterator as SampleIterator
     from .motion.covariance import PoseCovariance as PoseCovariance
     from .motion.kinematics import DifferentialDrive as DifferentialDrive
     from .motion.kinematics import Twist as Twist

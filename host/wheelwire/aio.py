@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
 from .arguments import timeout_s
 from .errors import DriverUnavailable
-from .link.news import Happening
-from .link.sample_iterator import SampleIterator as _SampleQueue
+from .link.notices import Happening
+from .link.sample_stream import SampleIterator as _SampleQueue
 from .link.sensor_stream import EVENTS, RANGE
 from .robot.base import FIRST_SAMPLE_S
 from .robot.black_boxes import AwaitableRecorder as DeviceRecorder

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from .arguments import path as checked_path
 from .arguments import text
 from .errors import DriverUnavailable, InvalidArgument, InvalidCommand, RobotNotNamed, meant, shown
-from .link.port_name import port_name
+from .link.ports import port_name
 
 # Drivers, files and recordings are imported when used: the import of wheelwire stays quick.
 if TYPE_CHECKING:

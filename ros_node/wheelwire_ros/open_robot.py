@@ -17,7 +17,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire.link.pacer import Pacer
+from wheelwire.link.sample_stream import Pacer
 from wheelwire.log.why import Stop
 from wheelwire.robot.robot import DeviceDriver
 

@@ -34,7 +34,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.log import messages
 from wheelwire.log.obstacles import OBSTACLES, obstacles
 from wheelwire.peripherals import BatteryLevels, Peripheral

@@ -9,7 +9,7 @@ import pytest
 
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused
-from wheelwire.link.stored_boxes import Recorded
+from wheelwire.link.info import Recorded
 from wheelwire.log.why.device import DatedStop, ledger_facts, stops_of_device
 from wheelwire_protocol.codes import Group, ResetReason, SupervisorState
 from wheelwire_protocol.types import GROUP_HASHES

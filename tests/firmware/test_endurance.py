@@ -14,7 +14,7 @@ from support.endurance import (
 )
 from support.host_samples import remeasured
 from support.library_robot import LibraryRobot
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.tools.files.bad_line import load_profile, shipped_profiles
 
 TICKS_A_STEP = 15_000

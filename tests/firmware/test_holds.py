@@ -12,7 +12,7 @@ import pytest
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.errors import WheelwireError
 from wheelwire.holds import HeldBy
-from wheelwire.link.stored_boxes import Recorded
+from wheelwire.link.info import Recorded
 from wheelwire.log.why.device import stops_of_device
 from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.tools.files.board import load_board

@@ -9,8 +9,8 @@ import pytest
 
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
+from wheelwire.link.info import StoredBox
 from wheelwire.link.requests import Answer, RequestMessage
-from wheelwire.link.stored_boxes import StoredBox
 from wheelwire.robot.black_boxes import AwaitableRecorder
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState

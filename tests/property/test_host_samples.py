@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.host_samples import measurement, sample, wrap
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
 
 int32 = st.integers(-(2**31), 2**31 - 1)
 travels = st.integers(-(2**31), 2**31 - 1)

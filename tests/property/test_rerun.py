@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.session import Phase, Session
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire.simulation.libfwsim import FwSim
@@ -24,8 +24,8 @@ from wheelwire_protocol.types import GroupGet, ParameterGet, ParameterSet, Senso
 BAD = Impairment(delay_us=300, jitter_us=4000, loss=0.05, flip=0.02, repeat=0.02, reorder=0.02)
 
 
-def listened(line: VirtualLine) -> TapReader:
-    reader = TapReader(limit=1_000_000)
+def listened(line: VirtualLine) -> TrafficReader:
+    reader = TrafficReader(limit=1_000_000)
     line.session.listen(reader, line.now_us)
     return reader
 
@@ -106,7 +106,7 @@ def test_a_listener_that_comes_late_gets_the_same_from_there_on(seed: int) -> No
     line.session.connect(line.now_us)
     line.run(random.uniform(0, 1))
     reader = listened(line)
-    line.run_until(lambda: bool(line.session.tap.readers))  # not while it is being prepared
+    line.run_until(lambda: bool(line.session.traffic.readers))  # not while it is being prepared
     known = len(line.samples)
     line.wait_open()
     line.run(3)
@@ -152,7 +152,7 @@ def without_questions(data: bytes) -> bytes:
 def test_whenever_a_listener_comes_it_knows_board_and_sensors(after_ms: int) -> None:
     """The line loses what the session itself asks for, until 0.1 s after it has opened."""
     now_us, since_open_ms = 1_000_000, 0
-    session, reader = Session(lambda: 7, None, ()), TapReader(limit=1_000_000)
+    session, reader = Session(lambda: 7, None, ()), TrafficReader(limit=1_000_000)
     with FwSim() as sim:
         session.connect(now_us)
         while since_open_ms < 2000:
@@ -179,7 +179,7 @@ def test_whenever_a_listener_comes_it_knows_board_and_sensors(after_ms: int) -> 
 
 def test_a_slow_listener_loses_the_oldest_and_knows_how_many() -> None:
     line = VirtualLine()
-    reader = TapReader(limit=100)
+    reader = TrafficReader(limit=100)
     line.session.listen(reader, line.now_us)
     line.open()
     newest = reader.take()[-1].number
@@ -197,7 +197,7 @@ def test_a_slow_listener_loses_the_oldest_and_knows_how_many() -> None:
 
 
 def test_a_record_that_another_threads_has_overtaken_is_not_lost() -> None:
-    reader = TapReader(limit=10)
+    reader = TrafficReader(limit=10)
     for order in ([5, 7], [6, 9, 8], [10], [12], [11]):
         for number in order:
             reader.append(Record(number, Kind.ADVANCED, 0))
@@ -213,8 +213,8 @@ def test_nothing_is_recorded_for_nobody() -> None:
     line = VirtualLine()
     reader = listened(line)
     line.open()
-    line.session.tap.remove(reader)
-    line.session.tap.remove(reader)
+    line.session.traffic.remove(reader)
+    line.session.traffic.remove(reader)
     reader.take()
     line.run(0.5)
     line.drive()

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from wheelwire import aio
 from wheelwire.link.info import LinkStatistics
-from wheelwire.link.news import Happening
+from wheelwire.link.notices import Happening
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
 from wheelwire.parameters import ParameterInfo, Parameters, Trial
 from wheelwire.robot.base import BaseDriver

@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 
 from support.tapped_line import TappedLine
 from wheelwire.errors import RecordingError
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log import recorder as recorder_module
 from wheelwire.log import writer
 from wheelwire.log.raw import TOPICS, decode
@@ -120,8 +120,8 @@ def _started(place: Path, seed: int) -> int:
 
 def _record_until_killed(place: Path, random: Random) -> None:
     link = TappedLine()
-    witness = TapReader(limit=1_000_000)
-    link.listen_to_tap(witness)
+    witness = TrafficReader(limit=1_000_000)
+    link.listen_to_traffic(witness)
     recorder_module.MAX_BYTES = random.choice((1, 1 << 30))
     seen = os.open(place / "seen", os.O_CREAT | os.O_WRONLY)
     recorder = Recorder(link, place / "day.mcap", {})

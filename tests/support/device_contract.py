@@ -13,7 +13,7 @@ import pytest
 
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.info import host_release
-from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Capability, ResetReason, SupervisorState
 

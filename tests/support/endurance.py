@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from wheelwire.errors import WheelwireError
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.session import Session
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry

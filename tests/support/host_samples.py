@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from wheelwire.link.clock import ClockEstimator, Exchange, host_clock_us
+from wheelwire.link.sample_stream import Measurement
 from wheelwire.link.session import Session
-from wheelwire.link.state_stream import Measurement
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState

@@ -26,7 +26,7 @@ from support.ros_process import RobotNode
 from support.stand_in import StandIn
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.link.info import quantile
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.log.share.attached_link import AttachedLink
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState

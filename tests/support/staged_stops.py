@@ -10,7 +10,7 @@ from typing import NamedTuple
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.port_loop import CLOSED
 from wheelwire.link.session import Phase
-from wheelwire.link.tap import Kind, TapReader
+from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.why import Diagnosis, Stop
 from wheelwire.robot.linked import WATCHED
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
@@ -39,7 +39,7 @@ class StagedRobot(VirtualRobot):
 
     def __init__(self, seed: int = 1, /, **settings: float) -> None:
         super().__init__(seed, None, WATCHED, **settings)
-        self.reader = TapReader(10_000_000)
+        self.reader = TrafficReader(10_000_000)
         self.session.listen(self.reader, 0)
         self.cable = True
         self.corrupt = False
@@ -63,8 +63,8 @@ class StagedRobot(VirtualRobot):
         data = self.session.take_output() + setpoint
         if not self.cable:
             return
-        if data and self.session.tap.readers:
-            self.session.tap.put(Kind.SENT, self.now_us, data)
+        if data and self.session.traffic.readers:
+            self.session.traffic.put(Kind.SENT, self.now_us, data)
         if self.corrupt and len(data) > 20:
             data = data[:9] + bytes([data[9] ^ 0x10 or 1]) + data[10:]
         self._delayed.append((self.now_us + self.delay_us, data))

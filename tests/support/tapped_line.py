@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wheelwire.link.tap import Tap, TapReader
+from wheelwire.link.traffic import Traffic, TrafficReader
 
 from .virtual_line import VirtualLine
 
@@ -21,10 +21,10 @@ class TappedLine:
         self.line.open()
 
     @property
-    def tap(self) -> Tap:
-        return self.line.session.tap
+    def traffic(self) -> Traffic:
+        return self.line.session.traffic
 
-    def listen_to_tap(self, reader: TapReader) -> None:
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
         self.line.session.listen(reader, self.line.now_us)
 
     def drive(self, seconds: float, left: float = 0.2, right: float = 0.1) -> None:

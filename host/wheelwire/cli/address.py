@@ -23,7 +23,7 @@ from wheelwire.connect import (
     open_driver,
 )
 from wheelwire.errors import InvalidArgument, RobotNotNamed
-from wheelwire.link.port_list import SerialPort, likely_boards
+from wheelwire.link.ports import SerialPort, likely_boards
 from wheelwire.robot.base import BaseDriver
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME

@@ -19,7 +19,7 @@ import typer
 from wheelwire import __version__
 from wheelwire.arguments import at_home
 from wheelwire.errors import DeviceRefused, OutputFailed, WheelwireError, with_point
-from wheelwire.link.port_name import UNIX
+from wheelwire.link.ports import UNIX
 from wheelwire_protocol.codes import RefusalCode
 
 from . import INTERRUPTED

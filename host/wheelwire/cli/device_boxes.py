@@ -9,7 +9,7 @@ from wheelwire.errors import OutputFailed, RecordingError
 from wheelwire_protocol.black_box import BoxError
 
 if TYPE_CHECKING:
-    from wheelwire.link.stored_boxes import Recorded, StoredBox
+    from wheelwire.link.info import Recorded, StoredBox
     from wheelwire.log.why import Stop
 
 SUFFIX = ".box"

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
-from wheelwire.link.port_list import ports as serial_ports
+from wheelwire.link.ports import ports as serial_ports
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
-from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.peripherals import INPUTS
 from wheelwire.robot.base import BaseDriver
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read

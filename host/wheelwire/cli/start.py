@@ -10,7 +10,7 @@ import typer
 
 from wheelwire.connect import MOCK
 from wheelwire.errors import DeviceSilent, ForeignDevice, InvalidArgument, ProtocolMismatch
-from wheelwire.link.port_list import likely_boards
+from wheelwire.link.ports import likely_boards
 from wheelwire.parameters import definition_of
 from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.board import ConfigurationState

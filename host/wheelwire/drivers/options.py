@@ -22,7 +22,7 @@ from ..errors import InvalidArgument, shown
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
-from ..link.port_name import port_name
+from ..link.ports import port_name
 from ..parameters import checked_values
 from ..robot.linked import WATCHED
 

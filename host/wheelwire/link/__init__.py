@@ -1,13 +1,17 @@
 """The link to a robot: one session over one port, served by one thread.
 
 session.py      hello, preparation, dispatch; no I/O in this, requests, setpoints and clock
-requests.py     what is answered: repeats and time-outs; setpoints.py: what expires instead
-arming.py       the zero setpoint that comes before a program's first one
-clock.py        device time to host time, and its error
-state_stream.py state frames to samples; latest_sample.py: where the newest one waits for `read`
+requests.py     what is answered: repeats, time-outs, trials; setpoints.py: what expires instead
+clock.py        device time to host time, and its error; when to ping, and when a device is silent
+sample_stream.py state frames to samples, the newest one, and iterators over all;
+                sensor_stream.py: the same of what sensors measure
 port_loop.py    the thread that reads and writes; shared_thread.py: one for several ports;
-                port_policy.py: baud rates, and opening a port again
-device_link.py  what every link offers; connection.py: `Link`, which hands requests to that thread,
-                and their answers to callers; inline_link.py: a link in virtual time, without a port
-transports.py   a tty, a socket or a child process; discovery.py and port_list.py find boards
+                port_policy.py: baud rates, and opening a port again; threads.py: waiting, forks
+device_link.py  what every link offers, in virtual time, too, and how it arms the robot;
+                connection.py: `Link`, which hands requests to that thread, and their answers to
+                callers
+info.py         the device and the counters; notices.py: what a link reports by itself;
+                plain_text.py: what a chip says that does not run
+transports.py   a tty, a socket or a child process; ports.py and discovery.py find boards
+traffic.py      what crosses the link, for recorder, view and other programs; programs.py: these
 """

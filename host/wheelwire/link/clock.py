@@ -5,6 +5,8 @@ sends, t4 host receives. The true offset lies within half the round trip of the 
 asymmetric the two delays are. For clocks that drift apart evenly, a least-squares line through such
 offsets at time h is a weighted sum of them with weights w_i(h), so its error is at most
 sum |w_i| r_i / 2, and by Cauchy-Schwarz at most sqrt(sum w_i^2) sqrt(sum r_i^2) / 2.
+
+Also the device's time in 64 bits, and when the device was last heard, which decides when to ping.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from typing import Any, NamedTuple
 
 from wheelwire_protocol.types import Ping, Pong
 
+from ..samples import tick_difference
 from .requests import ID_MODULUS
 
 WINDOW = 64
@@ -392,3 +395,93 @@ class Synchroniser:
         # Within the burst the next ping goes out at once: opening a session waits for its end.
         self.due_us = now_us + PERIOD_US if self._burst_left <= 0 else now_us
         return exchange
+
+
+# --- the device's time in 64 bits, of messages that carry its lower 32 ----------------------------
+
+UNWRAP_US = 60_000_000
+"""Messages closer to each other than this need no estimate of the clock: 32 bits wrap in 71 min."""
+
+
+class DeviceTime:
+    """Unwraps the times of a stream of messages, mostly from the newest one before.
+
+    The age of that one counts, not its arrival: while a program was stopped, messages may have
+    waited for it for an hour, and a fresh one follows them at once.
+
+    Attributes:
+        t_us: The newest message's time, 64 bits. [us]
+        host_us: The host's clock at that time, as far as it is known. [us]
+    """
+
+    __slots__ = ("_clock", "host_us", "t_us")
+
+    def __init__(self) -> None:
+        self.t_us = self.host_us = 0
+        self._clock: ClockEstimator | None = None
+
+    def unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
+        """The time `t_us` of a message that came at the host's `now_us`."""
+        # Another clock is another session's: the computer may have slept before it, and its own
+        # clock with it.
+        if clock is self._clock and now_us < self.host_us + UNWRAP_US:
+            return self.t_us + tick_difference(t_us, self.t_us)
+        return clock.unwrap(t_us, now_us)
+
+    def follow(self, t_us: int, clock: ClockEstimator, now_us: int) -> None:
+        """Take this as the time of the newest message, which came at `now_us`."""
+        if clock is self._clock and now_us < self.host_us + UNWRAP_US:
+            host_us = self.host_us + t_us - self.t_us
+        else:
+            host_us = round(clock.conversion.device_to_host(t_us)[0])
+            self._clock = clock
+        self.t_us, self.host_us = t_us, min(host_us, now_us)
+
+    def snapshot(self) -> tuple[int, int]:
+        """What `resume` takes."""
+        return self.t_us, self.host_us
+
+    def resume(self, t_us: int, host_us: int) -> None:
+        """Go on behind the message of a snapshot."""
+        self.t_us, self.host_us = t_us, host_us
+
+
+# --- when the device was last heard ---------------------------------------------------------------
+
+SILENCE_US = 2_000_000
+"""No pong and no state frame for this long: the session is over, say hello again."""
+QUIET_US = 100_000
+"""Nothing was received for this long: ping, because a device that was reset sends nothing."""
+IDLE_QUIET_US = 200_000
+"""As `QUIET_US`, for a device that streams nothing: an idle link costs only these pings."""
+STREAM_US = 500_000
+"""A device is not streaming if no state came for this long while other messages did."""
+QUIET_PERIOD_US = 25_000
+"""Between pings until something is received."""
+
+
+class Liveness:
+    """When the device of a session that began at `now_us` was last heard.
+
+    Attributes:
+        heard_us: When anything of this session last came.
+        state_us: When the last state frame came.
+    """
+
+    __slots__ = ("heard_us", "state_us")
+
+    def __init__(self, now_us: int) -> None:
+        self.heard_us = self.state_us = now_us
+
+    @property
+    def silent_us(self) -> int:
+        """From when on the device counts as silent, if nothing more comes."""
+        return self.heard_us + SILENCE_US
+
+    def ping_due_us(self, pinged_us: int) -> int:
+        """When to ping, if nothing comes until then; `pinged_us`: when it was pinged last."""
+        # A device that streams is expected to be heard, so its silence is looked into sooner.
+        streams = self.heard_us < self.state_us + STREAM_US
+        quiet_us = self.heard_us + (QUIET_US if streams else IDLE_QUIET_US)
+        # An answer may be on its way: a busy device must not be flooded.
+        return max(quiet_us, pinged_us + QUIET_PERIOD_US)

@@ -29,19 +29,18 @@ from ..errors import (
     RequestTimeout,
     WheelwireError,
 )
-from .arming import arming
 from .clock import host_clock_us
-from .device_link import DeviceLink, Opening
+from .device_link import DeviceLink, Opening, arming
 from .info import ExpectedBoard, LinkInfo, LinkStatistics
-from .latest_sample import LatestSample
-from .news import Happening, Listener, StandingNews
+from .notices import Happening, Listener, StandingNotice
 from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
+from .sample_stream import LatestSample
 from .session import Phase, Session
 from .shared_thread import SharedThread, holds_ports_up
-from .tap import TapReader
-from .waiting import Notifier, start_without_waiting
+from .threads import Notifier, start_without_waiting
+from .traffic import TrafficReader
 
 if TYPE_CHECKING:
     from ..log.share.server import TapServer
@@ -321,11 +320,11 @@ class Link(DeviceLink):
         def answered(result: Answer | WheelwireError | None) -> None:
             # The thread has ended, and nothing else will be reported.
             if isinstance(result, WheelwireError) and happening is Happening.LOST:
-                listener(StandingNews(happening, result))
+                listener(StandingNotice(happening, result))
 
         self._loop.call(begin, answered)
 
-    def listen_to_tap(self, reader: TapReader) -> None:
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
         """Give `reader` all that crosses the link; call it before `open` or at any time after."""
         if not self._thread.is_alive():
             self._session.listen(reader, host_clock_us())
@@ -341,7 +340,7 @@ class Link(DeviceLink):
 
         self._loop.call(listen, answered)
 
-    def leave_tap(self, reader: TapReader) -> None:
+    def leave_traffic(self, reader: TrafficReader) -> None:
         """Give `reader` nothing more."""
 
         def leave(done: Done, _now_us: int) -> None:

@@ -1,27 +1,45 @@
-"""What every link to a device offers: one in real time, one in virtual time, a recording."""
+"""What every link to a device offers: one in real time, one in virtual time, a recording.
+
+Also how it arms the robot when it is opened. A device that has started drives nothing before a zero
+setpoint or a pause, so that a program which went on publishing meanwhile does not move it. Whoever
+opens a link only begins, and gets that zero from here. A link that comes back by itself never sends
+it.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias, cast
 
-from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.codes import RefusalCode, StopMode
 from wheelwire_protocol.types import Hold, SetDuty
 
-from ..errors import InvalidCommand, RequestTimeout, WheelwireError, afresh
+from ..errors import (
+    DeviceRefused,
+    Expired,
+    InvalidCommand,
+    LinkClosed,
+    LinkLost,
+    RequestTimeout,
+    WheelwireError,
+    afresh,
+)
 from ..holds import HeldBy, LastStop
 from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
-from .news import Reporter
+from .notices import Reporter
 from .requests import Answer, Done, RequestMessage
+from .sample_stream import DUTY_SCALE
 from .sensor_stream import SensorStream
-from .state_stream import DUTY_SCALE
-from .tap import Tap, TapReader
+from .session import Phase, Session
+from .setpoints import SetpointSender
+from .traffic import Traffic, TrafficReader
 
 Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
 """The conditions that a caller waits for while a link opens, one after the other, each with its
@@ -280,17 +298,17 @@ class DeviceLink(Reporter, ABC):
     # --- what is passed on -----------------------------------------------------------------------
 
     @property
-    def tap(self) -> Tap:
+    def traffic(self) -> Traffic:
         """Passes on what crosses the link."""
-        return self._session.tap
+        return self._session.traffic
 
     @abstractmethod
-    def listen_to_tap(self, reader: TapReader) -> None:
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
         """Give `reader` all that crosses the link from now on."""
 
     def note(self, what: Mapping[str, Any]) -> None:
-        """Pass on something that the program says to all that listen to the tap."""
-        self.tap.note(what, self.clock_us())
+        """Pass on something that the program says to all that listen."""
+        self.traffic.note(what, self.clock_us())
 
     # --- time ------------------------------------------------------------------------------------
 
@@ -307,3 +325,116 @@ class DeviceLink(Reporter, ABC):
     def clock_us(self) -> int:
         """The time of the link, which is virtual or the computer's."""
         return host_clock_us()
+
+
+# --- a link without a port, whose callers let its time pass ---------------------------------------
+
+STEP_S = 0.001
+"""By how much time passes between two looks."""
+ANSWER_S = 5.0
+
+
+class InlineLink(DeviceLink):
+    """A link whose callers do what the port's thread does for a `Link`."""
+
+    @property
+    def info(self) -> LinkInfo:
+        """The name and the device."""
+        session = self._session
+        return LinkInfo(self.name, None, None, self._device, session.board, session.copies_lost)
+
+    @property
+    @abstractmethod
+    def now_us(self) -> int:
+        """The time of the link."""
+
+    def wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `ready()`, or for `timeout_s`; returns whether it was ready."""
+        end_us = self.now_us + round(timeout_s * 1e6)
+        while not ready():
+            if self.now_us >= end_us:
+                return False
+            self._pass(end_us - self.now_us)
+        return True
+
+    def _pass(self, most_us: int) -> None:  # noqa: ARG002 - it looks more often
+        """Let time pass until something may have changed, at most so long."""
+        self.advance(STEP_S)
+
+    def clock_us(self) -> int:
+        """As `now_us`."""
+        return self.now_us
+
+    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:  # noqa: ARG002 - nothing can interrupt it
+        results: list[Answer | WheelwireError] = []
+        done = results.append
+        post(done)
+        if not self.wait_for(lambda: bool(results), ANSWER_S):
+            self.withdraw(done)
+            raise RequestTimeout(f"{self.name} does not answer; is it unplugged?")
+        if isinstance(results[0], WheelwireError):
+            raise afresh(results[0])
+        return results[0]
+
+
+# --- the zero setpoint that comes before all others -----------------------------------------------
+
+ZERO_TTL_US = 250_000
+"""More than the error bound of the clock; the stop behind the zero ends it at once."""
+SEEN_S = 0.25
+"""How long a state frame or a refusal may take to show what became of the zero."""
+LOST_ATTEMPTS = 5
+BOOTING_ATTEMPTS = 50
+BOOTING_PAUSE_S = 0.02
+"""Between two attempts while the sensors of a device that was just started are read first."""
+
+
+def arming(link: DeviceLink, session: Session) -> Opening:
+    """Send a zero setpoint until the device has obeyed or refused one, each with a stop behind it.
+
+    The stop leaves the robot in IDLE, as it was: in DRIVING a device refuses to change parameters.
+    A refusal, as on a board that nobody confirmed, is no error of whoever opens the link: the first
+    setpoint of the program itself is refused for the same reason.
+
+    Args:
+        link: It was opened.
+        session: Its session.
+    """
+    setpoints = session.setpoints
+    lost = booting = 0
+    while lost < LOST_ATTEMPTS and booting < BOOTING_ATTEMPTS and session.phase is Phase.OPEN:
+        results: list[Answer | WheelwireError] = []
+        setpoints.awaits_fate = True
+        try:
+            link.drive_velocity(0.0, 0.0, link.clock_us() + ZERO_TTL_US)
+            zero_seq = setpoints.zero_seq
+            link.post_stop(results.append)
+        except (DeviceRefused, Expired, LinkClosed, LinkLost):
+            break
+        yield partial(_is_decided, results, setpoints, zero_seq), SEEN_S
+        refusal = setpoints.refusal_of(zero_seq)
+        if refusal is not None:
+            yield from _forget_refusal(link)
+        if not setpoints.has_fate(zero_seq):
+            lost += 1
+        elif refusal != RefusalCode.BOOTING:
+            # A lost stop is repeated. Until it is obeyed, the zero drives.
+            yield partial(bool, results), ZERO_TTL_US / 1e6
+            break
+        else:
+            booting += 1
+            yield bool, BOOTING_PAUSE_S
+    setpoints.awaits_fate = False
+
+
+def _forget_refusal(link: DeviceLink) -> Opening:
+    """Stop once more: it would be reported to whoever sends the first setpoint."""
+    results: list[Answer | WheelwireError] = []
+    with suppress(LinkClosed, LinkLost):
+        link.post_stop(results.append)
+        yield partial(bool, results), SEEN_S
+
+
+def _is_decided(results: list[Answer | WheelwireError], zeros: SetpointSender, seq: int) -> bool:
+    """Whether the stop was answered, and the device has said what it did with the zero before."""
+    return bool(results) and zeros.has_fate(seq)

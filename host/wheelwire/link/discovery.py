@@ -20,7 +20,7 @@ from wheelwire_protocol.types import DeviceHello, Hello
 
 from ..errors import LinkLost, PortUnavailable
 from .clock import host_clock_us
-from .port_list import PSEUDO_TERMINALS, final_name, is_in_use
+from .ports import PSEUDO_TERMINALS, final_name, is_in_use
 from .session import HELLO_PERIOD_US
 from .transports import Transport, open_transport
 

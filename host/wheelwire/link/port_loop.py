@@ -22,15 +22,14 @@ from wheelwire_protocol.framing import MAX_ENCODED
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import SuspendWatch, host_clock_us
-from .forking import abandon_in_child
-from .latest_sample import LatestSample
-from .news import Happening, Listener, Reporter
+from .notices import Happening, Listener, Reporter
 from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer
+from .sample_stream import LatestSample
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
-from .tap import Kind
-from .waiting import Notifier, WakeUp
+from .threads import Notifier, WakeUp, abandon_in_child
+from .traffic import Kind
 
 if TYPE_CHECKING:
     from .shared_thread import SharedThread
@@ -111,7 +110,7 @@ class PortLoop(Reporter):
         self._turned_us = 0
         """When the last pass began."""
         self._coalescing = Coalescing()
-        self._has_news = False
+        self._has_sample = False
         """Whether a sample is stored for which no waiter was woken yet."""
         self._due_us = 0
         self._wait_due_us = 0
@@ -264,9 +263,9 @@ class PortLoop(Reporter):
             try:
                 transport = self._open_port(self.policy.rate)
             except WheelwireError as error:
-                news = self.policy.news_of_failure(error)
-                if news is not None:
-                    self._session.disconnect(news)
+                failure = self.policy.error_of_failure(error)
+                if failure is not None:
+                    self._session.disconnect(failure)
             else:
                 self._connect(transport)
                 return transport
@@ -304,7 +303,7 @@ class PortLoop(Reporter):
             self._transport = None
             transport.close()
             # A sample may have come in the turn that ended the serving.
-            self.tell_news()
+            self.wake_readers()
         return False
 
     def _serve_here(self, transport: Transport) -> None:
@@ -318,7 +317,7 @@ class PortLoop(Reporter):
                 if self.wanted != polled:
                     polled = self.wanted
                     poller.modify(descriptor, polled)
-                self.tell_news()
+                self.wake_readers()
                 events = 0
                 for ready, found in poller.poll(max(0.0, (until_us - now_us) / 1000)):
                     if ready == descriptor:
@@ -380,10 +379,10 @@ class PortLoop(Reporter):
             measured = session.receive(data, now_us, every_state=latest.is_iterated)
             for measurement in measured:
                 latest.put(measurement)
-                self._has_news = True
+                self._has_sample = True
             if session.sensors.sensed:
                 latest.sensors.take(self.port, session.sensors.sensed)
-                self._has_news = True
+                self._has_sample = True
             self._coalescing.note_read(session.frames_received, now_us, has_state=bool(measured))
         if self._calls:
             self._do_calls(now_us)
@@ -394,7 +393,7 @@ class PortLoop(Reporter):
             or self._session.phase is not Phase.OPEN
         ):  # most reads bring state frames, which need none of this
             self._advance(transport, now_us)
-        if self._session.news:
+        if self._session.notices:
             self._tell_listener()
         if self._frames or self._output:
             self._write(transport)
@@ -430,13 +429,13 @@ class PortLoop(Reporter):
             while True:
                 self._calls.popleft()[1](error)
 
-    def tell_news(self) -> None:
+    def wake_readers(self) -> None:
         """Wake all that wait for a sample. Called right before the loop waits.
 
         Earlier, the thread that is woken would compete with this one for the interpreter.
         """
-        if self._has_news:
-            self._has_news = False
+        if self._has_sample:
+            self._has_sample = False
             self._latest_sample.notify_all()
 
     def _advance(self, transport: Transport, now_us: int) -> None:
@@ -463,9 +462,9 @@ class PortLoop(Reporter):
     def _put(self, transport: Transport, data: bytes) -> int:
         """Write what the port takes of `data`; returns how much that was."""
         written = transport.write(data)
-        tap = self._session.tap
-        if tap.readers and written:
-            tap.put(Kind.SENT, host_clock_us(), data[:written])
+        traffic = self._session.traffic
+        if traffic.readers and written:
+            traffic.put(Kind.SENT, host_clock_us(), data[:written])
         return written
 
     def _queue_output(self) -> None:

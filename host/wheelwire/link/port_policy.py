@@ -146,7 +146,7 @@ class PortPolicy:
         self._check_due_us = now_us + CHECK_US
 
     @staticmethod
-    def news_of_failure(error: WheelwireError) -> LinkLost | None:
+    def error_of_failure(error: WheelwireError) -> LinkLost | None:
         """Why the port, once lost, could not be opened again; None while it is just not there."""
         if isinstance(error, PortUnavailable):
             return None

@@ -1,17 +1,25 @@
-"""Which programs have driven a robot, so that one that died can be named.
+"""The programs of this computer that use a robot.
 
-Each board has a small file in the folder of the taps, which only this user can get into.
+Where those that hold a port offer it to others, which have driven a robot, so that one that died
+can be named, and how it is named.
 """
 
 from __future__ import annotations
 
+import fcntl
+import grp
 import json
 import os
 import shlex
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
+from ..errors import ConfigurationError
 from ..holds import Program, start_of
-from .runtime_folder import TapDirectory, tap_directories
 
 KEPT = 8
 """Sessions of one board that are remembered."""
@@ -19,7 +27,7 @@ LONGEST_COMMAND = 200
 _SUFFIX = ".programs"
 
 
-def note_driver(directory: TapDirectory, board_id: str, session_id: int) -> None:
+def note_driver(directory: SharingFolder, board_id: str, session_id: int) -> None:
     """Remember that this program drives in a session.
 
     Raises:
@@ -36,7 +44,7 @@ def note_driver(directory: TapDirectory, board_id: str, session_id: int) -> None
 
 def driver_of(board_id: str, session_id: int) -> Program | None:
     """The program that drove in a session; None if it is none of this user's on this computer."""
-    for directory in tap_directories():
+    for directory in sharing_folders():
         for known_id, program in _read(directory.path / f"{board_id}{_SUFFIX}"):
             if known_id == session_id:
                 return program
@@ -59,3 +67,146 @@ def _read(path: Path) -> list[tuple[int, Program]]:
         return [(int(known), Program(*one)) for known, one in json.loads(path.read_text("utf-8"))]
     except (OSError, ValueError, TypeError):
         return []  # there is none, or somebody has written something else into it
+
+
+# --- the folder in which programs that hold a port offer it to others -----------------------------
+
+DIRECTORY_VARIABLE = "WHEELWIRE_TAP_DIR"
+GROUP_VARIABLE = "WHEELWIRE_TAP_GROUP"
+SUFFIX = ".tap"
+TEMPORARY = "/tmp"  # noqa: S108 - it is only looked into, if it is this user's alone
+"""The temporary folder of a program without TMPDIR."""
+SESSIONS = "/run/user"
+"""Where systemd has the folders that XDG_RUNTIME_DIR names."""
+
+
+class SharingFolder(NamedTuple):
+    """Where the sockets are, and who may use them."""
+
+    path: Path
+    group: int | None
+    """Its members may, besides the owner; None: nobody."""
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Only one program at a time replaces a socket that is left over."""
+        descriptor = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(descriptor)
+
+
+def sharing_folder(*, make: bool = False) -> SharingFolder:
+    """The folder of whoever runs this.
+
+    Args:
+        make: Make it if it is missing.
+
+    Raises:
+        ConfigurationError: Others than this user, and the group if one was named, can get into it.
+        OSError: It is missing, or cannot be made.
+    """
+    path, group = _paths()[0], _group()
+    if make and not path.is_dir():
+        path.mkdir(mode=0o700, exist_ok=True)
+        if group is not None:
+            os.chown(path, -1, group)
+            path.chmod(0o750)
+    return _checked(path, group)
+
+
+def sharing_folders() -> list[SharingFolder]:
+    """All folders in which whoever holds a port may offer it to whoever runs this.
+
+    A service, or a program that cron or ssh has started, commonly has no XDG_RUNTIME_DIR, and so
+    offers its link in another folder than a program of the same user's desktop would.
+    """
+    found = []
+    for path in _paths():
+        with suppress(OSError, ConfigurationError):
+            found.append(_checked(path, _group()))
+    return found
+
+
+def _checked(path: Path, group: int | None) -> SharingFolder:
+    found = path.lstat()
+    is_private = found.st_uid == os.getuid() and not found.st_mode & 0o077
+    is_the_groups = found.st_gid == group and not found.st_mode & 0o007
+    # Whoever could put a socket there would pass for the program that holds the port.
+    if not stat.S_ISDIR(found.st_mode) or not (is_private or is_the_groups):
+        named = f"this user and the group of {GROUP_VARIABLE}" if group else "this user"
+        raise ConfigurationError(
+            f"{path} is not a folder that only {named} can get into: remove it, or name another "
+            f"one in {DIRECTORY_VARIABLE}"
+        )
+    return SharingFolder(path, group)
+
+
+def _paths() -> list[Path]:
+    """The folder of this program, and then those of others of the same user."""
+    if named := os.environ.get(DIRECTORY_VARIABLE):
+        # Resolved: systemd makes links to a service's folders.
+        return [Path(named).resolve()]
+    user = os.getuid()
+    paths = [Path(folder) / f"wheelwire-{user}" for folder in (tempfile.gettempdir(), TEMPORARY)]
+    if session := os.environ.get("XDG_RUNTIME_DIR"):
+        paths.insert(0, Path(session) / "wheelwire")
+    return list(dict.fromkeys([*paths, Path(SESSIONS) / str(user) / "wheelwire"]))
+
+
+def _group() -> int | None:
+    named = os.environ.get(GROUP_VARIABLE)
+    if not named:
+        return None
+    try:
+        return grp.getgrnam(named).gr_gid
+    except KeyError:
+        raise ConfigurationError(
+            f"{GROUP_VARIABLE} = {named!r}: there is no such group; `groups` lists yours"
+        ) from None
+
+
+# --- how a program is named in messages -----------------------------------------------------------
+
+LONGEST = 80
+_PROC = Path("/proc")
+
+
+def program_name(pid: int, proc: Path = _PROC) -> str:
+    """The command line of a process, shortened: `python3 follow_line.py`, `wheelwire monitor`.
+
+    Without the folders of files and programs, for the name may get into a recording; where the
+    system does not say it, the name of the program alone, or "a program".
+    """
+    with suppress(OSError):
+        data = (proc / str(pid) / "cmdline").read_bytes()
+        words = data.decode("utf-8", "replace").rstrip("\0").split("\0")
+        if words[0]:
+            return _shortened(_without_interpreter(words))
+    with suppress(OSError):
+        return (proc / str(pid) / "comm").read_text("utf-8", "replace").strip()
+    return "a program"
+
+
+def process_name(pid: int) -> str:
+    """As `program_name`, with its number: `python3 follow_line.py, process 4711`."""
+    return f"{program_name(pid)}, process {pid}"
+
+
+def _without_interpreter(words: list[str]) -> list[str]:
+    """Leave out the Python that runs an installed command, whose script has no suffix."""
+    is_python = Path(words[0]).name.startswith("python")
+    if is_python and words[1:2] == ["-m"] and len(words) > 2:
+        return words[2:]
+    if is_python and len(words) > 1 and not words[1].startswith("-") and "." not in words[1][1:]:
+        return words[1:]
+    return words
+
+
+def _shortened(words: list[str]) -> str:
+    # A port is named in full: it is not a person's.
+    names = [one if one.startswith("/dev/") else one.rpartition("/")[2] or one for one in words]
+    text = "".join(sign if sign.isprintable() else "?" for sign in shlex.join(names))
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

@@ -36,8 +36,7 @@ from ..sensors import (
     Vector,
     sentence_of_event,
 )
-from .clock import ClockEstimator, Conversion
-from .device_time import DeviceTime
+from .clock import ClockEstimator, Conversion, DeviceTime
 
 WAITING = 4096
 """Samples and events that wait for whoever passes them on; nobody does in a session of a re-run."""

@@ -7,7 +7,8 @@ watched parameters fetched, and the device's board compared with the expected on
 after that the session is open. It ends when the port closes, when
 the device falls silent or is reset, and when the device no longer knows the session.
 
-All inputs that decide what it does pass its tap first, so that it can be run again (`tap.Kind`).
+All inputs that decide what it does are passed on first, so that it can be run again
+(`traffic.Kind`).
 
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
 time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
@@ -97,7 +98,7 @@ from ..errors import (
     afresh,
 )
 from ..holds import HeldBy, LastStop
-from .clock import ClockEstimator, Synchroniser
+from .clock import ClockEstimator, Liveness, Synchroniser
 from .info import (
     ActiveBoard,
     BootHistory,
@@ -109,15 +110,13 @@ from .info import (
     device_of_session,
     quantile,
 )
-from .liveness import Liveness
-from .news import Happening, News, StandingNews
+from .notices import Happening, Notice, StandingNotice
 from .plain_text import PlainText
-from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
+from .requests import COPY_ID, Answer, Done, HeldTrial, RequestMessage, RequestQueue, subject
+from .sample_stream import Measurement, StateStream
 from .sensor_stream import SensorStream as Sensors
 from .setpoints import REARM_GAP, SETPOINT_IDS, TTL_MAX, OpenSession, SetpointSender
-from .state_stream import Measurement, StateStream
-from .tap import ATTACHED, ESTOP, Kind, Tap, TapReader
-from .trial import HeldTrial
+from .traffic import ATTACHED, ESTOP, Kind, Traffic, TrafficReader
 
 NO_SESSION = 0
 """The id in a message that belongs to no session."""
@@ -182,8 +181,8 @@ class Session:
         frames_received: Good frames of known messages, since the start.
         sensors: What the sensors measure, once the application asked for it.
         setpoints: Makes the frames of setpoints, for any thread.
-        news: What has happened, in order; whoever serves the session takes it out.
-        tap: Passes on what this session is given.
+        notices: What has happened, in order; whoever serves the session takes it out.
+        traffic: Passes on what this session is given.
         warn: Takes what the user should know, as `logging.warning` does.
         warn_held: The same for setpoints that are held; silent in a session that is followed.
     """
@@ -214,12 +213,12 @@ class Session:
         self.bytes_received = 0
         self.plain_text = PlainText()
         self.frames_received = 0
-        self.news: deque[News] = deque()
-        self.tap = Tap()
+        self.notices: deque[Notice] = deque()
+        self.traffic = Traffic()
         self.warn: Callable[..., None] = _LOG.warning
         self.warn_held: Callable[..., None] = _LINK_LOG.warning
 
-        self._joining: list[TapReader] = []
+        self._joining: list[TrafficReader] = []
         """The readers that listen as soon as the session is prepared."""
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
@@ -268,7 +267,7 @@ class Session:
             self._send,
             self._trial,
             lambda: self.error,
-            self.tap,
+            self.traffic,
             lambda *words: self.warn_held(*words),
         )
         self._state_stream = StateStream()
@@ -340,7 +339,7 @@ class Session:
 
     def connect(self, now_us: int) -> None:
         """The port is open: say hello. Sequence numbers restart, and queued output is dropped."""
-        self.tap.put(Kind.CONNECTED, now_us)
+        self.traffic.put(Kind.CONNECTED, now_us)
         self._frames_sent_before += self._encoder.encoded
         # A new encoder, not the old one restarted: another thread may be encoding a setpoint.
         self._encoder = Encoder()
@@ -352,13 +351,13 @@ class Session:
 
     def renew(self, error: WheelwireError, now_us: int) -> None:
         """Begin a new session if one was begun: its state is no longer valid."""
-        self.tap.put(Kind.RENEWED, now_us, str(error).encode())
+        self.traffic.put(Kind.RENEWED, now_us, str(error).encode())
         if self._in_session:
             self._begin_hello(error, now_us)
 
     def disconnect(self, error: WheelwireError) -> None:
         """The port is gone: every open request fails with `error`."""
-        self.tap.put(Kind.DISCONNECTED, self.tap.host_us, str(error).encode())
+        self.traffic.put(Kind.DISCONNECTED, self.traffic.host_us, str(error).encode())
         self._end(error)
         # The rest was meant for this device; another may be behind the next port.
         self._output.clear()
@@ -369,7 +368,7 @@ class Session:
 
         That is the newest of the state frames that arrive together, or with `every_state` each.
         """
-        self.tap.put(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
+        self.traffic.put(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         if now_us >= self._recent.due_us:
@@ -417,7 +416,7 @@ class Session:
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
-        self.tap.put(Kind.ADVANCED, now_us)
+        self.traffic.put(Kind.ADVANCED, now_us)
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
         elif self._in_session and now_us >= self._liveness.silent_us:
@@ -496,7 +495,7 @@ class Session:
 
     def stop(self, mode: StopMode | None, done: Done, now_us: int) -> None:
         """Void the setpoint and stop, with None latch. Without a session it is not acknowledged."""
-        self.tap.put(Kind.STOP, now_us, bytes([ESTOP if mode is None else mode]))
+        self.traffic.put(Kind.STOP, now_us, bytes([ESTOP if mode is None else mode]))
         message: Stop | Estop
         if mode is None:
             message = Estop(self.id, 0)
@@ -512,7 +511,7 @@ class Session:
 
         So it replaces no stop of the session by a weaker one, and uses up no setpoint's number.
         """
-        self.tap.put(Kind.STOP, now_us, bytes([ATTACHED]))
+        self.traffic.put(Kind.STOP, now_us, bytes([ATTACHED]))
         message = Stop(NO_SESSION, 0, 0, StopMode.CONFIGURED)
         self.setpoints.void()  # what was sent before it is not to be repeated behind it
         self._send_stop(message, done, now_us)
@@ -534,8 +533,8 @@ class Session:
             LinkLost: The session is not open.
             DeviceRefused: It belongs to a trial of parameters that was lost.
         """
-        if self.tap.readers:
-            self.tap.put(Kind.REQUEST, now_us, encode_frame(message, 0))
+        if self.traffic.readers:
+            self.traffic.put(Kind.REQUEST, now_us, encode_frame(message, 0))
         self.check_open()
         # A revert passes the check: it is how an application leaves a trial that was lost.
         reverts = isinstance(message, ParameterTrial) and message.action == TrialAction.REVERT
@@ -549,17 +548,17 @@ class Session:
 
     def release_trial(self) -> None:
         """The application has left its trial of parameters; from any thread."""
-        self.tap.put(Kind.RELEASED, self.tap.host_us)
+        self.traffic.put(Kind.RELEASED, self.traffic.host_us)
         self._trial.release()
 
-    def standing_news(self, happening: Happening) -> StandingNews | None:
-        """The news that the robot is out of reach, or that a fault is latched, if so; else None."""
+    def standing_notice(self, happening: Happening) -> StandingNotice | None:
+        """What a listener hears of what is so already; None if there is nothing."""
         if happening is Happening.LOST and self.phase is not Phase.OPEN:
-            return StandingNews(happening, afresh(self.error))
+            return StandingNotice(happening, afresh(self.error))
         if happening is Happening.FAULT and self._latched:
-            return StandingNews(happening, self._latched)
+            return StandingNotice(happening, self._latched)
         if happening is Happening.HELD and self.hold is not None and self.hold.held:
-            return StandingNews(happening, self.held_by(self.hold))
+            return StandingNotice(happening, self.held_by(self.hold))
         return None
 
     def watch(self, parameters: Sequence[int]) -> None:
@@ -568,9 +567,11 @@ class Session:
 
     def withdraw(self, done: Done) -> None:
         """The caller has given up: the session sends no more copies of the request."""
-        if self.tap.readers:
+        if self.traffic.readers:
             which = self._requests.places(done)
-            self.tap.put(Kind.WITHDRAWN, self.tap.host_us, struct.pack(f"<{len(which)}I", *which))
+            self.traffic.put(
+                Kind.WITHDRAWN, self.traffic.host_us, struct.pack(f"<{len(which)}I", *which)
+            )
         self._requests.withdraw(done)
 
     def withdraw_places(self, places: Sequence[int]) -> None:
@@ -597,7 +598,7 @@ class Session:
         self.unanswered_since_us = now_us + pause_us
         # A new one, so that a late answer to a previous hello cannot begin this session.
         self._nonce = self._draw_nonce()
-        self.tap.put(Kind.NONCE, now_us, struct.pack("<I", self._nonce))
+        self.traffic.put(Kind.NONCE, now_us, struct.pack("<I", self._nonce))
         self._hello_due_us = now_us + pause_us
         self._say_hello(now_us)
         self._join()
@@ -610,7 +611,7 @@ class Session:
     def _end(self, error: WheelwireError) -> None:
         self.error = error  # first: other threads read it as soon as they see the phase
         if self.phase is Phase.OPEN:
-            self.news.append((Happening.LOST, afresh(error)))
+            self.notices.append((Happening.LOST, afresh(error)))
         self.phase = Phase.CLOSED
         self.watched_values = None
         self.rolling_mps = None
@@ -778,7 +779,7 @@ class Session:
             )
             self.setpoints.open(opened, now_us)
             self.phase = Phase.OPEN
-            self.news.append((Happening.OPENED, self.device))
+            self.notices.append((Happening.OPENED, self.device))
             self._report_held()
             self._join()
 
@@ -870,7 +871,7 @@ class Session:
 
     def _note_latched(self, faults: Fault) -> None:
         if faults & ~self._latched:
-            self.news.append((Happening.FAULT, faults))
+            self.notices.append((Happening.FAULT, faults))
         self._latched = faults
 
     def held_by(self, hold: Hold) -> HeldBy:
@@ -909,7 +910,7 @@ class Session:
         held_by = self.held_by(self.hold)
         if held_by != self._reported_held:
             self._reported_held = held_by
-            self.news.append((Happening.HELD, held_by))
+            self.notices.append((Happening.HELD, held_by))
 
     def _on_sensor_info(self, info: SensorInfo, now_us: int) -> None:
         if self._is_ours(info.session_id, now_us):
@@ -1008,26 +1009,26 @@ class Session:
         )
         self._begin_hello(expired, now_us)
 
-    # --- the tap -------------------------------------------------------------------------------
+    # --- who listens to the traffic --------------------------------------------------------------
 
-    def listen(self, reader: TapReader, now_us: int) -> None:
+    def listen(self, reader: TrafficReader, now_us: int) -> None:
         """Give `reader` the session's present state, and then all its inputs.
 
         This begins at once, or as soon as the session is prepared and knows the device's board.
         """
-        self.tap.host_us = now_us
+        self.traffic.host_us = now_us
         self._joining.append(reader)
         self._join()
 
-    def leave(self, reader: TapReader) -> None:
+    def leave(self, reader: TrafficReader) -> None:
         """Give `reader` nothing more; nothing at all, if it has not had the start yet."""
         self._joining = [one for one in self._joining if one is not reader]
-        self.tap.remove(reader)
+        self.traffic.remove(reader)
 
     def _join(self) -> None:
         # What the session itself asks for is in no snapshot, nor what follows from its answer.
         while self._joining and self.phase is not Phase.PREPARING and not self._own_questions:
-            self.tap.add(self._joining.pop(), json.dumps(self._snapshot()).encode())
+            self.traffic.add(self._joining.pop(), json.dumps(self._snapshot()).encode())
 
     def _snapshot(self) -> dict[str, Any]:
         """What `resume` needs. Counters start anew there, and open requests are left out."""

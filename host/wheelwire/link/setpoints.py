@@ -20,10 +20,9 @@ from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWhee
 
 from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError, afresh
 from .clock import ClockEstimator
-from .requests import COPY_ID
-from .state_stream import DUTY_SCALE
-from .tap import ESTOP, Kind, Tap
-from .trial import HeldTrial
+from .requests import COPY_ID, HeldTrial
+from .sample_stream import DUTY_SCALE
+from .traffic import ESTOP, Kind, Traffic
 
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
@@ -76,7 +75,7 @@ class SetpointSender:
         send: Takes a message for the line: the repeats.
         trial: The trial of parameters; no setpoint goes out once it is lost.
         why_closed: Gives the reason why no session is open.
-        tap: Passes on what is asked for.
+        traffic: Passes on what is asked for.
         warn: Takes what the user should know, as `logging.warning` does.
 
     Attributes:
@@ -97,7 +96,7 @@ class SetpointSender:
         send: Callable[[AnyMessage], None],
         trial: HeldTrial,
         why_closed: Callable[[], WheelwireError],
-        tap: Tap,
+        traffic: Traffic,
         warn: Callable[..., None],
     ) -> None:
         self.opened: OpenSession | None = None
@@ -111,7 +110,7 @@ class SetpointSender:
         self._send = send
         self._trial = trial
         self._why_closed = why_closed
-        self._tap = tap
+        self._traffic = traffic
         self._warn = warn
         self._gaps_us = _DEFAULT_GAPS_US
         self._quiet_since_us: int | None = None
@@ -218,14 +217,14 @@ class SetpointSender:
                 or a fault is latched, or a trial of parameters was lost. After UNARMED zero is
                 sent, and does not raise.
         """
-        if self._tap.readers:
-            self._tap.put(Kind.VELOCITY, now_us, ASKED.pack(left_mps, right_mps, expiry_us))
+        if self._traffic.readers:
+            self._traffic.put(Kind.VELOCITY, now_us, ASKED.pack(left_mps, right_mps, expiry_us))
         return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
 
     def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
         """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
-        if self._tap.readers:
-            self._tap.put(Kind.DUTY, now_us, ASKED.pack(left, right, expiry_us))
+        if self._traffic.readers:
+            self._traffic.put(Kind.DUTY, now_us, ASKED.pack(left, right, expiry_us))
         left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
         return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
 
@@ -238,7 +237,9 @@ class SetpointSender:
         opened = self.opened
         if opened is None:
             return None
-        self._tap.put(Kind.STOP_COPY, self._tap.host_us, bytes([ESTOP if mode is None else mode]))
+        self._traffic.put(
+            Kind.STOP_COPY, self._traffic.host_us, bytes([ESTOP if mode is None else mode])
+        )
         if mode is None:
             return opened.encoder.encode(Estop(opened.id, COPY_ID))
         command_seq = next(opened.command_seqs)

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import LinkLost
 from .clock import host_clock_us
-from .forking import abandon_in_child
-from .waiting import WakeUp
+from .threads import WakeUp, abandon_in_child
 
 if TYPE_CHECKING:
     from .port_loop import PortLoop
@@ -197,7 +196,7 @@ class _Ports:
         # After all turns: a thread that is woken competes with this one for the interpreter.
         for member in turns:
             if member in self._due_us:
-                member.port.tell_news()
+                member.port.wake_readers()
 
     def release(self) -> None:
         """Have the own threads of the ports that are served no more go on."""

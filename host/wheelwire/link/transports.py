@@ -20,10 +20,9 @@ from urllib.parse import urlsplit
 import serial
 
 from ..errors import LinkLost, PortUnavailable
-from .forking import abandon_in_child
-from .port_list import PSEUDO_TERMINALS, final_name, lock_holder
-from .port_name import UNIX, meant_port
-from .program_name import process_name
+from .ports import PSEUDO_TERMINALS, UNIX, final_name, lock_holder, meant_port
+from .programs import process_name
+from .threads import abandon_in_child
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from wheelwire_protocol.decoder import Decoder
 
-from ..link.tap import Kind, Record
+from ..link.traffic import Kind, Record
 
 
 class Frame(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from ..link.tap import Kind, Record
+from ..link.traffic import Kind, Record
 from .cdr import HEADER
 
 RECEIVED = "/wheelwire/received"

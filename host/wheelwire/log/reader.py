@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from wheelwire_protocol.codec import schema_hash
 
 from ..errors import RecordingError
-from ..link.tap import Kind, Record
+from ..link.traffic import Kind, Record
 from .raw import TOPICS, decode
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ from typing import NamedTuple, Protocol
 
 from ..arguments import path as checked_path
 from ..errors import RecordingError, WheelwireError, afresh
-from ..link.forking import abandon_in_child
-from ..link.tap import Kind, Record, Tap, TapReader
+from ..link.threads import abandon_in_child
+from ..link.traffic import Kind, Record, Traffic, TrafficReader
 from .reader import require_mcap
 from .repair import repair_folder
 from .views import CHANNELS, Views
@@ -54,25 +54,25 @@ class Tapped(Protocol):
     """A link that can be listened to."""
 
     @property
-    def tap(self) -> Tap:
+    def traffic(self) -> Traffic:
         """Where a listener is removed."""
 
     @property
     def has_ended(self) -> bool:
         """Whether the link has ended, so that no record comes any more."""
 
-    def listen_to_tap(self, reader: TapReader) -> None:
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
         """Give `reader` all records from now on, beginning with the state of the session."""
 
 
-def wait_until_it_began(link: Tapped, reader: TapReader) -> None:
+def wait_until_it_began(link: Tapped, reader: TrafficReader) -> None:
     """Wait for the first record: what is asked for next then gets to `reader`, with its answer.
 
     Raises:
         WheelwireError: The link has ended, or cannot give it any.
     """
     end_s = time.monotonic() + BEGIN_S
-    while reader not in link.tap.readers and not link.has_ended and time.monotonic() < end_s:
+    while reader not in link.traffic.readers and not link.has_ended and time.monotonic() < end_s:
         if reader.failure is not None:
             break
         time.sleep(BEGIN_STEP_S)
@@ -100,7 +100,7 @@ class _Inlet:
     """
 
     def __init__(self) -> None:
-        self.reader = TapReader(QUEUE)
+        self.reader = TrafficReader(QUEUE)
         self.has_gap = False
         self.lost = 0
         self.has_begun = False
@@ -170,7 +170,7 @@ class Recorder:
         try:
             wait_until_it_began(link, self._inlet.reader)
         except BaseException:  # of a file that would stay empty nothing is left
-            link.tap.remove(self._inlet.reader)
+            link.traffic.remove(self._inlet.reader)
             self._file.discard()
             raise
         self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
@@ -243,7 +243,7 @@ class Recorder:
         finally:
             for inlet in (self._inlet, self._successor):
                 if inlet is not None:
-                    self._link.tap.remove(inlet.reader)
+                    self._link.traffic.remove(inlet.reader)
 
     def _check_failure(self) -> None:
         """Raise why the link gives it nothing."""
@@ -276,12 +276,12 @@ class Recorder:
                 self._successor = self._listen()
         fresh = self._successor.take() if self._successor is not None else []
         if self._successor is not None and self._successor.has_gap:
-            self._link.tap.remove(self._successor.reader)
+            self._link.traffic.remove(self._successor.reader)
             self._successor = self._listen()
         if not fresh or self._successor is None:
             return records
         self._write([record for record in records if record.number < fresh[0].number])
-        self._link.tap.remove(self._inlet.reader)
+        self._link.traffic.remove(self._inlet.reader)
         self._inlet, self._successor = self._successor, None
         self._lost_before = self.lost
         if self._is_full:
@@ -291,7 +291,7 @@ class Recorder:
 
     def _listen(self) -> _Inlet:
         inlet = _Inlet()
-        self._link.listen_to_tap(inlet.reader)
+        self._link.listen_to_traffic(inlet.reader)
         return inlet
 
     def _write(self, records: list[Record]) -> None:

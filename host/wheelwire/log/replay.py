@@ -38,15 +38,13 @@ from wheelwire_protocol.types import (
 
 from ..errors import InvalidCommand, LinkClosed, RecordingError, WheelwireError
 from ..link.clock import host_clock_us
-from ..link.device_link import Opening
+from ..link.device_link import STEP_S, InlineLink, Opening
 from ..link.info import LinkStatistics
-from ..link.inline_link import STEP_S, InlineLink
-from ..link.latest_sample import LatestSample
-from ..link.news import Happening, Listener
+from ..link.notices import Happening, Listener
 from ..link.requests import ANSWER_TYPES, Answer, Done, RequestMessage
-from ..link.sample_iterator import QUEUE_US
+from ..link.sample_stream import QUEUE_US, LatestSample
 from ..link.setpoints import ASKED
-from ..link.tap import Kind, Record, TapReader
+from ..link.traffic import Kind, Record, TrafficReader
 from ..samples import Setpoint
 from .rerun_link import RerunLink
 
@@ -382,7 +380,7 @@ class ReplayLink(RerunLink, InlineLink):
     def note(self, what: Mapping[str, Any]) -> None:
         """A replay is recorded nowhere."""
 
-    def listen_to_tap(self, reader: TapReader) -> None:  # noqa: ARG002 - refused
+    def listen_to_traffic(self, reader: TrafficReader) -> None:  # noqa: ARG002 - refused
         """A replay has no tap: what it would pass on is in the file.
 
         Raises:

@@ -11,10 +11,10 @@ from wheelwire_protocol.decoder import Decoder
 
 from ..errors import LinkLost, WheelwireError
 from ..link.requests import Answer
+from ..link.sample_stream import Measurement
 from ..link.session import Session
 from ..link.setpoints import ASKED
-from ..link.state_stream import Measurement
-from ..link.tap import ATTACHED, ESTOP, Kind, Record
+from ..link.traffic import ATTACHED, ESTOP, Kind, Record
 
 
 class Rerun:

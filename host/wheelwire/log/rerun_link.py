@@ -6,10 +6,10 @@ from wheelwire_protocol.types import Hold
 
 from ..errors import LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
-from ..link.latest_sample import LatestSample
+from ..link.sample_stream import LatestSample
 from ..link.session import Phase, Session
-from ..link.tap import Record
-from ..link.waiting import Notifier
+from ..link.threads import Notifier
+from ..link.traffic import Record
 from .rerun import Rerun
 
 

@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from ..errors import RecordingError
-from ..link.tap import Record
+from ..link.traffic import Record
 from .frames import FrameReader
 from .reader import (
     ENDED,

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 
+from ..link.sample_stream import DUTY_SCALE, Measurement
 from ..link.session import Phase, Session
 from ..link.setpoints import ASKED
-from ..link.state_stream import DUTY_SCALE, Measurement
-from ..link.tap import Kind, Record
+from ..link.traffic import Kind, Record
 from .rerun import Rerun
 
 

@@ -7,12 +7,11 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..errors import WheelwireError
-from ..link.news import Happening
-from ..link.pacer import Pacer
+from ..link.notices import Happening
+from ..link.sample_stream import Measurement, Pacer
 from ..link.sensor_stream import ImuMeasurement, InputsMeasurement, RangeMeasurement, SensorStream
 from ..link.session import Session
-from ..link.state_stream import Measurement
-from ..link.tap import Kind, Record
+from ..link.traffic import Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
 from ..samples import WheelSample
@@ -86,8 +85,8 @@ class Views:
             if self._pacer.is_due(measurement.t_us, measurement.state.boot_id):
                 yield from self._motion(session, measurement.sample(), time_ns)
         yield from self._sensed(session.sensors, time_ns)
-        while session.news:
-            happening, subject = session.news.popleft()
+        while session.notices:
+            happening, subject = session.notices.popleft()
             level = logging.INFO if happening is Happening.OPENED else logging.ERROR
             self._said.append((level, _text(happening, subject)))
         while self._said:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ..link.tap import Record
+from ..link.traffic import Record
 from . import raw
 from .reader import CLOCK, COUNTS, ENDED, METADATA, OFFSET, require_mcap
 from .summary import Counter

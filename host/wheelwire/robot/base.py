@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..arguments import timeout_s
 from ..errors import DriverUnavailable, RequestTimeout
-from ..link.latest_sample import LatestSample
-from ..link.sample_iterator import SampleIterator
+from ..link.sample_stream import LatestSample, SampleIterator
 from ..parameters import Parameters
 from ..samples import WheelSample
 from .callbacks import InlineCallbacks, ThreadCallbacks

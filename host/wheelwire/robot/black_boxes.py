@@ -13,7 +13,7 @@ from wheelwire_protocol.codes import Group, RefusalCode, ResetReason, Supervisor
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
-from ..link.stored_boxes import Ledger, Recorded, StoredBox
+from ..link.info import Ledger, Recorded, StoredBox
 from .calls import Requests, blocking
 
 _MOST_BOXES = 255

@@ -15,8 +15,8 @@ from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from ..errors import InvalidArgument, WheelwireError, shown
-from ..link.news import Happening, Listener, News, StandingNews
-from ..link.waiting import Notifier
+from ..link.notices import Happening, Listener, Notice, StandingNotice
+from ..link.threads import Notifier
 
 LAST_CALL_S = 1.0
 """How long closing waits for a callback that runs; calls of the robot in there end at once."""
@@ -68,12 +68,12 @@ class Callbacks(ABC):
     def close(self) -> None:
         """Begin no call from now on. Never waits."""
 
-    def _handler_for(self, news: News) -> Handler | None:
+    def _handler_for(self, news: Notice) -> Handler | None:
         """The function that is to be called now for `news`, if one is."""
         assigned = self._assigned.get(news[0])
         # What happens after the assignment and before the link knows of it is passed on like all
         # else, and then once more as what is so already.
-        if assigned is None or (assigned.was_called and isinstance(news, StandingNews)):
+        if assigned is None or (assigned.was_called and isinstance(news, StandingNotice)):
             return None
         assigned.was_called = True
         return assigned.handler
@@ -111,7 +111,7 @@ class Inbox:
     """The news that was not reported yet; refers to no function of the application."""
 
     def __init__(self) -> None:
-        self.news: SimpleQueue[News | None] = SimpleQueue()
+        self.news: SimpleQueue[Notice | None] = SimpleQueue()
         self.closed = False
 
     def close(self) -> None:
@@ -171,7 +171,7 @@ class ThreadCallbacks(Callbacks):
         if self._changed.wait_for(lambda: not self._calling, LAST_CALL_S):
             thread.join(LAST_CALL_S)
 
-    def call(self, news: News) -> bool:
+    def call(self, news: Notice) -> bool:
         """Call the function for what has happened; False once closed."""
         happening, told = news
         # In this order: `close` looks at the one after it has set the other.
@@ -190,7 +190,7 @@ class ThreadCallbacks(Callbacks):
         return True
 
 
-def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[News | None]) -> None:
+def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[Notice | None]) -> None:
     """The thread's main function."""
     while (news := queue.get()) is not None:
         this = callbacks()
@@ -205,7 +205,7 @@ class InlineCallbacks(Callbacks):
 
     def __init__(self) -> None:
         super().__init__()
-        self._news: deque[News] = deque()
+        self._news: deque[Notice] = deque()
         self._calling = False
         self._closed = False
 
@@ -214,7 +214,7 @@ class InlineCallbacks(Callbacks):
         """Calls at once; news that comes during a call waits for its end."""
         return self._tell
 
-    def _tell(self, news: News) -> None:
+    def _tell(self, news: Notice) -> None:
         self._news.append(news)
         if self._calling:
             return

@@ -33,8 +33,8 @@ from wheelwire_protocol.types import (
 from ..errors import DeviceRefused, GroupUnavailable
 from ..holds import Holding
 from ..link.device_link import DeviceLink
-from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, RequestMessage, subject
+from ..link.sample_stream import LatestSample
 from .explanations import Explanations
 
 P = ParamSpec("P")

@@ -21,8 +21,8 @@ from ..errors import (
 )
 from ..holds import HeldBy, LastStop
 from ..link.info import DeviceInfo, Health, LinkStatistics
-from ..link.latest_sample import Latest, LatestSample
-from ..link.news import Happening
+from ..link.notices import Happening
+from ..link.sample_stream import Latest, LatestSample
 from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
 from .callbacks import Callbacks
 

@@ -17,7 +17,7 @@ from ..errors import LinkClosed, LinkLost, WheelwireError
 from ..holds import HeldBy, LastStop
 from ..link.device_link import DeviceLink
 from ..link.info import LinkInfo, LinkStatistics
-from ..link.news import Happening, News
+from ..link.notices import Happening, Notice
 from ..link.requests import Answer
 from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
@@ -200,7 +200,7 @@ class LinkedRobot(Driving):
         self._requests.check_thread()
         listener, explanations = self._callbacks.listener, self._explanations
 
-        def tell(news: News) -> None:
+        def tell(news: Notice) -> None:
             if isinstance(news[1], WheelwireError):
                 explanations.explain(news[1])
             listener(news)

@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from inspect import isawaitable
 
-from ..link.news import Happening, Listener, News
+from ..link.notices import Happening, Listener, Notice
 from .callbacks import LAST_CALL_S, Callbacks, Handler, log_failure
 
 
@@ -24,7 +24,7 @@ class LoopCallbacks(Callbacks):
     def __init__(self, call_in_loop: Callable[[Callable[[], None]], None]) -> None:
         super().__init__()
         self._call_in_loop = call_in_loop
-        self._news: deque[News] = deque()
+        self._news: deque[Notice] = deque()
         self._task: asyncio.Task[None] | None = None
         self._awaited: asyncio.Future[object] | None = None
         self._closed = False
@@ -35,14 +35,14 @@ class LoopCallbacks(Callbacks):
         # Weakly: the functions commonly refer to the driver, which the port must not keep alive.
         this, call_in_loop = weakref.ref(self), self._call_in_loop
 
-        def tell(news: News) -> None:
+        def tell(news: Notice) -> None:
             callbacks = this()
             if callbacks is not None:
                 callbacks.tell(news)
 
         return lambda news: call_in_loop(partial(tell, news))
 
-    def tell(self, news: News) -> None:
+    def tell(self, news: Notice) -> None:
         """Call the function for the news, after those of earlier news."""
         if self._closed or self.get(news[0]) is None:
             return

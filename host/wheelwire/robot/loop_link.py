@@ -16,12 +16,11 @@ from wheelwire_protocol.parameters import PARAMETERS
 
 from ..errors import InvalidCommand, LinkLost, WheelwireError, afresh
 from ..link.connection import CLOSE_TIMEOUT_S, Link
-from ..link.device_link import CALL_TIMEOUT_S
-from ..link.inline_link import STEP_S, InlineLink
-from ..link.latest_sample import LatestSample
+from ..link.device_link import CALL_TIMEOUT_S, STEP_S, InlineLink
 from ..link.requests import Answer, Done, RequestMessage
+from ..link.sample_stream import LatestSample
 from ..link.shared_thread import SharedThread
-from ..link.waiting import Notifier
+from ..link.threads import Notifier
 from .calls import Requests
 
 if TYPE_CHECKING:

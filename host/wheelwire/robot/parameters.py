@@ -23,7 +23,7 @@ from wheelwire_protocol.types import (
 
 from ..arguments import number
 from ..errors import DeviceRefused, InvalidArgument, WheelwireError
-from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
+from ..link.requests import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
     TRIAL_TIMEOUT_S,
     Difference,

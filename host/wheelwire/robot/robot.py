@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InvalidCommand
 from ..link.device_link import DeviceLink
-from ..link.latest_sample import LatestSample
+from ..link.sample_stream import LatestSample
 from ..parameters import Parameters
 from .base import BaseDriver
 from .black_boxes import DeviceRecorder

@@ -16,8 +16,7 @@ from wheelwire_protocol.types import ConfigurationGet, SensorStream
 
 from ..arguments import timeout_s, whole
 from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
-from ..link.latest_sample import LatestSample
-from ..link.sample_iterator import SampleIterator
+from ..link.sample_stream import LatestSample, SampleIterator
 from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
 from ..peripherals import INPUTS as INPUT_KINDS
 from ..sensors import (

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import WheelwireError
-from ..link.runtime_folder import tap_directory
+from ..link.programs import sharing_folder
 
 _PREFIX, _SUFFIX = "sim-", ".sock"
 _ANSWER_S = 5.0
@@ -39,7 +39,7 @@ class RemoteConsole:
     def __init__(self, link: str, command: Callable[[str], dict[str, Any]]) -> None:
         self._link = str(Path(link).absolute())
         self._command = command
-        self._path = tap_directory(make=True).path / f"{_PREFIX}{os.getpid()}{_SUFFIX}"
+        self._path = sharing_folder(make=True).path / f"{_PREFIX}{os.getpid()}{_SUFFIX}"
         self._path.unlink(missing_ok=True)  # of a previous process of this number
         self._listener = socket.socket(socket.AF_UNIX)
         try:
@@ -138,7 +138,7 @@ class RemoteSimulator:
 def running_simulators() -> list[RemoteSimulator]:
     """All simulators of this user whose console is offered; to be closed."""
     try:
-        paths = sorted(tap_directory().path.glob(f"{_PREFIX}*{_SUFFIX}"))
+        paths = sorted(sharing_folder().path.glob(f"{_PREFIX}*{_SUFFIX}"))
     except (OSError, WheelwireError):
         return []
     return [found for path in paths if (found := _at(path)) is not None]

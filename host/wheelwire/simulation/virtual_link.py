@@ -11,13 +11,12 @@ from secrets import randbits
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout
-from ..link.arming import arming
+from ..link.device_link import InlineLink, arming
 from ..link.info import LinkStatistics
-from ..link.inline_link import InlineLink
-from ..link.latest_sample import LatestSample
 from ..link.requests import Done, RequestMessage
+from ..link.sample_stream import LatestSample
 from ..link.session import Phase, Session
-from ..link.tap import Kind, TapReader
+from ..link.traffic import Kind, TrafficReader
 from .libfwsim import FwSim
 
 _log = logging.getLogger("wheelwire.link")
@@ -102,11 +101,11 @@ class VirtualLink(InlineLink):
         """Counters since the link was opened."""
         return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
 
-    def listen_to_tap(self, reader: TapReader) -> None:
-        """As `Link.listen_to_tap`; what is asked for after it is in the tap."""
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
+        """As `Link.listen_to_traffic`; whatever is asked for after it is passed on."""
         self._session.listen(reader, self.now_us)
         # It begins once the session knows its board, for which virtual time has to pass.
-        self.wait_for(lambda: reader in self.tap.readers, OPEN_S)
+        self.wait_for(lambda: reader in self.traffic.readers, OPEN_S)
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
@@ -180,4 +179,4 @@ class VirtualLink(InlineLink):
         output = self._session.take_output()
         if self._plugged and (output or setpoint):
             self._sim.write(output + setpoint)
-            self.tap.put(Kind.SENT, self.now_us, output + setpoint)
+            self.traffic.put(Kind.SENT, self.now_us, output + setpoint)

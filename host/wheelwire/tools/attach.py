@@ -9,7 +9,7 @@ from ..connect import open_driver
 from ..drivers.attached import AttachedDriver
 from ..drivers.pin_options import L298NOptions, PigpioDriverOptions
 from ..errors import DriverUnavailable, LinkClosed, PortUnavailable
-from ..link.port_name import port_name
+from ..link.ports import port_name
 from ..log.share.attached_link import find_holder
 from ..pi.settings import McuSettings
 from ..robot.base import BaseDriver

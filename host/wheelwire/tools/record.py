@@ -12,7 +12,7 @@ from ..errors import InvalidCommand, LinkLost, RequestTimeout, WheelwireError
 from ..link.connection import Link
 from ..link.device_link import DeviceLink
 from ..link.info import host_release
-from ..link.latest_sample import LatestSample
+from ..link.sample_stream import LatestSample
 from ..log.recorder import Attachment, Recorder
 from ..log.share.attached_link import AttachedLink
 from ..robot.board import DeviceBoard

@@ -15,7 +15,7 @@ from wheelwire.cli import address
 from wheelwire.cli.address import Address, looks_like_address, resolve
 from wheelwire.connect import ENVIRONMENT
 from wheelwire.errors import InvalidArgument, RobotNotNamed
-from wheelwire.link.port_list import SerialPort
+from wheelwire.link.ports import SerialPort
 
 USB0, ACM0 = (
     SerialPort(name, None, "", 0x303A, 0x1001, None, True, "native USB", None)

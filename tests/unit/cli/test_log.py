@@ -21,7 +21,7 @@ from support.command import PROGRAM, check_error, output, run, run_json
 from wheelwire import errors, open_driver
 from wheelwire.cli import log
 from wheelwire.cli.app import app
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.reader import records
 from wheelwire.log.writer import RecordingFile
 
@@ -34,9 +34,9 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of a drive in virtual time, one second long, with an e-stop at its end."""
     said = {"driver": "mock", "board_id": "0a1b2c3d4e5f", "version": "0.1.0"}
     file = RecordingFile(tmp_path_factory.mktemp("day") / "day.mcap", OFFSET_NS, said)
-    reader = TapReader(limit=1_000_000)
+    reader = TrafficReader(limit=1_000_000)
     with open_driver("mock", realtime=False) as robot:
-        robot._link.listen_to_tap(reader)
+        robot._link.listen_to_traffic(reader)
         for speed in SPEEDS:
             robot.set_velocity(speed, 0.0)
             robot.advance(0.05)

@@ -16,8 +16,8 @@ from support.usb_ports import plug_in
 from wheelwire import connect, errors, open_driver
 from wheelwire.cli import local
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.port_list import SerialPort
-from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE
+from wheelwire.link.ports import SerialPort
+from wheelwire.link.programs import DIRECTORY_VARIABLE
 from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codes import SupervisorState
 

@@ -18,7 +18,7 @@ from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.link.tap import Kind, Record
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.raw import RECEIVED, SENT, SESSION, TOPICS
 from wheelwire.log.reader import records
 from wheelwire.log.recorder import Recorder

@@ -22,7 +22,7 @@ from support.command import check_error, run
 from support.waiting import until
 from wheelwire import aio, errors, open_driver
 from wheelwire.link.session import Session
-from wheelwire.link.tap import Kind, TapReader
+from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.reader import records
 from wheelwire.log.recorder import Recorder
 from wheelwire.robot.robot import DeviceDriver
@@ -32,8 +32,8 @@ pytestmark = pytest.mark.timeout(60)
 
 def notes(robot: Any, *values: object) -> list[Any]:
     """What the tap passes on of these notes."""
-    reader = TapReader()
-    robot._link.listen_to_tap(reader)
+    reader = TrafficReader()
+    robot._link.listen_to_traffic(reader)
     for value in values:
         robot.note("n", value)
     return [json.loads(one.data)["n"] for one in reader.take() if one.kind is Kind.NOTE][

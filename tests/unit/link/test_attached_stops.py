@@ -20,10 +20,10 @@ from support.waiting import wait_until
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, WheelwireError
-from wheelwire.link import runtime_folder as tap_directory
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link import programs
 from wheelwire.link.requests import Answer, Done
-from wheelwire.link.tap import STOP_ASKED, Kind, TapReader
+from wheelwire.link.sample_stream import LatestSample
+from wheelwire.link.traffic import STOP_ASKED, Kind, TrafficReader
 from wheelwire.log.rerun import Rerun
 from wheelwire.log.share.attached_link import AttachedLink, find_holder
 from wheelwire.log.share.stops import PERIOD_S, AttachedStops
@@ -187,7 +187,7 @@ class TestSession:
         assert [type(one) for one in results] == [LinkLost]
 
     def test_who_follows_the_session_counts_as_it_does(self, line: VirtualLine) -> None:
-        reader, rerun = TapReader(), Rerun()
+        reader, rerun = TrafficReader(), Rerun()
         line.session.listen(reader, line.now_us)
         line.drive()
         line.session.stop_for_attached(lambda _: None, line.now_us)
@@ -239,8 +239,8 @@ class TestBeside:
         }
 
     def test_whoever_stops_is_named(self, device: PtyDevice, owner: SerialDriver) -> None:
-        reader = TapReader()
-        owner._link.listen_to_tap(reader)
+        reader = TrafficReader()
+        owner._link.listen_to_traffic(reader)
         with AttachedDriver(holder_of(str(device.path))) as attached:
             attached.stop()
             attached.estop()
@@ -323,19 +323,19 @@ class TestFolders:
             (tmp_path / name).mkdir()
         user = os.getuid()
         (tmp_path / "run" / str(user)).mkdir()
-        monkeypatch.delenv(tap_directory.DIRECTORY_VARIABLE)
-        monkeypatch.setattr(tap_directory, "SESSIONS", str(tmp_path / "run"))
-        monkeypatch.setattr(tap_directory, "TEMPORARY", str(tmp_path / "tmp2"))
+        monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
+        monkeypatch.setattr(programs, "SESSIONS", str(tmp_path / "run"))
+        monkeypatch.setattr(programs, "TEMPORARY", str(tmp_path / "tmp2"))
         monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
         theirs = {
             "session": tmp_path / "run" / str(user) / "wheelwire",
             "temporary": tmp_path / "tmp" / f"wheelwire-{user}",
             "other temporary": tmp_path / "tmp2" / f"wheelwire-{user}",
         }[offered_in]
-        monkeypatch.setenv(tap_directory.DIRECTORY_VARIABLE, str(theirs))
+        monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(theirs))
         with SerialDriver(str(device.path)):
             holder_of(str(device.path)).connection.close()
-            monkeypatch.delenv(tap_directory.DIRECTORY_VARIABLE)
+            monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
             monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "mine"))
             (tmp_path / "mine" / "wheelwire").mkdir(mode=0o700)
             holder = find_holder(str(device.path))
@@ -350,5 +350,5 @@ class TestFolders:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         (tmp_path / "named").mkdir(mode=0o700)
-        monkeypatch.setenv(tap_directory.DIRECTORY_VARIABLE, str(tmp_path / "named"))
-        assert [one.path for one in tap_directory.tap_directories()] == [tmp_path / "named"]
+        monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(tmp_path / "named"))
+        assert [one.path for one in programs.sharing_folders()] == [tmp_path / "named"]

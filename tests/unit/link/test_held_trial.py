@@ -8,7 +8,7 @@ import pytest
 
 from support.bytecodes import interrupted
 from wheelwire.errors import DeviceRefused
-from wheelwire.link.trial import HeldTrial
+from wheelwire.link.requests import HeldTrial
 from wheelwire_protocol.codes import RefusalCode, TrialAction
 from wheelwire_protocol.types import ParameterTrial
 

@@ -5,7 +5,7 @@ import pytest
 from support.host_samples import measurement
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.latest_sample import ATTENTION_US, FRESH_US, LatestSample
+from wheelwire.link.sample_stream import ATTENTION_US, FRESH_US, LatestSample
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wheelwire.link.pacer import Pacer
+from wheelwire.link.sample_stream import Pacer
 
 
 def published(pacer: Pacer, times_us: list[int], boot_id: int = 1) -> list[int]:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from wheelwire.link import port_list
+from wheelwire.link import ports
 
 
 def comport(device: str, vid: int | None, pid: int | None) -> SimpleNamespace:
@@ -23,7 +23,7 @@ def test_likely_boards_come_first_and_a_doubtful_one_says_so(
     by_path = tmp_path / "by-path"
     by_path.mkdir()
     (by_path / "usb-0:1.2").symlink_to("/dev/ttyUSB1")
-    acm, usb, onboard = port_list.list_serial_ports(by_path)
+    acm, usb, onboard = ports.list_serial_ports(by_path)
     assert [p.device for p in (acm, usb, onboard)] == ["/dev/ttyACM0", "/dev/ttyUSB1", "/dev/ttyS0"]
     assert "RPLidar" in usb.note
     assert usb.likely_esp32
@@ -36,13 +36,13 @@ def test_no_by_path_names_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(
         "serial.tools.list_ports.comports", lambda: [comport("/dev/ttyS0", None, None)]
     )
-    assert port_list.list_serial_ports(tmp_path / "none")[0].by_path is None
+    assert ports.list_serial_ports(tmp_path / "none")[0].by_path is None
 
 
 def test_a_port_that_a_process_holds_is_in_use() -> None:
     master, slave = os.openpty()
     try:
-        assert port_list.is_in_use(os.ttyname(slave)) is True
+        assert ports.is_in_use(os.ttyname(slave)) is True
     finally:
         os.close(slave)
         os.close(master)
@@ -52,9 +52,9 @@ def test_a_port_is_free_only_when_every_process_could_be_seen(tmp_path: Path) ->
     files = tmp_path / "1" / "fd"
     files.mkdir(parents=True)
     (files / "0").symlink_to("/dev/other")
-    assert port_list.is_in_use("/dev/mine", tmp_path) is False
+    assert ports.is_in_use("/dev/mine", tmp_path) is False
     (tmp_path / "2").mkdir()  # it ended while we looked
-    assert port_list.is_in_use("/dev/mine", tmp_path) is False
+    assert ports.is_in_use("/dev/mine", tmp_path) is False
 
 
 def test_a_process_that_cannot_be_seen_leaves_it_open(
@@ -66,7 +66,7 @@ def test_a_process_that_cannot_be_seen_leaves_it_open(
         raise PermissionError
 
     monkeypatch.setattr(Path, "iterdir", deny)
-    assert port_list.is_in_use("/dev/mine", tmp_path) is None
+    assert ports.is_in_use("/dev/mine", tmp_path) is None
 
 
 def test_a_name_that_vanishes_while_it_is_looked_at_is_no_failure(
@@ -76,5 +76,5 @@ def test_a_name_that_vanishes_while_it_is_looked_at_is_no_failure(
         raise FileNotFoundError(path)
 
     monkeypatch.setattr(Path, "resolve", vanish)
-    assert port_list.final_name("/dev/tty7") == "/dev/tty7"
-    assert port_list.is_in_use("/dev/tty7", tmp_path) is False
+    assert ports.final_name("/dev/tty7") == "/dev/tty7"
+    assert ports.is_in_use("/dev/tty7", tmp_path) is False

@@ -16,13 +16,13 @@ from support.answering_port import Port
 from support.core_device import CoreDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import MAX_FRAME, OUTPUT_LIMIT, PortLoop
 from wheelwire.link.port_policy import FIRST_PAUSE_S
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.shared_thread import SharedThread
+from wheelwire.link.threads import Notifier
 from wheelwire.link.transports import Transport
-from wheelwire.link.waiting import Notifier
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage, Estop, Hello, Refuse, SetDuty, Stop

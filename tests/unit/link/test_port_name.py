@@ -9,7 +9,7 @@ import pytest
 
 from support.cases import each
 from wheelwire.errors import InvalidArgument
-from wheelwire.link.port_name import device_of, meant_port, port_name
+from wheelwire.link.ports import device_of, meant_port, port_name
 
 
 @pytest.fixture

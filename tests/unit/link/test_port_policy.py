@@ -152,8 +152,8 @@ def test_a_port_that_nobody_answers_at_is_not_lost_itself(policy: PortPolicy) ->
 
 
 def test_a_port_that_is_not_there_is_no_news_and_any_other_failure_is(policy: PortPolicy) -> None:
-    assert policy.news_of_failure(PortUnavailable("port", "gone")) is None
-    news = policy.news_of_failure(DriverUnavailable("pigpiod does not run"))
+    assert policy.error_of_failure(PortUnavailable("port", "gone")) is None
+    news = policy.error_of_failure(DriverUnavailable("pigpiod does not run"))
     assert str(news) == "pigpiod does not run; trying again"
 
 

@@ -7,19 +7,27 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.link.programs import KEPT, LONGEST_COMMAND, driver_of, note_driver, this_program
-from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE, TapDirectory, tap_directory
+from wheelwire.link.programs import (
+    DIRECTORY_VARIABLE,
+    KEPT,
+    LONGEST_COMMAND,
+    SharingFolder,
+    driver_of,
+    note_driver,
+    sharing_folder,
+    this_program,
+)
 
 BOARD = "240ac4123456"
 
 
 @pytest.fixture
-def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TapDirectory:
+def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SharingFolder:
     monkeypatch.setenv(DIRECTORY_VARIABLE, str(tmp_path / "taps"))
-    return tap_directory(make=True)
+    return sharing_folder(make=True)
 
 
-def test_the_program_of_a_session_is_found_by_it(directory: TapDirectory) -> None:
+def test_the_program_of_a_session_is_found_by_it(directory: SharingFolder) -> None:
     assert driver_of(BOARD, 7) is None
     note_driver(directory, BOARD, 7)
     found = driver_of(BOARD, 7)
@@ -31,7 +39,7 @@ def test_the_program_of_a_session_is_found_by_it(directory: TapDirectory) -> Non
     assert driver_of("000000000000", 7) is None
 
 
-def test_the_file_does_not_grow(directory: TapDirectory) -> None:
+def test_the_file_does_not_grow(directory: SharingFolder) -> None:
     for session in range(1, 3 * KEPT):
         note_driver(directory, BOARD, session)
         note_driver(directory, BOARD, session)
@@ -42,7 +50,7 @@ def test_the_file_does_not_grow(directory: TapDirectory) -> None:
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", '[[7, ["a"]]]', "null"])
 def test_what_somebody_else_has_written_is_no_program(
-    directory: TapDirectory, content: str
+    directory: SharingFolder, content: str
 ) -> None:
     (directory.path / f"{BOARD}.programs").write_text(content)
     assert driver_of(BOARD, 7) is None

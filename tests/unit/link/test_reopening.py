@@ -12,7 +12,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.transports import SocketTransport, Transport
 
 

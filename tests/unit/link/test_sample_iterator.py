@@ -16,7 +16,7 @@ from support.waiting import wait_until
 from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.sample_iterator import QUEUE_US, SampleIterator
+from wheelwire.link.sample_stream import QUEUE_US, SampleIterator
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.types import WheelState
 

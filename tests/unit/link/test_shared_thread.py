@@ -22,11 +22,11 @@ from support.processes import open_files
 from support.waiting import wait_until
 from wheelwire.errors import LinkClosed, LinkLost, WheelwireError
 from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import Done
+from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.shared_thread import SharedThread, _Ports
+from wheelwire.link.threads import WakeUp
 from wheelwire.link.transports import Transport
-from wheelwire.link.waiting import WakeUp
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import ControlCountersGet, Stop
 
@@ -297,8 +297,8 @@ class Quiet:
     def next_wait(self, now_us: int) -> int:
         return now_us + 10_000_000
 
-    def tell_news(self) -> None:
-        self._done("news")
+    def wake_readers(self) -> None:
+        self._done("readers")
 
     def close(self) -> None:
         for end in (self.ours, self.theirs, self.wake_up):
@@ -329,7 +329,7 @@ def test_who_waits_is_woken_once_for_all_ports_that_have_something() -> None:
     happened.clear()
     go_on.set()
     wait_until(lambda: happened[-1:] == ["passed"])
-    assert happened == ["turn", "turn", "news", "news", "passed"]
+    assert happened == ["turn", "turn", "readers", "readers", "passed"]
     for port in ports:
         port.theirs.send(b"e")
     for one in serving:

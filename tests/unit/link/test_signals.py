@@ -25,9 +25,9 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.link.latest_sample import LatestSample
+from wheelwire.link.sample_stream import LatestSample
+from wheelwire.link.threads import Notifier
 from wheelwire.link.transports import Transport, open_transport
-from wheelwire.link.waiting import Notifier
 from wheelwire_protocol.types import ParameterSet
 
 CALLS: dict[str, Callable[[SerialDriver], object]] = {

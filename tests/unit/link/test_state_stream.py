@@ -2,7 +2,7 @@ import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.link.clock import ClockEstimator, Exchange
-from wheelwire.link.state_stream import StateStream
+from wheelwire.link.sample_stream import StateStream
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState

@@ -30,9 +30,9 @@ from wheelwire import errors
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.connection import Link
-from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.runtime_folder import DIRECTORY_VARIABLE, GROUP_VARIABLE
-from wheelwire.link.tap import Kind, TapReader
+from wheelwire.link.programs import DIRECTORY_VARIABLE, GROUP_VARIABLE
+from wheelwire.link.sample_stream import LatestSample
+from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.share import attached_link as attached_module
 from wheelwire.log.share import server as tap_server
 from wheelwire.log.share.attached_link import AttachedLink, Holder, find_holder
@@ -393,15 +393,15 @@ class TestReading:
             peer.sendall(VERSION + message(Say.LISTEN)[:3])
         with AttachedDriver(holder_of(str(device.path))) as other:
             other.read()
-            wait_until(lambda: len(robot._link.tap.readers) == 2)
-        wait_until(lambda: len(robot._link.tap.readers) == 1)
+            wait_until(lambda: len(robot._link.traffic.readers) == 2)
+        wait_until(lambda: len(robot._link.traffic.readers) == 1)
         attached.read()
 
     def test_nobody_misses_a_record_because_another_one_comes(
         self, device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
     ) -> None:
-        own = TapReader()
-        robot._link.listen_to_tap(own)
+        own = TrafficReader()
+        robot._link.listen_to_traffic(own)
         for _ in range(3):
             with AttachedDriver(holder_of(str(device.path))) as other:
                 for each in (attached, other):
@@ -416,9 +416,9 @@ class TestReading:
     ) -> None:
         robot.note("weather", "rain")
         robot.note("weather", "sun")
-        reader = TapReader()
+        reader = TrafficReader()
         with AttachedDriver(holder_of(str(device.path))) as attached:
-            link_of(attached).listen_to_tap(reader)
+            link_of(attached).listen_to_traffic(reader)
             notes: list[bytes] = []
 
             def has_come() -> bool:
@@ -429,8 +429,8 @@ class TestReading:
         assert notes == [b'{"weather": "sun"}']
 
     def test_a_reader_gets_the_records(self, robot: SerialDriver, attached: AttachedDriver) -> None:
-        reader = TapReader()
-        link_of(attached).listen_to_tap(reader)
+        reader = TrafficReader()
+        link_of(attached).listen_to_traffic(reader)
         seen: list[Kind] = []
 
         def has_come() -> bool:
@@ -442,13 +442,13 @@ class TestReading:
         robot.set_velocity(0.0, 0.0, ttl=0.1)
         wait_until(has_come)
         assert seen[0] is Kind.START
-        link_of(attached).leave_tap(reader)
+        link_of(attached).leave_traffic(reader)
 
     def test_a_watch_of_stops_knows_that_it_has_begun(self, attached: AttachedDriver) -> None:
         watch = attached.watch_stops(print)
-        assert link_of(attached).tap.readers  # or it had waited in vain, for seconds
+        assert link_of(attached).traffic.readers  # or it had waited in vain, for seconds
         watch.close()
-        assert not link_of(attached).tap.readers
+        assert not link_of(attached).traffic.readers
 
 
 def holder_of_board() -> Holder:
@@ -476,7 +476,7 @@ class TestStopping:
     def test_estop_needs_nothing_to_be_read(self, robot: SerialDriver, device: PtyDevice) -> None:
         with AttachedDriver(holder_of(str(device.path)), listens=False) as attached:
             attached.estop()
-            assert not robot._link.tap.readers
+            assert not robot._link.traffic.readers
         assert device.device.supervisor is SupervisorState.ESTOPPED
 
     def test_estop_without_a_session_is_sent_and_says_so(
@@ -584,14 +584,14 @@ class TestSlowness:
         self, device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tap_server, "QUEUE", 50)
-        latest_sample, reader, goes_on = LatestSample(), TapReader(), threading.Event()
+        latest_sample, reader, goes_on = LatestSample(), TrafficReader(), threading.Event()
         link = AttachedLink(latest_sample, holder_of(str(device.path)))
         link.open()
         with closing(link):
             server = server_of(robot)
             for program in server._programs.values():
                 program.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-            link.listen_to_tap(reader)
+            link.listen_to_traffic(reader)
             latest_sample.notify_all = lambda: void(goes_on.wait())  # by the thread that reads
             wait_until(lambda: any(is_full(one) for one in server._programs.values()))
             goes_on.set()

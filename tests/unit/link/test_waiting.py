@@ -5,7 +5,7 @@ from __future__ import annotations
 import select
 from typing import Any, cast
 
-from wheelwire.link.waiting import Notifier, WakeUp
+from wheelwire.link.threads import Notifier, WakeUp
 
 WAITERS = 50
 

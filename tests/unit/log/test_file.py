@@ -13,7 +13,7 @@ from typing import BinaryIO
 import pytest
 
 from wheelwire.errors import RecordingError
-from wheelwire.link.tap import Kind, Record
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log import repair as repair_module
 from wheelwire.log.reader import COUNTS, METADATA, has_end, metadata, records, was_closed
 from wheelwire.log.repair import repair, repair_folder

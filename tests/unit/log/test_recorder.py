@@ -20,7 +20,7 @@ from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire.errors import RecordingError
 from wheelwire.link.session import Session
-from wheelwire.link.tap import Kind
+from wheelwire.link.traffic import Kind
 from wheelwire.log import recorder as recorder_module
 from wheelwire.log.reader import is_complete, messages, metadata, offset_us, records, was_closed
 from wheelwire.log.recorder import Attachment, Recorder
@@ -66,14 +66,14 @@ def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., R
     assert session.values == link.line.session.values
     assert (recorder.lost, recorder.error) == (0, None)
     assert metadata(recorder.file)["driver"] == "mock"
-    assert not link.tap.readers
+    assert not link.traffic.readers
 
 
 def test_closing_twice_and_the_links_end(link: TappedLine, make: Callable[..., Recorder]) -> None:
     recorder = make()
     link.drive(0.2)
     link.has_ended = True
-    wait_until(lambda: not link.tap.readers)
+    wait_until(lambda: not link.traffic.readers)
     recorder.close()
     recorder.close()
     with recorder.file.open("rb") as file:
@@ -185,7 +185,7 @@ def test_a_full_disk_ends_the_recording_alone(
     assert [record.getMessage() for record in caplog.records] == [
         f"the recording {recorder.file} has ended: No space left on device; the robot is driven on"
     ]
-    assert not link.tap.readers
+    assert not link.traffic.readers
     assert list(records(recorder.file))[: len(written)] == written
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import InvalidCommand, LinkClosed, LinkLost, RecordingError
-from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.news import Happening
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.notices import Happening
+from wheelwire.link.sample_stream import LatestSample
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.replay import ReplayLink
 from wheelwire.samples import Setpoint
 from wheelwire.simulation.bad_line import Impairment
@@ -42,7 +42,7 @@ class Day:
 def recorded(seconds: int = 3, impairment: Impairment = BAD) -> Day:
     """A drive with a lost cable in its middle."""
     line = VirtualLine(5, to_device=impairment, to_host=impairment, watched=(1, 2, 3, 6, 16))
-    reader = TapReader(limit=1_000_000)
+    reader = TrafficReader(limit=1_000_000)
     line.session.listen(reader, line.now_us)
     line.open()
     day = Day(line)
@@ -232,4 +232,4 @@ def test_a_damaged_record_ends_the_replay(day: Day) -> None:
 def test_a_recording_is_not_recorded(day: Day) -> None:
     link, _ = replay(day)
     with pytest.raises(InvalidCommand, match="copy the file"):
-        link.listen_to_tap(TapReader())
+        link.listen_to_traffic(TrafficReader())

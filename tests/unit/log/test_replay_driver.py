@@ -10,7 +10,7 @@ import wheelwire
 from support.command import check_error, run, run_json
 from wheelwire import Odometry, WheelSample, errors, open_driver
 from wheelwire.drivers.replay import ReplayDriver
-from wheelwire.link.tap import TapReader
+from wheelwire.link.traffic import TrafficReader
 from wheelwire.log.writer import RecordingFile
 
 SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
@@ -20,10 +20,10 @@ SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
 def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[WheelSample]]:
     """A file, and the samples that its program has read."""
     file = RecordingFile(tmp_path_factory.mktemp("day") / "day.mcap", 1_000_000_000, {})
-    reader = TapReader(limit=1_000_000)
+    reader = TrafficReader(limit=1_000_000)
     with open_driver("mock", realtime=False) as robot:
         robot.advance(0.05)  # until the session knows the board; before that a tap waits
-        robot._link.listen_to_tap(reader)
+        robot._link.listen_to_traffic(reader)
         samples = robot.samples()
         robot.parameters.list()
         seen = list(iter(samples.poll, None))

@@ -10,18 +10,18 @@ import pytest
 
 from wheelwire import open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.plot import GAP_S, POINTS, draw, line, steps
 from wheelwire.log.trace import Asked, Trace
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 
 def recorded(day: Callable[[VirtualMockDriver], None]) -> list[Record]:
-    reader = TapReader(limit=1_000_000)
+    reader = TrafficReader(limit=1_000_000)
     with open_driver("mock", realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
         robot.advance(0.05)  # until the session knows the board; before that a tap waits
-        robot._link.listen_to_tap(reader)
+        robot._link.listen_to_traffic(reader)
         day(robot)
     return reader.take()
 

@@ -17,7 +17,7 @@ from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
-from wheelwire.link.tap import Kind, Record
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log import cdr, messages, raw
 
 MOST_PADDING = 7

@@ -26,11 +26,11 @@ from ...errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, Whee
 from ...link.connection import CONNECT_TIMEOUT_S
 from ...link.device_link import CALL_TIMEOUT_S
 from ...link.info import LinkInfo, LinkStatistics
-from ...link.latest_sample import LatestSample
-from ...link.port_name import device_of
+from ...link.ports import device_of
+from ...link.programs import SUFFIX, sharing_folders
 from ...link.requests import Answer, Done, RequestMessage
-from ...link.runtime_folder import SUFFIX, tap_directories
-from ...link.tap import Kind, Record, Tap, TapReader
+from ...link.sample_stream import LatestSample
+from ...link.traffic import Kind, Record, Traffic, TrafficReader
 from ..rerun_link import RerunLink
 from .wire import (
     VERSION,
@@ -95,7 +95,7 @@ def _holders(board_id: str) -> Iterator[Holder]:
     Those that answer first come first, so that a suspended one does not hide the others.
     """
     paths: list[Path] = []
-    for folder in tap_directories():
+    for folder in sharing_folders():
         with suppress(OSError):  # it has just been removed
             paths += sorted(folder.path.glob(f"{board_id}*{SUFFIX}"))
     connections = [one for one in map(_connect, paths) if one is not None]
@@ -169,8 +169,8 @@ class AttachedLink(RerunLink):
         self._status: dict[str, Any] | None = None
         self._tags = count(1)
         self._asked: dict[int, Done] = {}
-        self._tap = Tap()
-        self._joining: list[TapReader] = []
+        self._traffic = Traffic()
+        self._joining: list[TrafficReader] = []
         """The readers that get all records from the next START on."""
         self._thread = threading.Thread(
             target=self._run, name=f"wheelwire attached to {holder.port}", daemon=True
@@ -275,11 +275,11 @@ class AttachedLink(RerunLink):
             self.lost += take_tag(data)[0]
 
     def _do_again(self, record: Record) -> None:
-        tap = self._tap
+        traffic = self._traffic
         if record.kind is Kind.START:
             while self._joining:
-                tap.readers = (*tap.readers, self._joining.pop())
-        for reader in tap.readers:
+                traffic.readers = (*traffic.readers, self._joining.pop())
+        for reader in traffic.readers:
             reader.append(record)
         super()._do_again(record)
         if record.kind is Kind.START:  # with another device, perhaps
@@ -316,23 +316,23 @@ class AttachedLink(RerunLink):
         return LinkStatistics(**(self._status or {}).get("statistics", {}))
 
     @property
-    def tap(self) -> Tap:
+    def traffic(self) -> Traffic:
         """Passes on what the other program says of its own tap, under the same numbers."""
-        return self._tap
+        return self._traffic
 
     def note(self, what: Mapping[str, Any]) -> None:
         """Nothing: the notes, and the recording, are the other program's."""
 
-    def listen_to_tap(self, reader: TapReader) -> None:
-        """As `Link.listen_to_tap`; records that this program takes too late are missing."""
+    def listen_to_traffic(self, reader: TrafficReader) -> None:
+        """As `Link.listen_to_traffic`; records that this program takes too late are missing."""
         self._joining.append(reader)
         self._send(message(Say.LISTEN))
 
-    def leave_tap(self, reader: TapReader) -> None:
+    def leave_traffic(self, reader: TrafficReader) -> None:
         """`reader` gets nothing more."""
         with suppress(ValueError):
             self._joining.remove(reader)
-        self._tap.remove(reader)
+        self._traffic.remove(reader)
 
     # --- what is asked for -----------------------------------------------------------------------
 

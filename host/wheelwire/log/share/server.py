@@ -49,14 +49,18 @@ from wheelwire_protocol.types import (
 
 from ...errors import InvalidCommand, LinkLost, WheelwireError
 from ...link.clock import host_clock_us
-from ...link.forking import abandon_in_child
-from ...link.port_name import device_of
-from ...link.program_name import process_name, program_name
-from ...link.programs import note_driver
+from ...link.ports import device_of
+from ...link.programs import (
+    SUFFIX,
+    SharingFolder,
+    note_driver,
+    process_name,
+    program_name,
+    sharing_folder,
+)
 from ...link.requests import Answer, Done, RequestMessage
-from ...link.runtime_folder import SUFFIX, TapDirectory, tap_directory
-from ...link.tap import STOP_ASKED, TapReader
-from ...link.waiting import Notifier, WakeUp, start_without_waiting
+from ...link.threads import Notifier, WakeUp, abandon_in_child, start_without_waiting
+from ...link.traffic import STOP_ASKED, TrafficReader
 from .stops import AttachedStops
 from .wire import (
     VERSION,
@@ -299,7 +303,7 @@ class _Place:
     def __init__(self) -> None:
         self.listener: socket.socket | None = None
         self._board_id = ""
-        self._directory: TapDirectory | None = None
+        self._directory: SharingFolder | None = None
         self._path = Path()
         self._identity: tuple[int, ...] = ()
         self._problem = ""
@@ -314,13 +318,13 @@ class _Place:
         if session_id in (0, self._session_id):
             return
         with suppress(OSError, WheelwireError):
-            note_driver(tap_directory(make=True), board_id, session_id)
+            note_driver(sharing_folder(make=True), board_id, session_id)
         self._session_id = session_id
 
     def take(self, board_id: str) -> None:
         """Offer the link under the name of this board; a failure is logged."""
         try:
-            self._directory = tap_directory(make=True)
+            self._directory = sharing_folder(make=True)
             with self._directory.locked():
                 self._bind(board_id, self._directory)
         except (OSError, WheelwireError) as error:
@@ -331,7 +335,7 @@ class _Place:
         else:
             self._board_id, self._problem = board_id, ""
 
-    def _bind(self, board_id: str, directory: TapDirectory) -> None:
+    def _bind(self, board_id: str, directory: SharingFolder) -> None:
         for number in range(1, NAMES + 1):
             suffix = SUFFIX if number == 1 else f"-{number}{SUFFIX}"
             path = directory.path / f"{board_id}{suffix}"
@@ -438,7 +442,7 @@ class _Program:
         }
         self._output = bytearray(VERSION)
         self._output += message(Say.GREETING, json.dumps(greeting).encode())
-        self._records: TapReader | None = None
+        self._records: TrafficReader | None = None
         """Those that it has not been given yet; None if it does not listen."""
         self._waiting: dict[int, Done] = {}
         """Its unanswered requests, by tag."""
@@ -510,12 +514,12 @@ class _Program:
     def _listen(self, link: Link) -> None:
         """Begin, or begin again, with the session as it is now."""
         self._end_listening(link)
-        self._records = TapReader(QUEUE)
-        link.listen_to_tap(self._records)
+        self._records = TrafficReader(QUEUE)
+        link.listen_to_traffic(self._records)
 
     def _end_listening(self, link: Link) -> None:
         if self._records is not None:
-            link.leave_tap(self._records)
+            link.leave_traffic(self._records)
             self._records = None
 
     def _say_status(self, link: Link) -> None:
@@ -552,7 +556,7 @@ class _Program:
             return False
         return len(self._output) <= BACKLOG
 
-    def _copy(self, link: Link, records: TapReader) -> None:
+    def _copy(self, link: Link, records: TrafficReader) -> None:
         taken = records.take()
         if records.lost:
             # What comes after a gap cannot be done again from what came before it.

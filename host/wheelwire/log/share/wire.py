@@ -15,7 +15,7 @@ from typing import Any
 from wheelwire_protocol.codes import Fault
 
 from ... import errors
-from ...link.tap import Kind, Record
+from ...link.traffic import Kind, Record
 
 VERSION = bytes([1])
 

@@ -43,8 +43,8 @@ from wheelwire_protocol.types import (
 from wheelwire_protocol.types import Stop as StopRequest
 
 from ...link.clock import Conversion
+from ...link.sample_stream import DUTY_SCALE, Measurement
 from ...link.setpoints import SETPOINT_IDS
-from ...link.state_stream import DUTY_SCALE, Measurement
 from . import wheels
 from .causes import (
     COUNTING_FAULTS,

@@ -16,8 +16,7 @@ from wheelwire_protocol.codes import (
 )
 
 from ...holds import Holding, LastStop
-from ...link.info import DeviceInfo
-from ...link.stored_boxes import Ledger, Recorded
+from ...link.info import DeviceInfo, Ledger, Recorded
 from ...samples import WheelSample
 from .boxes import stop_of_damaged_box, stops_of_box
 from .diagnosis import Stop

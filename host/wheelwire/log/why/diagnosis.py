@@ -42,10 +42,10 @@ from wheelwire_protocol.types import (
 )
 
 from ...link.port_loop import CLOSED
+from ...link.sample_stream import Measurement
 from ...link.session import Phase, Session
 from ...link.setpoints import SETPOINT_IDS
-from ...link.state_stream import Measurement
-from ...link.tap import Kind, Record
+from ...link.traffic import Kind, Record
 from ...samples import TICK_MODULUS, tick_difference
 from ..frames import FrameReader
 from ..rerun import Rerun

@@ -11,10 +11,10 @@ from typing import NamedTuple, TypeVar
 from wheelwire_protocol.types import AnyMessage, Refuse
 
 from ...link.requests import COPY_ID
+from ...link.sample_stream import Measurement
 from ...link.sensor_stream import INPUTS, InputsMeasurement, SensorMeasurement, SensorStream
 from ...link.setpoints import ASKED
-from ...link.state_stream import Measurement
-from ...link.tap import STOP_ASKED, Kind, Record
+from ...link.traffic import STOP_ASKED, Kind, Record
 from ...samples import tick_difference
 from ..share.wire import decoded_json
 from .causes import sensor_causes

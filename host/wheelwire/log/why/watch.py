@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from types import TracebackType
 
-from ...link.tap import TapReader
+from ...link.traffic import TrafficReader
 from ..recorder import Tapped, wait_until_it_began
 from .diagnosis import Diagnosis, Stop
 
@@ -70,9 +70,9 @@ class StopWatch:
         self.close()
 
     def _begin(self) -> None:
-        self._reader = TapReader()
+        self._reader = TrafficReader()
         self._diagnosis = Diagnosis()
-        self._link.listen_to_tap(self._reader)
+        self._link.listen_to_traffic(self._reader)
 
     def _run(self) -> None:
         try:
@@ -83,13 +83,13 @@ class StopWatch:
                 for stop in found:
                     self._tell(stop)
         finally:
-            self._link.tap.remove(self._reader)
+            self._link.traffic.remove(self._reader)
 
     def _take(self) -> None:
         records = self._reader.take()
         if self._reader.lost:
             # Behind a gap nothing can be done again.
-            self._link.tap.remove(self._reader)
+            self._link.traffic.remove(self._reader)
             self._begin()
             return
         self._found += self._diagnosis.feed_all(records)

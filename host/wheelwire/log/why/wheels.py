@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codes import SupervisorState
 
-from ...link.state_stream import DUTY_SCALE, Measurement
+from ...link.sample_stream import DUTY_SCALE, Measurement
 from ...samples import tick_difference
 from .history import battery_v, drives
 

@@ -14,7 +14,7 @@ from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 
-from ...link.port_list import BRIDGES
+from ...link.ports import BRIDGES
 
 COMMAND_TIMEOUT_S = 5.0
 _PORTS = ("ttyUSB*", "ttyACM*")

@@ -18,7 +18,7 @@ from ...connect import check_options, driver_class, driver_names
 from ...drivers.options import SerialDriverOptions, SerialOptions
 from ...drivers.pin_options import GpioOptions, L298NOptions, PigpioDriverOptions, PigpioOptions
 from ...errors import ConfigurationError, InvalidArgument, meant, shown
-from ...link.port_name import UNIX
+from ...link.ports import UNIX
 from ...pi.pins import PIN_NAMES, Pins, check_hardware_pwm
 from ...pi.settings import McuSettings
 from .board import checked_board, shipped_boards

@@ -8,7 +8,7 @@ import pytest
 
 from support.cases import each
 from support.staged_stops import StagedRobot
-from wheelwire.link.tap import Kind, Record
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.why import Diagnosis, Stop
 from wheelwire.log.why.causes import CAUSES
 from wheelwire.log.why.history import History

@@ -11,9 +11,9 @@ import wheelwire
 from support.sensor_messages import AHEAD_US, Stream, info, inputs
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused
+from wheelwire.link.sample_stream import Measurement
 from wheelwire.link.session import Session
-from wheelwire.link.state_stream import Measurement
-from wheelwire.link.tap import Record, TapReader
+from wheelwire.link.traffic import Record, TrafficReader
 from wheelwire.log.why import Diagnosis
 from wheelwire.log.why.causes import CAUSES, latched_causes, sensor_causes, sentence_of
 from wheelwire.log.why.explanation import explain
@@ -134,7 +134,7 @@ class LateInputs:
 def stopped_by_a_cliff(delay_ms: int) -> list[Record]:
     """What crosses a link while a cliff stops the robot, whose inputs come so much later."""
     cliff = DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL)
-    reader = TapReader()
+    reader = TrafficReader()
     with (
         pytest.MonkeyPatch.context() as patch,
         wheelwire.open_driver("mock", realtime=False) as robot,
@@ -143,7 +143,7 @@ def stopped_by_a_cliff(delay_ms: int) -> list[Record]:
         assert isinstance(robot, MockDriver)
         robot.board.take_up(replace(load_board("l298n"), peripherals=(cliff,)))
         robot.sensors.start()
-        robot._link.listen_to_tap(reader)
+        robot._link.listen_to_traffic(reader)
         robot.set_velocity(0.0, 0.0)  # the board has taken a restart
         for _ in range(100):
             robot.set_velocity(0.1, 0.0, ttl=0.5)

@@ -25,15 +25,15 @@ class Happening(enum.Enum):
     """The robot has stopped; reported with the stop, by a watch, and never by the link itself."""
 
 
-class StandingNews(NamedTuple):
-    """News of what was so already when a listener asked for it, which may be a repeat."""
+class StandingNotice(NamedTuple):
+    """Notice of what was so already when a listener asked for it, which may be a repeat."""
 
     happening: Happening
     subject: object
 
 
-News: TypeAlias = "tuple[Happening, object]"
-Listener: TypeAlias = Callable[[News], object]
+Notice: TypeAlias = "tuple[Happening, object]"
+Listener: TypeAlias = Callable[[Notice], object]
 """Takes what has happened, in order. Never waits."""
 
 
@@ -46,13 +46,13 @@ class Reporter:
     def listen(self, listener: Listener, happening: Happening) -> None:
         """Report to `listener` what happens from now on; of `happening` also what is so already."""
         self._listener = listener
-        standing = self._session.standing_news(happening)
+        standing = self._session.standing_notice(happening)
         if standing is not None:
             listener(standing)
 
     def _tell_listener(self) -> None:
-        news = self._session.news
-        while news:
-            happened = news.popleft()
+        notices = self._session.notices
+        while notices:
+            happened = notices.popleft()
             if self._listener is not None:
                 self._listener(happened)

@@ -4,17 +4,22 @@
 signal handler raises there leaves the lock held for ever; a handler that calls a method of its
 own while the main thread is in there waits for itself. Here nothing is locked: each wait has a
 lock of its own, which no other call ever needs, and every step is one call into C.
+
+A forked process has none of its parent's threads, and lets go of what they serve, above all of open
+ports: it has a copy of every descriptor, so a port would stay locked after the parent closed it.
 """
 
 from __future__ import annotations
 
 import _thread
+import os
 import socket
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
+from weakref import WeakSet
 
 
 class Waiter(Protocol):
@@ -119,3 +124,31 @@ class WakeUp:
         """Free the descriptors. Safe to call more than once, and beside `wake`."""
         self._reader.close()
         self._writer.close()
+
+
+# --- forked processes -----------------------------------------------------------------------------
+
+
+class Abandonable(Protocol):
+    """Something that belongs to the process that created it."""
+
+    def abandon(self) -> None:
+        """Release this process's copy without affecting the parent's."""
+
+
+_held: WeakSet[Abandonable] = WeakSet()
+
+
+def abandon_in_child(thing: Abandonable) -> None:
+    """Abandon `thing` in every child that this process forks, for as long as it exists."""
+    _held.add(thing)
+
+
+def _after_fork_in_child() -> None:
+    for thing in list(_held):
+        thing.abandon()
+    # They are over in this process: a child that it forks has nothing left to abandon.
+    _held.clear()
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)

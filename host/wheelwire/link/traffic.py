@@ -82,7 +82,7 @@ class Record(NamedTuple):
     data: bytes = b""
 
 
-class TapReader:
+class TrafficReader:
     """One listener's queue. The link's threads append; the listener's own takes.
 
     Attributes:
@@ -121,7 +121,7 @@ class TapReader:
             self._missing = 0
 
 
-class Tap:
+class Traffic:
     """Passes on what happens on one link.
 
     Attributes:
@@ -131,7 +131,7 @@ class Tap:
     """
 
     def __init__(self) -> None:
-        self.readers: tuple[TapReader, ...] = ()
+        self.readers: tuple[TrafficReader, ...] = ()
         self.host_us = 0
         self._numbers = count()
         self._said: dict[str, Any] = {}
@@ -145,7 +145,7 @@ class Tap:
         for reader in self.readers:
             reader.append(record)
 
-    def add(self, reader: TapReader, start: bytes) -> None:
+    def add(self, reader: TrafficReader, start: bytes) -> None:
         """From now on `reader` gets all; first the session as it is, `start`, and the notes."""
         number = next(self._numbers)
         # The others are not to miss its number.
@@ -162,6 +162,6 @@ class Tap:
         self._said = {**self._said, **what}
         self.put(Kind.NOTE, host_us, data)
 
-    def remove(self, reader: TapReader) -> None:
+    def remove(self, reader: TrafficReader) -> None:
         """`reader` gets nothing more. Harmless when repeated."""
         self.readers = tuple(one for one in self.readers if one is not reader)
