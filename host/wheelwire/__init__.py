@@ -142,12 +142,11 @@ _MODULES = {
         "SensorEvent",
         "SensorInfo",
     ),
-    ".link.sample_iterator": ("SampleIterator",),
+    ".link.sample_stream": ("Latest", "SampleIterator"),
     ".simulation.simulator": ("Simulator",),
     ".holds": ("HeldBy", "LastStop", "Program"),
     ".link.info": ("Health", "LinkStatistics"),
-    ".link.latest_sample": ("Latest",),
-    ".link.port_list": ("SerialPort", "ports"),
+    ".link.ports": ("SerialPort", "ports"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -112,9 +112,18 @@ class NativeDecoder:
     @property
     def counters(self) -> Counters:
         """What it has seen so far."""
+        raw = self._counted()
+        return Counters(*(getattr(raw, field[0]) for field in raw._fields_))
+
+    @property
+    def seq_lost(self) -> int:
+        """As `counters.seq_lost`, without the others."""
+        return int(self._counted().seq_lost)
+
+    def _counted(self) -> native.Counters64:
         raw = native.Counters64()
         self._library.wheelwire_decoder_counters(self._handle, ctypes.byref(raw))
-        return Counters(*(getattr(raw, field[0]) for field in raw._fields_))
+        return raw
 
     def _feed_in_parts(self, data: memoryview) -> list[AnyMessage]:
         messages: list[AnyMessage] = []

@@ -98,6 +98,11 @@ class PythonDecoder:
             self._partial = b""
         return self._decode(chunks)
 
+    @property
+    def seq_lost(self) -> int:
+        """As `counters.seq_lost`."""
+        return self.counters.seq_lost
+
     def restart_sequence(self) -> None:
         """Accept any sequence number next, because the sender has restarted."""
         self._expected_seq = None

@@ -16,12 +16,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 from wheelwire_protocol.types import Ping, Pong
 
-from ..samples import tick_difference
 from .requests import ID_MODULUS
 
 WINDOW = 64
@@ -43,6 +43,7 @@ DRIFT_CHANGE = 2e-6
 RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
 CLOCK_MODULUS = 1 << 32
+_HALF_TURN = CLOCK_MODULUS // 2
 """Of the device's times in samples, in microseconds."""
 AHEAD_US = 1_000_000
 """A message may seem to come from so much later than the bound of the estimate allows: a clock was
@@ -54,14 +55,21 @@ def host_clock_us() -> int:
     return time.monotonic_ns() // 1000
 
 
+# A partial, not a function of Python: it is called at each read.
+BOOT_CLOCK_NS: Callable[[], int] | None = (
+    partial(time.clock_gettime_ns, time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else None
+)
+"""A clock that runs on while the computer sleeps; None if there is none."""
+
+
 class SuspendWatch:
     """Detects that the computer was suspended: its monotonic clock stood still meanwhile."""
 
     STEP_US = 10_000
     """The two clocks compared run at the same rate, so a step means a suspension."""
 
-    def __init__(self, boot_clock_us: Callable[[], int | None] | None = None) -> None:
-        self._boot_clock_us = boot_clock_us or _boot_clock_us
+    def __init__(self, boot_clock_ns: Callable[[], int] | None = None) -> None:
+        self._boot_clock_ns = boot_clock_ns or BOOT_CLOCK_NS
         self._suspended_us: int | None = None
         """The longest that the computer can have been suspended up to the last check."""
         # The first check only sets what later ones are compared with.
@@ -69,9 +77,10 @@ class SuspendWatch:
 
     def was_suspended(self, now_us: int) -> bool:
         """Whether it was suspended since the last check. `now_us` was read just before."""
-        boot_us = self._boot_clock_us()
-        if boot_us is None:
+        boot_clock_ns = self._boot_clock_ns
+        if boot_clock_ns is None:
             return False
+        boot_us = boot_clock_ns() // 1000
         # The thread may be preempted between two readings; that must not look like a suspension, so
         # their difference is bounded from both sides. Nearly always one bound is enough.
         former_us, self._suspended_us = self._suspended_us, boot_us - now_us
@@ -79,14 +88,6 @@ class SuspendWatch:
             return False
         # `now_us` was read before the boot clock; a reading after it gives the other bound.
         return boot_us - host_clock_us() > former_us + self.STEP_US
-
-
-_BOOT_CLOCK: int | None = getattr(time, "CLOCK_BOOTTIME", None)
-
-
-def _boot_clock_us() -> int | None:
-    """The time of a clock that runs on while the computer sleeps; None if there is none."""
-    return None if _BOOT_CLOCK is None else time.clock_gettime_ns(_BOOT_CLOCK) // 1000
 
 
 class Exchange(NamedTuple):
@@ -420,22 +421,32 @@ class DeviceTime:
         self.t_us = self.host_us = 0
         self._clock: ClockEstimator | None = None
 
-    def unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
-        """The time `t_us` of a message that came at the host's `now_us`."""
+    def follow(self, t_us: int, clock: ClockEstimator, now_us: int, *, newer: bool = False) -> bool:
+        """Take the newest message's time `t_us`, 32 bits; it came at the host's `now_us`.
+
+        Args:
+            t_us: Its lower 32 bits.
+            clock: The session's.
+            now_us: The host's clock.
+            newer: Leave out a message that is not newer than the newest, and return False.
+        """
         # Another clock is another session's: the computer may have slept before it, and its own
         # clock with it.
         if clock is self._clock and now_us < self.host_us + UNWRAP_US:
-            return self.t_us + tick_difference(t_us, self.t_us)
-        return clock.unwrap(t_us, now_us)
-
-    def follow(self, t_us: int, clock: ClockEstimator, now_us: int) -> None:
-        """Take this as the time of the newest message, which came at `now_us`."""
-        if clock is self._clock and now_us < self.host_us + UNWRAP_US:
-            host_us = self.host_us + t_us - self.t_us
+            # As `tick_difference`, without a call: each state frame comes through here.
+            step_us = (t_us - self.t_us + _HALF_TURN) % CLOCK_MODULUS - _HALF_TURN
+            if newer and step_us <= 0:
+                return False
+            host_us = self.host_us + step_us
+            self.t_us += step_us
         else:
-            host_us = round(clock.conversion.device_to_host(t_us)[0])
-            self._clock = clock
-        self.t_us, self.host_us = t_us, min(host_us, now_us)
+            found_us = clock.unwrap(t_us, now_us)
+            if newer and found_us <= self.t_us:
+                return False
+            host_us = round(clock.conversion.device_to_host(found_us)[0])
+            self.t_us, self._clock = found_us, clock
+        self.host_us = host_us if host_us < now_us else now_us
+        return True
 
     def snapshot(self) -> tuple[int, int]:
         """What `resume` takes."""

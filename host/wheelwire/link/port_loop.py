@@ -16,6 +16,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from time import monotonic_ns
 from typing import TYPE_CHECKING, TypeAlias
 
 from wheelwire_protocol.framing import MAX_ENCODED
@@ -311,13 +312,14 @@ class PortLoop(Reporter):
         polled = select.POLLIN
         poller.register(descriptor, polled)
         try:
-            while not self.is_over():
-                now_us = host_clock_us()
+            while not (self._finishing and self.is_over()):
+                now_us = monotonic_ns() // 1000  # as `host_clock_us`, without the call
                 until_us = self.next_wait(now_us)
                 if self.wanted != polled:
                     polled = self.wanted
                     poller.modify(descriptor, polled)
-                self.wake_readers()
+                if self._has_sample:
+                    self.wake_readers()
                 events = 0
                 for ready, found in poller.poll(max(0.0, (until_us - now_us) / 1000)):
                     if ready == descriptor:
@@ -343,9 +345,9 @@ class PortLoop(Reporter):
         """Until when to wait [us] for the port's events, which are `wanted`, or a wake-up."""
         until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
         # Asked for at each turn: another thread may have sent a setpoint.
-        repeat_due_us = self._session.setpoints.repeat_due_us
-        if repeat_due_us is not None and repeat_due_us < until_us:
-            until_us = repeat_due_us
+        unseen = self._session.setpoints.unseen
+        if unseen is not None and unseen[2] < until_us:
+            until_us = unseen[2]
         # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
         rests = now_us < rest_until_us and self._may_rest(now_us)
@@ -370,13 +372,13 @@ class PortLoop(Reporter):
         if events & BROKEN and not data:
             raise transport.lost()
         # Not before the read: an arrival dated too early would break the bound of the clock.
-        self._turned_us = now_us = host_clock_us()
+        self._turned_us = now_us = monotonic_ns() // 1000
         if self._suspend.was_suspended(now_us):  # before what came is stamped by a wrong estimate
             self._renew(now_us)
         if data:
             session, latest = self._session, self._latest_sample
             # Asked at each read: iterators come and go.
-            measured = session.receive(data, now_us, every_state=latest.is_iterated)
+            measured = session.receive(data, now_us, every_state=bool(latest.iterators))
             for measurement in measured:
                 latest.put(measurement)
                 self._has_sample = True
@@ -434,8 +436,11 @@ class PortLoop(Reporter):
 
         Earlier, the thread that is woken would compete with this one for the interpreter.
         """
-        if self._has_sample:
-            self._has_sample = False
+        if not self._has_sample:
+            return
+        self._has_sample = False
+        # Whoever begins to wait after this look finds the sample.
+        if self._latest_sample.changed.waiting:
             self._latest_sample.notify_all()
 
     def _advance(self, transport: Transport, now_us: int) -> None:
@@ -445,7 +450,8 @@ class PortLoop(Reporter):
         self._check_port(transport, now_us)
         self._session.advance(now_us)
         self._queue_output()
-        self._write(transport)  # before the rest: the round trip of a ping has begun
+        if self._output:
+            self._write(transport)  # before the rest: the round trip of a ping has begun
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
         # While an answer is awaited each pass looks at the session, and the port does not rest.
@@ -473,6 +479,8 @@ class PortLoop(Reporter):
         Queued setpoints stay: their caller was promised that they are sent. Requests are repeated
         anyway.
         """
+        if not self._session.output:
+            return
         output = self._session.take_output()
         room = OUTPUT_LIMIT - len(self._output)
         if len(output) > room:  # whole frames alone: between two of them are two delimiters
@@ -486,6 +494,9 @@ class PortLoop(Reporter):
         policy = self.policy
         if policy.takes_check(now_us):
             transport.check()
+        # During a session that was judged there is nothing to judge, nor a rate to be found.
+        if self._was_open and self._session.phase is Phase.OPEN:
+            return
         policy.judge(self._session, self.baud_rate, now_us)
         rate = policy.next_rate(now_us)
         if rate is not None:

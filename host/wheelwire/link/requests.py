@@ -191,7 +191,9 @@ class RequestQueue:
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
         # Those that wait behind another have no deadline: the end of the one before sends them.
-        return min((r.deadline_us for r in self._open.values()), default=None)
+        if not self._open:  # mostly, and each pass of a link asks
+            return None
+        return min(r.deadline_us for r in self._open.values())
 
     def begin_session(self) -> None:
         """Count ids from the start: the device has forgotten the previous session's."""

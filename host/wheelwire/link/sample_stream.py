@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -19,7 +19,7 @@ from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState
 
 from ..errors import RequestTimeout, WheelwireError, afresh
-from ..samples import WheelSample, tick_difference
+from ..samples import TICK_MODULUS, WheelSample
 from ..sensors import SensorEvent
 from .clock import ClockEstimator, Conversion, DeviceTime, host_clock_us
 from .sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE, Sensed
@@ -119,15 +119,12 @@ class StateStream:
             boot_id = state.boot_id
             if boot_id != self._boot_id:
                 time = DeviceTime()
-            t_us = time.unwrapped(state.t_us, clock, now_us)
-            # The same latch time: a frame that the line has doubled.
-            if time is self._time and t_us <= time.t_us:
-                self.stale += 1
-            else:
-                time.follow(t_us, clock, now_us)
+            if time.follow(state.t_us, clock, now_us, newer=time is self._time):
                 self._boot_id, self._time = boot_id, time
                 self.new += 1
                 newest = state
+            else:  # the same latch time: a frame that the line has doubled
+                self.stale += 1
         if newest is None:
             return None
         # The estimate of this moment: later exchanges must not move a sample that is made later.
@@ -225,15 +222,15 @@ class SampleIterators(Generic[Sample]):
     """
 
     def __init__(self) -> None:
-        self._iterators: list[ref[SampleIterator[Sample]]] = []
-        """Copied before iterating: other threads add to it."""
+        self.listed: list[ref[SampleIterator[Sample]]] = []
+        """The iterators, the same list for good. Copied before iterating: others add to it."""
         self._failure: WheelwireError | None = None
         self._is_over = False
 
     @property
     def is_iterated(self) -> bool:
         """Whether anyone wants every sample without delay, not just the newest."""
-        return bool(self._iterators)
+        return bool(self.listed)
 
     def iterate(
         self, wait: Callable[[Callable[[], bool]], None], queue_us: int
@@ -241,18 +238,18 @@ class SampleIterators(Generic[Sample]):
         """All samples from now on; see `SampleIterator`."""
         iterator: SampleIterator[Sample] = SampleIterator(wait, queue_us)
         # Weakly: one that was abandoned in the middle of a loop is no longer filled.
-        self._iterators.append(ref(iterator))
+        self.listed.append(ref(iterator))
         if self._is_over:  # possibly before it was listed
             iterator.end(self._failure)
         return iterator
 
     def put(self, make: Callable[[], Sample], arrived_us: int) -> None:
         """Pass on a sample; see `SampleIterator.put`."""
-        for reference in tuple(self._iterators):
+        for reference in tuple(self.listed):
             iterator = reference()
             if iterator is None:
                 # Here alone: other threads only append.
-                self._iterators.remove(reference)
+                self.listed.remove(reference)
             else:
                 iterator.put(make, arrived_us)
 
@@ -261,7 +258,7 @@ class SampleIterators(Generic[Sample]):
         self._failure = failure
         # Before the list is read: an iterator that is made meanwhile is in it, or sees this.
         self._is_over = True
-        for reference in tuple(self._iterators):
+        for reference in tuple(self.listed):
             iterator = reference()
             if iterator is not None:
                 iterator.end(failure)
@@ -326,7 +323,11 @@ class SensorQueues:
     @property
     def is_iterated(self) -> bool:
         """Whether anyone wants a sample without delay."""
-        return any(iterators.is_iterated for iterators in self.iterators.values())
+        # A loop, not a generator: a link that rests asks at each pass.
+        for iterators in self.iterators.values():  # noqa: SIM110
+            if iterators.listed:
+                return True
+        return False
 
     def take(self, port: str, sensed: deque[Sensed]) -> None:
         """Pass on what has come, and log the events of the robot at this port."""
@@ -381,6 +382,7 @@ class LatestSample:
         wait_for: Waits for a sample, as `Notifier.wait_for`.
         changed: Wakes who waits for a sample.
         sensors: Passes on what sensors measure.
+        iterators: Those that want every sample, not just the newest; mostly empty.
     """
 
     def __init__(self) -> None:
@@ -403,6 +405,7 @@ class LatestSample:
         # As if long ago: the clock may be near zero just after the computer has started.
         self._asked_us = -ATTENTION_US
         self._iterators: SampleIterators[WheelSample] = SampleIterators()
+        self.iterators: Sequence[object] = self._iterators.listed
 
     def put(self, measurement: Measurement) -> None:
         """Store a measurement; `notify_all` wakes those who wait for it."""
@@ -412,9 +415,11 @@ class LatestSample:
             self._ticks = state.left_ticks, state.right_ticks
         elif state.boot_id == newest.state.boot_id:
             left, right = self._ticks
+            before, half = newest.state, TICK_MODULUS // 2
+            # As `tick_difference`, without two calls at each state frame.
             self._ticks = (
-                left + tick_difference(state.left_ticks, newest.state.left_ticks),
-                right + tick_difference(state.right_ticks, newest.state.right_ticks),
+                left + (state.left_ticks - before.left_ticks + half) % TICK_MODULUS - half,
+                right + (state.right_ticks - before.right_ticks + half) % TICK_MODULUS - half,
             )
         if newest is not None and newest.t_us < measurement.t_us:  # not across a reset
             self._periods_us = (*self._periods_us[-_PERIODS:], measurement.t_us - newest.t_us)
@@ -422,7 +427,7 @@ class LatestSample:
         self._unread.append(measurement)
         # After the ticks, which another thread reads as soon as it sees this.
         self._current = True
-        if self._iterators.is_iterated:
+        if self.iterators:
             self._iterators.put(measurement.sample, measurement.arrived_us)
 
     def interrupt(self) -> None:
@@ -515,7 +520,7 @@ class LatestSample:
     @property
     def is_iterated(self) -> bool:
         """Whether anyone wants every sample, not just the newest."""
-        return self._iterators.is_iterated
+        return bool(self.iterators)
 
     @property
     def is_current(self) -> bool:
@@ -525,7 +530,9 @@ class LatestSample:
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then the next sample is wanted without delay."""
         return (
-            now_us < self._asked_us + ATTENTION_US or self.is_iterated or self.sensors.is_iterated
+            now_us < self._asked_us + ATTENTION_US
+            or bool(self.iterators)
+            or self.sensors.is_iterated
         )
 
     def _take_fresh(self) -> tuple[Measurement, ...]:

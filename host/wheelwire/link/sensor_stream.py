@@ -461,9 +461,8 @@ class SensorStream:
 
     def _unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
         # As of state frames; those of several channels may be a little out of order.
-        found_us = self._time.unwrapped(t_us, clock, now_us)
-        self._time.follow(found_us, clock, now_us)
-        return found_us
+        self._time.follow(t_us, clock, now_us)
+        return self._time.t_us
 
 
 def _codes_of(message: wire.SensorInfo) -> tuple[PeripheralKind, Place, SensorChip]:

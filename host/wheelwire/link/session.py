@@ -181,6 +181,7 @@ class Session:
         frames_received: Good frames of known messages, since the start.
         sensors: What the sensors measure, once the application asked for it.
         setpoints: Makes the frames of setpoints, for any thread.
+        output: Bytes that `take_output` would return.
         notices: What has happened, in order; whoever serves the session takes it out.
         traffic: Passes on what this session is given.
         warn: Takes what the user should know, as `logging.warning` does.
@@ -233,7 +234,7 @@ class Session:
 
         self._encoder = Encoder()
         self._decoder = Decoder()
-        self._output = bytearray()
+        self.output = bytearray()
         self._frames_sent_before = 0
         """Frames that the encoders of earlier connections made."""
         self._invalid = 0
@@ -344,7 +345,7 @@ class Session:
         # A new encoder, not the old one restarted: another thread may be encoding a setpoint.
         self._encoder = Encoder()
         self._decoder.restart()
-        self._output.clear()
+        self.output.clear()
         self._begin_hello(
             LinkLost("the port is there, but the device has not answered yet"), now_us
         )
@@ -360,7 +361,7 @@ class Session:
         self.traffic.put(Kind.DISCONNECTED, self.traffic.host_us, str(error).encode())
         self._end(error)
         # The rest was meant for this device; another may be behind the next port.
-        self._output.clear()
+        self.output.clear()
         self._join()
 
     def receive(self, data: bytes, now_us: int, *, every_state: bool = False) -> list[Measurement]:
@@ -368,21 +369,23 @@ class Session:
 
         That is the newest of the state frames that arrive together, or with `every_state` each.
         """
-        self.traffic.put(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
+        if self.traffic.readers:
+            self.traffic.put(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         if now_us >= self._recent.due_us:
-            lost = self._decoder.counters.seq_lost
+            lost = self._decoder.seq_lost
             self._recent.note(now_us, self._state_stream.new, self.frames_received, lost)
         messages = self._decoder.feed(data) or self._text_in(data)
         self.frames_received += len(messages)
         found: list[Measurement] = []
         states: list[WheelState] = []
         for message in messages:
-            if type(message) is WheelState:
+            # Most messages are this, and no function is called that they do not need.
+            if type(message) is WheelState and message.boot_id == self._boot_id:
+                self._liveness.heard_us = now_us
                 # Before the session is open the clock is unknown, so a state has no stamp.
-                # The boot is looked at in any phase: a state is a sign of life, or of a reset.
-                if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
+                if self.phase is Phase.OPEN:
                     # A fast stream brings several in one read, and all but the newest are out of
                     # date: they are collected, and one of them becomes a measurement.
                     states.append(message)
@@ -391,18 +394,30 @@ class Session:
                 continue
             if states:  # before the message that came after them: it may end the session
                 self._take_states(states, found, now_us)
-            handler = self._handlers.get(type(message))
-            if handler is None:
-                self._foreign += 1  # a message that only hosts send: an echo
-            else:
-                handler(message, now_us)
+            self._take(message, now_us)
         if states:
             self._take_states(states, found, now_us)
         # At once, not at the next `advance`: the last answer may just have come.
+        if self.phase is Phase.PREPARING or self._joining:
+            self._go_on(now_us)
+        return found
+
+    def _go_on(self, now_us: int) -> None:
+        """Open the session and have readers join, if what has come was all that was missing."""
         if self.phase is Phase.PREPARING:
             self._open_when_prepared(now_us)
         self._join()
-        return found
+
+    def _take(self, message: AnyMessage, now_us: int) -> None:
+        """Take any message but a state of this boot."""
+        if type(message) is WheelState:  # in any phase it may be a sign of a reset
+            self._is_this_boot(message.boot_id, now_us)
+            return
+        handler = self._handlers.get(type(message))
+        if handler is None:
+            self._foreign += 1  # a message that only hosts send: an echo
+        else:
+            handler(message, now_us)
 
     def _text_in(self, data: bytes) -> list[AnyMessage]:
         """Read the text of a chip that does not run and may say why; no message is in it."""
@@ -416,10 +431,11 @@ class Session:
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
-        self.traffic.put(Kind.ADVANCED, now_us)
+        if self.traffic.readers:
+            self.traffic.put(Kind.ADVANCED, now_us)
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
-        elif self._in_session and now_us >= self._liveness.silent_us:
+        elif self.phase is not Phase.CLOSED and now_us >= self._liveness.silent_us:
             silent = LinkLost(
                 "the device fell silent; saying hello until it answers",
                 causes=("cable_pulled", "power_lost"),
@@ -439,7 +455,8 @@ class Session:
                 # Whatever comes of it: a refusal for want of a trial ends the session.
                 self._requests.submit(renewal, lambda _: self._trial.renewed(), now_us)
             # The last ping of the burst may have been all that was missing.
-            self._open_when_prepared(now_us)
+            if self.phase is Phase.PREPARING:
+                self._open_when_prepared(now_us)
 
     @property
     def next_deadline_us(self) -> int | None:
@@ -454,8 +471,11 @@ class Session:
             self._trial.due_us,
             self.sensors.due_us,
         )
-        due = [deadline for deadline in others if deadline is not None]
-        return min([self._liveness.silent_us, self._ping_due_us, *due])
+        due_us = min(self._liveness.silent_us, self._ping_due_us)
+        for other_us in others:
+            if other_us is not None and other_us < due_us:
+                due_us = other_us
+        return due_us
 
     def awaits_answer(self, now_us: int) -> bool:
         """Whether the link has to handle what arrives without delay."""
@@ -469,8 +489,8 @@ class Session:
 
     def take_output(self) -> bytes:
         """Return the bytes to send, and forget them."""
-        output = bytes(self._output)
-        self._output.clear()
+        output = bytes(self.output)
+        self.output.clear()
         return output
 
     # --- what the application asks for ---------------------------------------------------------
@@ -757,8 +777,6 @@ class Session:
 
     def _open_when_prepared(self, now_us: int) -> None:
         """Open the session once it is prepared; start over if preparing it failed."""
-        if self.phase is not Phase.PREPARING:
-            return
         failure = self._preparation_failure
         if failure is not None:
             # A refusal would be repeated at once, and for ever; a lost answer may come next time.
@@ -1130,7 +1148,7 @@ class Session:
     # --- sending -------------------------------------------------------------------------------
 
     def _send(self, message: AnyMessage) -> None:
-        self._output += self._encoder.encode(message)
+        self.output += self._encoder.encode(message)
 
     @property
     def _ping_due_us(self) -> int:

@@ -46,7 +46,7 @@ Setpoint: TypeAlias = SetWheelVelocity | SetDuty
 
 SETPOINT_IDS = frozenset({message_id(SetWheelVelocity), message_id(SetDuty)})
 
-_Unseen: TypeAlias = tuple[Setpoint, int, int]
+Unseen: TypeAlias = tuple[Setpoint, int, int]
 """Sent, and no state frame has shown yet that the device obeys it: the setpoint, when it expires on
 the host's clock, and when it is to be repeated."""
 
@@ -88,6 +88,7 @@ class SetpointSender:
         moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
         newest: The newest setpoint, and when it expires on the host's clock; None after a stop.
         zero_seq: Number of the newest setpoint of this session that asked for standstill.
+        unseen: The newest setpoint, until a state frame shows what became of it.
         awaits_fate: Whether somebody waits for what becomes of a setpoint.
     """
 
@@ -126,12 +127,12 @@ class SetpointSender:
         """How many in a row came too late; `LATE`, and no more, once the log has it."""
         self._refused: tuple[int, int] | None = None
         """Number of the newest setpoint that the device refused, and why."""
-        self._unseen: _Unseen | None = None
+        self.unseen: Unseen | None = None
 
     @property
     def repeat_due_us(self) -> int | None:
         """When `advance` has something to do."""
-        unseen = self._unseen
+        unseen = self.unseen
         return None if unseen is None else unseen[2]
 
     def end_session(self) -> None:
@@ -190,7 +191,7 @@ class SetpointSender:
 
     def void(self) -> None:
         """What was sent is not to be sent again."""
-        self._unseen = None
+        self.unseen = None
         self.newest = None
 
     def on_stop(self) -> None:
@@ -262,7 +263,7 @@ class SetpointSender:
     def advance(self, now_us: int) -> None:
         """Send an unseen setpoint once more, with the same number and expiry, while it is valid."""
         # Read once: another thread may replace it meanwhile.
-        unseen = self._unseen
+        unseen = self.unseen
         if unseen is None or now_us < unseen[2]:
             return
         setpoint, expiry_host_us, _ = unseen
@@ -288,10 +289,11 @@ class SetpointSender:
         self._obeyed_seq = command_seq
         if self._unarmed_seq is not None and command_seq > self._unarmed_seq:
             self._unarmed_seq = None
-        self._note_arrived(command_seq)
+        if self.unseen is not None:
+            self._note_arrived(command_seq)
 
     def _note_arrived(self, command_seq: int) -> None:
-        unseen = self._unseen
+        unseen = self.unseen
         # An older one says nothing about the newest, which may be lost.
         if unseen is not None and unseen[0].command_seq == command_seq:
             self._forget(unseen)
@@ -354,11 +356,11 @@ class SetpointSender:
         if is_unarmed:
             # Sent all the same: a device that hears nothing would take the silence for a pause,
             # after which it drives, although whoever calls this never stopped asking for motion.
-            self._unseen = setpoint, sure_us, now_us
+            self.unseen = setpoint, sure_us, now_us
             raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
         self.moves_until_us = sure_us if left or right else 0
         # Before it is written: the state frame that shows it may come at any moment after.
-        self._unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
+        self.unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
         self.newest = setpoint, sure_us
         return opened.encoder.encode(setpoint)
 
@@ -386,8 +388,8 @@ class SetpointSender:
         if not was_unarmed:
             self._warn(HELD, self.gap_us / 1e6)
 
-    def _forget(self, unseen: _Unseen) -> None:
+    def _forget(self, unseen: Unseen) -> None:
         # Another thread may have sent the next one meanwhile. In the instant between the two
         # lines that one's repeat can still be lost: it is not needed on a good line.
-        if self._unseen is unseen:
-            self._unseen = None
+        if self.unseen is unseen:
+            self.unseen = None

@@ -201,7 +201,7 @@ def test_a_storm_of_interrupts(mode: str) -> None:
 def test_nobody_who_gave_up_waiting_is_remembered() -> None:
     notifier = Notifier()
     assert not notifier.wait_for(lambda: False, 0.01)
-    assert not notifier._waiting
+    assert not notifier.waiting
 
 
 def test_a_notification_between_look_and_wait_is_not_missed() -> None:

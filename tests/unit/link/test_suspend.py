@@ -16,7 +16,7 @@ SLEEP_US = 6_000_000
 
 def test_a_step_between_the_clocks_is_told_once() -> None:
     asleep_us = 1000
-    watch = SuspendWatch(lambda: host_clock_us() + asleep_us)
+    watch = SuspendWatch(lambda: 1000 * (host_clock_us() + asleep_us))
     assert not watch.was_suspended(host_clock_us())
     asleep_us += SLEEP_US
     assert watch.was_suspended(host_clock_us())
@@ -29,11 +29,11 @@ def test_a_pause_between_two_readings_is_no_sleep() -> None:
     def slow_clock() -> int:
         before_us = host_clock_us()
         time.sleep(pause_s)
-        return before_us
+        return 1000 * before_us
 
     def late_clock() -> int:
         time.sleep(pause_s)
-        return host_clock_us()
+        return 1000 * host_clock_us()
 
     for boot_clock in (slow_clock, late_clock):
         watch = SuspendWatch(boot_clock)
@@ -43,15 +43,16 @@ def test_a_pause_between_two_readings_is_no_sleep() -> None:
         assert not watch.was_suspended(host_clock_us())
 
 
-def test_without_such_a_clock_nothing_is_noticed() -> None:
-    assert not SuspendWatch(lambda: None).was_suspended(host_clock_us())
+def test_without_such_a_clock_nothing_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clock, "BOOT_CLOCK_NS", None)
+    assert not SuspendWatch().was_suspended(host_clock_us())
 
 
 def test_after_a_sleep_a_new_session_knows_the_devices_clock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asleep_us = 0
-    monkeypatch.setattr(clock, "_boot_clock_us", lambda: host_clock_us() + asleep_us)
+    monkeypatch.setattr(clock, "BOOT_CLOCK_NS", lambda: 1000 * (host_clock_us() + asleep_us))
     with PtyDevice(tmp_path / "robot") as robot, SerialDriver(str(robot.path)) as driver:
         driver.read()
         # As the host sees it: the device's clock leaps ahead by what the host slept.

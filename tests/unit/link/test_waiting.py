@@ -26,7 +26,7 @@ class Eager:
 
 def test_whoever_waits_again_is_not_woken_in_place_of_another() -> None:
     notifier = Notifier()
-    waiting = cast("set[Any]", notifier._waiting)
+    waiting = cast("set[Any]", notifier.waiting)
     waiters = [Eager(waiting) for _ in range(WAITERS)]
     waiting.update(waiters)
     notifier.notify_all()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.tapped_line import TappedLine
-from wheelwire.link.tap import Kind, Record, TapReader
+from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.summary import summary
 from wheelwire.log.writer import RecordingFile
 from wheelwire_protocol.codes import StopMode
@@ -22,8 +22,8 @@ MEGABYTES = 3
 @pytest.fixture(scope="module")
 def drive() -> list[Record]:
     """A drive of a second, of which a read of the port is missing."""
-    link, reader = TappedLine(), TapReader()
-    link.listen_to_tap(reader)
+    link, reader = TappedLine(), TrafficReader()
+    link.listen_to_traffic(reader)
     link.drive(1.0)
     records = reader.take()
     received = [record for record in records if record.kind is Kind.RECEIVED]
