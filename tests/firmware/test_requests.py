@@ -10,7 +10,7 @@ from zlib import crc32
 import pytest
 
 from support.raw import RawHost
-from wheelwire_protocol.codes import EventCode, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import EventCode, Fault, RefusalCode, ResetReason, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
     Ack,
@@ -176,6 +176,25 @@ def test_the_store_is_not_touched_while_driving(
 def test_a_store_that_fails_is_told(host: RawHost) -> None:
     host.sim.set("store_failing", 1)
     assert refusal(host, ParameterSave(host.session_id, 1, 0)) is RefusalCode.STORE_FAILED
+
+
+@pytest.mark.parametrize(("write", "kept"), [(1, 0.05), (2, 0.06)])
+def test_a_power_cut_in_a_save_leaves_the_old_values_or_the_new_ones(
+    host: RawHost, write: int, kept: float
+) -> None:
+    host.ask(set_radius(host, 1, 0.05), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 2, 0), Ack)
+    host.ask(set_radius(host, 3, 0.06), ParameterValue)
+    boot_id = host.sim.get("boot_id")
+    host.sim.set("power_cut_at_write", write)
+    host.send(ParameterSave(host.session_id, 4, 0))
+    host.run_ms(100)
+    assert host.sim.get("boot_id") != boot_id
+    assert host.sim.get("reset") == ResetReason.POWER_ON
+    host.open()
+    assert [event.code for event in host.of(Event)] == [EventCode.PARAMETERS_COPY_LOST]
+    assert get(host, 1) == pytest.approx(kept)
+    assert host.state().faults == 0
 
 
 SLOTS = (4 + 2, 4 + 1024 + 2)

@@ -28,7 +28,10 @@ SimulatedBoard::SimulatedBoard(uint64_t seed)
       sensors(*this, mix(seed + 2)),
       active_(kOwnBoard),
       wired_(kOwnBoard) {
-  for (Store* const one : {&configuration_store, &store, &latch_store}) one->lie_in(flash);
+  for (Store* const one : {&configuration_store, &store, &latch_store}) {
+    one->lie_in(flash);
+    one->watch = &power_cut;
+  }
   configuration_store.record(store, latch_store);
   reset();
 }

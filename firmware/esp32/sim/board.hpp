@@ -4,7 +4,6 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <string>
 
 #include "board_rules.hpp"
 #include "clock.hpp"
@@ -84,6 +83,7 @@ class SimulatedBoard final : public EncoderPort {
   double brownout_v = 0.0;  ///< The chip needs a supply of at least this.
   Line line;
   Partition flash;
+  PowerCut power_cut;
   Store store;
   Store configuration_store;
   RetainedMemory latches;
@@ -93,15 +93,6 @@ class SimulatedBoard final : public EncoderPort {
   Battery battery;
   Sensors sensors;
   DeviceClock clock;
-
-  /// Keeps what is saved in this file; the board, its peripherals, a latched e-stop and what is
-  /// recorded in files beside it.
-  void use_files(const std::string& path) {
-    store.use_file(path);
-    configuration_store.use_file(path + ".board");
-    latch_store.use_file(path + ".latch");
-    recorder_flash.use_file(path + ".recorder");
-  }
 
   Nanoseconds now() const { return now_; }
   uint64_t device_us() const { return clock.microseconds(now_); }

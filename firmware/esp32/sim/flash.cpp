@@ -1,24 +1,15 @@
 #include "flash.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <fstream>
+#include <utility>
 
 namespace wheelwire::sim {
 
-Flash::~Flash() {
-  if (file_ >= 0) ::close(file_);
-}
-
-void Flash::use_file(const std::string& path) {
-  path_ = path;
-  std::ifstream file(path, std::ios::binary);
-  // If the file is too short, the rest is as erased.
-  if (file)
-    file.read(reinterpret_cast<char*>(bytes_.data()), static_cast<std::streamsize>(bytes_.size()));
+void Flash::keep_in(std::unique_ptr<Storage> storage) {
+  const Bytes stored = storage->read();
+  // If there is too little, the rest is as erased.
+  std::copy_n(stored.begin(), std::min(stored.size(), bytes_.size()), bytes_.begin());
+  storage_ = std::move(storage);
 }
 
 bool Flash::read(uint32_t offset, uint8_t* out, size_t size) {
@@ -38,24 +29,11 @@ bool Flash::erase(uint32_t offset) {
   return put(offset, kFlashSector);
 }
 
-/// In place: a program that dies in the middle leaves a part, as flash does when the power goes.
 bool Flash::put(size_t offset, size_t size) {
-  if (path_.empty()) return true;
-  if (file_ < 0) {
-    file_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (file_ < 0) return false;
-    offset = 0;
-    size = bytes_.size();
-  }
-  while (size > 0) {
-    const ssize_t written =
-        ::pwrite(file_, bytes_.data() + offset, size, static_cast<off_t>(offset));
-    if (written < 0 && errno != EINTR) return false;
-    if (written < 0) continue;
-    offset += static_cast<size_t>(written);
-    size -= static_cast<size_t>(written);
-  }
-  return true;
+  if (!storage_) return true;
+  if (is_stored_) return storage_->write(offset, bytes_.data() + offset, size);
+  is_stored_ = storage_->write(0, bytes_.data(), bytes_.size());
+  return is_stored_;
 }
 
 }  // namespace wheelwire::sim

@@ -1,12 +1,12 @@
-// The flash of the recorder's partition, in memory or in a file that outlives the program: bits are
-// cleared by a write, and set by an erasure.
+// The flash of the recorder's partition, in memory or in a storage that outlives the program: bits
+// are cleared by a write, and set by an erasure.
 #pragma once
 
 #include <cstdint>
-#include <string>
-#include <vector>
+#include <memory>
 
 #include "flash_region.hpp"
+#include "storage.hpp"
 
 namespace wheelwire::sim {
 
@@ -22,14 +22,11 @@ class FlashWatch {
 class Flash final : public FlashRegion {
  public:
   explicit Flash(size_t size) : bytes_(size, 0xff) {}
-  Flash(const Flash&) = delete;
-  Flash& operator=(const Flash&) = delete;
-  ~Flash();
 
   FlashWatch* watch = nullptr;
 
-  /// From now on this file holds it; it is made by the first write.
-  void use_file(const std::string& path);
+  /// From now on this holds it, from the first write on.
+  void keep_in(std::unique_ptr<Storage> storage);
 
   bool read(uint32_t offset, uint8_t* out, size_t size) override;
   bool write(uint32_t offset, const uint8_t* data, size_t size) override;
@@ -38,9 +35,9 @@ class Flash final : public FlashRegion {
  private:
   bool put(size_t offset, size_t size);
 
-  std::vector<uint8_t> bytes_;
-  std::string path_;
-  int file_ = -1;
+  Bytes bytes_;
+  std::unique_ptr<Storage> storage_;
+  bool is_stored_ = false;  ///< All of it.
 };
 
 }  // namespace wheelwire::sim

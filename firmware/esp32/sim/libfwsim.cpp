@@ -1,11 +1,10 @@
 #include "libfwsim.h"
 
 #include <cstring>
-#include <exception>
 #include <vector>
 
 #include "bare_robot.hpp"
-#include "reset_reason.hpp"
+#include "file.hpp"
 #include "simulator.hpp"
 #include "variables.hpp"
 
@@ -37,37 +36,19 @@ int status(VariableStatus result) {
     case VariableStatus::kOutOfRange:
       return FWSIM_OUT_OF_RANGE;
   }
-  return FWSIM_FAILED;
-}
-
-/// No exception crosses the C interface; only allocation can throw.
-template <typename Action>
-int guarded(Action&& action) {
-  try {
-    return action();
-  } catch (const std::exception&) {
-    return FWSIM_FAILED;
-  }
+  return FWSIM_BAD_ARGUMENT;
 }
 
 }  // namespace
 
-fwsim* fwsim_create(uint64_t seed) {
-  try {
-    return new fwsim(seed);
-  } catch (const std::exception&) {
-    return nullptr;
-  }
-}
+fwsim* fwsim_create(uint64_t seed) { return new fwsim(seed); }
 
 void fwsim_destroy(fwsim* sim) { delete sim; }
 
 int fwsim_use_store(fwsim* sim, const char* path) {
   if (sim == nullptr || path == nullptr) return FWSIM_BAD_ARGUMENT;
-  return guarded([&] {
-    sim->simulator.board.use_files(path);
-    return FWSIM_OK;
-  });
+  wheelwire::sim::use_files(sim->simulator.board, path);
+  return FWSIM_OK;
 }
 
 int fwsim_preset(fwsim* sim, int parameter, float value) {
@@ -77,23 +58,20 @@ int fwsim_preset(fwsim* sim, int parameter, float value) {
 
 int fwsim_set(fwsim* sim, const char* name, double value) {
   if (sim == nullptr || name == nullptr) return FWSIM_BAD_ARGUMENT;
-  return guarded([&] { return status(wheelwire::sim::set_variable(sim->simulator, name, value)); });
+  return status(wheelwire::sim::set_variable(sim->simulator, name, value));
 }
 
 int fwsim_get(const fwsim* sim, const char* name, double* value) {
   if (sim == nullptr || name == nullptr || value == nullptr) return FWSIM_BAD_ARGUMENT;
-  return guarded(
-      [&] { return status(wheelwire::sim::get_variable(sim->simulator, name, *value)); });
+  return status(wheelwire::sim::get_variable(sim->simulator, name, *value));
 }
 
 int fwsim_advance_us(fwsim* sim, int64_t duration_us) {
   if (sim == nullptr || duration_us < 0 || duration_us > kLongestAdvanceUs) {
     return FWSIM_BAD_ARGUMENT;
   }
-  return guarded([&] {
-    sim->simulator.advance(duration_us * kMicrosecond);
-    return FWSIM_OK;
-  });
+  sim->simulator.advance(duration_us * kMicrosecond);
+  return FWSIM_OK;
 }
 
 int fwsim_advance_to_bytes(fwsim* sim, int64_t step_us, int64_t count, int64_t* done) {
@@ -101,51 +79,35 @@ int fwsim_advance_to_bytes(fwsim* sim, int64_t step_us, int64_t count, int64_t* 
       count < 1) {
     return FWSIM_BAD_ARGUMENT;
   }
-  return guarded([&] {
-    *done = 0;
-    do {
-      sim->simulator.advance(step_us * kMicrosecond);
-    } while (++*done < count && sim->simulator.board.line.host_waiting() == 0);
-    return FWSIM_OK;
-  });
+  *done = 0;
+  do {
+    sim->simulator.advance(step_us * kMicrosecond);
+  } while (++*done < count && sim->simulator.board.line.host_waiting() == 0);
+  return FWSIM_OK;
 }
 
 int fwsim_write(fwsim* sim, const uint8_t* data, size_t size) {
   if (sim == nullptr || (data == nullptr && size > 0)) return FWSIM_BAD_ARGUMENT;
-  return guarded([&] {
-    sim->simulator.board.line.host_write(data, size);
-    return FWSIM_OK;
-  });
+  sim->simulator.board.line.host_write(data, size);
+  return FWSIM_OK;
 }
 
 int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
   if (sim == nullptr || size == nullptr || (out == nullptr && capacity > 0)) {
     return FWSIM_BAD_ARGUMENT;
   }
-  return guarded([&] {
-    *size = sim->simulator.board.line.host_read(out, capacity);
-    return FWSIM_OK;
-  });
+  *size = sim->simulator.board.line.host_read(out, capacity);
+  return FWSIM_OK;
 }
 
 int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
   if (sim == nullptr || size == nullptr || out == nullptr || capacity < wheelwire::kBoxImageSize) {
     return FWSIM_BAD_ARGUMENT;
   }
-  return guarded([&] {
-    const std::vector<uint32_t> image = sim->simulator.box_image();
-    std::memcpy(out, image.data(), wheelwire::kBoxImageSize);
-    *size = wheelwire::kBoxImageSize;
-    return FWSIM_OK;
-  });
-}
-
-int fwsim_reset(fwsim* sim, int reason) {
-  if (sim == nullptr || !wheelwire::sim::is_reset_reason(reason)) return FWSIM_BAD_ARGUMENT;
-  return guarded([&] {
-    sim->simulator.reset(static_cast<wheelwire::ResetReason>(reason));
-    return FWSIM_OK;
-  });
+  const std::vector<uint32_t> image = sim->simulator.box_image();
+  std::memcpy(out, image.data(), wheelwire::kBoxImageSize);
+  *size = wheelwire::kBoxImageSize;
+  return FWSIM_OK;
 }
 
 size_t fwsim_variable_count(void) { return wheelwire::sim::variables().size(); }
@@ -169,11 +131,7 @@ fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size, int counts_pe
       !wheelwire::Configuration::decode(board, size, configuration)) {
     return nullptr;
   }
-  try {
-    return new fwsim_robot{{configuration.board, counts_per_revolution, now_ns}};
-  } catch (const std::exception&) {
-    return nullptr;
-  }
+  return new fwsim_robot{{configuration.board, counts_per_revolution, now_ns}};
 }
 
 void fwsim_robot_destroy(fwsim_robot* robot) { delete robot; }
@@ -187,13 +145,11 @@ int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q15, size_t co
 int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
                         const fwsim_edge** edges, size_t* count) {
   if (robot == nullptr || edges == nullptr || count == nullptr) return FWSIM_BAD_ARGUMENT;
-  return guarded([&] {
-    robot->robot.skip_to(end_ns - longest_ns);
-    const std::vector<fwsim_edge>& made = robot->robot.advance_to(end_ns);
-    *edges = made.data();
-    *count = made.size();
-    return FWSIM_OK;
-  });
+  robot->robot.skip_to(end_ns - longest_ns);
+  const std::vector<fwsim_edge>& made = robot->robot.advance_to(end_ns);
+  *edges = made.data();
+  *count = made.size();
+  return FWSIM_OK;
 }
 
 void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s) {

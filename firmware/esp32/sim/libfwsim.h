@@ -1,7 +1,8 @@
 /* The simulated device in virtual time, for any language: the firmware's core on a model robot.
  *
  * Nothing here blocks, prints or raises. A simulator is used by one thread at a time; two of them
- * share nothing. The same seed and the same calls give the same run.
+ * share nothing. The same seed and the same calls give the same run. Without memory the process
+ * ends.
  */
 #ifndef WHEELWIRE_LIBFWSIM_H
 #define WHEELWIRE_LIBFWSIM_H
@@ -23,8 +24,7 @@ enum fwsim_status {
   FWSIM_UNKNOWN_NAME = -1, /* No variable of this name. */
   FWSIM_READ_ONLY = -2,
   FWSIM_OUT_OF_RANGE = -3, /* Not finite, out of bounds, or at odds with the other variables. */
-  FWSIM_BAD_ARGUMENT = -4, /* A null pointer, a negative time, an unknown reset reason. */
-  FWSIM_FAILED = -5        /* Out of memory. */
+  FWSIM_BAD_ARGUMENT = -4  /* A null pointer, a negative time. */
 };
 
 /* A settable variable lies between minimum and maximum; both are 0 for a read-only one. */
@@ -37,7 +37,7 @@ typedef struct fwsim_variable {
   int settable;
 } fwsim_variable;
 
-/* Powers a device on at time 0. NULL when out of memory. */
+/* Powers a device on at time 0. */
 FWSIM_EXPORT fwsim* fwsim_create(uint64_t seed);
 FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
 
@@ -66,9 +66,6 @@ FWSIM_EXPORT int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* s
  * the last second or two, or those before a fault or an e-stop. */
 FWSIM_EXPORT int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size);
 
-/* Resets the device; `reason` is as in DeviceHello's reset_reason. */
-FWSIM_EXPORT int fwsim_reset(fwsim* sim, int reason);
-
 FWSIM_EXPORT size_t fwsim_variable_count(void);
 FWSIM_EXPORT int fwsim_describe(size_t index, fwsim_variable* description);
 
@@ -83,8 +80,7 @@ typedef struct fwsim_edge {
   uint32_t level;
 } fwsim_edge;
 
-/* `board` says what leads to which GPIO, packed as it is sent and stored. NULL if it is damaged, or
- * when out of memory. */
+/* `board` says what leads to which GPIO, packed as it is sent and stored. NULL if it is damaged. */
 FWSIM_EXPORT fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size,
                                              int counts_per_revolution, int64_t now_ns);
 FWSIM_EXPORT void fwsim_robot_destroy(fwsim_robot* robot);

@@ -14,8 +14,4 @@ constexpr std::array<std::string_view, 8> kResetReasonNames = {
     "panic",   "task_watchdog", "interrupt_watchdog", "brownout"};
 static_assert(static_cast<size_t>(ResetReason::kBrownout) + 1 == kResetReasonNames.size());
 
-constexpr bool is_reset_reason(int number) {
-  return number >= 0 && number < static_cast<int>(kResetReasonNames.size());
-}
-
 }  // namespace wheelwire::sim

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "own_board.hpp"
 
@@ -56,6 +57,7 @@ void Simulator::advance(Nanoseconds duration) {
     } else {
       boot();
     }
+    if (std::exchange(board.power_cut.has_failed, false)) reset(ResetReason::kPowerOn);
   }
 }
 

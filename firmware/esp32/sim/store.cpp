@@ -1,49 +1,15 @@
 #include "store.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <string_view>
+#include <utility>
 
 namespace wheelwire::sim {
 
 namespace {
 
-Bytes read_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return Bytes(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-}
-
-bool write_all(int fd, const uint8_t* data, size_t size) {
-  while (size > 0) {
-    const ssize_t written = ::write(fd, data, size);
-    if (written < 0 && errno != EINTR) return false;
-    if (written < 0) continue;
-    data += written;
-    size -= static_cast<size_t>(written);
-  }
-  return true;
-}
-
-/// The file holds the old block or the new one, whenever the program dies.
-bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
-  const std::string fresh = path + ".new";
-  const int fd = ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) return false;
-  const bool written = write_all(fd, data, size) && ::fsync(fd) == 0;
-  const bool closed = ::close(fd) == 0;
-  if (written && closed && std::rename(fresh.c_str(), path.c_str()) == 0) return true;
-  ::unlink(fresh.c_str());
-  return false;
-}
-
 constexpr std::string_view kHeader = "WWS3";
-/// In the file: the size of what the slot holds, and room for it.
+/// In the storage: the size of what the slot holds, and room for it.
 constexpr size_t kSlotRoom = 1024;
 
 void append_slot(Bytes& file, const Bytes& slot) {
@@ -54,7 +20,7 @@ void append_slot(Bytes& file, const Bytes& slot) {
   file.resize(end);
 }
 
-/// Where the file is damaged, bytes that no slot holds.
+/// Where it is damaged, bytes that no slot holds.
 Bytes slot_of(const Bytes& file, size_t number) {
   const size_t at = kHeader.size() + number * kSlotRoom;
   if (at + kSlotRoom > file.size()) return Bytes(1);
@@ -65,8 +31,8 @@ Bytes slot_of(const Bytes& file, size_t number) {
 
 }  // namespace
 
-void Store::use_file(const std::string& path) {
-  const Bytes file = read_file(path);
+void Store::keep_in(std::unique_ptr<Storage> storage) {
+  const Bytes file = storage->read();
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   const bool has_slots = text.starts_with(kHeader);
   if (has_slots) {
@@ -75,7 +41,7 @@ void Store::use_file(const std::string& path) {
   } else if (!file.empty()) {
     first_.put(file);  // Of an earlier release, or damaged.
   }
-  path_ = path;
+  storage_ = std::move(storage);
 }
 
 size_t Store::load(uint8_t* out, size_t capacity) {
@@ -100,7 +66,7 @@ bool Store::format() {
 void Store::damage(Damage what) {
   if (what != Damage::kSecond) first_.put({});
   if (what != Damage::kFirst) second_.put({});
-  write_file();
+  put();
 }
 
 /// Nothing is left of it.
@@ -108,17 +74,16 @@ bool Store::clear() {
   unreadable = 0;
   first_.put({});
   second_.put({});
-  return write_file();
+  return put();
 }
 
-bool Store::write_file() const {
-  if (!path_) return true;
-  if (first_.bytes().empty() && second_.bytes().empty())
-    return ::unlink(path_->c_str()) == 0 || errno == ENOENT;
+bool Store::put() const {
+  if (!storage_) return true;
+  if (first_.bytes().empty() && second_.bytes().empty()) return storage_->replace({});
   Bytes file(kHeader.begin(), kHeader.end());
   append_slot(file, first_.bytes());
   append_slot(file, second_.bytes());
-  return replace_file(*path_, file.data(), file.size());
+  return storage_->replace(file);
 }
 
 size_t Store::Slot::load(uint8_t* out, size_t capacity) {
@@ -132,7 +97,7 @@ bool Store::Slot::save(const uint8_t* data, size_t size) {
   Bytes bytes(data, data + size);
   if (fate == WriteFate::kLost) bytes.clear();
   bytes_.swap(bytes);
-  if (store_.write_file()) return fate == WriteFate::kDone;
+  if (store_.put()) return fate == WriteFate::kDone;
   bytes_.swap(bytes);
   return false;
 }

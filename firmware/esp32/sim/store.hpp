@@ -1,12 +1,12 @@
-// The flash: one block in two slots, as on the chip, in memory or in a file that outlives the
+// The flash: one block in two slots, as on the chip, in memory or in a storage that outlives the
 // program; and the memory that a reset of the processor leaves alone.
 #pragma once
 
-#include <optional>
-#include <string>
+#include <memory>
 #include <vector>
 
 #include "hal.hpp"
+#include "storage.hpp"
 #include "twin_store.hpp"
 #include "uart.hpp"
 
@@ -27,6 +27,19 @@ class StoreWatch {
 
  protected:
   ~StoreWatch() = default;
+};
+
+/// The power fails in the middle of a write, and of those after it nothing is left.
+struct PowerCut final : StoreWatch {
+  uint32_t writes_left = 0;  ///< The one in which it fails is the last of so many; 0: none.
+  bool has_failed = false;
+
+  WriteFate fate_of_write(const Store&, int) override {
+    if (has_failed) return WriteFate::kUntouched;
+    if (writes_left == 0 || --writes_left > 0) return WriteFate::kDone;
+    has_failed = true;
+    return WriteFate::kLost;
+  }
 };
 
 /// What time does to flash. NVS erases what it cannot read, so a slot that is damaged is empty.
@@ -52,8 +65,8 @@ class Store final : public BlockStore {
   }
   /// From now on this one records whether these have a block.
   void record(Store& parameters, Store& latches) { twin_.record(parameters.twin_, latches.twin_); }
-  /// From now on this file holds both slots. It is read here, and written whenever one changes.
-  void use_file(const std::string& path);
+  /// From now on this holds both slots. It is read here, and written whenever one changes.
+  void keep_in(std::unique_ptr<Storage> storage);
 
   Store() = default;
   Store(const Store&) = delete;
@@ -89,15 +102,15 @@ class Store final : public BlockStore {
 
   uint32_t partition_faults() const { return partition_ != nullptr ? partition_->faults : 0; }
   bool clear();
-  /// Where there is a file. It holds what was in it before, or all of both slots.
-  bool write_file() const;
+  /// Where there is a storage. It holds what was in it before, or all of both slots.
+  bool put() const;
   WriteFate fate(int slot) {
     if (failing) return WriteFate::kUntouched;
     return watch != nullptr ? watch->fate_of_write(*this, slot) : WriteFate::kDone;
   }
 
   Partition* partition_ = nullptr;
-  std::optional<std::string> path_;
+  std::unique_ptr<Storage> storage_;
   Slot first_{*this};
   Slot second_{*this};
   TwinStore twin_{first_, second_};

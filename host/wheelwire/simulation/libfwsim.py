@@ -29,7 +29,6 @@ class Status(enum.IntEnum):
     READ_ONLY = -2
     OUT_OF_RANGE = -3
     BAD_ARGUMENT = -4
-    FAILED = -5
 
 
 class FwSimError(WheelwireError):
@@ -87,7 +86,6 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         ctypes.c_int,
         (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t)),
     ),
-    "fwsim_reset": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int)),
     "fwsim_variable_count": (ctypes.c_size_t, ()),
     "fwsim_describe": (ctypes.c_int, (ctypes.c_size_t, ctypes.POINTER(_Description))),
 }
@@ -121,8 +119,6 @@ class FwSim:
         self._handle: int | None = None
         self._library = _load()
         self._handle = self._library.fwsim_create(seed)
-        if not self._handle:
-            raise MemoryError
         self._buffer = ctypes.create_string_buffer(READ_SIZE)
         self._done = ctypes.c_int64()
         if store:
@@ -221,7 +217,7 @@ class FwSim:
 
     def reset(self, reason: ResetReason = ResetReason.EXTERNAL) -> None:
         """Reset the device; it gets a new boot id."""
-        self._check(self._library.fwsim_reset(self._handle, reason), "reset")
+        self.set("reset", reason)
 
     def variables(self) -> list[Variable]:
         """All variables of `set` and `get`."""

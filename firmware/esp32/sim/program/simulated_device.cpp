@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "file.hpp"
 #include "pty_port.hpp"
 #include "random.hpp"
 #include "socket_port.hpp"
@@ -39,7 +40,7 @@ SimulatedDevice::SimulatedDevice(const Options& options)
   if (!link_.empty()) simulator_.set_board_id(board_of(link_));
   // All simulators that a host process starts are the same board to it.
   if (socket_ >= 0) simulator_.set_board_id(mix(static_cast<uint64_t>(options.parent)) >> 16);
-  if (!options.store.empty()) simulator_.board.use_files(options.store);
+  if (!options.store.empty()) use_files(simulator_.board, options.store);
   for (const auto& [name, value] : options.settings) {
     if (set_variable(simulator_, name, value) != VariableStatus::kOk) {
       throw std::invalid_argument("cannot set " + name + "; see --help for names and bounds");

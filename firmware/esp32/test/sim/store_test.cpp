@@ -6,13 +6,17 @@
 #include <fstream>
 #include <initializer_list>
 #include <iterator>
+#include <memory>
 #include <string>
 
 #include "check.hpp"
+#include "file.hpp"
 #include "protocol.hpp"
 
 using wheelwire::sim::Damage;
+using wheelwire::sim::File;
 using wheelwire::sim::Partition;
+using wheelwire::sim::PowerCut;
 using wheelwire::sim::Store;
 using wheelwire::sim::StoreWatch;
 using wheelwire::sim::WriteFate;
@@ -64,7 +68,7 @@ struct Folder {
   /// What a program that starts now finds.
   size_t load(uint32_t& faults) const {
     Store store;
-    store.use_file(path);
+    store.keep_in(std::make_unique<File>(path));
     uint8_t out[8] = {};
     const size_t size = store.load(out, sizeof out);
     faults = store.faults();
@@ -82,11 +86,11 @@ TEST(store_in_a_file) {
   const Folder folder;
   const std::string path = folder.path;
   Store store;
-  store.use_file(path);
+  store.keep_in(std::make_unique<File>(path));
   keeps_what_is_saved(store);
   CHECK(store.save(kBlock, sizeof kBlock));
   Store another;
-  another.use_file(path);
+  another.keep_in(std::make_unique<File>(path));
   uint8_t out[8] = {};
   CHECK(another.load(out, sizeof out) == 3);
   another.damage(Damage::kBoth);
@@ -97,7 +101,7 @@ TEST(a_file_has_two_slots_that_hold_the_same) {
   const Folder folder;
   {
     Store store;
-    store.use_file(folder.path);
+    store.keep_in(std::make_unique<File>(folder.path));
     CHECK(store.save(kBlock, sizeof kBlock));
   }
   const std::string whole = folder.read();
@@ -112,7 +116,7 @@ TEST(a_file_has_two_slots_that_hold_the_same) {
     folder.write(damaged(whole, {slot}));
     CHECK(folder.load(faults) == 3 && faults == 0);
     Store store;
-    store.use_file(folder.path);
+    store.keep_in(std::make_unique<File>(folder.path));
     uint8_t out[8] = {};
     CHECK(store.load(out, sizeof out) == 3 && store.has_lost_copy() && store.is_incomplete());
     CHECK(store.repair() && folder.read() == whole);
@@ -129,7 +133,7 @@ TEST(a_file_has_two_slots_that_hold_the_same) {
     CHECK(folder.load(faults) == 0 && faults == wheelwire::fault::kStoreUnreadable);
   }
   Store store;
-  store.use_file(folder.path);
+  store.keep_in(std::make_unique<File>(folder.path));
   CHECK(store.save(kBlock, sizeof kBlock) && folder.load(faults) == 3 && faults == 0);
 }
 
@@ -159,7 +163,7 @@ TEST(a_block_that_another_store_records_is_missed) {
 TEST(a_save_ends_what_made_a_store_unreadable) {
   const Folder folder;
   Store in_file;
-  in_file.use_file(folder.path);
+  in_file.keep_in(std::make_unique<File>(folder.path));
   Store in_memory;
   for (Store* const store : {&in_memory, &in_file}) {
     uint8_t out[8] = {};
@@ -176,7 +180,7 @@ TEST(a_save_ends_what_made_a_store_unreadable) {
 
 TEST(store_in_a_file_that_cannot_be_written) {
   Store store;
-  store.use_file("/nonexistent/parameters");
+  store.keep_in(std::make_unique<File>("/nonexistent/parameters"));
   CHECK(!store.save(kBlock, sizeof kBlock));
   uint8_t out[8] = {};
   CHECK(store.load(out, sizeof out) == 0);
@@ -243,5 +247,22 @@ TEST(a_cut_in_a_write_leaves_the_block_before_or_after_it) {
     CHECK(store.save(second, sizeof second) == (writes == 2));
     CHECK(store.load(out, sizeof out) == (writes == 0 ? 1u : 2u));
     CHECK(store.has_lost_copy() == (writes != 2));
+  }
+}
+
+TEST(the_power_may_fail_in_any_write_of_a_save) {
+  const uint8_t first[] = {1};
+  const uint8_t second[] = {2, 2};
+  uint8_t out[8] = {};
+  for (const uint32_t write : {1u, 2u, 3u}) {
+    Store store;
+    PowerCut cut;
+    store.watch = &cut;
+    CHECK(store.save(first, sizeof first));
+    cut.writes_left = write;
+    CHECK(store.save(second, sizeof second) == (write == 3));
+    CHECK(cut.has_failed == (write != 3) && cut.writes_left == (write == 3 ? 1u : 0u));
+    CHECK(store.load(out, sizeof out) == (write == 1 ? 1u : 2u));
+    CHECK(store.has_lost_copy() == (write != 3));
   }
 }
