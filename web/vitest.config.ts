@@ -1,3 +1,4 @@
 import { defineConfig } from "vitest/config";
 
-export default defineConfig({ test: { include: ["test/*.test.ts"] } });
+// The limit is one that only a defect reaches, on a busy computer, too.
+export default defineConfig({ test: { include: ["test/*.test.ts"], testTimeout: 120_000 } });
