@@ -12,14 +12,15 @@ import struct
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from . import core_abi as abi
 from . import native
 from .codec import BY_ID, MIN_PAYLOAD
 from .codes import BoxCause as BoxCause
 from .codes import Fault, RefusalCode, ResetReason, SupervisorEvent, SupervisorState
+from .core_abi import BOX_SIZE as BOX_SIZE
+from .core_abi import RerunOutcome as RerunOutcome
 from .types import AnyMessage, BoxValue
 
-BOX_SIZE = 32768
-"""Size of every box, in bytes."""
 PARTS = 4
 """Number of parts of every box: the oldest part makes room for the next."""
 
@@ -134,20 +135,10 @@ class HangUp(NamedTuple):
 Entry = Step | End | Received | Transition | Refusal | Contact | Stored | HangUp
 
 
-class Outcome(enum.IntEnum):
-    """What came of a re-run."""
-
-    SAME = 0
-    DIFFERS = 1
-    EMPTY = 2
-    OTHER_CORE = 3
-    UNREADABLE = 4
-
-
 class Rerun(NamedTuple):
     """A re-run, and its first difference from what was recorded."""
 
-    outcome: Outcome
+    outcome: RerunOutcome
     steps: int
     first_us: int
     """Device clock of the first step."""
@@ -204,13 +195,13 @@ class Box:
 
     def _open(self) -> tuple[ctypes.c_void_p, BoxHead, int]:
         handle = ctypes.c_void_p()
-        head = native.BoxHead()
+        head = abi.BoxHead()
         status = self._library.wheelwire_box_open(
             self._image, len(self._image), ctypes.byref(handle), ctypes.byref(head)
         )
-        if status == native.BOX_DAMAGED:
+        if status == abi.BoxStatus.DAMAGED:
             raise BoxError("a black box that is damaged: its checksum does not match")
-        if status != native.BOX_OPENED:
+        if status != abi.BoxStatus.OPENED:
             raise BoxError("no black box")
         try:
             return handle, head_of(head), head.missing
@@ -226,7 +217,7 @@ class Box:
         """
         handle, *_ = self._open()
         try:
-            raw = native.BoxEntry()
+            raw = abi.BoxEntry()
             while self._library.wheelwire_box_next(handle, ctypes.byref(raw)):
                 try:
                     entry = _entry(raw)
@@ -244,12 +235,12 @@ class Box:
             any_core: Also if it is of another core. Then the duties and the state may be others:
                 only what the robot did is compared (transitions, refusals, writes to flash).
         """
-        raw = native.RerunResult()
+        raw = abi.Rerun()
         outcome = self._library.wheelwire_box_rerun(self._handle, any_core, ctypes.byref(raw))
-        if outcome == native.RERUN_NO_MEMORY:
+        if outcome == RerunOutcome.NO_MEMORY:
             raise MemoryError("no memory to re-run a black box")
         return Rerun(
-            Outcome(outcome),
+            RerunOutcome(outcome),
             raw.steps,
             raw.first_us,
             raw.last_us,
@@ -261,7 +252,7 @@ class Box:
         )
 
 
-def head_of(head: native.BoxHead | BoxValue) -> BoxHead:
+def head_of(head: abi.BoxHead | BoxValue) -> BoxHead:
     """The head of a box, from the firmware's library or from a message.
 
     Raises:
@@ -281,7 +272,7 @@ def head_of(head: native.BoxHead | BoxValue) -> BoxHead:
     )
 
 
-def _entry(raw: native.BoxEntry) -> Entry | None:
+def _entry(raw: abi.BoxEntry) -> Entry | None:
     t_us = raw.t_us
     match raw.kind:
         case Kind.STEP | Kind.WIDE_STEP:
@@ -316,7 +307,7 @@ def _entry(raw: native.BoxEntry) -> Entry | None:
     return None
 
 
-def _received(raw: native.BoxEntry) -> Received | None:
+def _received(raw: abi.BoxEntry) -> Received | None:
     codec = BY_ID.get(raw.message_id)
     body = bytes(raw.body[: raw.body_size])
     # A box of a later release may hold messages that are not known here.

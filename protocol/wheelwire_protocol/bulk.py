@@ -7,6 +7,7 @@ so the chunks of that length form a table, and each step of the decoding works o
 
 from __future__ import annotations
 
+import ctypes
 import struct
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -66,7 +67,7 @@ def decode_capture(
     # its delimiters, since a delimiter may serve two frames.
     rows = np.empty(len(stream) // (codec.size + 2), dtype(message_type))
     count = library.wheelwire_decode_capture(
-        stream.ctypes.data, len(stream), codec.id, rows.ctypes.data
+        stream.ctypes.data_as(ctypes.c_char_p), len(stream), codec.id, rows.ctypes.data
     )
     # In place, which gives the unused memory back; a slice would keep all of it.
     rows.resize(count, refcheck=False)

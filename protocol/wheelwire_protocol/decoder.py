@@ -10,6 +10,7 @@ import struct
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
+from . import core_abi as abi
 from . import native
 from .codec import BY_ID
 from .framing import Counters, PythonDecoder
@@ -18,13 +19,9 @@ from .types import AnyMessage
 _PART_SIZE = 1 << 12
 """The most bytes decoded per call: enough to outweigh the cost of the call."""
 
-_MIN_FRAME = 9
-"""The fewest bytes of a frame; as WHEELWIRE_LEAST_FRAME."""
-_SPARE_ROOM = 96
-"""Room for the beginning of a frame that was fed before: its body may exceed the bytes fed."""
-
-_Bodies = ctypes.c_uint8 * (_PART_SIZE + _SPARE_ROOM)
-_Runs = ctypes.c_uint32 * (2 * (_PART_SIZE // _MIN_FRAME + 1))
+# The spare room is for the beginning of a frame that was fed before.
+_Bodies = ctypes.c_uint8 * (_PART_SIZE + abi.SPARE_ROOM)
+_Runs = abi.Run * (_PART_SIZE // abi.LEAST_FRAME + 1)
 
 _NEW: Any = tuple.__new__
 """Creates a message from its class and the tuple of its fields, faster than calling the class."""
@@ -56,9 +53,7 @@ class NativeDecoder:
         # in ctypes' own format can neither be indexed nor be cast to another number.
         self._bodies = memoryview(bodies).cast("B")
         self._runs = memoryview(runs).cast("B").cast("I")
-        self._handle = library.wheelwire_decoder_create(
-            ctypes.addressof(bodies), ctypes.addressof(runs)
-        )
+        self._handle = library.wheelwire_decoder_create(ctypes.addressof(bodies), runs)
         if not self._handle:
             raise MemoryError("no memory for a decoder")
 
@@ -120,8 +115,8 @@ class NativeDecoder:
         """As `counters.seq_lost`, without the others."""
         return int(self._counted().seq_lost)
 
-    def _counted(self) -> native.Counters64:
-        raw = native.Counters64()
+    def _counted(self) -> abi.Counters:
+        raw = abi.Counters()
         self._library.wheelwire_decoder_counters(self._handle, ctypes.byref(raw))
         return raw
 

@@ -8,7 +8,6 @@ there is no library of this release.
 from __future__ import annotations
 
 import ctypes
-import enum
 import mmap
 import os
 import sys
@@ -17,15 +16,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
+from . import core_abi as abi
 from .board import BoardFault, BoardPin
 from .codes import Capability, Chip, Fault, RefusalCode, ResetReason, SupervisorState
+from .core_abi import ABI as ABI
+from .core_abi import RECORDER_SIZE as RECORDER_SIZE
+from .core_abi import TransferResult as TransferResult
 from .sensors import PeripheralFault
 from .types import SCHEMA_HASH
-
-ABI = 12
-"""Version of `wheelwire_core.h`; a library with another one is refused."""
-RECORDER_SIZE = 320 * 1024
-"""Size of what `Core.keep_recorder` writes, in bytes."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
@@ -104,16 +102,16 @@ class Core:
         # Set first: `__del__` reads it, also when the library is missing.
         self._handle: int | None = None
         self._library = load()
-        # Every call writes to the same structure; `values` copies it before the caller sees it.
-        self._outputs = _Outputs()
+        # Every call writes to the same structure, and `_run` copies it before the caller sees it.
+        self._outputs = abi.Outputs()
         self._taken = ctypes.create_string_buffer(_TAKE_SIZE)
 
         def saved(_context: object, block: int | None, size: int) -> int:
             # The core erases its store with a null pointer, which ctypes hands over as None.
             return save(ctypes.string_at(block, size) if block else b"")
 
-        self._save = _SAVE(saved)  # ctypes keeps no reference; must live as long as the core
-        reported = _Identity(
+        self._save = abi.Save(saved)  # ctypes keeps no reference; must live as long as the core
+        reported = abi.Identity(
             identity.board_id,
             identity.boot_id,
             identity.capabilities,
@@ -143,7 +141,7 @@ class Core:
         def saved(_context: object, block: int | None, size: int) -> int:
             return save(ctypes.string_at(block, size) if block else b"")
 
-        self._save_latches = _SAVE(saved)  # as `_save`: it must live as long as the core
+        self._save_latches = abi.Save(saved)  # as `_save`: it must live as long as the core
         self._library.wheelwire_core_latches(
             self._live, record, len(record), self._save_latches, None
         )
@@ -166,7 +164,7 @@ class Core:
         def written(_context: object, offset: int, data: int, size: int) -> int:
             return write(offset, ctypes.string_at(data, size))
 
-        self._write = _WRITE(written)  # as `_save`: it must live as long as the core
+        self._write = abi.Write(written)  # as `_save`: it must live as long as the core
         if not self._library.wheelwire_core_recorder(
             self._live, content or None, self._write, None
         ):
@@ -189,7 +187,7 @@ class Core:
     def start(self, now_us: int, left_ticks: int, right_ticks: int) -> Outputs:
         """Leave BOOT, once, when the pins are ready; for the arguments see `step`."""
         return self._run(
-            self._library.wheelwire_core_start, _Inputs(now_us, left_ticks, right_ticks)
+            self._library.wheelwire_core_start, abi.Inputs(now_us, left_ticks, right_ticks)
         )
 
     def step(
@@ -218,7 +216,7 @@ class Core:
         """
         return self._run(
             self._library.wheelwire_core_step,
-            _Inputs(
+            abi.Inputs(
                 now_us,
                 left_ticks,
                 right_ticks,
@@ -272,18 +270,18 @@ class Core:
             raise ValueError("this core was closed")
         return self._handle
 
-    def _run(self, function: Any, given: _Inputs | int) -> Outputs:
+    def _run(self, function: Any, given: abi.Inputs | int) -> Outputs:
         # ctypes passes a structure by reference where a pointer to one is declared.
         function(self._live, given, ctypes.byref(self._outputs))
-        return self._outputs.values()
-
-
-class TransferResult(enum.IntEnum):
-    """What came of a transfer on an I2C bus."""
-
-    HUNG = 0
-    DONE = 1
-    NO_ANSWER = 2
+        outputs = self._outputs
+        return Outputs(
+            _stage_inputs(outputs.left),
+            _stage_inputs(outputs.right),
+            outputs.deadline_us,
+            outputs.period_us,
+            SupervisorState(outputs.state),
+            Fault(outputs.faults),
+        )
 
 
 Transfer: TypeAlias = Callable[[int, bytes, int], tuple[TransferResult, bytes, int]]
@@ -330,7 +328,7 @@ class Sensors:
             return result
 
         due_us: int = self._library.wheelwire_sensors_poll(
-            self.handle, bus, now_us, _TRANSFER(carried), None
+            self.handle, bus, now_us, abi.Transfer(carried), None
         )
         return due_us
 
@@ -349,16 +347,30 @@ class BoardIssue(NamedTuple):
     limit: int
 
 
+def _stage_inputs(stage: abi.Stage) -> StageInputs:
+    return StageInputs(stage.enable_q15, stage.in1_q15, stage.in2_q15, stage.pwm_q15, stage.dir_q15)
+
+
 def check_board(packed: bytes) -> list[BoardIssue]:
     """What is wrong with the board of a packed configuration, by the core's own rules.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    issues = (_BoardIssue * _MOST_ISSUES)()
+    issues = (abi.BoardIssue * _MOST_ISSUES)()
     count = load().wheelwire_board_check(packed, len(packed), issues, _MOST_ISSUES)
     # The core counts all issues, also those that it had no room to write.
-    return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
+    return [
+        BoardIssue(
+            BoardFault(one.fault),
+            BoardPin(one.function),
+            one.pin,
+            BoardPin(one.other),
+            one.value,
+            one.limit,
+        )
+        for one in issues[: min(count, _MOST_ISSUES)]
+    ]
 
 
 class PeripheralIssue(NamedTuple):
@@ -379,9 +391,12 @@ def check_peripherals(packed: bytes) -> list[PeripheralIssue]:
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    issues = (_PeripheralIssue * _MOST_ISSUES)()
+    issues = (abi.PeripheralIssue * _MOST_ISSUES)()
     count = load().wheelwire_peripherals_check(packed, len(packed), issues, _MOST_ISSUES)
-    return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
+    return [
+        PeripheralIssue(PeripheralFault(one.fault), one.channel, one.pin, one.value, one.limit)
+        for one in issues[: min(count, _MOST_ISSUES)]
+    ]
 
 
 def locate(name: str, package: Path) -> Path:
@@ -449,7 +464,7 @@ def load() -> ctypes.PyDLL:
     # Before `declare`, which would fail on a function that the other release does not have.
     if release != (ABI, SCHEMA_HASH):
         raise NativeMissingError(f"{path} is of another release; {_remedy()}")
-    declare(library, _SIGNATURES)
+    declare(library, abi.SIGNATURES)
     return library
 
 
@@ -458,7 +473,7 @@ def load_unlocked() -> ctypes.CDLL:
     """As `load`, but other threads run during its calls."""
     # The same file once more: the handle's class decides whether a call keeps the lock.
     library = ctypes.CDLL(load()._name)
-    declare(library, _SIGNATURES)
+    declare(library, abi.SIGNATURES)
     return library
 
 
@@ -477,263 +492,3 @@ def _remedy() -> str:
     if os.environ.get(ENVIRONMENT):
         return f"unset ${ENVIRONMENT}, or set it to the library of this release"
     return remedy()
-
-
-# The structures below have the fields of `wheelwire_core.h`, in its order and with its types. No
-# compiler compares them: a change there has to count ABI up, or memory is misread.
-class _Identity(ctypes.Structure):
-    _fields_ = (
-        ("board_id", ctypes.c_uint64),
-        ("boot_id", ctypes.c_uint32),
-        ("capabilities", ctypes.c_uint32),
-        ("board", ctypes.c_uint8),
-        ("reset_reason", ctypes.c_uint8),
-    )
-
-
-class _Inputs(ctypes.Structure):
-    _fields_ = (
-        ("now_us", ctypes.c_uint64),
-        ("left_ticks", ctypes.c_int32),
-        ("right_ticks", ctypes.c_int32),
-        ("battery_mv", ctypes.c_uint16),
-        ("left_illegal", ctypes.c_uint32),
-        ("right_illegal", ctypes.c_uint32),
-        ("contact_open", ctypes.c_uint8),
-        ("levels", ctypes.c_uint16),
-    )
-
-
-class _StageInputs(ctypes.Structure):
-    _fields_ = tuple((name, ctypes.c_uint16) for name in StageInputs._fields)
-
-    def values(self) -> StageInputs:
-        return StageInputs(self.enable_q15, self.in1_q15, self.in2_q15, self.pwm_q15, self.dir_q15)
-
-
-class _Outputs(ctypes.Structure):
-    _fields_ = (
-        ("deadline_us", ctypes.c_uint64),
-        ("period_us", ctypes.c_uint32),
-        ("faults", ctypes.c_uint32),
-        ("left", _StageInputs),
-        ("right", _StageInputs),
-        ("state", ctypes.c_uint8),
-    )
-
-    def values(self) -> Outputs:
-        return Outputs(
-            self.left.values(),
-            self.right.values(),
-            self.deadline_us,
-            self.period_us,
-            SupervisorState(self.state),
-            Fault(self.faults),
-        )
-
-
-class _BoardIssue(ctypes.Structure):
-    _fields_ = (
-        ("value", ctypes.c_uint32),
-        ("limit", ctypes.c_uint32),
-        ("pin", ctypes.c_int16),
-        ("fault", ctypes.c_uint8),
-        ("function", ctypes.c_uint8),
-        ("other", ctypes.c_uint8),
-    )
-
-    def values(self) -> BoardIssue:
-        return BoardIssue(
-            BoardFault(self.fault),
-            BoardPin(self.function),
-            self.pin,
-            BoardPin(self.other),
-            self.value,
-            self.limit,
-        )
-
-
-class _PeripheralIssue(ctypes.Structure):
-    _fields_ = (
-        ("value", ctypes.c_uint32),
-        ("limit", ctypes.c_uint32),
-        ("channel", ctypes.c_int16),
-        ("pin", ctypes.c_int16),
-        ("fault", ctypes.c_uint8),
-    )
-
-    def values(self) -> PeripheralIssue:
-        return PeripheralIssue(
-            PeripheralFault(self.fault), self.channel, self.pin, self.value, self.limit
-        )
-
-
-class Counters64(ctypes.Structure):
-    """The fields of `framing.Counters`, in the same order."""
-
-    _fields_ = tuple(
-        (name, ctypes.c_uint64)
-        for name in (
-            *("frames", "bad_crc", "bad_cobs", "unknown_id"),
-            *("wrong_length", "seq_lost", "repeated"),
-        )
-    )
-
-
-BOX_OPENED, BOX_NONE, BOX_DAMAGED = 0, 1, 2
-RERUN_NO_MEMORY = 5
-
-
-class BoxHead(ctypes.Structure):
-    """`wheelwire_box_head`; see `black_box.BoxHead`."""
-
-    _fields_ = (
-        ("stored_us", ctypes.c_uint64),
-        ("number", ctypes.c_uint32),
-        ("boot_id", ctypes.c_uint32),
-        ("core", ctypes.c_uint32),
-        ("release", ctypes.c_uint32),
-        ("git_hash", ctypes.c_uint32),
-        ("board", ctypes.c_uint32),
-        ("faults", ctypes.c_uint32),
-        ("cause", ctypes.c_uint8),
-        ("reset_reason", ctypes.c_uint8),
-        ("missing", ctypes.c_uint8),
-    )
-
-
-class BoxEntry(ctypes.Structure):
-    """`wheelwire_box_entry`, a record of any kind."""
-
-    _fields_ = (
-        ("t_us", ctypes.c_uint64),
-        ("left_counter", ctypes.c_int16),
-        ("right_counter", ctypes.c_int16),
-        ("left_duty_q15", ctypes.c_int16),
-        ("right_duty_q15", ctypes.c_int16),
-        ("battery_mv", ctypes.c_uint16),
-        ("faults", ctypes.c_uint32),
-        ("kind", ctypes.c_uint8),
-        ("event", ctypes.c_uint8),
-        ("before", ctypes.c_uint8),
-        ("after", ctypes.c_uint8),
-        ("message_id", ctypes.c_uint8),
-        ("code", ctypes.c_uint8),
-        ("flag", ctypes.c_uint8),
-        ("body_size", ctypes.c_uint8),
-        ("body", ctypes.c_uint8 * 80),
-    )
-
-
-class RerunResult(ctypes.Structure):
-    """`wheelwire_rerun`; see `black_box.Rerun`."""
-
-    _fields_ = (
-        ("first_us", ctypes.c_uint64),
-        ("last_us", ctypes.c_uint64),
-        ("t_us", ctypes.c_uint64),
-        ("recorded", ctypes.c_double),
-        ("computed", ctypes.c_double),
-        ("steps", ctypes.c_uint32),
-        ("step", ctypes.c_uint32),
-        ("field", ctypes.c_char * 120),
-    )
-
-
-# The block is a void pointer: a char pointer would arrive as bytes that end at the first zero.
-_SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
-_TRANSFER = ctypes.CFUNCTYPE(
-    ctypes.c_int,
-    ctypes.c_void_p,
-    ctypes.c_uint8,
-    ctypes.c_void_p,
-    ctypes.c_size_t,
-    ctypes.c_void_p,
-    ctypes.c_size_t,
-    ctypes.POINTER(ctypes.c_uint64),
-)
-_WRITE = ctypes.CFUNCTYPE(
-    ctypes.c_int, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p, ctypes.c_size_t
-)
-_CORE = _DECODER = ctypes.c_void_p
-_BUFFER = ctypes.c_void_p
-# Result and arguments. What is not declared, ctypes takes for an int: a handle would lose its upper
-# half where pointers have 64 bits.
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "wheelwire_core_create": (
-        _CORE,
-        (ctypes.POINTER(_Identity), ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
-    ),
-    "wheelwire_core_destroy": (None, (_CORE,)),
-    "wheelwire_core_board": (ctypes.c_uint8, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
-    "wheelwire_core_latches": (
-        None,
-        (_CORE, ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
-    ),
-    "wheelwire_core_recorder": (
-        ctypes.c_int,
-        (_CORE, ctypes.c_char_p, _WRITE, ctypes.c_void_p),
-    ),
-    "wheelwire_sensors_size": (ctypes.c_size_t, ()),
-    "wheelwire_sensors_create": (
-        ctypes.c_void_p,
-        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t),
-    ),
-    "wheelwire_sensors_poll": (
-        ctypes.c_uint64,
-        (ctypes.c_void_p, ctypes.c_int, ctypes.c_uint64, _TRANSFER, ctypes.c_void_p),
-    ),
-    "wheelwire_core_sense": (ctypes.c_uint8, (_CORE, ctypes.c_void_p)),
-    "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
-    "wheelwire_core_start": (
-        None,
-        (_CORE, ctypes.POINTER(_Inputs), ctypes.POINTER(_Outputs)),
-    ),
-    "wheelwire_core_step": (
-        None,
-        (_CORE, ctypes.POINTER(_Inputs), ctypes.POINTER(_Outputs)),
-    ),
-    "wheelwire_core_service": (None, (_CORE, ctypes.c_uint64, ctypes.POINTER(_Outputs))),
-    "wheelwire_core_hang_up": (None, (_CORE, ctypes.c_uint64, ctypes.POINTER(_Outputs))),
-    "wheelwire_core_value": (ctypes.c_float, (_CORE, ctypes.c_uint8)),
-    "wheelwire_core_fail": (None, (_CORE,)),
-    "wheelwire_core_feed": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
-    "wheelwire_core_take": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
-    "wheelwire_board_check": (
-        ctypes.c_size_t,
-        (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_BoardIssue), ctypes.c_size_t),
-    ),
-    "wheelwire_peripherals_check": (
-        ctypes.c_size_t,
-        (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_PeripheralIssue), ctypes.c_size_t),
-    ),
-    "wheelwire_core_hash": (ctypes.c_uint32, ()),
-    "wheelwire_box_open": (
-        ctypes.c_int,
-        (
-            ctypes.c_char_p,
-            ctypes.c_size_t,
-            ctypes.POINTER(ctypes.c_void_p),
-            ctypes.POINTER(BoxHead),
-        ),
-    ),
-    "wheelwire_box_close": (None, (ctypes.c_void_p,)),
-    "wheelwire_box_next": (ctypes.c_int, (ctypes.c_void_p, ctypes.POINTER(BoxEntry))),
-    "wheelwire_box_rerun": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(RerunResult)),
-    ),
-    "wheelwire_decoder_create": (_DECODER, (_BUFFER, _BUFFER)),
-    "wheelwire_decoder_destroy": (None, (_DECODER,)),
-    "wheelwire_decoder_feed": (
-        ctypes.c_size_t,
-        (_DECODER, ctypes.c_char_p, ctypes.c_size_t),
-    ),
-    "wheelwire_decoder_restart_sequence": (None, (_DECODER,)),
-    "wheelwire_decoder_restart": (None, (_DECODER,)),
-    "wheelwire_decoder_counters": (None, (_DECODER, ctypes.POINTER(Counters64))),
-    "wheelwire_decode_capture": (
-        ctypes.c_size_t,
-        (_BUFFER, ctypes.c_size_t, ctypes.c_uint8, _BUFFER),
-    ),
-}

@@ -21,8 +21,8 @@ from wheelwire_protocol.black_box import (
     BoxError,
     Contact,
     End,
-    Outcome,
     Received,
+    RerunOutcome,
     Step,
     Transition,
     core_hash,
@@ -61,7 +61,7 @@ def test_a_box_says_what_the_robot_was_given_and_did(image: bytes) -> None:
 
 def test_a_box_re_runs_the_same(image: bytes) -> None:
     rerun = Box(image).rerun()
-    assert rerun.outcome is Outcome.SAME
+    assert rerun.outcome is RerunOutcome.SAME
     assert rerun.steps > 1000
 
 
@@ -76,14 +76,14 @@ def test_random_faults_re_run_identically(seed: int) -> None:
         with suppress(DeviceRefused):
             robot.set_velocity(chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4))
         robot.run(chance.uniform(0.01, 0.3))
-    assert Box(robot.sim.black_box()).rerun().outcome is Outcome.SAME
+    assert Box(robot.sim.black_box()).rerun().outcome is RerunOutcome.SAME
 
 
 def test_a_file_is_read_and_re_run(image: bytes, tmp_path: Path) -> None:
     path = tmp_path / "stop.box"
     path.write_bytes(image)
     assert read_box(path).head.cause is BoxCause.ESTOP
-    assert rerun_box(path).outcome is Outcome.SAME
+    assert rerun_box(path).outcome is RerunOutcome.SAME
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * BOX_SIZE, bytes(100)])

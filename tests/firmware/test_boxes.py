@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from wheelwire.log.black_box import read_box
-from wheelwire_protocol.black_box import Outcome
+from wheelwire_protocol.black_box import RerunOutcome
 
 BOXES = sorted(Path(__file__).with_name("boxes").glob("*.box"))
 
@@ -19,5 +19,7 @@ BOXES = sorted(Path(__file__).with_name("boxes").glob("*.box"))
 @pytest.mark.parametrize("box", BOXES, ids=lambda box: box.stem)
 def test_a_box_is_done_again(box: Path) -> None:
     found = read_box(box).rerun(any_core=True)
-    assert found.outcome is not Outcome.UNREADABLE, "this core's state has other fields: delete it"
-    assert found.outcome is Outcome.SAME, found
+    assert found.outcome is not RerunOutcome.UNREADABLE, (
+        "this core's state has other fields: delete it"
+    )
+    assert found.outcome is RerunOutcome.SAME, found

@@ -12,7 +12,7 @@ from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTim
 from wheelwire.link.info import StoredBox
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.robot.black_boxes import AwaitableRecorder
-from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
+from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 
 STORED_S = 15.0
@@ -48,7 +48,7 @@ def test_a_box_is_read_and_re_runs(robot: VirtualMockDriver) -> None:
     assert stored.head.boot_id == robot.info.device.boot_id
     box = Box(robot.recorder.read_box(stored))
     assert box.head == stored.head
-    assert box.rerun().outcome is Outcome.SAME
+    assert box.rerun().outcome is RerunOutcome.SAME
 
 
 def test_the_ledger_counts_what_stopped_the_robot(robot: VirtualMockDriver) -> None:

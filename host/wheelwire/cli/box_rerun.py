@@ -10,7 +10,7 @@ import typer
 
 from wheelwire.connect import is_recording
 from wheelwire.errors import InvalidArgument, OutputFailed
-from wheelwire_protocol.black_box import Outcome, Rerun
+from wheelwire_protocol.black_box import Rerun, RerunOutcome
 
 from .output import print_json, print_lines, write_new
 
@@ -40,7 +40,7 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
         raise InvalidArgument(f"--rerun takes a black box and has no use for {place}: leave it out")
     target = _target(file, place) if export else None
     head, found = read_box(file).head, rerun_box(file)
-    same = found.outcome is Outcome.SAME
+    same = found.outcome is RerunOutcome.SAME
     command = None
     if target is not None:
         _write(target, file.read_bytes())

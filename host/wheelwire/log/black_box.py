@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome, Rerun, core_hash
+from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Rerun, RerunOutcome, core_hash
 
 from ..errors import RecordingError
 
@@ -46,12 +46,12 @@ def rerun_box(path: Path) -> Rerun:
             "that release or commit"
         )
     rerun = box.rerun()
-    if rerun.outcome is Outcome.UNREADABLE:
+    if rerun.outcome is RerunOutcome.UNREADABLE:
         raise RecordingError(
             f"{path} is damaged: the robot's state in it cannot be read; read the box "
             "from the robot again"
         )
-    if rerun.outcome is Outcome.EMPTY:
+    if rerun.outcome is RerunOutcome.EMPTY:
         raise RecordingError(
             f"{path} is empty: it was stored before the robot made a step; choose another box"
         )

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-import enum
 import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 
 from ..errors import SimulatorNotFound, WheelwireError
+from . import fwsim_abi as abi
+from .fwsim_abi import Status as Status
 
 ENVIRONMENT = "WHEELWIRE_LIBFWSIM"
 LIBRARY = f"libfwsim.{'dylib' if sys.platform == 'darwin' else 'so'}"
 READ_SIZE = 1 << 16
-
-
-class Status(enum.IntEnum):
-    """The results of the library's functions."""
-
-    OK = 0
-    UNKNOWN_NAME = -1
-    READ_ONLY = -2
-    OUT_OF_RANGE = -3
-    BAD_ARGUMENT = -4
 
 
 class FwSimError(WheelwireError):
@@ -51,46 +41,6 @@ class Variable:
     settable: bool
 
 
-class _Description(ctypes.Structure):
-    _fields_ = (
-        ("name", ctypes.c_char_p),
-        ("unit", ctypes.c_char_p),
-        ("doc", ctypes.c_char_p),
-        ("minimum", ctypes.c_double),
-        ("maximum", ctypes.c_double),
-        ("settable", ctypes.c_int),
-    )
-
-
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "fwsim_create": (ctypes.c_void_p, (ctypes.c_uint64,)),
-    "fwsim_destroy": (None, (ctypes.c_void_p,)),
-    "fwsim_use_store": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p)),
-    "fwsim_preset": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int, ctypes.c_float)),
-    "fwsim_set": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_double)),
-    "fwsim_get": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_double)),
-    ),
-    "fwsim_advance_us": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int64)),
-    "fwsim_advance_to_bytes": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)),
-    ),
-    "fwsim_write": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t)),
-    "fwsim_read": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t)),
-    ),
-    "fwsim_box": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t)),
-    ),
-    "fwsim_variable_count": (ctypes.c_size_t, ()),
-    "fwsim_describe": (ctypes.c_int, (ctypes.c_size_t, ctypes.POINTER(_Description))),
-}
-
-
 def library_path() -> Path:
     """$WHEELWIRE_LIBFWSIM, a checkout's build, or the wheel's own library."""
     named = os.environ.get(ENVIRONMENT)
@@ -102,7 +52,7 @@ def _load() -> ctypes.CDLL:
     if not path.exists():
         raise SimulatorNotFound(f"the library {path} does not exist: {native.remedy()}")
     library = ctypes.CDLL(str(path))
-    native.declare(library, _SIGNATURES)
+    native.declare(library, abi.SIGNATURES)
     return library
 
 
@@ -223,7 +173,7 @@ class FwSim:
         """All variables of `set` and `get`."""
         described = []
         for index in range(self._library.fwsim_variable_count()):
-            raw = _Description()
+            raw = abi.Variable()
             self._check(self._library.fwsim_describe(index, ctypes.byref(raw)), "describe")
             described.append(
                 Variable(

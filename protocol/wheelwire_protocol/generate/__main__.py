@@ -13,9 +13,25 @@ import subprocess
 import sys
 from pathlib import Path
 
-from . import board_tables, cpp, cpp_vectors, markdown, python, sensor_tables, typescript, vectors
+from . import (
+    board_tables,
+    c_abi,
+    cpp,
+    cpp_vectors,
+    markdown,
+    python,
+    sensor_tables,
+    typescript,
+    vectors,
+)
 
 CHECKOUT = Path(__file__).parents[3]
+FIRMWARE = Path("firmware/esp32")
+C_ABI = (
+    ("capi/wheelwire_core.h", "wheelwire", "protocol/wheelwire_protocol/core_abi.py"),
+    ("sim/libfwsim.h", "fwsim", "host/wheelwire/simulation/fwsim_abi.py"),
+)
+"""C headers of the firmware, what their names begin with, and their modules for ctypes."""
 HANDMADE = Path("protocol/vectors/handmade.json")
 
 
@@ -30,12 +46,21 @@ def _clang_format(root: Path, text: str) -> str:
     return subprocess.run(command, input=text, capture_output=True, check=True, text=True).stdout
 
 
+def _ruff_format(text: str) -> str:
+    command = [sys.executable, "-m", "ruff", "format", "--isolated", "--line-length=100", "-"]
+    return subprocess.run(command, input=text, capture_output=True, check=True, text=True).stdout
+
+
 def outputs(root: Path) -> dict[Path, str]:
     """Path, relative to the checkout at `root`, and right text of each derived file."""
     generated = vectors.generate()
     cpp_vectors_text = cpp_vectors.generate((root / HANDMADE).read_text("utf-8"), generated)
     return {
         Path("protocol/wheelwire_protocol/types.py"): python.generate(),
+        **{
+            Path(module): _ruff_format(c_abi.generate(root / FIRMWARE / header, prefix))
+            for header, prefix, module in C_ABI
+        },
         Path("protocol/MESSAGES.md"): markdown.generate(),
         Path("web/src/generated/protocol.ts"): typescript.generate(),
         Path("protocol/vectors/generated.json"): generated,

@@ -16,7 +16,7 @@ from wheelwire.pi.guard import Heartbeat
 from wheelwire.pi.pins import Pins
 from wheelwire.pi.recorder import RecorderFile, keep_recorder, recorder_path
 from wheelwire.pi.settings import McuSettings
-from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
+from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, Fault, SupervisorState
 from wheelwire_protocol.native import RECORDER_SIZE
 from wheelwire_protocol.types import BoxGet, BoxValue, ClearEstop
@@ -70,7 +70,7 @@ def test_a_fault_leaves_a_box_that_re_runs_and_says_why(tmp_path: Path) -> None:
     assert (box.head.cause, box.head.faults) == (BoxCause.FAULT, Fault.LEFT_NOT_COUNTING)
     assert box.head.board == settings.board.fingerprint()
     rerun = box.rerun()
-    assert rerun.outcome is Outcome.SAME
+    assert rerun.outcome is RerunOutcome.SAME
     assert rerun.last_us - rerun.first_us > 1_000_000
     (stop,) = stops_of_box(box)
     assert stop.sentence.startswith("Left wheel")
@@ -126,7 +126,7 @@ def test_a_damaged_file_loses_the_box_that_is_damaged(tmp_path: Path) -> None:
     robot.estop()
     robot.run(STORED_S)
     (box,) = boxes_in(path)
-    assert box.rerun().outcome is Outcome.SAME
+    assert box.rerun().outcome is RerunOutcome.SAME
 
 
 def test_a_robot_without_a_place_for_it_drives_and_says_so(

@@ -16,23 +16,28 @@ ROOT = Path(__file__).parents[3]
 INPUTS = [
     ".clang-format",
     "protocol",
+    "firmware/esp32/capi/wheelwire_core.h",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
+    "firmware/esp32/sim/libfwsim.h",
     "firmware/esp32/test",
+    "host/wheelwire/simulation/fwsim_abi.py",
     "web/src/generated",
 ]
 OUTPUTS = [
     "protocol/wheelwire_protocol/types.py",
     "protocol/MESSAGES.md",
     "protocol/vectors/generated.json",
+    "protocol/wheelwire_protocol/core_abi.py",
+    "host/wheelwire/simulation/fwsim_abi.py",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
     "firmware/esp32/test/vectors.hpp",
     "web/src/generated/protocol.ts",
 ]
-OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name]
+OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name and "_abi" not in name]
 
 
 @pytest.fixture

@@ -1,0 +1,176 @@
+"""A C header of this project as ctypes: structures, callbacks, enumerations and signatures.
+
+It reads the plain style of these headers, and refuses what it does not know: ctypes takes what is
+not declared for an int, so a pointer would lose its upper half.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from .text import banner
+
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_CONSTANT = re.compile(r"#define (\w+) (\d+)$", re.MULTILINE)
+_NOT_C = re.compile(r"^#.*$|^extern \"C\" \{$|^\}$", re.MULTILINE)
+"""Directives, and what makes a header one of C++ as well."""
+_DECLARATION = re.compile(r"\s*([^;{]+(?:\{[^}]*\}[^;]*)?);")
+_OPAQUE = re.compile(r"typedef struct (\w+) \1")
+_STRUCTURE = re.compile(r"typedef struct (\w+) \{(.*)\} \1")
+_ENUMERATION = re.compile(r"enum (\w+) \{(.*)\}")
+_CALLBACK = re.compile(r"typedef (.+) \(\*(\w+)\)\((.*)\)")
+_FUNCTION = re.compile(r"\w+_EXPORT (.+?) ?(\w+)\((.*)\)")
+_NAME = re.compile(r"[a-z]\w*")
+_VARIABLE = re.compile(r"(const )?(\w+)(\**)( \w+(?:\[(\d+)\])?)?")
+
+_NUMBERS = {
+    **{f"{u}int{n}_t": f"ctypes.c_{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)},
+    "size_t": "ctypes.c_size_t",
+    "int": "ctypes.c_int",
+    "float": "ctypes.c_float",
+    "double": "ctypes.c_double",
+    "char": "ctypes.c_char",
+}
+
+
+class _Writer:
+    """Makes the lines of a module, one declaration after the other."""
+
+    def __init__(self, prefix: str) -> None:
+        self.lines: list[str] = []
+        self.signatures: list[str] = []
+        self._prefix = prefix
+        self._types: dict[str, str] = {}
+        """Of the header's own, by their names in C: a class, or a pointer to what is not known."""
+
+    def take(self, declaration: str) -> None:
+        """Take any declaration.
+
+        Raises:
+            ValueError: It is none of those that are known here.
+        """
+        for pattern, take in (
+            (_OPAQUE, self._take_opaque),
+            (_STRUCTURE, self._take_structure),
+            (_ENUMERATION, self._take_enumeration),
+            (_CALLBACK, self._take_callback),
+            (_FUNCTION, self._take_function),
+        ):
+            found = pattern.fullmatch(declaration)
+            if found is not None:
+                take(*found.groups())
+                return
+        raise ValueError(f"{declaration}: this declaration is not known here")
+
+    def _take_opaque(self, name: str) -> None:
+        self._types[name] = "ctypes.c_void_p"
+
+    def _take_structure(self, name: str, body: str) -> None:
+        self._types[name] = self._class_of(name)
+        self.lines += [
+            f"class {self._types[name]}(ctypes.Structure):",
+            f'    """`{name}`."""',
+            "",
+        ]
+        fields = [
+            f'("{_NAME.findall(field)[-1]}", {self._type_of(field, of_field=True)})'
+            for field in body.split(";")[:-1]
+        ]
+        self.lines += [f"    _fields_ = {_tuple(fields)}", "", ""]
+
+    def _take_enumeration(self, name: str, body: str) -> None:
+        members = [member.strip() for member in body.split(",")]
+        # They begin as its name does, or as all names of the header.
+        starts = (f"{name.rpartition('_')[0]}_".upper(), f"{self._prefix}_".upper())
+        start = next(one for one in starts if all(member.startswith(one) for member in members))
+        self.lines += [f"class {self._class_of(name)}(enum.IntEnum):", f'    """`{name}`."""', ""]
+        self.lines += [f"    {member.removeprefix(start)}" for member in members]
+        self.lines += ["", ""]
+
+    def _take_callback(self, result: str, name: str, parameters: str) -> None:
+        types = [self._type_of(one, of_callback=True) for one in parameters.split(",")]
+        self._types[name] = self._class_of(name)
+        self.lines += [
+            f"{self._types[name]} = ctypes.CFUNCTYPE({', '.join([self._type_of(result), *types])})",
+            f'"""`{name}`."""',
+            "",
+            "",
+        ]
+
+    def _take_function(self, result: str, name: str, parameters: str) -> None:
+        given = "None" if result == "void" else self._type_of(result)
+        types = [] if parameters == "void" else map(self._type_of, parameters.split(","))
+        self.signatures.append(f'    "{name}": ({given}, {_tuple(list(types))}),')
+
+    def _class_of(self, name: str) -> str:
+        return "".join(map(str.capitalize, name.removeprefix(f"{self._prefix}_").split("_")))
+
+    def _type_of(self, variable: str, *, of_field: bool = False, of_callback: bool = False) -> str:
+        found = _VARIABLE.fullmatch(variable.strip())
+        if found is None:
+            raise ValueError(f"{variable}: this type is not known here")
+        constant, name, stars, _, length = found.groups()
+        depth = len(stars)
+        # Bytes that are only read may be given as such. Not those that a callback gets: as a string
+        # they would end at the first zero.
+        if depth and name in ("char", "uint8_t") and constant and not of_callback:
+            return "ctypes.c_char_p"
+        if depth and name in ("void", "char", "uint8_t"):
+            kind, depth = "ctypes.c_void_p", depth - 1
+        else:
+            kind = _NUMBERS.get(name) or self._types[name]
+            # What only the library looks into is a pointer already.
+            depth -= kind == "ctypes.c_void_p"
+        for _ in range(depth):
+            kind = f"ctypes.POINTER({kind})"
+        return f"{kind} * {length}" if of_field and length else kind
+
+
+def _tuple(items: list[str]) -> str:
+    return f"({', '.join(items)}{',' * (len(items) == 1)})"
+
+
+def generate(path: Path, prefix: str) -> str:
+    """The text of a Python module with what the header at `path` declares.
+
+    Args:
+        path: The header.
+        prefix: What its names begin with, which those in Python leave out.
+
+    Raises:
+        ValueError: It declares something that is not known here.
+    """
+    text = _COMMENT.sub("", path.read_text("utf-8"))
+    constants = _CONSTANT.findall(text)
+    declarations = _NOT_C.sub("", text)
+    left = _DECLARATION.sub("", declarations).strip()
+    if left:
+        raise ValueError(f"{left}: this declaration is not known here")
+    writer = _Writer(prefix)
+    for found in _DECLARATION.finditer(declarations):
+        writer.take(" ".join(found[1].split()))
+    return "\n".join(
+        [
+            f'"""What `{path.name}` declares, for ctypes.',
+            "",
+            banner("ctypes declarations", path.name),
+            '"""',
+            "",
+            "from __future__ import annotations",
+            "",
+            "import ctypes",
+            "import enum",
+            "from typing import Any",
+            "",
+            *(f"{name.removeprefix(f'{prefix}_'.upper())} = {value}" for name, value in constants),
+            "",
+            "",
+            *writer.lines,
+            "SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {",
+            *writer.signatures,
+            "}",
+            '"""Of each function the types of its result and arguments."""',
+            "",
+        ]
+    )
