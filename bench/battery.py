@@ -9,8 +9,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire import errors
+from wheelwire.board import BatteryLevels
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.peripherals import BatteryLevels
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode
 

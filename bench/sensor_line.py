@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.link.traffic import Kind, Record, TrafficReader
-from wheelwire.sensors import sentence_of_event
+from wheelwire.samples import sentence_of_event
 from wheelwire_protocol import Decoder
 from wheelwire_protocol.sensors import SensorEventCode
 from wheelwire_protocol.types import Imu, LinkCounters, SensorEvent, SetStreamRate, WheelState

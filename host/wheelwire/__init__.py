@@ -75,15 +75,15 @@ if TYPE_CHECKING:
     from .robot.sensors import Sensor as Sensor
     from .robot.sensors import Sensors as Sensors
     from .robot.sensors import SensorStatus as SensorStatus
+    from .samples import ImuSample as ImuSample
+    from .samples import InputReading as InputReading
+    from .samples import InputsSample as InputsSample
+    from .samples import PowerSample as PowerSample
+    from .samples import RangeSample as RangeSample
+    from .samples import SensorEvent as SensorEvent
+    from .samples import SensorInfo as SensorInfo
     from .samples import WheelSample as WheelSample
     from .samples import WheelTravel as WheelTravel
-    from .sensors import ImuSample as ImuSample
-    from .sensors import InputReading as InputReading
-    from .sensors import InputsSample as InputsSample
-    from .sensors import PowerSample as PowerSample
-    from .sensors import RangeSample as RangeSample
-    from .sensors import SensorEvent as SensorEvent
-    from .sensors import SensorInfo as SensorInfo
     from .simulation.simulator import Simulator as Simulator
     from .tools.files.robot import RobotConfig as RobotConfig
     from .tools.files.robot import load_config as load_config

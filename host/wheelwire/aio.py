@@ -45,8 +45,7 @@ from .robot.sensors import (
     SensorView,
     Streams,
 )
-from .samples import WheelSample
-from .sensors import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent
+from .samples import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent, WheelSample
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:

@@ -34,11 +34,11 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
+from wheelwire.board import BatteryLevels, Peripheral
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.log import messages
 from wheelwire.log.obstacles import OBSTACLES, obstacles
-from wheelwire.peripherals import BatteryLevels, Peripheral
-from wheelwire.sensors import sentence_of_event
+from wheelwire.samples import sentence_of_event
 from wheelwire_protocol.sensors import (
     REAR_PLACES,
     PeripheralKind,

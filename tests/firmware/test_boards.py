@@ -11,11 +11,10 @@ import pytest
 
 from support.own_board import OWN_BOARD
 from support.virtual import VirtualRobot
-from wheelwire.board import BOARD, Configuration
+from wheelwire.board import BOARD, ENTRY, Configuration, packed_entry
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
 from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
-from wheelwire.peripherals import ENTRY, packed_entry
 from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codec import schema_hash

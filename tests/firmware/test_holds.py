@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import pytest
 
+from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.errors import WheelwireError
 from wheelwire.holds import HeldBy
 from wheelwire.link.info import Recorded
 from wheelwire.log.why.device import stops_of_device
-from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import (
     Contradiction,

@@ -10,13 +10,13 @@ import pytest
 
 from support.i2c_chips import INA219, MPU6050
 from support.pi_robot import IMU, LEVELS, POWER, PiRobot, board_with
-from wheelwire.errors import DeviceRefused
-from wheelwire.peripherals import (
+from wheelwire.board import (
     DigitalInput,
     ImuSensor,
     Peripheral,
     PowerSensor,
 )
+from wheelwire.errors import DeviceRefused
 from wheelwire.pi.bus_reader import BusReader
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import Chip, Fault, RefusalCode, SupervisorState

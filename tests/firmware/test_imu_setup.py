@@ -12,9 +12,9 @@ from statistics import fmean
 
 import pytest
 
+from wheelwire.board import ImuSensor
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import BoardNotKept, LinkLost
-from wheelwire.peripherals import ImuSensor
 from wheelwire.robot.board import AwaitableBoard, DeviceBoard
 from wheelwire.tools.files.board import load_board
 from wheelwire.tools.setup import imu as imu_setup

@@ -14,10 +14,10 @@ from support.own_board import OWN_BOARD
 from support.typing_terminal import TypingTerminal
 from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
+from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.requests import Answer, RequestMessage
-from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.robot import calls as requests
 from wheelwire.robot.calls import Requests
 from wheelwire.robot.robot import DeviceDriver

@@ -14,11 +14,11 @@ from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from support.simulator_on_line import GOOD, simulator_on
 from wheelwire import errors
+from wheelwire.board import BatteryLevels, DigitalInput, Pull
 from wheelwire.cli.address import Address
 from wheelwire.cli.doctor import _of_robot
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.peripherals import BatteryLevels, DigitalInput, Pull
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.doctor import Finding, examine_robot, robot

@@ -22,8 +22,8 @@ from support.range_board import (
 )
 from support.waiting import wait_until
 from wheelwire import RangeSample, aio, errors, open_driver
+from wheelwire.board import ImuSensor
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.peripherals import ImuSensor
 from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach

@@ -17,11 +17,11 @@ from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
 from support.range_board import simulator_on_board
 from support.waiting import keep_driving, wait_until
 from wheelwire import aio, errors, open_driver
+from wheelwire.board import BatteryLevels, DigitalInput, PowerSensor, Pull
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import session
 from wheelwire.log.why import Stop
-from wheelwire.peripherals import BatteryLevels, DigitalInput, PowerSensor, Pull
 from wheelwire.robot import calls as requests
 from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator

@@ -17,8 +17,8 @@ from support.command import check_error, run, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors, open_driver
+from wheelwire.board import ImuSensor
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.peripherals import ImuSensor
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.plant import load_plant
 from wheelwire.tools.setup.problems import DEFECTS

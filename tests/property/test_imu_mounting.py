@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wheelwire.sensors import Vector
+from wheelwire.samples import Vector
 from wheelwire.tools.setup.imu_mounting import (
     GRAVITY_MPS2,
     Unclear,

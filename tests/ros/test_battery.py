@@ -16,7 +16,7 @@ from sensor_msgs.msg import BatteryState
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from wheelwire import open_driver
-from wheelwire.peripherals import BatteryLevels, Peripheral, PowerSensor
+from wheelwire.board import BatteryLevels, Peripheral, PowerSensor
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module

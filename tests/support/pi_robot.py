@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from wheelwire.board import Configuration
-from wheelwire.peripherals import BatteryLevels, ImuSensor, Peripheral, PowerSensor
+from wheelwire.board import BatteryLevels, Configuration, ImuSensor, Peripheral, PowerSensor
 from wheelwire.pi.bus_reader import BusReader
 from wheelwire.pi.pins import Pins
 from wheelwire_protocol.codes import Chip, ResetReason

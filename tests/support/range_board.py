@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from wheelwire.board import AnalogInput, ImuSensor, RangeSensor
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.peripherals import AnalogInput, ImuSensor, RangeSensor
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wheelwire.link.clock import ClockEstimator, Exchange
 from wheelwire.link.sensor_stream import SensorStream
-from wheelwire.sensors import SensorEvent
+from wheelwire.samples import SensorEvent
 from wheelwire_protocol.sensors import (
     Axis,
     BatteryLevel,

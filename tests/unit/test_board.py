@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 from support.cases import each
 from wheelwire.board import (
     Configuration,
+    DigitalInput,
+    Pull,
     WheelPins,
+    channel_name,
     unpacked,
 )
 from wheelwire.errors import ConfigurationError
-from wheelwire.peripherals import DigitalInput, Pull, channel_name
 from wheelwire.tools.files.board import (
     board_mapping,
     checked_board,

@@ -13,10 +13,9 @@ import wheelwire
 from support.cases import each
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire.board import Configuration
+from wheelwire.board import Configuration, ImuSensor
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
-from wheelwire.peripherals import ImuSensor
 from wheelwire.pi.pins import Pins
 from wheelwire.tools.files.robot import parse_config, service_settings
 from wheelwire_protocol.native import NativeMissingError

@@ -15,12 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.cases import each
-from wheelwire.board import Configuration, unpacked
-from wheelwire.errors import ConfigurationError
-from wheelwire.peripherals import (
+from wheelwire.board import (
     DIGITAL_INPUTS,
     AnalogInput,
     BatteryLevels,
+    Configuration,
     DigitalInput,
     ImuSensor,
     Peripheral,
@@ -29,8 +28,10 @@ from wheelwire.peripherals import (
     RangeSensor,
     channel_name,
     packed_entry,
+    unpacked,
     unpacked_entry,
 )
+from wheelwire.errors import ConfigurationError
 from wheelwire.tools.files.board import load_board, parse_board, to_yaml
 from wheelwire.tools.files.robot import parse_config
 from wheelwire_protocol.messages import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields

@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
+from wheelwire.board import INPUTS
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
-from wheelwire.peripherals import INPUTS
 from wheelwire.robot.base import BaseDriver
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
-from wheelwire.sensors import (
+from wheelwire.samples import (
     ImuSample,
     InputReading,
     InputsSample,

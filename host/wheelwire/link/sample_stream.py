@@ -19,8 +19,7 @@ from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState
 
 from ..errors import RequestTimeout, WheelwireError, afresh
-from ..samples import TICK_MODULUS, WheelSample
-from ..sensors import SensorEvent
+from ..samples import TICK_MODULUS, SensorEvent, WheelSample
 from .clock import ClockEstimator, Conversion, DeviceTime, host_clock_us
 from .sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE, Sensed
 from .threads import Notifier

@@ -24,8 +24,8 @@ from wheelwire_protocol.sensors import (
     SensorState,
 )
 
-from ..peripherals import DIGITAL_INPUTS, channel_name
-from ..sensors import (
+from ..board import DIGITAL_INPUTS, channel_name
+from ..samples import (
     ImuSample,
     InputReading,
     InputsSample,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from wheelwire_protocol.sensors import PeripheralKind, Place
 
-from ..sensors import InputsSample, SensorInfo
+from ..samples import InputsSample, SensorInfo
 
 OBSTACLES = (PeripheralKind.BUMPER, PeripheralKind.CLIFF)
 ANGLES_DEG = {

@@ -14,8 +14,7 @@ from ..link.session import Session
 from ..link.traffic import Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
-from ..samples import WheelSample
-from ..sensors import RangeSample, SensorEvent
+from ..samples import RangeSample, SensorEvent, WheelSample
 from . import messages
 from .obstacles import OBSTACLES, obstacles
 from .rerun import Rerun

@@ -6,8 +6,7 @@ import json
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ..board import Configuration, unpacked
-from ..peripherals import ImuSensor, PowerSensor
+from ..board import Configuration, ImuSensor, PowerSensor, unpacked
 
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""

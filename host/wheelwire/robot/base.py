@@ -15,7 +15,7 @@ from .callbacks import InlineCallbacks, ThreadCallbacks
 from .driving import Driving
 
 if TYPE_CHECKING:
-    from ..sensors import ImuSample, InputsSample, PowerSample
+    from ..samples import ImuSample, InputsSample, PowerSample
     from .sensors import Ranges, Sensor, Sensors
 
 FIRST_SAMPLE_S = 1.0

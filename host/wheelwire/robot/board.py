@@ -28,10 +28,9 @@ from wheelwire_protocol.types import (
     Restart,
 )
 
-from ..board import BOARD, Configuration, assembled, fingerprint_of, unpacked
+from ..board import BOARD, ENTRY, Configuration, assembled, fingerprint_of, packed_entry, unpacked
 from ..errors import BoardNotKept, ConfigurationError, LinkLost, WheelwireError
 from ..parameters import number_text
-from ..peripherals import ENTRY, packed_entry
 from .calls import Requests, blocking
 
 RESTART_TIMEOUT_S = 8.0

@@ -15,11 +15,11 @@ from wheelwire_protocol.sensors import PeripheralKind, SensorState
 from wheelwire_protocol.types import ConfigurationGet, SensorStream
 
 from ..arguments import timeout_s, whole
+from ..board import INPUTS as INPUT_KINDS
 from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
 from ..link.sample_stream import LatestSample, SampleIterator
 from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
-from ..peripherals import INPUTS as INPUT_KINDS
-from ..sensors import (
+from ..samples import (
     ImuSample,
     InputsSample,
     PowerSample,

@@ -15,7 +15,7 @@ from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.robot.sensors import READ_WITHIN_S, SensorStatus, SensorsView, wait_until_read
-from wheelwire.sensors import SensorInfo
+from wheelwire.samples import SensorInfo
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, SensorState
 from wheelwire_protocol.types import WheelState

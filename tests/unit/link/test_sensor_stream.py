@@ -21,7 +21,7 @@ from wheelwire.link.sensor_stream import (
     SensorStream,
     _turn,
 )
-from wheelwire.sensors import ImuSample, InputsSample, PowerSample, RangeSample, Vector
+from wheelwire.samples import ImuSample, InputsSample, PowerSample, RangeSample, Vector
 from wheelwire_protocol.sensors import (
     Axis,
     BatteryLevel,

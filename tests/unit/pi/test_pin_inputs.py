@@ -16,11 +16,11 @@ from support.gpio_chip_process import GpioChip
 from support.pi_robot import IMU, POWER, board_with
 from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
+from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pin_options import PigpioDriverOptions
 from wheelwire.errors import ConfigurationError
-from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.pi.settings import McuSettings
 from wheelwire.robot.base import BaseDriver
 from wheelwire_protocol.sensors import PeripheralKind, Place, Reflex

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from wheelwire.board import DigitalInput, ImuSensor
 from wheelwire.errors import DriverUnavailable, LinkLost
-from wheelwire.peripherals import DigitalInput, ImuSensor
 from wheelwire.pi import __main__ as program
 from wheelwire.pi import core, gpio, guard
 from wheelwire.pi.guard import Heartbeat, Phase

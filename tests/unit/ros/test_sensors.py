@@ -21,8 +21,8 @@ from wheelwire import (
     SensorState,
     SensorStatus,
 )
+from wheelwire.board import channel_name
 from wheelwire.log.obstacles import obstacles
-from wheelwire.peripherals import channel_name
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip
 from wheelwire_ros.sensors import Limits, channel_words, limits_of, range_message
 

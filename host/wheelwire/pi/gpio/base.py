@@ -9,9 +9,8 @@ from typing import NamedTuple
 from wheelwire_protocol.board import OUTPUTS, STAGES, Action, ContactKind, Level
 from wheelwire_protocol.native import Outputs, StageInputs
 
-from ...board import Configuration, WheelPins
+from ...board import Configuration, DigitalInput, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
-from ...peripherals import DigitalInput
 from ..encoder import QuadratureDecoder
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}

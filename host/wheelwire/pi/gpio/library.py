@@ -11,9 +11,8 @@ from typing import Any
 
 from wheelwire_protocol.board import EncoderPulls
 
-from ...board import WheelPins
+from ...board import Pull, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable, LinkLost, WheelwireError
-from ...peripherals import Pull
 from ..encoder import A, B, QuadratureDecoder
 from ..latches import runtime_directory
 from ..settings import McuSettings

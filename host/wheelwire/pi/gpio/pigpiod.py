@@ -7,8 +7,8 @@ from contextlib import suppress
 
 from wheelwire_protocol.board import EncoderPulls
 
+from ...board import Pull
 from ...errors import DriverUnavailable, WheelwireError
-from ...peripherals import Pull
 from ..encoder import A, B, QuadratureDecoder
 from ..settings import McuSettings
 from .base import (

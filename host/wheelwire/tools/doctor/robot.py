@@ -25,7 +25,7 @@ from ...log.why.standing import standing_stops
 from ...parameters import number_text
 from ...robot.robot import DeviceDriver
 from ...robot.sensors import wait_until_read
-from ...sensors import InputsSample, PowerSample, sentence_of_event
+from ...samples import InputsSample, PowerSample, sentence_of_event
 from .finding import Finding
 
 WATCH_S = 1.5

@@ -19,7 +19,7 @@ from wheelwire_protocol.sensors import (
 )
 
 from ...arguments import is_number
-from ...peripherals import (
+from ...board import (
     DIGITAL_INPUTS,
     AnalogInput,
     BatteryLevels,

@@ -12,7 +12,7 @@ from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import Capability
 from wheelwire_protocol.sensors import Axis, SensorState
 
-from ...board import Configuration
+from ...board import Configuration, ImuSensor, axis_name, packed_entry, unpacked_entry
 from ...errors import (
     BoardNotKept,
     CommissioningFailed,
@@ -22,12 +22,10 @@ from ...errors import (
     SensorMissing,
     SensorStale,
 )
-from ...peripherals import ImuSensor, axis_name, packed_entry, unpacked_entry
 from ...robot.base import BaseDriver
 from ...robot.robot import DeviceDriver
 from ...robot.sensors import DEFAULT_RATE_HZ
-from ...samples import WheelSample
-from ...sensors import ImuSample, Vector, sentence_of_state
+from ...samples import ImuSample, Vector, WheelSample, sentence_of_state
 from .driving import RESTING_TICKS, fresh, not_watching
 from .imu_mounting import (
     LEAST_LIFT_DEG,

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from wheelwire_protocol.sensors import Axis
 
+from ...board import axis_name
 from ...errors import CommissioningFailed
-from ...peripherals import axis_name
-from ...sensors import Vector
+from ...samples import Vector
 
 GRAVITY_MPS2 = 9.80665
 MOST_ASKEW_DEG = 20.0

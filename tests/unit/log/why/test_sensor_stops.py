@@ -9,6 +9,7 @@ import pytest
 
 import wheelwire
 from support.sensor_messages import AHEAD_US, Stream, info, inputs
+from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused
 from wheelwire.link.sample_stream import Measurement
@@ -18,7 +19,6 @@ from wheelwire.log.why import Diagnosis
 from wheelwire.log.why.causes import CAUSES, latched_causes, sensor_causes, sentence_of
 from wheelwire.log.why.explanation import explain
 from wheelwire.log.why.history import History
-from wheelwire.peripherals import DigitalInput, Pull
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import Fault, RefusalCode
 from wheelwire_protocol.decoder import Decoder

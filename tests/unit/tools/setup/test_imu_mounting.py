@@ -9,9 +9,9 @@ from itertools import product
 import pytest
 
 from support.cases import each
+from wheelwire.board import axis_name
 from wheelwire.link.sensor_stream import _turn
-from wheelwire.peripherals import axis_name
-from wheelwire.sensors import Vector
+from wheelwire.samples import Vector
 from wheelwire.tools.setup.imu_mounting import (
     GRAVITY_MPS2,
     Mean,
