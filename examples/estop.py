@@ -15,7 +15,7 @@ import wheelwire
 ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 
 
-def wait_for_release(robot: wheelwire.BaseDriver) -> None:
+def wait_for_release(robot: wheelwire.Robot) -> None:
     """Ask the user until the e-stop can be cleared."""
     while True:
         input("e-stop: release the button, look around, then press Enter ")

@@ -14,9 +14,7 @@ TURN_RADPS = 1.0
 TTL_S = 0.3  # a setpoint expires after this, even if this program hangs
 
 
-def drive_straight(
-    robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry, side_m: float
-) -> None:
+def drive_straight(robot: wheelwire.Robot, odometry: wheelwire.Odometry, side_m: float) -> None:
     """Drive `side_m` along the present heading, and stop."""
     start = odometry.pose
     while True:
@@ -29,7 +27,7 @@ def drive_straight(
     come_to_rest(robot, odometry)
 
 
-def turn_to(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry, heading_rad: float) -> None:
+def turn_to(robot: wheelwire.Robot, odometry: wheelwire.Odometry, heading_rad: float) -> None:
     """Turn on the spot, and stop."""
     while True:
         left_rad = heading_rad - odometry.update(robot.read()).pose.heading_rad
@@ -40,7 +38,7 @@ def turn_to(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry, heading_r
     come_to_rest(robot, odometry)
 
 
-def come_to_rest(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry) -> None:
+def come_to_rest(robot: wheelwire.Robot, odometry: wheelwire.Odometry) -> None:
     """Stop, and update the odometry until the wheels are at rest."""
     robot.stop()
     while True:

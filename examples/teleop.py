@@ -35,7 +35,7 @@ def single_keys() -> Iterator[None]:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
 
-def act(robot: wheelwire.BaseDriver, key: str) -> None:
+def act(robot: wheelwire.Robot, key: str) -> None:
     """Do what a key says."""
     if key in VELOCITIES:
         robot.set_velocity(*VELOCITIES[key], ttl=TTL_S)

@@ -20,7 +20,7 @@ from wheelwire.aio import Driver
 from wheelwire.link.programs import DIRECTORY_VARIABLE as TAP_DIRECTORY
 from wheelwire.link.programs import GROUP_VARIABLE
 from wheelwire.pi.latches import DIRECTORY_VARIABLE
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 
 TESTS = Path(__file__).parent
 WHOLE = ("conformance", "integration", "ros")
@@ -32,7 +32,7 @@ os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests i
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A busy computer may take more than the usual second for a sample.
-BaseDriver.read.__defaults__ = Driver.read.__defaults__ = (30.0,)
+Robot.read.__defaults__ = Driver.read.__defaults__ = (30.0,)
 
 settings.register_profile("wheelwire", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # The same examples each time: `make test` fails for a change. `make test-all` draws new ones.

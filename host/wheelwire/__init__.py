@@ -70,7 +70,8 @@ if TYPE_CHECKING:
     from .motion.odometry import OdometryUpdate as OdometryUpdate
     from .motion.odometry import Pose as Pose
     from .pi.pins import Pins as Pins
-    from .robot.base import BaseDriver as BaseDriver
+    from .robot.robot import BaseDriver as BaseDriver
+    from .robot.robot import Robot as Robot
     from .robot.sensors import Ranges as Ranges
     from .robot.sensors import Sensor as Sensor
     from .robot.sensors import Sensors as Sensors
@@ -101,7 +102,7 @@ _MODULES = {
     ".motion.covariance": ("PoseCovariance",),
     ".connect": ("driver_names", "open_driver", "open_robot"),
     ".tools.files.robot": ("RobotConfig", "load_config"),
-    ".robot.base": ("BaseDriver",),
+    ".robot.robot": ("BaseDriver", "Robot"),
     ".robot.sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
     ".drivers.serial": ("SerialDriver",),
     ".errors": (
@@ -132,8 +133,9 @@ _MODULES = {
     ".motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
     ".pi.pins": ("Pins",),
     ".motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
-    ".samples": ("WheelTravel", "WheelSample"),
-    ".sensors": (
+    ".samples": (
+        "WheelTravel",
+        "WheelSample",
         "ImuSample",
         "InputReading",
         "InputsSample",

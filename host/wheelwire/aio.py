@@ -5,7 +5,7 @@ async with wheelwire.aio.connect("/dev/ttyUSB0") as robot:
         robot.set_velocity(0.2, 0.0, ttl=0.3)
         print(sample)
 
-Each method does what its namesake of `wheelwire.BaseDriver` does, and raises the same errors.
+Each method does what its namesake of `wheelwire.Robot` does, and raises the same errors.
 Methods that wait for the robot are coroutines. A robot belongs to the loop that it was opened in:
 only that loop, and its thread, may use it.
 """
@@ -26,15 +26,14 @@ from .errors import DriverUnavailable
 from .link.notices import Happening
 from .link.sample_stream import SampleIterator as _SampleQueue
 from .link.sensor_stream import EVENTS, RANGE
-from .robot.base import FIRST_SAMPLE_S
+from .motion.kinematics import WheelVelocities
 from .robot.black_boxes import AwaitableRecorder as DeviceRecorder
 from .robot.board import AwaitableBoard as Board
-from .robot.calls import AwaitableDevice
-from .robot.linked import LinkedRobot
 from .robot.loop_callbacks import LoopCallbacks
 from .robot.loop_link import LoopLink
 from .robot.parameters import AwaitableParameters as Parameters
 from .robot.parameters import AwaitableTrial as Trial
+from .robot.robot import FIRST_SAMPLE_S, Robot, opened_later
 from .robot.sensors import (
     DEFAULT_RATE_HZ,
     OF_IMU,
@@ -45,6 +44,7 @@ from .robot.sensors import (
     SensorView,
     Streams,
 )
+from .robot.verbs import Verbs, WaitingVerbs
 from .samples import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent, WheelSample
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
@@ -52,18 +52,20 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
-    from .drivers.l298n import L298NDriver
+    from .drivers.arguments import (
+        L298NArguments,
+        MockArguments,
+        PigpioArguments,
+        ReplayArguments,
+        SerialArguments,
+        arguments_of,
+    )
     from .drivers.mock import MockDriver as _SyncMockDriver
-    from .drivers.options import arguments_of
-    from .drivers.pigpio import PigpioDriver
     from .drivers.pins import PinDriver as _SyncPinDriver
-    from .drivers.replay import ReplayDriver
-    from .drivers.serial import SerialDriver
     from .errors import RecordingError
     from .log.recorder import Recorder as _SyncRecorder
     from .log.why import Stop
     from .log.why.watch import StopWatch as _SyncStopWatch
-    from .robot.robot import DeviceDriver
     from .simulation.libfwsim import FwSim
     from .simulation.simulator import Simulator
 
@@ -91,7 +93,7 @@ SampleT = TypeVar("SampleT")
 SensorSampleT = TypeVar("SensorSampleT", ImuSample, PowerSample, InputsSample)
 
 
-class Driver(AwaitableDevice, LinkedRobot):
+class Driver(WaitingVerbs, Verbs):
     """A robot with two driven wheels, on the running loop. Made by `connect` and `open_driver`.
 
     `set_velocity`, `set_wheel_velocity`, `set_duty` and the properties are plain: they wait for
@@ -106,12 +108,14 @@ class Driver(AwaitableDevice, LinkedRobot):
         robot: The driver that is used; made by `opened_later`.
     """
 
-    def __init__(self, robot: DeviceDriver) -> None:
+    _callbacks: LoopCallbacks
+
+    def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._latest_sample = robot._latest_sample
         self._on_loop = on_loop = LoopLink(robot)
-        LinkedRobot.__init__(self, on_loop)
-        self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
+        callbacks = LoopCallbacks(on_loop.call_in_loop)
+        Verbs.__init__(self, on_loop, robot._latest_sample, callbacks)
+        self._now_us = robot._now_us
         self._parameters = Parameters(on_loop)
         self._sensors = Sensors(on_loop)
         # In place of the driver's own, which waits.
@@ -120,19 +124,6 @@ class Driver(AwaitableDevice, LinkedRobot):
         self._recording: Callable[[], None] | None = None
         """Begins what `open_driver` was asked to record."""
         self._watches: list[StopWatch] = []
-
-    async def stop(self) -> None:
-        """Stop both wheels and wait for the acknowledgement.
-
-        Raises:
-            LinkLost: There is no session; the stop was sent if the port is there.
-            RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
-        """
-        await self._on_loop.call(self._link.post_stop)
-
-    async def estop(self) -> None:
-        """Stop both wheels and latch; otherwise as `stop`."""
-        await self._on_loop.call(partial(self._link.post_stop, mode=None))
 
     async def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
@@ -302,6 +293,14 @@ class Driver(AwaitableDevice, LinkedRobot):
         watch = StopWatch(begun, callbacks)
         self._watches.append(watch)
         return watch
+
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._on_loop.check_thread()
+        super()._drive_velocity(wheels, expiry_us)
+
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._on_loop.check_thread()
+        super()._drive_duty(left, right, expiry_us)
 
     async def _open(self) -> None:
         await self._on_loop.open()
@@ -582,24 +581,22 @@ _DRIVERS: dict[str, type[Driver]] = {"l298n": PinDriver, "mock": MockDriver, "pi
 if TYPE_CHECKING:
 
     @overload
-    @arguments_of(SerialDriver)
+    @arguments_of(SerialArguments)
     def open_driver(name: Literal["serial"]) -> Opening[Driver]: ...
     @overload
-    @arguments_of(L298NDriver)
+    @arguments_of(L298NArguments)
     def open_driver(name: Literal["l298n"]) -> Opening[PinDriver]: ...
     @overload
-    @arguments_of(PigpioDriver)
+    @arguments_of(PigpioArguments)
     def open_driver(name: Literal["pigpio"]) -> Opening[PinDriver]: ...
     @overload
-    @arguments_of(_SyncMockDriver)
+    @arguments_of(MockArguments)
     def open_driver(name: Literal["mock"]) -> Opening[MockDriver]: ...
     @overload
-    @arguments_of(ReplayDriver)
+    @arguments_of(ReplayArguments)
     def open_driver(name: Literal["replay"]) -> Opening[Driver]: ...
     @overload
-    def open_driver(
-        name: str, *args: Any, record: str | Path | None = None, **options: Any
-    ) -> Opening[Driver]: ...
+    def open_driver(name: str, *args: Any, record: str | Path | None = None) -> Opening[Driver]: ...
 
 
 def open_driver(
@@ -622,7 +619,6 @@ def open_driver(
         WheelwireError: What the driver itself raises.
     """
     from .connect import check_options, driver_class, record_opened, wanted_recording
-    from .robot.robot import DeviceDriver, opened_later
 
     driver = driver_class(name)
     check_options(name, driver, options, *args)
@@ -630,8 +626,8 @@ def open_driver(
 
     def make() -> Driver:
         with opened_later():
-            robot = driver(*args, **options)
-        if not isinstance(robot, DeviceDriver):
+            robot: Robot = driver(*args, **options)
+        if not robot.has_device:
             robot.close()
             raise DriverUnavailable(
                 f"driver {name!r} has no link that asyncio could wait for: use "

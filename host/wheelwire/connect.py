@@ -18,13 +18,20 @@ from .link.ports import port_name
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from .drivers.arguments import (
+        L298NArguments,
+        MockArguments,
+        PigpioArguments,
+        ReplayArguments,
+        SerialArguments,
+        arguments_of,
+    )
     from .drivers.l298n import L298NDriver
     from .drivers.mock import MockDriver
-    from .drivers.options import arguments_of
     from .drivers.pigpio import PigpioDriver
     from .drivers.replay import ReplayDriver
     from .drivers.serial import SerialDriver
-    from .robot.base import BaseDriver
+    from .robot.robot import Robot
 
 ENVIRONMENT = "WHEELWIRE_ROBOT"
 """Names the robot where no address is given."""
@@ -39,7 +46,7 @@ _ROBOT_FILES = (".yaml", ".yml")
 _RECORDINGS = ".mcap"
 
 
-def connect(robot: str | os.PathLike[str] | None = None) -> BaseDriver:
+def connect(robot: str | os.PathLike[str] | None = None) -> Robot:
     """Open a robot by its address, as the commands do: for `with`, which closes it, or without.
 
     Args:
@@ -159,7 +166,7 @@ def _port_options(address: str, baud_rate: int | None) -> dict[str, Any]:
     return {"port": address, **options}
 
 
-def open_robot(file: str | Path | None = None) -> BaseDriver:
+def open_robot(file: str | Path | None = None) -> Robot:
     """Open the robot described by a YAML file; by default the built-in `pi4b_robot.yaml`.
 
     A serial robot receives the file's parameters each time a session opens; they override what it
@@ -191,29 +198,25 @@ _BUILT_IN = {
 if TYPE_CHECKING:
 
     @overload
-    @arguments_of(SerialDriver)
+    @arguments_of(SerialArguments)
     def open_driver(name: Literal["serial"]) -> SerialDriver: ...
     @overload
-    @arguments_of(L298NDriver)
+    @arguments_of(L298NArguments)
     def open_driver(name: Literal["l298n"]) -> L298NDriver: ...
     @overload
-    @arguments_of(PigpioDriver)
+    @arguments_of(PigpioArguments)
     def open_driver(name: Literal["pigpio"]) -> PigpioDriver: ...
     @overload
-    @arguments_of(MockDriver)
+    @arguments_of(MockArguments)
     def open_driver(name: Literal["mock"]) -> MockDriver: ...
     @overload
-    @arguments_of(ReplayDriver)
+    @arguments_of(ReplayArguments)
     def open_driver(name: Literal["replay"]) -> ReplayDriver: ...
     @overload
-    def open_driver(
-        name: str, *args: Any, record: str | Path | None = None, **options: Any
-    ) -> BaseDriver: ...
+    def open_driver(name: str, *args: Any, record: str | Path | None = None) -> Robot: ...
 
 
-def open_driver(
-    name: str, *args: Any, record: str | Path | None = None, **options: Any
-) -> BaseDriver:
+def open_driver(name: str, *args: Any, record: str | Path | None = None, **options: Any) -> Robot:
     """Open a robot by the name of its driver.
 
     The built-in drivers send it a zero setpoint and a stop, so that it obeys the first motion that
@@ -236,7 +239,7 @@ def open_driver(
     make = driver_class(name)
     check_options(name, make, options, *args)
     if record is None and RECORD_VARIABLE not in os.environ:
-        driver: BaseDriver = make(*args, **options)
+        driver: Robot = make(*args, **options)
         return driver
     recording = wanted_recording(record)  # first: a robot that moves is not opened for nothing
     driver = make(*args, **options)
@@ -325,7 +328,7 @@ def wanted_recording(record: str | Path | None) -> Path | None:
     return wanted
 
 
-def record_opened(robot: BaseDriver, path: Path, driver: str, *, is_asked: bool) -> None:
+def record_opened(robot: Robot, path: Path, driver: str, *, is_asked: bool) -> None:
     """Record a robot that was just opened.
 
     Args:
@@ -335,9 +338,7 @@ def record_opened(robot: BaseDriver, path: Path, driver: str, *, is_asked: bool)
         is_asked: Whether the program asked for it. The environment asks for all robots, but not
             every one can be recorded.
     """
-    from .robot.robot import DeviceDriver
-
-    if isinstance(robot, DeviceDriver):
+    if robot.has_device:
         with suppress(*() if is_asked else (InvalidCommand,)):
             robot.record(path, driver)
     elif is_asked:

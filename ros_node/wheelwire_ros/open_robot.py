@@ -19,7 +19,6 @@ from wheelwire import (
 )
 from wheelwire.link.sample_stream import Pacer
 from wheelwire.log.why import Stop
-from wheelwire.robot.robot import DeviceDriver
 
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
@@ -219,7 +218,7 @@ class OpenRobot:
             parameters.command_type(get),
             topics.frames.base if get("publish_limited_velocity") else "",
         )
-        if isinstance(robot, DeviceDriver):
+        if robot.has_device:
             robot.on_held = self._on_held
             resources.callback(setattr, robot, "on_held", None)
             with suppress(InvalidCommand):  # a recording, or a robot in virtual time

@@ -7,7 +7,7 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.testing import Bench, DriverConformance
 
 
@@ -15,7 +15,7 @@ class GpioBench(Bench):
     def __init__(self, chip: GpioChip) -> None:
         self.chip = chip
 
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         # A busy test machine is no fault of the robot's.
         return L298NDriver(
             parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2, "stall_time_s": 2.0},

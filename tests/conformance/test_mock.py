@@ -6,7 +6,7 @@ import pytest
 
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import WheelwireError
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.testing import Bench, DriverConformance
 
 
@@ -14,7 +14,7 @@ class MockBench(Bench):
     def __init__(self, realtime: bool) -> None:
         self.realtime = realtime
 
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         # A busy test machine is no fault of the robot's.
         driver = MockDriver(
             realtime=self.realtime, parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2}

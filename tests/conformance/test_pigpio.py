@@ -6,7 +6,7 @@ import pytest
 
 from support.pigpio_process import PigpioProcess
 from wheelwire.drivers.pigpio import PigpioDriver
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.testing import Bench, DriverConformance
 
 
@@ -14,7 +14,7 @@ class PigpioBench(Bench):
     def __init__(self, daemon: PigpioProcess) -> None:
         self.daemon = daemon
 
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         # A busy test machine is no fault of the robot's.
         return PigpioDriver(
             "127.0.0.1",

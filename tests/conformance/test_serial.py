@@ -8,7 +8,7 @@ import pytest
 from support.aio_driver import AioDriver
 from wheelwire import aio
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.testing import Bench, DriverConformance
 
@@ -17,7 +17,7 @@ class SerialBench(Bench):
     def __init__(self, simulator: Simulator) -> None:
         self.simulator = simulator
 
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         return SerialDriver(self.simulator.port)
 
     def true_ticks(self) -> tuple[int, int]:
@@ -38,7 +38,7 @@ class SerialBench(Bench):
 
 
 class AioSerialBench(SerialBench):
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         return AioDriver(aio.open_driver("serial", port=self.simulator.port))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.robot.linked import CONTACT_IGNORED
+from wheelwire.robot.verbs import CONTACT_IGNORED
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import RefusalCode
 

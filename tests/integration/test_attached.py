@@ -25,7 +25,7 @@ from wheelwire.connect import open_driver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.programs import DIRECTORY_VARIABLE
 from wheelwire.log.reader import is_complete, messages, metadata
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
@@ -258,7 +258,7 @@ def test_pins_of_this_computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         check_pins(open_driver("l298n"), config)
 
 
-def check_pins(robot: DeviceDriver, config: Path) -> None:
+def check_pins(robot: Robot, config: Path) -> None:
     with robot:
         wait_for_holder("", robot.info.device.board_id)
         attached("info", str(config))

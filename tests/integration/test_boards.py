@@ -20,7 +20,6 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.robot import calls as requests
 from wheelwire.robot.calls import Requests
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import board_mapping, load_board, parse_board, shipped_boards
 from wheelwire.tools.setup.questions import KEEP, Question
@@ -202,7 +201,7 @@ def test_a_board_of_another_chip_is_refused_by_name(simulator: Simulator) -> Non
 
 def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
     with open_driver("serial", port=simulator.port) as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         robot.board.write(load_board("drv8833"))
         robot.board.restart()
         assert robot.board.read()[0] is ConfigurationState.TRIAL
@@ -266,7 +265,7 @@ def test_a_device_with_other_messages_about_boards_drives_all_the_same(
         lambda s, r, asked: GroupGet(s, r, group if asked is Group.CONFIGURATION else asked),
     )
     with open_driver("serial", port=simulator.port) as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         keep_driving(robot)
         assert robot.read().left_mps > 0.05
         robot.stop()

@@ -15,7 +15,6 @@ from support.command import run, run_json, run_process
 from support.waiting import wait_until
 from wheelwire.holds import HeldBy
 from wheelwire.log.why import Stop
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.timeout(120)
@@ -61,7 +60,7 @@ def test_a_bumper_is_named_by_everything_without_its_samples(tmp_path: Path) -> 
         Simulator(link=tmp_path / "port") as simulator,
         wheelwire.connect(simulator.port) as robot,
     ):
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         robot.watch_stops(stops.append)
         robot.on_held = held.append
         pressed = False

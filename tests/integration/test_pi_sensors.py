@@ -18,7 +18,7 @@ from support.processes import children
 from support.waiting import wait_until
 from wheelwire import aio, connect, errors, open_driver
 from wheelwire.pi.pins import Pins
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import Reflex, SensorState
@@ -52,11 +52,11 @@ class Scene:
         """The options of the robot in a file, for a busy test machine."""
         return {**load_config(file or self.file).driver_options(), "core_timeout_ms": 5000}
 
-    def open(self, file: Path | None = None) -> BaseDriver:
-        robot: BaseDriver = open_driver("l298n", **self.options(file))
+    def open(self, file: Path | None = None) -> Robot:
+        robot: Robot = open_driver("l298n", **self.options(file))
         return robot
 
-    def reaches(self, robot: BaseDriver, state: SensorState) -> None:
+    def reaches(self, robot: Robot, state: SensorState) -> None:
         wait_until(lambda: robot.imu.state is state, WAIT_S, what=f"imu {state.name}")
 
 
@@ -67,7 +67,7 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
 
 
 @pytest.fixture
-def robot(scene: Scene) -> Iterator[BaseDriver]:
+def robot(scene: Scene) -> Iterator[Robot]:
     with scene.open() as robot:
         scene.chip.command("level 8 0")
         robot.imu.read(WAIT_S)
@@ -94,7 +94,7 @@ def _runs(pid: int, module: str) -> bool:
         return False
 
 
-def steps_while_driving(robot: BaseDriver, count: int) -> int:
+def steps_while_driving(robot: Robot, count: int) -> int:
     """Drive until so many states have come; how many of them drove."""
     samples = robot.samples()
     driving = 0
@@ -104,7 +104,7 @@ def steps_while_driving(robot: BaseDriver, count: int) -> int:
     return driving
 
 
-def test_samples_states_and_stamps(robot: BaseDriver) -> None:
+def test_samples_states_and_stamps(robot: Robot) -> None:
     imu = robot.imu.read()
     # The chip's z points up, and its y forward.
     assert imu.acceleration[2] == pytest.approx(9.81, abs=0.1)
@@ -117,7 +117,7 @@ def test_samples_states_and_stamps(robot: BaseDriver) -> None:
     assert len(set(numbers)) == 100
 
 
-def test_the_command_shows_them(scene: Scene, robot: BaseDriver) -> None:
+def test_the_command_shows_them(scene: Scene, robot: Robot) -> None:
     robot.power.read(WAIT_S)
     found = {one["channel"]: one for one in run_json("sensors", str(scene.file))}
     assert set(found) == {"imu", "power", "bumper.front"}
@@ -135,7 +135,7 @@ def test_the_command_shows_them(scene: Scene, robot: BaseDriver) -> None:
     ],
 )
 def test_a_fault_is_told_and_ends(
-    scene: Scene, robot: BaseDriver, fault: str, state: SensorState
+    scene: Scene, robot: Robot, fault: str, state: SensorState
 ) -> None:
     with scene.buses.wrong(fault):
         scene.reaches(robot, state)
@@ -146,7 +146,7 @@ def test_a_fault_is_told_and_ends(
     robot.imu.read(WAIT_S)
 
 
-def test_a_chip_that_lost_its_settings_is_told_of(scene: Scene, robot: BaseDriver) -> None:
+def test_a_chip_that_lost_its_settings_is_told_of(scene: Scene, robot: Robot) -> None:
     events = robot.sensors.events()
     scene.buses.set("reset-0x68")
     for event in events:
@@ -155,7 +155,7 @@ def test_a_chip_that_lost_its_settings_is_told_of(scene: Scene, robot: BaseDrive
     scene.reaches(robot, SensorState.OK)
 
 
-def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: BaseDriver) -> None:
+def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: Robot) -> None:
     with scene.buses.wrong("stuck"):
         scene.reaches(robot, SensorState.HUNG)
         robot.set_wheel_velocity(0.1, 0.1, ttl=5)
@@ -184,7 +184,7 @@ def test_closing_while_a_read_does_not_end(scene: Scene) -> None:
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_reader_that_dies_or_stops_takes_nothing_with_it(
-    robot: BaseDriver, end: signal.Signals
+    robot: Robot, end: signal.Signals
 ) -> None:
     (reader,) = children(core_of_the_driver())
     os.kill(reader, end)
@@ -195,7 +195,7 @@ def test_a_reader_that_dies_or_stops_takes_nothing_with_it(
     assert steps_while_driving(robot, 20) == 20
 
 
-def test_the_reader_ends_with_a_core_that_is_killed(robot: BaseDriver) -> None:
+def test_the_reader_ends_with_a_core_that_is_killed(robot: Robot) -> None:
     core = core_of_the_driver()
     (reader,) = children(core)
     os.kill(core, signal.SIGKILL)
@@ -216,7 +216,7 @@ def _alive(pid: int) -> bool:
         return False
 
 
-def test_a_bumper_at_a_gpio(scene: Scene, robot: BaseDriver) -> None:
+def test_a_bumper_at_a_gpio(scene: Scene, robot: Robot) -> None:
     wait_until(lambda: not robot.inputs.read().triggered, WAIT_S, what="the bumper is free")
     scene.chip.command(f"level {BUMPER_GPIO} 1")
     wait_until(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,6 @@ from support.waiting import wait_until
 from wheelwire import RangeSample, aio, errors, open_driver
 from wheelwire.board import ImuSensor
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach
 from wheelwire_protocol.sensors import IMUS, SensorChip, SensorEventCode, SensorState
@@ -191,11 +191,11 @@ def test_a_recording_and_an_attached_program_have_them(
     pytest.importorskip("mcap")
     file = tmp_path / "day.mcap"
     simulator.set("range.front_m", 0.6)
-    options = {"port": simulator.port}
+    options: dict[str, Any] = {"port": simulator.port}
     with open_driver("serial", tap=True, record=file, **options) as holder:
         assert holder.ranges.read(FRONT).distance_m == pytest.approx(0.6, abs=ABOUT_M)
         beside = open_or_attach("serial", options)
-        assert isinstance(beside, DeviceDriver)
+        assert beside.has_device
         with beside:
             assert beside.ranges.read(FRONT).distance_m == pytest.approx(0.6, abs=ABOUT_M)
         simulator.set("range.front_m", 1.6)

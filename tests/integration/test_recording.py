@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -16,7 +17,6 @@ from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
 from wheelwire.link.session import Phase
 from wheelwire.log.reader import messages, metadata, records
 from wheelwire.log.rerun import Rerun
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 
 
@@ -106,7 +106,7 @@ def test_where_none_can_be_made_no_robot_is_opened(
     with pytest.raises(RecordingError, match="there is no folder"):
         aio.open_driver("serial", port="/dev/none", record=missing)
     with pytest.raises(InvalidArgument, match="record = 5"):
-        wheelwire.open_driver("mock", record=5)
+        wheelwire.open_driver("mock", record=5)  # type: ignore[call-overload]
     monkeypatch.setenv("WHEELWIRE_RECORD", str(missing))
     with pytest.raises(RecordingError, match="there is no folder"):
         wheelwire.open_driver("mock")
@@ -120,7 +120,7 @@ def test_virtual_time_is_not_recorded(tmp_path: Path) -> None:
 
 def test_recording_can_begin_and_end_at_any_time(tmp_path: Path) -> None:
     with wheelwire.open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         recorders = [robot.record(tmp_path / f"{name}.mcap") for name in "ab"]
         seen = drive(robot)
         recorders[0].close()
@@ -137,9 +137,9 @@ def imu_samples(path: Path) -> int:
 
 def test_whoever_records_has_the_sensors_in_the_file(tmp_path: Path) -> None:
     with simulator_on_board() as simulator:
-        asked = {"port": simulator.port, "record": tmp_path / "asked.mcap"}
+        asked: dict[str, Any] = {"port": simulator.port, "record": tmp_path / "asked.mcap"}
         with wheelwire.open_driver("serial", **asked) as robot:
-            assert isinstance(robot, DeviceDriver)
+            assert robot.has_device
             recorder = robot.record(tmp_path / "later.mcap")
             wait_until(lambda: imu_samples(recorder.file) > 10)
             assert robot.sensors.imu.latest is not None

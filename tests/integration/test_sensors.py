@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,7 +24,6 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import session
 from wheelwire.log.why import Stop
 from wheelwire.robot import calls as requests
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach
 from wheelwire.tools.files.board import load_board
@@ -379,10 +379,10 @@ async def test_the_same_on_asyncio(realtime: bool) -> None:
 
 def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> None:
     """It asks for samples if nobody has, and both see them."""
-    options = {"port": simulator.port}
+    options: dict[str, Any] = {"port": simulator.port}
     with open_driver("serial", tap=True, **options) as holder:
         beside = open_or_attach("serial", options)
-        assert isinstance(beside, DeviceDriver)
+        assert beside.has_device
         with beside:
             assert holder.imu.latest is None
             assert beside.inputs.read().triggered == FREE
@@ -397,11 +397,11 @@ def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> 
 
 
 def test_beside_a_program_the_rate_is_that_programs(simulator: Simulator) -> None:
-    options = {"port": simulator.port}
+    options: dict[str, Any] = {"port": simulator.port}
     with open_driver("serial", tap=True, **options) as holder:
         holder.sensors.start(50)
         beside = open_or_attach("serial", options)
-        assert isinstance(beside, DeviceDriver)
+        assert beside.has_device
         with beside:
             assert beside.imu.read().acceleration[2] == pytest.approx(9.81, abs=0.5)
             beside.sensors.start(50)

@@ -14,7 +14,7 @@ from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.pi.pins import Pins
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.setup.questions import SKIP, Question
 from wheelwire.tools.setup.setup import set_up
 from wheelwire.tools.setup.wiring import Wiring
@@ -45,7 +45,7 @@ class Person:
         return question.parse(answers.get(question.key, default))
 
 
-def check(robot: BaseDriver) -> None:
+def check(robot: Robot) -> None:
     lines: list[str] = []
     findings = set_up(robot, Person(), lines.append)
     assert findings.wiring == WIRING, lines

@@ -15,15 +15,14 @@ from support.waiting import wait_until
 from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
 from wheelwire.log.black_box import read_box
 from wheelwire.log.why import Stop
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.timeout(120)
 
 
-def drive_into_a_wall(robot: BaseDriver, simulator: Simulator | FwSim) -> None:
+def drive_into_a_wall(robot: Robot, simulator: Simulator | FwSim) -> None:
     """Until the robot refuses, which it does within seconds."""
     begin = time.monotonic()
     while time.monotonic() < begin + 30.0:
@@ -95,7 +94,7 @@ def test_who_asked_for_an_estop_is_named(tmp_path: Path) -> None:
         Simulator(link=tmp_path / "port") as simulator,
         wheelwire.connect(simulator.port) as robot,
     ):
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         robot.watch_stops(stops.append)
         run("estop", simulator.port)
         wait_until(lambda: len(stops) == 1)
@@ -142,7 +141,7 @@ def test_a_robot_that_nobody_watched_tells_of_its_stops(tmp_path: Path) -> None:
             assert "stop it to read its black boxes" in refused.communicate()[1]
             simulator.set("left.blocked", 0)
             robot.stop()
-            assert isinstance(robot, DeviceDriver)
+            assert robot.has_device
             wait_until(lambda: len(robot.recorder.boxes()) == 1, timeout_s=30.0)
             # Two at once, beside the program that holds the port.
             arguments = "why", simulator.port, "--json", "--save-boxes", str(folder)

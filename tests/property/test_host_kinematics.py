@@ -41,6 +41,12 @@ def test_saturation_keeps_the_ratio_and_the_limit(
         assert slowed == (left, right)
 
 
+@given(drive=drives, v=speeds, w=speeds)
+def test_both_steps_of_a_setpoint_in_one_call(drive: DifferentialDrive, v: float, w: float) -> None:
+    in_two = drive.saturate(drive.wheel_velocities(Twist(v, w)))
+    assert drive.limited_wheels(v, w) == pytest.approx(in_two)
+
+
 @given(
     distance=st.floats(-5, 5),
     turn=st.floats(-6, 6),

@@ -14,14 +14,14 @@ from wheelwire.link.info import LinkStatistics
 from wheelwire.link.notices import Happening
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
 from wheelwire.parameters import ParameterInfo, Parameters, Trial
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.parameters import Parameter
 
 Result = TypeVar("Result")
 
 
-class AioDriver(BaseDriver):
+class AioDriver(Robot):
     """Runs a loop in a thread, and every call in it.
 
     Args:

@@ -12,7 +12,7 @@ from wheelwire.link.port_loop import CLOSED
 from wheelwire.link.session import Phase
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.why import Diagnosis, Stop
-from wheelwire.robot.linked import WATCHED
+from wheelwire.robot.verbs import WATCHED
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import Fault, ResetReason, StopMode, TrialAction
 from wheelwire_protocol.framing import encode_frame

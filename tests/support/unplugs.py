@@ -20,8 +20,8 @@ from wheelwire import aio
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.robot.linked import WATCHED
-from wheelwire.robot.robot import DeviceDriver, opened_later
+from wheelwire.robot.robot import Robot, opened_later
+from wheelwire.robot.verbs import WATCHED
 
 BOUND_S = 8.0
 """A call takes 5 s at most; the rest is for a computer that has other things to do."""
@@ -186,7 +186,7 @@ def with_threads(count: int, seed: int) -> Outcome:
     """`count` unplugs during calls of `wheelwire.BaseDriver`."""
     random, outcome = Random(seed), Outcome()
     socket = Socket(random)
-    with DeviceDriver(partial(Link, options(socket))) as robot:
+    with Robot(partial(Link, options(socket))) as robot:
         heard = Heard(robot)
         for number in range(1, count + 1):
             name = random.choice(list(CALLS))
@@ -210,7 +210,7 @@ def with_threads(count: int, seed: int) -> Outcome:
     return outcome
 
 
-def _close(robot: DeviceDriver, socket: Socket, random: Random, outcome: Outcome) -> None:
+def _close(robot: Robot, socket: Socket, random: Random, outcome: Outcome) -> None:
     """Unplug while it is closed."""
     thread = threading.Thread(
         target=_unplug_after, args=(socket, random.uniform(0, LONGEST_DELAY_S))
@@ -233,7 +233,7 @@ async def _with_asyncio(count: int, seed: int) -> Outcome:
 
     def make() -> aio.Driver:
         with opened_later():
-            return aio.Driver(DeviceDriver(partial(Link, options(socket))))
+            return aio.Driver(Robot(partial(Link, options(socket))))
 
     async with aio.Opening(make) as robot:
         heard = Heard(robot)

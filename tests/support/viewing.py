@@ -12,7 +12,7 @@ from typing import Any
 from textual.pilot import Pilot
 from textual.widgets import DataTable
 
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.view.app import ViewApp
 from wheelwire.tools.view.controls import Controls
 from wheelwire.tools.view.model import Model
@@ -78,7 +78,7 @@ class Viewing:
 
 @asynccontextmanager
 async def viewing(
-    robot: BaseDriver,
+    robot: Robot,
     size: tuple[int, int] = (80, 24),
     recording: Path | None = None,
     **options: Any,

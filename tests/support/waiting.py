@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 
 from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 
 PERIOD_S = 0.002
 TIMEOUT_S = 30.0
 
 
-def keep_driving(robot: BaseDriver) -> None:
+def keep_driving(robot: Robot) -> None:
     """Drive for half a second, also where the chip was started anew before."""
     robot.set_velocity(0.0, 0.0)
     for _ in range(50):
@@ -39,7 +39,7 @@ async def until(condition: Callable[[], object]) -> None:
         await asyncio.sleep(PERIOD_S)
 
 
-def measures(robot: BaseDriver) -> bool:
+def measures(robot: Robot) -> bool:
     """Whether samples come."""
     try:
         robot.read(timeout=0.2)

@@ -29,7 +29,7 @@ from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.transports import open_transport
 from wheelwire.robot.loop_link import LoopCalls
-from wheelwire.robot.robot import DeviceDriver, opened_later
+from wheelwire.robot.robot import Robot, opened_later
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -94,7 +94,7 @@ class Place:
 
     def _make(self, options: LinkOptions) -> aio.Driver:
         with opened_later():
-            return aio.Driver(DeviceDriver(partial(Link, options)))
+            return aio.Driver(Robot(partial(Link, options)))
 
     @property
     def is_open(self) -> bool:
@@ -407,12 +407,12 @@ async def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.M
     points = {"acme": f"{__name__}:_Acme"}
     monkeypatch.setattr(opening, "_plug_ins", lambda: points)
     with PtyDevice(tmp_path / "robot") as device:
-        async with aio.open_driver("acme", path=device.path) as robot:
+        async with aio.open_driver("acme", device.path) as robot:
             robot.set_velocity(0.1, 0.0)
             await robot.stop()
             assert robot.parameters["wheel_radius"] == 0.033
     with pytest.raises(errors.InvalidArgument, match="no option 'port'"):
-        aio.open_driver("acme", port="x")
+        aio.open_driver("acme", port="x")  # type: ignore[call-overload]
 
 
 # --- cancellation ------------------------------------------------------------------------------
@@ -852,7 +852,7 @@ def test_options_are_checked_before_anything_is_opened() -> None:
     ):
         aio.open_driver("cereal")
     with pytest.raises(errors.InvalidArgument, match="'port'"):
-        aio.open_driver("serial", baud_rate=3)
+        aio.open_driver("serial", baud_rate=3)  # type: ignore[call-overload]
     with pytest.raises(errors.InvalidArgument, match="baud_rate"):
         aio.open_driver("serial", port="x", baud_rate=-3)
     with pytest.raises(errors.UnknownParameter):

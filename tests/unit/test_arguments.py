@@ -143,7 +143,7 @@ def test_an_option_of_the_simulated_robot_with_it(option: str, bad: Any) -> None
 
 def test_an_option_that_a_driver_does_not_have_or_needs() -> None:
     with pytest.raises(errors.InvalidArgument, match="no option 'prot': did you mean 'port'"):
-        wheelwire.open_driver("serial", port="x", prot="y")
+        wheelwire.open_driver("serial", port="x", prot="y")  # type: ignore[call-overload]
     with pytest.raises(errors.InvalidArgument, match="port"):
         wheelwire.open_driver("serial")
 

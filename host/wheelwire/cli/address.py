@@ -24,7 +24,7 @@ from wheelwire.connect import (
 )
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.ports import SerialPort, likely_boards
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -88,7 +88,7 @@ class Address:
 
     def open(
         self, baud_rate: int | None = None, *, bare: bool = False, drives: bool = False
-    ) -> BaseDriver:
+    ) -> Robot:
         """Open the robot.
 
         Args:
@@ -108,7 +108,7 @@ class Address:
 
     def open_to_look(
         self, baud_rate: int | None = None, *, as_json: bool, listens: bool = True
-    ) -> BaseDriver:
+    ) -> Robot:
         """Open the robot for a command that only looks, stops or e-stops; changes nothing of it.
 
         If another program holds it and offers its link, the command is attached to that, and says
@@ -196,7 +196,7 @@ class Address:
                 )
 
 
-def outlives_commands(driver: BaseDriver) -> bool:
+def outlives_commands(driver: Robot) -> bool:
     """Whether the robot's core keeps running after `close`, with its e-stop and parameters."""
     from wheelwire.drivers.serial import SerialDriver
 

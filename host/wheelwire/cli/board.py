@@ -12,8 +12,7 @@ import typer
 
 from wheelwire.board import Configuration, WheelPins, chip_of_pins, sentence
 from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.board import (
     ANY_MODULE,
     CHIP_BY_NAME,
@@ -331,8 +330,8 @@ def read(
         typer.echo(to_yaml(found), nl=False)
 
 
-def _with_a_board(driver: BaseDriver) -> DeviceDriver:
-    if not isinstance(driver, DeviceDriver):
+def _with_a_board(driver: Robot) -> Robot:
+    if not driver.has_device:
         raise InvalidArgument(
             "this robot's driver has no device that could store a board: name a robot that has one"
         )

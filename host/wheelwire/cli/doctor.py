@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import typer
 
 from wheelwire.errors import ProtocolMismatch, WheelwireError
-from wheelwire.robot.robot import DeviceDriver
 
 from .address import Address, BaudRateOption, RobotArgument
 from .output import JsonFlag, console, print_json, print_lines
@@ -49,7 +48,7 @@ def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> Iter
 
     try:
         with address.open_to_look(baud_rate, as_json=as_json) as driver:
-            if isinstance(driver, DeviceDriver):
+            if driver.has_device:
                 yield from examine_robot(driver, address.text, address.parameters())
     except ProtocolMismatch as error:
         yield Finding("firmware", f"{error}.", f"wheelwire flash {address.text}")

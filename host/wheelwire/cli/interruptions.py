@@ -15,7 +15,7 @@ from types import FrameType
 import typer
 
 from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.samples import WheelSample
 
 from . import INTERRUPTED
@@ -46,7 +46,7 @@ class Ending:
         self.outcome = "interrupted before anything was done"
 
     @contextmanager
-    def stops(self, robot: BaseDriver, then: Callable[[], str] = str) -> Iterator[None]:
+    def stops(self, robot: Robot, then: Callable[[], str] = str) -> Iterator[None]:
         """Stop `robot` if a signal ends the block, and report whether it has stopped.
 
         Args:
@@ -60,7 +60,7 @@ class Ending:
             raise
 
 
-def stop(robot: BaseDriver) -> str:
+def stop(robot: Robot) -> str:
     """Stop the robot; returns what to report."""
     try:
         robot.stop()
@@ -101,7 +101,7 @@ def _raise(number: int, _frame: FrameType | None) -> None:
 
 
 def watch(
-    robot: BaseDriver,
+    robot: Robot,
     until: float,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,

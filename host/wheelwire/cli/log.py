@@ -29,7 +29,7 @@ from wheelwire.errors import (
     RecordingError,
     meant,
 )
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codec import BY_ID
 
 from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
@@ -124,7 +124,7 @@ def record(
     lost = 0
     try:
         with ended_by_signals(), address.open_to_look(baud_rate, as_json=as_json) as driver:
-            if not isinstance(driver, DeviceDriver):
+            if not driver.has_device:
                 raise DriverUnavailable(
                     f"the driver of {address.text} has no link that could be recorded: "
                     "name another robot"
@@ -146,7 +146,7 @@ def record(
     _say_what_was_written(recorder, end - begin, lost, as_json=as_json)
 
 
-def _wait(driver: DeviceDriver, recorder: Recorder, until: float, *, as_json: bool) -> None:
+def _wait(driver: Robot, recorder: Recorder, until: float, *, as_json: bool) -> None:
     has_asked = ask_for_samples(driver)
     try:
         for news in watch(driver, until):

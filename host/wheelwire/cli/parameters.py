@@ -14,8 +14,7 @@ from rich.padding import Padding
 from wheelwire.errors import InvalidArgument, OutputFailed, WheelwireError
 from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.tools.files.state import state_folder
 from wheelwire_protocol.codes import Fault, SupervisorState
@@ -452,8 +451,8 @@ def _print_differences(
         print_lines(f"not in the file, not compared: {', '.join(absent)}")
 
 
-def _device(driver: BaseDriver) -> DeviceInfo | None:
-    return driver.info.device if isinstance(driver, DeviceDriver) else None
+def _device(driver: Robot) -> DeviceInfo | None:
+    return driver.info.device if driver.has_device else None
 
 
 def _robot(device: DeviceInfo | None) -> str:

@@ -26,8 +26,7 @@ from wheelwire.holds import HeldBy
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
@@ -68,7 +67,7 @@ def info(
 
     address = resolve(robot, as_json=as_json)
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
-        if not isinstance(driver, DeviceDriver):
+        if not driver.has_device:
             raise DriverUnavailable(
                 f"the driver of {address.text} has no information about its device; "
                 f"`wheelwire monitor {address.text}` shows the wheels"
@@ -143,7 +142,7 @@ def _board(board: ActiveBoard | None) -> str:
     return f"{board.name}, {peripherals}, {board.fingerprint:08x}: {board.state.doc}"
 
 
-def _warnings(driver: DeviceDriver, sample: WheelSample, address: str) -> list[str]:
+def _warnings(driver: Robot, sample: WheelSample, address: str) -> list[str]:
     """What keeps the robot from driving, or makes it less safe; of a fault how to end it."""
     from wheelwire.log.why.cures import cure_of_stores
 
@@ -239,14 +238,14 @@ def drive(
     )
 
 
-def _triggered(robot: BaseDriver) -> tuple[str, ...]:
+def _triggered(robot: Robot) -> tuple[str, ...]:
     """The inputs that act on the robot now, by name; none if nothing tells."""
     with suppress(WheelwireError):  # it has no inputs, or cannot be asked any more
         return robot.inputs.read().triggered
     return ()
 
 
-def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose, int]:
+def _drive(robot: Robot, twist: Twist, seconds: float) -> tuple[Pose, Pose, int]:
     """Drive and stop.
 
     Returns:
@@ -285,7 +284,7 @@ def _without_contact(address: str) -> str:
     )
 
 
-def _standstill(robot: BaseDriver) -> WheelSample:
+def _standstill(robot: Robot) -> WheelSample:
     """The first sample of wheels at rest, or the newest after a while."""
     end = time.monotonic() + STANDSTILL_S
     sample = robot.read()
@@ -317,7 +316,7 @@ def monitor(
         address.open_to_look(baud_rate, as_json=as_json) as driver,
         _ended_by_the_recording(address.text),
     ):
-        if isinstance(driver, DeviceDriver):
+        if driver.has_device:
             with suppress(InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(partial(_print_stop, as_json=as_json))
             driver.on_held = partial(_print_held, as_json=as_json)
@@ -398,8 +397,8 @@ def stop(
 
 
 def _stopped(
-    address: Address, baud_rate: int | None, act: Callable[[BaseDriver], None], *, as_json: bool
-) -> BaseDriver:
+    address: Address, baud_rate: int | None, act: Callable[[Robot], None], *, as_json: bool
+) -> Robot:
     """Stop the robot by `act`; returns the driver that did it, closed."""
     if is_recording(address.text):
         raise InvalidArgument(f"{address.text} is a recording, and cannot stop: name a robot")
@@ -410,8 +409,8 @@ def _stopped(
 
 
 def _stopped_by_anyone(
-    address: Address, baud_rate: int | None, act: Callable[[BaseDriver], None], *, as_json: bool
-) -> BaseDriver:
+    address: Address, baud_rate: int | None, act: Callable[[Robot], None], *, as_json: bool
+) -> Robot:
     try:
         opened = address.open_to_look(baud_rate, as_json=as_json, listens=False)
     except PortUnavailable as error:
@@ -472,7 +471,7 @@ def restart(
     address = resolve(robot, as_json=as_json)
     # Bare: a robot's file would set its values again, and they are not what the device has saved.
     with address.open(baud_rate, bare=True) as driver:
-        if not isinstance(driver, DeviceDriver):
+        if not driver.has_device:
             raise DriverUnavailable(
                 f"the driver of {address.text} has no device to restart: name another robot"
             )

@@ -12,7 +12,7 @@ import typer
 from wheelwire.board import INPUTS
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
 from wheelwire.samples import (
     ImuSample,
@@ -59,7 +59,7 @@ def sensors(
                 _print_events(events, as_json=as_json)
 
 
-def ask_for_samples(driver: BaseDriver) -> bool:
+def ask_for_samples(driver: Robot) -> bool:
     """Ask a robot that this command holds for its sensors' samples, for others who need them.
 
     Whoever is attached sees them, and so does a recording. A robot that cannot send any is no

@@ -13,8 +13,7 @@ import typer
 
 from wheelwire.connect import MOCK
 from wheelwire.errors import CommissioningFailed, InvalidArgument
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
@@ -181,7 +180,7 @@ def set_up_at(
         ended_by_a_loss(),
     ):
         # Only a board with an id is recognised again; on the floor there is nothing to resume.
-        if isinstance(driver, DeviceDriver) and not options.on_the_floor:
+        if driver.has_device and not options.on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
         return _run(driver, person, options, as_json=as_json)
 
@@ -198,7 +197,7 @@ def _print_next(robot: str, *, on_the_floor: bool) -> None:
     console.print(f"    wheelwire drive {robot} --linear 0.1 --seconds 2", soft_wrap=True)
 
 
-def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> Findings:
+def _run(robot: Robot, person: Person, options: Options, *, as_json: bool) -> Findings:
     from wheelwire.tools.setup.setup import set_up
 
     # With --json, standard output is the findings alone.

@@ -12,7 +12,6 @@ from wheelwire.connect import MOCK
 from wheelwire.errors import DeviceSilent, ForeignDevice, InvalidArgument, ProtocolMismatch
 from wheelwire.link.ports import likely_boards
 from wheelwire.parameters import definition_of
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.board import ConfigurationState
 
 from .address import Address, RobotArgument, named_robot
@@ -88,7 +87,7 @@ def _write_firmware(address: Address, image: Path | None) -> None:
     print_lines("2/5 Firmware")
     try:
         with address.open_to_look(as_json=False) as driver:
-            release = driver.info.device.release if isinstance(driver, DeviceDriver) else ""
+            release = driver.info.device.release if driver.has_device else ""
     except _NO_FIRMWARE as error:
         print_lines(str(error))
     else:
@@ -106,7 +105,7 @@ def _write_firmware(address: Address, image: Path | None) -> None:
 def _confirm_board(address: Address) -> None:
     print_lines("3/5 Board")
     with address.open_to_look(as_json=False) as driver:
-        if not isinstance(driver, DeviceDriver):
+        if not driver.has_device:
             return
         state, found = driver.board.read()
     if state is ConfigurationState.STORED and found is not None:

@@ -18,8 +18,7 @@ import typer
 
 from wheelwire import __version__
 from wheelwire.errors import OutputFailed, WheelwireError
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.board import to_yaml
 from wheelwire.tools.files.parameters import ParameterFile
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
@@ -115,11 +114,11 @@ def _packages() -> Iterator[tuple[str, str]]:
             yield name, version(name)
 
 
-def _of_robot(driver: BaseDriver) -> Iterator[_Part]:
+def _of_robot(driver: Robot) -> Iterator[_Part]:
     """What the robot reports; for a question that it does not answer, the error."""
     yield _Part("sample.json", _json(driver.read()), "the newest sample")
     yield _Part("link.json", _json(driver.statistics), "what this end of the link has counted")
-    if not isinstance(driver, DeviceDriver):
+    if not driver.has_device:
         return
     yield _Part("info.json", _json(driver.info), "the device, its firmware and its board")
     yield _answer("parameters.yaml", "all parameters", lambda: _parameters(driver))
@@ -134,16 +133,16 @@ def _answer(name: str, what: str, ask: Any) -> _Part:
         return _Part(f"{name}.error", f"{type(error).__name__}: {error}\n", f"no {what}: {error}")
 
 
-def _parameters(driver: DeviceDriver) -> str:
+def _parameters(driver: Robot) -> str:
     return ParameterFile.of_robot(driver.parameters.list(), driver.info.device).text()
 
 
-def _board(driver: DeviceDriver) -> str:
+def _board(driver: Robot) -> str:
     state, found = driver.board.read()
     return f"# {state.doc}\n{to_yaml(found) if found else ''}"
 
 
-def _counters(driver: DeviceDriver) -> str:
+def _counters(driver: Robot) -> str:
     return _json(
         {
             "link": driver.device_counters(),

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from wheelwire.errors import InvalidArgument, LinkLost, RequestTimeout
-from wheelwire.robot.base import BaseDriver
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
 from wheelwire.tools.teleop.terminal import Terminal
 from wheelwire_protocol.codes import SupervisorState
@@ -48,7 +47,7 @@ def teleop(
         address.open(baud_rate, drives=True) as driver,
         ending.stops(driver, lambda: _what_remains(driver, address.text)),
     ):
-        device = driver.info.device if isinstance(driver, DeviceDriver) else None
+        device = driver.info.device if driver.has_device else None
         ask_for_samples(driver)
         identity = f" ({device.board.name} {device.board_id})" if device else ""
         print_lines(f"driving {address.text}{identity}\n{HELP}")
@@ -58,7 +57,7 @@ def teleop(
         print_lines(text)
 
 
-def _what_remains(driver: BaseDriver, address: str) -> str:
+def _what_remains(driver: Robot, address: str) -> str:
     try:
         driver.read()  # it may be older than the last key
         state = driver.read().state

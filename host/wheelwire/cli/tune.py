@@ -13,7 +13,7 @@ import typer
 
 from wheelwire.errors import CommissioningFailed, DriverUnavailable, InvalidArgument, OutputFailed
 from wheelwire.parameters import checked_values, definition_of, number_text
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.setup.driving import meaning_of
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
@@ -152,7 +152,7 @@ class _Wish:
     as_json: bool
 
 
-def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
+def _try(driver: Robot, wish: _Wish) -> tuple[Comparison, Outcome | None]:
     """Drive, show, ask; the robot then has the values that were decided on."""
     # Here, so that no other command waits until numpy is imported.
     from wheelwire.tools.setup.driving import set_at_rest

@@ -15,7 +15,6 @@ import typer
 from wheelwire.connect import is_recording
 from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
 from wheelwire.link.clock import host_clock_us
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codes import StopCause
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
@@ -157,7 +156,7 @@ def _of_robot(
     from wheelwire.log.why.device import ledger_facts, stops_of_device
 
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
-        if not isinstance(driver, DeviceDriver):
+        if not driver.has_device:
             raise DriverUnavailable(
                 f"the driver of {address.text} reports no stops: name another robot"
             )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 from ..log.share.attached_link import AttachedLink, Holder
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
 
 
-class AttachedDriver(DeviceDriver):
+class AttachedDriver(Robot):
     """A robot beside the program that holds its port, and alone drives, sets and clears.
 
     Closing it does not stop the robot.

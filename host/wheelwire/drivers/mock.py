@@ -21,8 +21,8 @@ from ..errors import InvalidArgument, LinkLost
 from ..link.connection import Link, LinkOptions
 from ..link.transports import SocketTransport, Transport
 from ..parameters import checked_values
-from ..robot.linked import WATCHED
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
+from ..robot.verbs import WATCHED
 from ..simulation.libfwsim import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
@@ -34,7 +34,7 @@ COUNTS = "counts_per_revolution"
 _Driver = TypeVar("_Driver", bound="MockDriver")
 
 
-class MockDriver(DeviceDriver):
+class MockDriver(Robot):
     """A simulated robot: two gear motors, an L298N, two encoders.
 
     Args:
@@ -97,7 +97,7 @@ class VirtualMockDriver(MockDriver):
     @takes(MockOptions)
     def __init__(self, options: MockOptions) -> None:
         self._sim = _powered_on(checked_values(options.parameters), _converted(options.store))
-        DeviceDriver.__init__(self, partial(VirtualLink, sim=self._sim, watched=WATCHED))
+        Robot.__init__(self, partial(VirtualLink, sim=self._sim, watched=WATCHED))
 
     @property
     def simulator(self) -> FwSim:

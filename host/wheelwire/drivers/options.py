@@ -24,7 +24,7 @@ from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
 from ..link.ports import port_name
 from ..parameters import checked_values
-from ..robot.linked import WATCHED
+from ..robot.verbs import WATCHED
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000
@@ -35,8 +35,6 @@ MAX_REPLAY_SPEED = 1000
 
 P = ParamSpec("P")
 _Options = TypeVar("_Options")
-_Name = TypeVar("_Name")
-_Result = TypeVar("_Result")
 
 
 def takes(
@@ -57,13 +55,6 @@ def takes(
         return with_fields
 
     return with_options
-
-
-def arguments_of(
-    driver: Callable[P, object],
-) -> Callable[[Callable[[_Name], _Result]], Callable[Concatenate[_Name, P], _Result]]:
-    """For type checkers: a function of a driver's name takes the driver's arguments behind it."""
-    raise NotImplementedError(driver)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from ..link.connection import Link
 from ..link.transports import Transport
 from ..pi.launch import launch
 from ..pi.settings import McuSettings
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
 from .options import DeviceOptions
 
 _log = logging.getLogger("wheelwire")
@@ -41,7 +41,7 @@ class PinProcess:
         return transport
 
 
-class PinDriver(DeviceDriver):
+class PinDriver(Robot):
     """A robot whose core runs in a process of this computer.
 
     Args:

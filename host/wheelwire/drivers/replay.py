@@ -9,11 +9,11 @@ from ..arguments import timeout_s
 from ..link.clock import host_clock_us
 from ..log.reader import records
 from ..log.replay import Comparison, ReplayLink
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
 from .options import ReplayOptions, takes
 
 
-class ReplayDriver(DeviceDriver):
+class ReplayDriver(Robot):
     """A recording, as a robot. It is opened at its first session.
 
     It accepts setpoints and compares them with those of the day; it accepts stops; it answers other
@@ -41,6 +41,9 @@ class ReplayDriver(DeviceDriver):
         super().__init__(
             partial(ReplayLink, name=str(file), records=partial(records, file), speed=self.speed)
         )
+        # Of setpoints: their stamps are today's, whenever the samples were measured.
+        if not self._link.in_virtual_time:
+            self._now_us = host_clock_us
 
     @property
     def comparison(self) -> Comparison:
@@ -58,7 +61,3 @@ class ReplayDriver(DeviceDriver):
     def noted(self, name: str) -> Any:
         """The newest value that the program of the day passed to `note`, or None."""
         return self._link.noted(name)
-
-    def _now_us(self) -> int:
-        # For setpoints: their stamps are today's, whenever the samples were measured.
-        return self._link.now_us if self._link.in_virtual_time else host_clock_us()

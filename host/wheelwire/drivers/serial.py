@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import partial
 
 from ..link.connection import Link
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
 from .options import SerialDriverOptions, takes
 
 
-class SerialDriver(DeviceDriver):
+class SerialDriver(Robot):
     """A robot behind a serial port.
 
     Args:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import partial
 
 from ..link.connection import Link
-from ..robot.robot import DeviceDriver
+from ..robot.robot import Robot
 from .options import TransportOptions, takes
 
 
-class TransportDriver(DeviceDriver):
+class TransportDriver(Robot):
     """A robot behind a transport: the base of drivers for other kinds of lines.
 
     Args:

@@ -1,4 +1,4 @@
-"""One description of each operation for threads and for asyncio: a coroutine that sends requests.
+"""Requests to a device, and how threads run a coroutine that sends them.
 
 On a thread, what it awaits blocks and never suspends, so that `run` has its result at once.
 """
@@ -7,38 +7,55 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import AbstractContextManager
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 from wheelwire_protocol.codec import schema_hash
-from wheelwire_protocol.codes import Contradiction, Group, RefusalCode
-from wheelwire_protocol.parameters import PARAMETERS
-from wheelwire_protocol.types import (
-    ClearEstop,
-    ClearFault,
-    Contradictions,
-    ContradictionsGet,
-    ControlCounters,
-    ControlCountersGet,
-    GroupGet,
-    GroupInfo,
-    Hold,
-    HoldGet,
-    LinkCounters,
-    LinkCountersGet,
-    UnsavedGet,
-    UnsavedValue,
-)
+from wheelwire_protocol.codes import Contradiction, Group, RefusalCode, StopMode
+from wheelwire_protocol.types import Contradictions, ContradictionsGet, GroupGet, GroupInfo
 
-from ..errors import DeviceRefused, GroupUnavailable
-from ..holds import Holding
+from ..errors import DeviceRefused, GroupUnavailable, WheelwireError
 from ..link.device_link import DeviceLink
 from ..link.requests import Answer, RequestMessage, subject
 from ..link.sample_stream import LatestSample
-from .explanations import Explanations
+
+if TYPE_CHECKING:
+    from ..log.why.watch import StopWatch
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
+
+
+class Explanations(AbstractContextManager["Explanations"]):
+    """Explains each error of one robot that leaves a `with` block of it.
+
+    Attributes:
+        watch: Watch of the robot's stops, if there is one.
+        link: To the robot, whose sensors may say what stopped it.
+    """
+
+    def __init__(self, link: DeviceLink) -> None:
+        self.watch: StopWatch | None = None
+        self.link = link
+
+    def explain(self, error: WheelwireError) -> None:
+        """Add to the error the sentence of its stop, the evidence and what to look at."""
+        from ..log.why.explanation import explain  # here, for most programs meet no such error
+
+        hold = self.link.hold
+        held_by = None if hold is None else self.link.held_by(hold)
+        explain(error, self.watch, lambda: self.link.sensors, self.link.name, held_by)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if isinstance(error, WheelwireError):
+            self.explain(error)
 
 
 class Requests:
@@ -92,6 +109,14 @@ class Requests:
             name, own = group.name.lower(), schema_hash(group)
             raise GroupUnavailable(name, own, info.hash, needed_by=needed_by)
 
+    async def stop(self, mode: StopMode | None) -> None:
+        """As `Link.stop`, or with None `Link.estop`."""
+        with self.explanations:
+            if mode is None:
+                self.link.estop()
+            else:
+                self.link.stop(mode)
+
     async def pause(self, seconds: float) -> None:
         """Wait."""
         if self.link.in_virtual_time:
@@ -104,50 +129,6 @@ class Requests:
     ) -> None:
         """Wait until `ready()`, which is asked whenever a sample has come, or for `timeout_s`."""
         latest.wait_for(ready, timeout_s)
-
-
-class AwaitableDevice:
-    """The requests to a device, except for those about parameters, the board and the recorder."""
-
-    def __init__(self, requests: Requests) -> None:
-        self._requests = requests
-
-    async def clear_estop(self) -> None:
-        """End the emergency stop; `DeviceRefused` while its cause lasts."""
-        await self._requests.request(ClearEstop(0, 0))
-
-    async def clear_fault(self) -> None:
-        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
-        await self._requests.request(ClearFault(0, 0))
-
-    async def device_counters(self) -> LinkCounters:
-        """What the device has counted at its end of the link since its reset."""
-        return cast("LinkCounters", await self._requests.request(LinkCountersGet(0, 0)))
-
-    async def contradictions(self) -> Contradiction:
-        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
-        answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
-        return Contradiction(answer.active)
-
-    async def holding(self) -> Holding:
-        """Ask what holds the robot, and what ended its last motion: `held_by` and `last_stop`."""
-        hold = cast("Hold", await self._requests.request(HoldGet(0, 0)))
-        link = self._requests.link
-        return Holding(link.held_by(hold), link.last_stop(hold))
-
-    async def unsaved_parameters(self) -> tuple[str, ...]:
-        """The parameters whose active value a reset would change; not while driving.
-
-        Raises:
-            GroupUnavailable: The firmware is of a release that cannot tell.
-        """
-        await self._requests.check_group(Group.STORE)
-        answer = cast("UnsavedValue", await self._requests.ask(UnsavedGet(0, 0)))
-        return tuple(p.name for p in PARAMETERS if answer.parameters >> (p.id - 1) & 1)
-
-    async def control_counters(self) -> ControlCounters:
-        """What the device's control loop and encoders have counted since its reset."""
-        return cast("ControlCounters", await self._requests.request(ControlCountersGet(0, 0)))
 
 
 def run(

@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 from weakref import WeakValueDictionary
 
+from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.parameters import PARAMETERS
 
 from ..errors import InvalidCommand, LinkLost, WheelwireError, afresh
@@ -24,7 +25,7 @@ from ..link.threads import Notifier
 from .calls import Requests
 
 if TYPE_CHECKING:
-    from .robot import DeviceDriver
+    from .robot import Robot
 
 LONGEST_RUN_S = 0.005
 """How long calls of other threads may follow each other before the loop's other tasks run."""
@@ -37,7 +38,7 @@ class LoopLink(Requests):
     no such thread, and waiting makes time pass.
     """
 
-    def __init__(self, robot: DeviceDriver) -> None:
+    def __init__(self, robot: Robot) -> None:
         super().__init__(robot._link)
         self.explanations = robot._explanations
         self.latest_sample: LatestSample = robot._latest_sample
@@ -162,6 +163,10 @@ class LoopLink(Requests):
     async def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer."""
         return await self.call(partial(self.link.post, message))
+
+    async def stop(self, mode: StopMode | None) -> None:
+        """As `Link.stop`, or with None `Link.estop`."""
+        await self.call(partial(self.link.post_stop, mode=mode))
 
     async def pause(self, seconds: float) -> None:
         """Wait."""

@@ -1,4 +1,7 @@
-"""The common part of all drivers that reach their robot by the protocol over a byte stream."""
+"""A robot with every verb, for threads: by a link, or by whatever a driver of another package does.
+
+`wheelwire.aio` has its twin for asyncio.
+"""
 
 from __future__ import annotations
 
@@ -6,36 +9,42 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, TypeVar
+from types import TracebackType
+from typing import TYPE_CHECKING, NoReturn, TypeVar, cast
 
-from ..errors import InvalidCommand
+from ..arguments import timeout_s
+from ..errors import DriverUnavailable, InvalidCommand, RequestTimeout
 from ..link.device_link import DeviceLink
-from ..link.sample_stream import LatestSample
+from ..link.notices import Happening, Listener
+from ..link.sample_stream import LatestSample, SampleIterator
 from ..parameters import Parameters
-from .base import BaseDriver
+from ..samples import ImuSample, InputsSample, PowerSample, WheelSample
 from .black_boxes import DeviceRecorder
 from .board import DeviceBoard
 from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks, check_plain
-from .calls import AwaitableDevice, Requests, blocking
-from .linked import LinkedRobot
+from .calls import Requests, blocking
 from .parameters import DeviceParameters
-from .sensors import Sensors
+from .sensors import Ranges, Sensor, Sensors
+from .verbs import Verbs, WaitingVerbs
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from ..log.recorder import Recorder
     from ..log.why import Stop
     from ..log.why.watch import StopWatch
 
-DriverT = TypeVar("DriverT", bound="DeviceDriver")
+FIRST_SAMPLE_S = 1.0
+
+RobotT = TypeVar("RobotT", bound="Robot")
 _opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
 _only_looks: ContextVar[bool] = ContextVar("only_looks", default=False)
 
 
 @contextmanager
 def opened_later() -> Iterator[None]:
-    """A driver that is made inside this does not open its link: its maker does."""
+    """A robot that is made inside this does not open its link: its maker does."""
     before = _opened_later.set(True)
     try:
         yield
@@ -45,7 +54,7 @@ def opened_later() -> Iterator[None]:
 
 @contextmanager
 def opened_to_look() -> Iterator[None]:
-    """A driver that is made inside this does not arm its robot: whoever made it drives nothing."""
+    """A robot that is made inside this is not armed: whoever made it drives nothing."""
     before = _only_looks.set(True)
     try:
         yield
@@ -53,31 +62,171 @@ def opened_to_look() -> Iterator[None]:
         _only_looks.reset(before)
 
 
-class DeviceDriver(LinkedRobot, BaseDriver):
-    """A robot whose device is reached over a link.
+class Robot(Verbs):
+    """A robot with two driven wheels.
+
+    A setpoint is valid for its `ttl` and no longer; the library never renews one. Methods may be
+    called from any thread and in a signal handler, whatever it interrupts: each returns within its
+    timeout, or raises an error of `wheelwire.errors`. Used as a context manager, a robot is stopped
+    at the exit.
+
+    All methods that reach the robot raise `LinkLost` while it is out of reach, and `LinkClosed`
+    once it is closed.
 
     Args:
-        make_link: Makes the link, which puts samples into the argument. The driver opens and
-            closes it.
+        make_link: Makes the link to its device, which puts samples into the argument. The robot
+            opens and closes it. None: a driver of another package reaches its robot otherwise, and
+            defines all of `OWN`; what it does not define beside that raises `DriverUnavailable`.
+
+    Raises:
+        TypeError: There is no link, and the driver lacks one of `OWN`.
     """
 
-    def __init__(self, make_link: Callable[[LatestSample], DeviceLink]) -> None:
-        BaseDriver.__init__(self)
-        link = make_link(self._latest_sample)
+    _callbacks: ThreadCallbacks | InlineCallbacks
+
+    def __init__(self, make_link: Callable[[LatestSample], DeviceLink] | None = None) -> None:
+        latest_sample = LatestSample()
+        if make_link is None:
+            _check_own(type(self))
+            link = cast("DeviceLink", _NoDevice())
+        else:
+            link = make_link(latest_sample)
         link.arms = not _only_looks.get()
-        LinkedRobot.__init__(self, Requests(link))
-        if link.in_virtual_time:
-            self._callbacks = InlineCallbacks()
+        callbacks = InlineCallbacks() if link.in_virtual_time else ThreadCallbacks()
+        super().__init__(Requests(link), latest_sample, callbacks)
         if not _opened_later.get():
             with self._explanations:
                 link.open()
-        inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
-        # Also runs when the driver is garbage-collected, and at the interpreter's exit.
-        self._finalizer = weakref.finalize(self, _close, inbox, link)
-        self._awaited = AwaitableDevice(self._requests)
-        self._parameters = DeviceParameters(self._requests)
-        self._sensors = Sensors(self._requests, self._latest_sample)
+        inbox = callbacks.inbox if isinstance(callbacks, ThreadCallbacks) else None
+        # Also runs when the robot is garbage-collected, and at the interpreter's exit.
+        self._finalizer: weakref.finalize[..., Robot] = weakref.finalize(self, _close, inbox, link)
+        self._awaited = WaitingVerbs(self._requests)
+        self._parameters: Parameters = DeviceParameters(self._requests)
+        self._sensors = Sensors(self._requests, latest_sample)
         self._recorders: list[Recorder] = []
+
+    # --- stopping ------------------------------------------------------------------------------
+
+    stop = blocking(WaitingVerbs.stop)
+    estop = blocking(WaitingVerbs.estop)
+    clear_estop = blocking(WaitingVerbs.clear_estop)
+    clear_fault = blocking(WaitingVerbs.clear_fault)
+
+    def close(self) -> None:
+        """Same as `shutdown`; the name that files and sockets use."""
+        self._callbacks.close()
+        # First: iterators then end, instead of raising that the link is closed.
+        self._latest_sample.close()
+        self.shutdown()
+        self._callbacks.wait()
+
+    def shutdown(self) -> None:
+        """Stop the robot, close the port, end the thread. Safe to call more than once."""
+        # Also for those who call this in place of `close`: iterators then end.
+        self._callbacks.close()
+        self._latest_sample.close()
+        # Not by the finalizer: one that was interrupted would do nothing the next time.
+        self._link.close()
+        for recorder in self._recorders:
+            recorder.close()
+        self._finalizer.detach()
+        self._callbacks.wait()
+
+    def __enter__(self: RobotT) -> RobotT:
+        if self._link.has_ended:
+            self._check_link()  # raises why
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # --- measuring -----------------------------------------------------------------------------
+
+    def read(self, timeout: float = 1.0) -> WheelSample:
+        """Return the newest unread sample, waiting for one if necessary.
+
+        A sample that was left unread for 0.1 s, or for two periods of a slower stream, is too old:
+        this waits for the next one. It also waits through a reconnection if `timeout` [s], at most
+        an hour, is long enough.
+
+        Raises:
+            InvalidArgument: The timeout is not a valid number.
+            LinkLost: The robot was still out of reach after `timeout`.
+            LinkClosed: The robot was closed, or its link has failed.
+            RequestTimeout: The robot is in reach, but sent no new sample.
+        """
+        timeout = timeout_s("timeout", timeout)
+        try:
+            return self._latest_sample.take(timeout)
+        except RequestTimeout:
+            # Out of reach is the better explanation, if that is why nothing came.
+            self._check_link()
+            raise
+
+    def samples(self) -> SampleIterator[WheelSample]:
+        """All samples from now on, for `for sample in robot.samples():`.
+
+        Each iterator has a queue of its own that holds one second of samples; its `dropped` counts
+        those that were not taken in time. It waits while the robot is out of reach, however long,
+        and ends when the robot is closed.
+        """
+        return self._latest_sample.iterate()
+
+    def get_encoder_ticks(self) -> tuple[int, int]:
+        """(left, right) ticks of the newest sample, forward positive, without bounds.
+
+        They continue across wraps of the device's counters and across its resets.
+
+        Raises:
+            LinkLost: The robot is out of reach.
+            RequestTimeout: The robot is in reach, but sends no samples.
+        """
+        # First: a lost robot is reported at once, and not after the wait.
+        self._check_link()
+        try:
+            return self._latest_sample.ticks(FIRST_SAMPLE_S)
+        except RequestTimeout:
+            self._check_link()  # it may have been lost meanwhile
+            raise
+
+    @property
+    def sensors(self) -> Sensors:
+        """All sensors of the robot; `DriverUnavailable` if its driver has none."""
+        if not self.has_device:
+            raise DriverUnavailable(f"the driver of {self._name} has no sensors: use another")
+        return self._sensors
+
+    @property
+    def imu(self) -> Sensor[ImuSample]:
+        """The robot's gyroscope and accelerometer."""
+        return self.sensors.imu
+
+    @property
+    def power(self) -> Sensor[PowerSample]:
+        """The robot's supply: a power sensor, or the battery's divider."""
+        return self.sensors.power
+
+    @property
+    def inputs(self) -> Sensor[InputsSample]:
+        """The robot's inputs: bumpers, cliff sensors, fault outputs of power stages, voltages."""
+        return self.sensors.inputs
+
+    @property
+    def ranges(self) -> Ranges:
+        """The robot's range sensors, by name."""
+        return self.sensors.ranges
+
+    # --- the device ----------------------------------------------------------------------------
+
+    @property
+    def has_device(self) -> bool:
+        """As `Verbs.has_device`."""
+        return not isinstance(self._link, _NoDevice)
 
     @property
     def parameters(self) -> Parameters:
@@ -94,15 +243,13 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         """What the device has recorded of its stops."""
         return DeviceRecorder(self._requests)
 
-    @property
-    def sensors(self) -> Sensors:
-        """All sensors of the robot."""
-        return self._sensors
+    device_counters = blocking(WaitingVerbs.device_counters)
+    holding = blocking(WaitingVerbs.holding)
+    contradictions = blocking(WaitingVerbs.contradictions)
+    unsaved_parameters = blocking(WaitingVerbs.unsaved_parameters)
+    control_counters = blocking(WaitingVerbs.control_counters)
 
-    def __enter__(self: DriverT) -> DriverT:
-        if self._link.has_ended:
-            self._check_link()  # raises why
-        return self
+    # --- what is recorded and reported ---------------------------------------------------------
 
     def record(self, path: str | Path, driver: str | None = None) -> Recorder:
         """Record all that crosses the link from now on, until the robot is closed.
@@ -143,40 +290,70 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         self._explanations.watch = watch = StopWatch(self._link, report)
         return watch
 
-    clear_estop = blocking(AwaitableDevice.clear_estop)
-    clear_fault = blocking(AwaitableDevice.clear_fault)
-    device_counters = blocking(AwaitableDevice.device_counters)
-    holding = blocking(AwaitableDevice.holding)
-    contradictions = blocking(AwaitableDevice.contradictions)
-    unsaved_parameters = blocking(AwaitableDevice.unsaved_parameters)
-    control_counters = blocking(AwaitableDevice.control_counters)
 
-    def stop(self) -> None:
-        """Stop both wheels and wait for the acknowledgement.
+BaseDriver = Robot
+"""The same class, by the name that authors of drivers know it by."""
+
+OWN = (
+    *("stop", "estop", "clear_estop", "clear_fault", "shutdown"),
+    *("parameters", "geometry", "statistics"),
+    *("_drive_velocity", "_drive_duty", "_check_link"),
+)
+"""What a driver without a link defines."""
+
+
+def _check_own(driver: type[Robot]) -> None:
+    missing = [name for name in OWN if getattr(driver, name) is getattr(Robot, name)]
+    if missing:
+        raise TypeError(
+            f"{driver.__name__} has no link to a device and lacks {', '.join(missing)}: define "
+            "them, or give it a link, as `wheelwire.drivers.transport.TransportDriver` does"
+        )
+
+
+class _MissingError(DriverUnavailable, AttributeError):
+    """Also an AttributeError, so that `hasattr(robot, "info")` says whether there is a device."""
+
+
+class _NoDevice:
+    """In place of the link of a driver that has none: of a device it knows nothing."""
+
+    arms = False
+    in_virtual_time = False
+    has_ended = False
+    name = "robot"
+    hold = None
+    rolling_mps = None
+    is_unarmed = False
+    watched_if_open = None
+
+    def open(self) -> None:
+        """There is nothing to open."""
+
+    def close(self) -> None:
+        """The driver closes what it has opened."""
+
+    def asked(self, _now_us: int) -> None:
+        """Not known."""
+
+    def note(self, _what: Mapping[str, object]) -> None:
+        """Nothing is recorded."""
+
+    def listen(self, _listener: Listener, happening: Happening) -> None:
+        """Nobody reports anything.
 
         Raises:
-            LinkLost: There is no session; the stop was sent if the port is there.
-            RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
+            InvalidCommand: Always.
         """
-        with self._explanations:
-            self._link.stop()
+        raise InvalidCommand(
+            f"{self.name} does not report {happening.name} by itself: ask `is_open` and `read`"
+        )
 
-    def estop(self) -> None:
-        """Stop both wheels and latch; otherwise as `stop`."""
-        with self._explanations:
-            self._link.estop()
-
-    def shutdown(self) -> None:
-        """Stop the robot, close the port, end the thread. Safe to call more than once."""
-        # Also for those who call this in place of `close`: iterators then end.
-        self._callbacks.close()
-        self._latest_sample.close()
-        # Not by the finalizer: one that was interrupted would do nothing the next time.
-        self._link.close()
-        for recorder in self._recorders:
-            recorder.close()
-        self._finalizer.detach()
-        self._callbacks.wait()
+    def __getattr__(self, name: str) -> NoReturn:
+        raise _MissingError(
+            f"the driver of this robot reaches no Wheelwire device, which {name} needs: name "
+            "another robot"
+        )
 
 
 def _close(inbox: Inbox | None, link: DeviceLink) -> None:

@@ -272,7 +272,7 @@ class Sensor(SensorView[Sample]):
         return run(self._read, timeout)
 
     def samples(self) -> SampleIterator[Sample]:
-        """All samples from now on, like `BaseDriver.samples`; raises as `read` does."""
+        """All samples from now on, like `Robot.samples`; raises as `read` does."""
         run(self._begin)
         return self._streams.latest.iterate_sensor(self._name)
 

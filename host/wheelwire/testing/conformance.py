@@ -19,7 +19,7 @@ from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, Superv
 from .. import errors
 from ..holds import HeldBy
 from ..motion.kinematics import WheelVelocities
-from ..robot.base import BaseDriver
+from ..robot.robot import Robot
 from ..samples import WheelSample
 from ..tools.setup.driving import set_at_rest
 from .harness import CLOSE, SPEED_MPS, TIMEOUT_S, Bench, DriveHarness, mean_of, standing, turning
@@ -261,7 +261,7 @@ class StoppingTests:
         harness.driver.set_velocity(0.0, 0.0)
 
 
-def commands_with(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
+def commands_with(driver: Robot, value: float) -> list[Callable[[], None]]:
     """Commands that have `value` for each of their arguments in turn."""
     return [
         lambda: driver.set_velocity(value, 0.0),
@@ -286,9 +286,7 @@ class RefusingTests:
         assert harness.next().state is not SupervisorState.DRIVING
 
     @pytest.mark.parametrize("ttl", [0.0, -0.5])
-    def test_a_command_without_time_to_live_is_rejected(
-        self, driver: BaseDriver, ttl: float
-    ) -> None:
+    def test_a_command_without_time_to_live_is_rejected(self, driver: Robot, ttl: float) -> None:
         with pytest.raises(errors.InvalidCommand, match="ttl"):
             driver.set_velocity(0.1, 0.0, ttl=ttl)
 
@@ -311,11 +309,11 @@ class RefusingTests:
             harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2, stamp=made)
         assert harness.next().state is not SupervisorState.DRIVING
 
-    def test_a_duty_beyond_one_is_rejected(self, driver: BaseDriver) -> None:
+    def test_a_duty_beyond_one_is_rejected(self, driver: Robot) -> None:
         with pytest.raises(errors.InvalidCommand):
             driver.set_duty(0.0, -1.01)
 
-    def test_parameters_have_names_and_bounds(self, driver: BaseDriver) -> None:
+    def test_parameters_have_names_and_bounds(self, driver: Robot) -> None:
         parameters = driver.parameters
         with pytest.raises(errors.UnknownParameter, match="wheel_radius"):
             parameters["wheel_radios"]
@@ -465,7 +463,7 @@ def _wait_for(bench: Bench, condition: Callable[[], bool]) -> None:
     raise AssertionError("the condition was never fulfilled")
 
 
-def _is_lost(driver: BaseDriver) -> bool:
+def _is_lost(driver: Robot) -> bool:
     """Whether reading fails; samples from before the loss may still be read first."""
     try:
         driver.read(timeout=0.05)
@@ -484,12 +482,12 @@ class DriverConformance(MotionTests, SamplingTests, StoppingTests, RefusingTests
     """Derive a test class from this one and give it a fixture `bench`."""
 
     @pytest.fixture
-    def driver(self, bench: Bench) -> Iterator[BaseDriver]:
+    def driver(self, bench: Bench) -> Iterator[Robot]:
         """The driver under test."""
         with bench.open() as driver:
             yield driver
 
     @pytest.fixture
-    def harness(self, driver: BaseDriver) -> DriveHarness:
+    def harness(self, driver: Robot) -> DriveHarness:
         """The driver under test in a harness."""
         return DriveHarness(driver)

@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 import pytest
 
 from ..errors import LinkLost, RequestTimeout
-from ..robot.base import BaseDriver
+from ..robot.robot import Robot
 from ..samples import WheelSample
 
 
@@ -22,7 +22,7 @@ class Bench(ABC):
     """
 
     @abstractmethod
-    def open(self) -> BaseDriver:
+    def open(self) -> Robot:
         """Open the driver under test; the tests shut it down."""
 
     def pass_time(self, seconds: float) -> None:
@@ -68,7 +68,7 @@ Condition = Callable[[WheelSample], bool]
 class DriveHarness:
     """A driver and the samples read from it. Time is that of the samples; nothing here sleeps."""
 
-    def __init__(self, driver: BaseDriver) -> None:
+    def __init__(self, driver: Robot) -> None:
         self.driver = driver
         self.samples: list[WheelSample] = []
 

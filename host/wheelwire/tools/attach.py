@@ -12,10 +12,10 @@ from ..errors import DriverUnavailable, LinkClosed, PortUnavailable
 from ..link.ports import port_name
 from ..log.share.attached_link import find_holder
 from ..pi.settings import McuSettings
-from ..robot.base import BaseDriver
+from ..robot.robot import Robot
 
 
-def open_or_attach(name: str, options: Mapping[str, Any], *, listens: bool = True) -> BaseDriver:
+def open_or_attach(name: str, options: Mapping[str, Any], *, listens: bool = True) -> Robot:
     """Open a robot; if another program holds its port and offers its link, attach to that.
 
     Args:

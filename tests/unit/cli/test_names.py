@@ -18,7 +18,6 @@ from wheelwire.cli import local
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.ports import SerialPort
 from wheelwire.link.programs import DIRECTORY_VARIABLE
-from wheelwire.robot.robot import DeviceDriver
 from wheelwire_protocol.codes import SupervisorState
 
 NAMES = ("s1", "./s1", "DEVICE", "ABSOLUTE", "~/s1", "other/link", "robot.yaml", "BOARD")
@@ -49,7 +48,7 @@ def test_a_robot_that_a_program_holds_is_found_by_each_of_its_names(
     held: str, device: PtyDevice
 ) -> None:
     with connect(written(held, device)) as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         board_id = robot.info.device.board_id
         wait_for_holder(str(device.path))
         for name in NAMES:

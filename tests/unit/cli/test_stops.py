@@ -10,7 +10,7 @@ import pytest
 from wheelwire.cli import robot
 from wheelwire.cli.address import Address
 from wheelwire.errors import LinkClosed
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 
 
 class Stopping:
@@ -43,8 +43,8 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Stopping]:
     """What is opened, the last one first."""
     drivers: list[Stopping] = []
 
-    def open_to_look(*_: object, **__: object) -> BaseDriver:
-        return cast("BaseDriver", drivers.pop())
+    def open_to_look(*_: object, **__: object) -> Robot:
+        return cast("Robot", drivers.pop())
 
     monkeypatch.setattr(Address, "open_to_look", open_to_look)
     return drivers

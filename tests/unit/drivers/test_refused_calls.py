@@ -25,7 +25,7 @@ from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.reader import records
 from wheelwire.log.recorder import Recorder
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -66,7 +66,7 @@ def test_a_note_takes_what_programs_have() -> None:
 @each("value", [object(), {(1, 2): 3}, {1, 2}, b"bytes", open_driver, 1j])
 def test_a_note_that_cannot_be_written_is_refused_and_breaks_nothing(value: object) -> None:
     with open_driver("mock", realtime=False) as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with pytest.raises(errors.InvalidArgument, match="note n"):
             robot.note("n", value)
         circle: list[Any] = []
@@ -88,7 +88,7 @@ async def report(_: object) -> None: ...
 @each("function", [report, partial(report), Awaited(), 1, "print"])
 def test_stops_are_reported_to_plain_functions(function: Any) -> None:
     with open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with pytest.raises(
             errors.InvalidArgument, match=r"watch_stops = .*: give a (plain )?function"
         ):
@@ -143,7 +143,7 @@ async def test_nor_in_a_loop() -> None:
 
 def test_a_recording_needs_a_path() -> None:
     with open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with pytest.raises(errors.InvalidArgument, match="path = 5"):
             robot.record(5)  # type: ignore[arg-type]
         with pytest.raises(errors.InvalidArgument, match="no file can have this name"):
@@ -171,7 +171,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("broken")
 def test_a_recording_that_never_began_is_an_error(tmp_path: Path) -> None:
     with open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with pytest.raises(errors.WheelwireError, match="the call failed"):
             robot.record(tmp_path / "day.mcap")
         with pytest.raises(errors.WheelwireError, match="the call failed"):
@@ -187,7 +187,7 @@ def test_a_recording_that_never_began_is_an_error(tmp_path: Path) -> None:
 def test_a_session_says_which_number_comes_next_without_a_copy() -> None:
     """Copies of counts end with Python 3.14."""
     with open_driver("mock", realtime=False) as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         session = robot._link._session
         for _ in range(3):
             robot.set_velocity(0.1, 0.0)
@@ -202,7 +202,7 @@ def test_whatever_fails_in_a_recorder_ends_it_with_an_error(
         raise ZeroDivisionError("mine")
 
     with open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with robot.record(tmp_path / "day.mcap") as recorder:
             monkeypatch.setattr(Recorder, "_keep_time", fail)
             recorder._thread.join(20)
@@ -216,7 +216,7 @@ def test_whatever_fails_in_a_recorder_ends_it_with_an_error(
 
 def test_a_recorder_and_a_watch_end_with_their_block(tmp_path: Path) -> None:
     with open_driver("mock") as robot:
-        assert isinstance(robot, DeviceDriver)
+        assert robot.has_device
         with robot.record(tmp_path / "day.mcap") as recorder, robot.watch_stops(print):
             robot.read()
         assert {"wheelwire recorder", "wheelwire stops"}.isdisjoint(
@@ -245,16 +245,16 @@ async def test_a_recording_that_is_cancelled_while_it_begins_does_not_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, begun: bool
 ) -> None:
     begins, goes_on, has_begun = threading.Event(), threading.Event(), threading.Event()
-    record = DeviceDriver.record
+    record = Robot.record
 
-    def slow(robot: DeviceDriver, *arguments: Any) -> Recorder:
+    def slow(robot: Robot, *arguments: Any) -> Recorder:
         begins.set()
         assert goes_on.wait(20)
         recorder = record(robot, *arguments)
         has_begun.set()
         return recorder
 
-    monkeypatch.setattr(DeviceDriver, "record", slow)
+    monkeypatch.setattr(Robot, "record", slow)
     async with aio.open_driver("mock") as robot:
         task = asyncio.create_task(robot.record(tmp_path / "day.mcap"))
         await until(begins.is_set)

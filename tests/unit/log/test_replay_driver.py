@@ -103,7 +103,7 @@ async def test_asyncio_reads_it_as_well(day: tuple[Path, list[WheelSample]]) -> 
 @pytest.mark.parametrize("speed", [-1, float("nan"), 1e9, "fast", None])
 def test_a_wrong_speed_is_refused(day: tuple[Path, list[WheelSample]], speed: object) -> None:
     with pytest.raises(errors.InvalidArgument, match="speed = "):
-        open_driver("replay", file=day[0], speed=speed)
+        open_driver("replay", file=day[0], speed=speed)  # type: ignore[call-overload]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", bytes(1000)])

@@ -22,7 +22,7 @@ from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pin_options import PigpioDriverOptions
 from wheelwire.errors import ConfigurationError
 from wheelwire.pi.settings import McuSettings
-from wheelwire.robot.base import BaseDriver
+from wheelwire.robot.robot import Robot
 from wheelwire_protocol.sensors import PeripheralKind, Place, Reflex
 
 BUMPER, CLIFF, STAGE = 8, 7, 25
@@ -41,7 +41,7 @@ SetLevel = Callable[[int, int], None]
 
 
 @contextmanager
-def on_l298n(directory: Path) -> Iterator[tuple[BaseDriver, SetLevel, Any]]:
+def on_l298n(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
     with GpioChip(directory, kernel_pwm=False) as chip:
 
         def set_level(gpio: int, level: int) -> None:
@@ -60,7 +60,7 @@ def on_l298n(directory: Path) -> Iterator[tuple[BaseDriver, SetLevel, Any]]:
 
 
 @contextmanager
-def on_pigpio(_: Path) -> Iterator[tuple[BaseDriver, SetLevel, Any]]:
+def on_pigpio(_: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
     with PigpioProcess() as daemon:
         client = pigpio.pi("127.0.0.1", daemon.port)
         thread = client._notify  # `stop` forgets it without waiting for its end

@@ -24,7 +24,7 @@ from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import LinkLost
 from wheelwire.pi.gpio.base import encoder_pins, release_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import EncoderPulls, Stage
 
@@ -63,7 +63,7 @@ BOARDS = [
 ]
 
 
-Rig = tuple[DeviceDriver, StandIn]
+Rig = tuple[Robot, StandIn]
 Open = Callable[[Configuration], AbstractContextManager[Rig]]
 
 
@@ -117,7 +117,7 @@ def is_driven(stand_in: StandIn) -> bool:
     return bool(stand_in.truth()["driven"])
 
 
-def drive(robot: DeviceDriver, stand_in: StandIn, speed_mps: float) -> None:
+def drive(robot: Robot, stand_in: StandIn, speed_mps: float) -> None:
     """Until both wheels have gone some way."""
     sign = 1 if speed_mps > 0 else -1
     start = travel(stand_in)

@@ -23,7 +23,7 @@ from ...log.why.cures import STORED, cure_of_stores
 from ...log.why.device import FAILURES, counts_text
 from ...log.why.standing import standing_stops
 from ...parameters import number_text
-from ...robot.robot import DeviceDriver
+from ...robot.robot import Robot
 from ...robot.sensors import wait_until_read
 from ...samples import InputsSample, PowerSample, sentence_of_event
 from .finding import Finding
@@ -41,9 +41,7 @@ _NAMED_ELSEWHERE = (Held.ESTOP | Held.CONTACT | Held.FAULT | Held.CONTRADICTION)
 """What another check says; and that it is unarmed, as is each robot that somebody only looks at."""
 
 
-def examine_robot(
-    driver: DeviceDriver, address: str, given: Collection[str] = ()
-) -> Iterator[Finding]:
+def examine_robot(driver: Robot, address: str, given: Collection[str] = ()) -> Iterator[Finding]:
     """What is wrong with a robot, and with the link to it.
 
     Args:
@@ -75,7 +73,7 @@ def examine_robot(
     yield from _held(driver, address, is_sensed=bool(sensed))
 
 
-def _firmware(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _firmware(driver: Robot, address: str) -> Iterator[Finding]:
     theirs, ours = driver.info.device.release.release, library_version()
     older = _numbers(theirs), _numbers(ours)
     if all(older) and older[0] < older[1]:
@@ -92,7 +90,7 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in parts) if all(p.isdigit() for p in parts) else ()
 
 
-def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _groups(driver: Robot, address: str) -> Iterator[Finding]:
     if Capability.RESTART not in driver.info.device.capabilities:
         return  # it has no board that could be asked for
     try:
@@ -105,7 +103,7 @@ def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         )
 
 
-def _stores(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _stores(driver: Robot, address: str) -> Iterator[Finding]:
     faults = driver.read().faults & STORED
     if faults:
         sentences = " ".join(sentence_of(causes) for _, causes, _ in latched_causes(faults))
@@ -118,7 +116,7 @@ def _stores(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         )
 
 
-def _core_dump(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
+def _core_dump(driver: Robot, _address: str) -> Iterator[Finding]:
     if driver.info.device.has_core_dump:
         yield Finding(
             "core-dump",
@@ -127,7 +125,7 @@ def _core_dump(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
         )
 
 
-def _contradictions(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
+def _contradictions(driver: Robot, _address: str) -> Iterator[Finding]:
     active = driver.contradictions()
     for flag in Contradiction:
         if flag in active:
@@ -135,7 +133,7 @@ def _contradictions(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
             yield Finding("contradiction", f"{problem}: nothing drives.", cure.rstrip("."))
 
 
-def _unsaved(driver: DeviceDriver, address: str, given: Collection[str]) -> Iterator[Finding]:
+def _unsaved(driver: Robot, address: str, given: Collection[str]) -> Iterator[Finding]:
     try:
         unsaved = driver.unsaved_parameters()
     # It drives; or its firmware, or the program that holds the port, is of an older release.
@@ -151,7 +149,7 @@ def _unsaved(driver: DeviceDriver, address: str, given: Collection[str]) -> Iter
         )
 
 
-def _contact(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _contact(driver: Robot, address: str) -> Iterator[Finding]:
     board = driver.info.board
     if board is not None and board.has_contact:
         value = driver.parameters["estop_input_enabled"]
@@ -164,7 +162,7 @@ def _contact(driver: DeviceDriver, address: str) -> Iterator[Finding]:
             )
 
 
-def _stops(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _stops(driver: Robot, address: str) -> Iterator[Finding]:
     sample = driver.read()
     device = driver.info.device
     end = ""
@@ -181,7 +179,7 @@ def _stops(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         )
 
 
-def _held(driver: DeviceDriver, address: str, *, is_sensed: bool) -> Iterator[Finding]:
+def _held(driver: Robot, address: str, *, is_sensed: bool) -> Iterator[Finding]:
     """What holds the robot; `is_sensed`: its sensors' samples have named those that do."""
     held_by = driver.holding().held_by
     named = _NAMED_ELSEWHERE | (_SENSORS if is_sensed else Held(0))
@@ -197,7 +195,7 @@ def _held(driver: DeviceDriver, address: str, *, is_sensed: bool) -> Iterator[Fi
             )
 
 
-def _ledger(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def _ledger(driver: Robot, address: str) -> Iterator[Finding]:
     ledger = driver.recorder.read(boxes=False).ledger
     if ledger is None:
         return
@@ -211,7 +209,7 @@ def _ledger(driver: DeviceDriver, address: str) -> Iterator[Finding]:
         )
 
 
-def _link(driver: DeviceDriver) -> Iterator[Finding]:
+def _link(driver: Robot) -> Iterator[Finding]:
     now = driver.statistics
     if now.clock_error_us > CLOCK_ERROR_LIMIT_US:
         yield Finding(
@@ -229,7 +227,7 @@ def _link(driver: DeviceDriver) -> Iterator[Finding]:
         )
 
 
-def _sensors(driver: DeviceDriver) -> Iterator[Finding]:
+def _sensors(driver: Robot) -> Iterator[Finding]:
     sensors = driver.sensors
     try:
         sensors.events()  # asks for samples

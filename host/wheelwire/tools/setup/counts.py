@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ..files.plant import load_plant, shipped_plants
 from .driving import COUNTED_TICKS, SIDES, fresh
 from .problems import WRONG_WHEEL, Problem, Unfit
@@ -42,7 +42,7 @@ def known_motors() -> dict[str, int]:
     return {name: round(plant.values[COUNTS].value) for name, plant in plants.items()}
 
 
-def ask_counts(robot: BaseDriver, person: Person, say: Say) -> Counted:
+def ask_counts(robot: Robot, person: Person, say: Say) -> Counted:
     """A number, a known motor, or ten turns of each wheel by hand.
 
     Raises:
@@ -99,7 +99,7 @@ def plausible(left: float, right: float) -> Counted:
     return Counted(nearest, text)
 
 
-def _by_hand(robot: BaseDriver, person: Person, say: Say, wheel: int) -> int | None:
+def _by_hand(robot: Robot, person: Person, say: Say, wheel: int) -> int | None:
     """Ticks of ten turns, or None if nobody turned it."""
     name = SIDES[wheel]
     question = Question(

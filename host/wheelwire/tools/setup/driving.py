@@ -14,7 +14,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 from ...errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from ...parameters import definition_of
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ...samples import WheelSample
 
 TTL_S = 0.3
@@ -146,7 +146,7 @@ class Record:
         return [(travel.left, travel.right)[wheel] for travel in travels]
 
 
-def hold_duty(robot: BaseDriver, duty: Pair, seconds: float) -> Record:
+def hold_duty(robot: Robot, duty: Pair, seconds: float) -> Record:
     """Drive at a duty for some time on the robot's clock."""
     return follow_duty(robot, lambda _: duty, lambda record: record.seconds >= seconds)
 
@@ -162,7 +162,7 @@ def duty_of(sample: WheelSample, wheel: int) -> float:
 
 
 def follow_duty(
-    robot: BaseDriver, duty: Callable[[Record], Pair], *until: Callable[[Record], bool]
+    robot: Robot, duty: Callable[[Record], Pair], *until: Callable[[Record], bool]
 ) -> Record:
     """Drive at the duty that `duty` says at each sample, until one of the conditions holds.
 
@@ -179,7 +179,7 @@ def follow_duty(
             return record
 
 
-def arm(robot: BaseDriver) -> None:
+def arm(robot: Robot) -> None:
     """Ask for standstill until the robot has obeyed: after a clear or a start nothing else drives.
 
     Raises:
@@ -197,12 +197,12 @@ def arm(robot: BaseDriver) -> None:
     robot.stop()
 
 
-def life_s(robot: BaseDriver) -> float:
+def life_s(robot: Robot) -> float:
     """For how long a setpoint lives."""
     return min(TTL_S, robot.ttl_max_s or TTL_S)
 
 
-def fresh(robot: BaseDriver) -> WheelSample:
+def fresh(robot: Robot) -> WheelSample:
     """A sample from after this call: the next one may be older than the last request."""
     robot.read()
     return robot.read()
@@ -224,7 +224,7 @@ def uninterrupted(motion: Callable[[], Motion | None]) -> Motion:
     )
 
 
-def come_to_rest(robot: BaseDriver) -> Record:
+def come_to_rest(robot: Robot) -> Record:
     """Stop, and wait until no wheel turns; the samples until then.
 
     Raises:
@@ -246,7 +246,7 @@ def come_to_rest(robot: BaseDriver) -> Record:
 
 
 @contextmanager
-def one_session(robot: BaseDriver) -> Iterator[None]:
+def one_session(robot: Robot) -> Iterator[None]:
     """Refuse what was measured partly after a reset or with the link lost for a while.
 
     Raises:
@@ -273,7 +273,7 @@ def one_session(robot: BaseDriver) -> Iterator[None]:
         )
 
 
-def set_at_rest(robot: BaseDriver, name: str, value: float) -> None:
+def set_at_rest(robot: Robot, name: str, value: float) -> None:
     """Set a parameter, just after a motion, too: as soon as the robot itself takes it for at rest.
 
     Raises:
@@ -284,11 +284,11 @@ def set_at_rest(robot: BaseDriver, name: str, value: float) -> None:
         begin = begin or robot.read()
 
 
-def _is_recent(robot: BaseDriver, begin: WheelSample) -> bool:
+def _is_recent(robot: Robot, begin: WheelSample) -> bool:
     return robot.read().since(begin).dt_s <= LONGEST_ROLL_S
 
 
-def _is_set(robot: BaseDriver, name: str, value: float, *, in_time: bool) -> bool:
+def _is_set(robot: Robot, name: str, value: float, *, in_time: bool) -> bool:
     """Set a parameter; false if it is refused because a wheel turns and that may end in time."""
     try:
         robot.parameters.set(name, value)
@@ -300,7 +300,7 @@ def _is_set(robot: BaseDriver, name: str, value: float, *, in_time: bool) -> boo
 
 
 @contextmanager
-def not_watching(robot: BaseDriver, name: str) -> Iterator[None]:
+def not_watching(robot: Robot, name: str) -> Iterator[None]:
     """Set a threshold to its maximum for a while. Only in a trial of parameters.
 
     If the block is left by an exception, the end of the trial restores the threshold.
@@ -311,7 +311,7 @@ def not_watching(robot: BaseDriver, name: str) -> Iterator[None]:
     set_at_rest(robot, name, previous)
 
 
-def require_ready(robot: BaseDriver) -> None:
+def require_ready(robot: Robot) -> None:
     """Refuse what would be refused later, before anything moves.
 
     Raises:
@@ -354,7 +354,7 @@ class Pulsed:
         return any(self.counted(side) or self.toggled(side) for side in (0, 1))
 
 
-def pulse(robot: BaseDriver, side: int) -> Pulsed:
+def pulse(robot: Robot, side: int) -> Pulsed:
     """Pulse one bridge forward with rising duty until a counter counts, then once a little longer.
 
     With any motor a wheel turns less than 1.5 turns in total. Each pulse is a single setpoint
@@ -366,12 +366,12 @@ def pulse(robot: BaseDriver, side: int) -> Pulsed:
     return _rise(robot, side, _RISE_S, _LOWEST_DUTY, _HIGHEST_DUTY)
 
 
-def pulse_harder(robot: BaseDriver, side: int) -> Pulsed:
+def pulse_harder(robot: Robot, side: int) -> Pulsed:
     """Go on where `pulse` ended: nothing turned, or it is known which wheel does, and which way."""
     return _rise(robot, side, _HARDER_S, _HIGHEST_DUTY * _RISE, _HARDEST_DUTY)
 
 
-def _rise(robot: BaseDriver, side: int, seconds: float, duty: float, unnoticed: float) -> Pulsed:
+def _rise(robot: Robot, side: int, seconds: float, duty: float, unnoticed: float) -> Pulsed:
     """Raise the duty until a counter counts; as long as none does anything, up to `unnoticed`."""
     while True:
         pulsed = _pulse(robot, side, duty, seconds)
@@ -386,7 +386,7 @@ def _rise(robot: BaseDriver, side: int, seconds: float, duty: float, unnoticed: 
         duty = min(duty * _RISE, highest)
 
 
-def show(robot: BaseDriver, side: int, pulsed: Pulsed) -> Pulsed:
+def show(robot: Robot, side: int, pulsed: Pulsed) -> Pulsed:
     """Pulse one bridge once more, long enough for a person to see which way the wheel turns."""
     duty, seconds = min(pulsed.duty * _RISE, _HARDEST_DUTY), _SHOW_S
     if not pulsed.was_noticed:  # how fast the wheel turns, if it does, is not known
@@ -394,12 +394,12 @@ def show(robot: BaseDriver, side: int, pulsed: Pulsed) -> Pulsed:
     return replace(_pulse(robot, side, duty, seconds), duty=pulsed.duty)
 
 
-def _pulse(robot: BaseDriver, side: int, duty: float, seconds: float) -> Pulsed:
+def _pulse(robot: Robot, side: int, duty: float, seconds: float) -> Pulsed:
     driven = run(robot, Pair(duty, 0.0) if side == 0 else Pair(0.0, duty), seconds)
     return Pulsed(duty, driven.ticks, driven.toggles)
 
 
-def run(robot: BaseDriver, duties: Pair, seconds: float) -> Record:
+def run(robot: Robot, duties: Pair, seconds: float) -> Record:
     """Drive both bridges for this long, stop, and wait for standstill.
 
     The robot's own clock ends a short drive. Faults that a wrong wiring trips
@@ -422,7 +422,7 @@ def run(robot: BaseDriver, duties: Pair, seconds: float) -> Record:
     return record
 
 
-def _drive(robot: BaseDriver, duties: Pair, seconds: float, record: Record) -> None:
+def _drive(robot: Robot, duties: Pair, seconds: float, record: Record) -> None:
     set_until_s = 0.0
     while (now_s := record.seconds) < seconds:
         # Renewed at half of its life, so that a late sample does not interrupt the drive.

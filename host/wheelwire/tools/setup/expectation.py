@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ..tune.before_after import TOP_MPS, Proof
 from .problems import TRACKS_BADLY, Problem
 
@@ -36,7 +36,7 @@ def sound_rms_mps(tick_m: float, top_mps: float) -> float:
     return math.hypot(FLOOR_MPS, coarse)
 
 
-def expected_rms_mps(robot: BaseDriver, proof: Proof) -> float:
+def expected_rms_mps(robot: Robot, proof: Proof) -> float:
     """As `sound_rms_mps`, of this robot's ticks and drive."""
     values = robot.parameters
     tick_m = 2 * math.pi * values["wheel_radius"] / values["counts_per_revolution"]

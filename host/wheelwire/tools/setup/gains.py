@@ -12,7 +12,7 @@ The process is speed over duty, so `k` is 1 / velocity_feedforward.
 
 from __future__ import annotations
 
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from .identification import Identification, within
 
 CLOSED_LOOP_DELAYS = 2.0
@@ -42,7 +42,7 @@ def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> tuple[fl
     return lag_s / (k * (closed_s + delay_s)), min(lag_s, 4 * (closed_s + delay_s))
 
 
-def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]:
+def tuned(identification: Identification, robot: Robot) -> dict[str, float]:
     """The parameters that fit what was found, by name, for the loop as it is.
 
     acceleration_feedforward is velocity_feedforward times the time constant. A wheel's velocity

@@ -25,7 +25,7 @@ from typing import TypeAlias
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ...errors import CommissioningFailed
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from .driving import (
     SIDES,
     STANDSTILL_S,
@@ -147,7 +147,7 @@ class Identification:
 
 
 def identify(
-    robot: BaseDriver,
+    robot: Robot,
     report: Callable[[str], None],
     *,
     on_the_floor: bool,
@@ -202,7 +202,7 @@ class _Bench:
 
     def __init__(
         self,
-        robot: BaseDriver,
+        robot: Robot,
         report: Callable[[str], None],
         on_the_floor: bool,
         left: Left,

@@ -22,8 +22,7 @@ from ...errors import (
     SensorMissing,
     SensorStale,
 )
-from ...robot.base import BaseDriver
-from ...robot.robot import DeviceDriver
+from ...robot.robot import Robot
 from ...robot.sensors import DEFAULT_RATE_HZ
 from ...samples import ImuSample, Vector, WheelSample, sentence_of_state
 from .driving import RESTING_TICKS, fresh, not_watching
@@ -140,7 +139,7 @@ class Rest(NamedTuple):
 
 
 def set_up_imu(
-    robot: BaseDriver, person: Person, say: Say, note: Callable[[str], None], *, keeps: bool
+    robot: Robot, person: Person, say: Say, note: Callable[[str], None], *, keeps: bool
 ) -> ImuFindings | None:
     """Find how the robot's IMU is mounted, and save it after a yes. The motors are off.
 
@@ -158,7 +157,7 @@ def set_up_imu(
         CommissioningFailed: The board was reset.
         LinkLost, RequestTimeout: The robot was not reached.
     """
-    if not isinstance(robot, DeviceDriver):
+    if not robot.has_device:
         return None
     board = _board_of(robot)
     entries = () if board is None else board.peripherals
@@ -187,7 +186,7 @@ def set_up_imu(
 
 
 def _save(
-    robot: DeviceDriver,
+    robot: Robot,
     person: Person,
     say: Say,
     note: Callable[[str], None],
@@ -205,7 +204,7 @@ def _save(
     return True
 
 
-def _board_of(robot: DeviceDriver) -> Configuration | None:
+def _board_of(robot: Robot) -> Configuration | None:
     if Capability.RESTART not in robot.info.device.capabilities:
         return None  # it cannot store another one
     try:
@@ -216,7 +215,7 @@ def _board_of(robot: DeviceDriver) -> Configuration | None:
 
 
 def _find(
-    robot: DeviceDriver, person: Person, say: Say, note: Callable[[str], None], imu: ImuSensor
+    robot: Robot, person: Person, say: Say, note: Callable[[str], None], imu: ImuSensor
 ) -> ImuSensor | None:
     try:
         robot.sensors.start(DEFAULT_RATE_HZ)
@@ -286,7 +285,7 @@ class _Window:
 class _Search:
     """Measures while a person does what it asks for."""
 
-    def __init__(self, robot: DeviceDriver, person: Person, say: Say, imu: ImuSensor) -> None:
+    def __init__(self, robot: Robot, person: Person, say: Say, imu: ImuSensor) -> None:
         self._robot = robot
         self._person = person
         self._say = say

@@ -19,8 +19,7 @@ from ...errors import (
     fault_names,
 )
 from ...parameters import Trial, definition_of, number_text
-from ...robot.base import BaseDriver
-from ...robot.robot import DeviceDriver
+from ...robot.robot import Robot
 from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
 from ..files.state import state_folder
@@ -169,7 +168,7 @@ class Options:
     left: Left = untold
 
 
-def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
+def set_up(robot: Robot, person: Person, say: Say, options: Options | None = None) -> Findings:
     """Find the IMU's mounting, wiring, counts, sizes and gains, and save them after a yes.
 
     Unless they are saved, the robot has its previous parameters again afterwards. What ends it
@@ -190,7 +189,7 @@ def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None 
 
 @dataclass
 class _SetUp:
-    robot: BaseDriver
+    robot: Robot
     person: Person
     say: Say
     options: Options
@@ -466,16 +465,14 @@ class _SetUp:
         self.findings = replace(self.findings, problems=(*self.findings.problems, *texts))
 
 
-def _was_brownout(robot: BaseDriver) -> bool:
+def _was_brownout(robot: Robot) -> bool:
     # Waits until the device is back: what `info` says is then of its newest start.
     robot.read(timeout=3.0)
-    return (
-        isinstance(robot, DeviceDriver) and robot.info.device.reset_reason is ResetReason.BROWNOUT
-    )
+    return robot.has_device and robot.info.device.reset_reason is ResetReason.BROWNOUT
 
 
-def _file_of(robot: BaseDriver, values: dict[str, float]) -> ParameterFile:
-    if not isinstance(robot, DeviceDriver):
+def _file_of(robot: Robot, values: dict[str, float]) -> ParameterFile:
+    if not robot.has_device:
         return ParameterFile(values)
     device = robot.info.device
     return ParameterFile(values, device.board.name, device.board_id, device.release.release)
@@ -496,7 +493,7 @@ def _is_valid(content: object) -> bool:
     )
 
 
-def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
+def choose_board(robot: Robot, person: Person, say: Say) -> None:
     """Ask which board the robot has, and store it there, unless the robot has one confirmed.
 
     Args:
@@ -508,7 +505,7 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     Raises:
         BoardNotKept, DeviceRefused, LinkLost, RequestTimeout: As `DeviceBoard.take_up`.
     """
-    if not isinstance(robot, DeviceDriver):
+    if not robot.has_device:
         return
     if Capability.RESTART not in robot.info.device.capabilities:
         return  # its pins are in the robot's file
@@ -552,13 +549,13 @@ def _is_same(board: Configuration, present: Configuration | None) -> bool:
     return present is not None and board == replace(present, peripherals=board.peripherals)
 
 
-def tell_contradictions(robot: BaseDriver, say: Say) -> None:
+def tell_contradictions(robot: Robot, say: Say) -> None:
     """Name the parameters that contradict each other, or the board.
 
     Raises:
         CommissioningFailed: There are some: nothing would drive.
     """
-    if not isinstance(robot, DeviceDriver):
+    if not robot.has_device:
         return
     active = robot.contradictions()
     for flag in Contradiction:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ...errors import CommissioningFailed, DeviceRefused, fault_names
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ...samples import WheelSample
 from .driving import (
     COUNTED_TICKS,
@@ -210,7 +210,7 @@ def deduce(first: Seen, second: Seen) -> Wiring:
     return Wiring(wheels[0] == 1, counters[0] == 1, *motors, *encoders)
 
 
-def check_ready(robot: BaseDriver, person: Person) -> None:
+def check_ready(robot: Robot, person: Person) -> None:
     """Ask for free wheels; check the supply and the e-stop contact, and that nothing moves.
 
     Raises:
@@ -222,7 +222,7 @@ def check_ready(robot: BaseDriver, person: Person) -> None:
     _check_still(robot)
 
 
-def check_floor(robot: BaseDriver, person: Person) -> None:
+def check_floor(robot: Robot, person: Person) -> None:
     """Ask for a free metre; otherwise as `check_ready`.
 
     Raises:
@@ -236,7 +236,7 @@ def check_floor(robot: BaseDriver, person: Person) -> None:
         raise Unfit(low)
 
 
-def _check_still(robot: BaseDriver) -> None:
+def _check_still(robot: Robot) -> None:
     clear(robot)
     sample = fresh(robot)
     # USB may feed the board while the battery is switched off.
@@ -250,7 +250,7 @@ def _check_still(robot: BaseDriver) -> None:
         raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
 
 
-def find_low_battery(robot: BaseDriver) -> list[Problem]:
+def find_low_battery(robot: Robot) -> list[Problem]:
     """Whether the battery, as far as it is measured, is too empty to judge a motor by."""
     measured_v, nominal_v = fresh(robot).battery_v, robot.parameters["nominal_supply_v"]
     if measured_v is None or measured_v >= _LOW_SUPPLY * nominal_v:
@@ -260,7 +260,7 @@ def find_low_battery(robot: BaseDriver) -> list[Problem]:
     ]
 
 
-def clear(robot: BaseDriver) -> None:
+def clear(robot: Robot) -> None:
     """Clear whatever is latched.
 
     Raises:
@@ -286,7 +286,7 @@ def clear(robot: BaseDriver) -> None:
         raise CommissioningFailed(f"a fault lasts: {meaning_of(sample.faults)}") from error
 
 
-def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Sequence[Pulsed]]:
+def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequence[Pulsed]]:
     """The wiring, by two pulses and two answers. No correction may be active.
 
     Returns:
@@ -323,7 +323,7 @@ def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Se
     return deduce(first, second), (first.pulsed, second.pulsed)
 
 
-def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[str, ...]) -> Seen:
+def _ask(robot: Robot, person: Person, key: str, side: int, choices: tuple[str, ...]) -> Seen:
     text = "Which wheel turned, seen from behind, and which way?"
     if WHEEL_AND_WAY[0] not in choices:
         text = "Which way did the other wheel turn?"
@@ -338,7 +338,7 @@ def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[
     return Seen(harder, NONE)
 
 
-def _harder_if_unnoticed(robot: BaseDriver, side: int, seen: Seen) -> Seen:
+def _harder_if_unnoticed(robot: Robot, side: int, seen: Seen) -> Seen:
     """A file of answers knows the wheel, and the way, that only a harder pulse turns."""
     if seen.wheel is None or seen.pulsed.was_noticed:
         return seen
@@ -346,7 +346,7 @@ def _harder_if_unnoticed(robot: BaseDriver, side: int, seen: Seen) -> Seen:
 
 
 def _ask_until_seen(
-    robot: BaseDriver, person: Person, question: Question, side: int, pulsed: Pulsed
+    robot: Robot, person: Person, question: Question, side: int, pulsed: Pulsed
 ) -> Seen:
     # Nothing tells how far a wheel has turned that no counter noticed: it is shown only once more.
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
@@ -359,7 +359,7 @@ def _ask_until_seen(
     return Seen(pulsed, person.answer(last))
 
 
-def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) -> list[Problem]:
+def _motionless(robot: Robot, person: Person, first: Seen, second: Seen) -> list[Problem]:
     """What is wrong with wheels that no pulse turned, found with a hand on them."""
     bridges = [side for side, seen in enumerate((first, second)) if seen.answer == NONE]
     # Where a counter moved, the wheel is not motionless: `find_problems` has said what it is.
@@ -377,7 +377,7 @@ def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) ->
     return [_problem_of(wheel, *hands[wheel]) for wheel in wheels]
 
 
-def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> tuple[str, bool]:
+def _by_hand(robot: Robot, person: Person, wheel: int) -> tuple[str, bool]:
     """The answer, and whether a counter counted."""
     before = fresh(robot)
     answer = person.answer(
@@ -403,7 +403,7 @@ def _problem_of(wheel: int, answer: str, counted: bool) -> Problem:
     return Problem(NO_ENCODER, wheel)
 
 
-def confirm(robot: BaseDriver, pulsed: Sequence[float]) -> float:
+def confirm(robot: Robot, pulsed: Sequence[float]) -> float:
     """Drive both wheels forward for a moment, with the corrections active.
 
     Args:
@@ -431,7 +431,7 @@ def confirm(robot: BaseDriver, pulsed: Sequence[float]) -> float:
     return duty
 
 
-def check_supply(robot: BaseDriver) -> list[Problem]:
+def check_supply(robot: Robot) -> list[Problem]:
     """Start both motors at once with full duty, and watch the supply.
 
     Raises:
@@ -449,7 +449,7 @@ def check_supply(robot: BaseDriver) -> list[Problem]:
     return [Problem(SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
 
 
-def check_wheels(robot: BaseDriver, pulsed: Sequence[float], turning: float) -> list[Problem]:
+def check_wheels(robot: Robot, pulsed: Sequence[float], turning: float) -> list[Problem]:
     """Turn both wheels for two seconds, and compare them.
 
     Args:

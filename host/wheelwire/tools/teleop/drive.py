@@ -10,7 +10,7 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ...errors import DeviceRefused, RequestTimeout, WheelwireError
 from ...motion.kinematics import Twist
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from .keys import (
     DIRECTIONS,
     INTERRUPT,
@@ -53,7 +53,7 @@ class Teleop:
     """
 
     def __init__(
-        self, robot: BaseDriver, say: Callable[[str], None], speed: int = DEFAULT_SPEED
+        self, robot: Robot, say: Callable[[str], None], speed: int = DEFAULT_SPEED
     ) -> None:
         self._robot = robot
         self._say = say
@@ -205,7 +205,7 @@ class Teleop:
         self._say(f"{ended.name} cleared")
 
 
-def clear(robot: BaseDriver) -> SupervisorState | None:
+def clear(robot: Robot) -> SupervisorState | None:
     """End what is latched; returns what it was, or None if nothing is.
 
     Raises:
@@ -222,7 +222,7 @@ def clear(robot: BaseDriver) -> SupervisorState | None:
     return state
 
 
-def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
+def drive(robot: Robot, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
     """Drive by keys until q, or until the terminal is gone. The robot's owner stops it then.
 
     Raises:
@@ -251,7 +251,7 @@ def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> 
                 terminal.show(text)
 
 
-def _text(robot: BaseDriver, teleop: Teleop) -> str | None:
+def _text(robot: Robot, teleop: Teleop) -> str | None:
     """The line with the robot's state and speed; None without a new sample."""
     try:
         sample = robot.read(0)

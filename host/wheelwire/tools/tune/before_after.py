@@ -22,7 +22,7 @@ from typing import NamedTuple, TypeAlias
 from wheelwire_protocol.codes import Fault
 
 from ...errors import CommissioningFailed, DeviceRefused, InvalidArgument
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ..setup.driving import (
     SIDES,
     Left,
@@ -369,7 +369,7 @@ def check_picture(path: Path) -> None:
 
 
 def prove(
-    robot: BaseDriver,
+    robot: Robot,
     before: Mapping[str, float],
     after: Mapping[str, float],
     left: Left = untold,
@@ -398,7 +398,7 @@ def prove(
 
 
 def drive_with_each(
-    robot: BaseDriver,
+    robot: Robot,
     sets: Sequence[Mapping[str, float]],
     course: Course,
     left: Left = untold,
@@ -423,7 +423,7 @@ def drive_with_each(
     return traces, faults
 
 
-def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
+def _course(robot: Robot, values: Mapping[str, float]) -> Course:
     """As fast as the robot can, within its limits and a metre."""
     static, feedforward, of_acceleration = (
         values[name] if name in values else robot.parameters[name]
@@ -445,7 +445,7 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
 
 
 def drive_with(
-    robot: BaseDriver, values: Mapping[str, float], course: Course, attempts: int = 1
+    robot: Robot, values: Mapping[str, float], course: Course, attempts: int = 1
 ) -> tuple[Trace | None, Fault]:
     """Drive a course with these parameters.
 
@@ -477,7 +477,7 @@ def drive_with(
     return trace, faults
 
 
-def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | None:
+def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
     """A trace, or the fault that ended the drive; None if a setpoint ran out meanwhile."""
     resting = come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
@@ -520,7 +520,7 @@ def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | No
     return trace, Fault(0)
 
 
-def _set(robot: BaseDriver, values: Mapping[str, float]) -> None:
+def _set(robot: Robot, values: Mapping[str, float]) -> None:
     for name, value in values.items():
         set_at_rest(robot, name, value)
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from wheelwire_protocol.codes import Fault
 
 from ...errors import InvalidArgument
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ..setup.driving import SIDES, Left, Pair, require_ready, untold
 from .before_after import Course, Piece, Trace, drive_with_each, means, noise_mps
 
@@ -68,7 +68,7 @@ class Drive:
         return self.seconds - _REST_S
 
 
-def course_of(drive: Drive, robot: BaseDriver) -> Course:
+def course_of(drive: Drive, robot: Robot) -> Course:
     """The course of a drive, as long as its seconds and its distance allow.
 
     Raises:
@@ -235,7 +235,7 @@ class Comparison:
 
 
 def compare(
-    robot: BaseDriver,
+    robot: Robot,
     drive: Drive,
     tried: Mapping[str, float],
     left: Left = untold,

@@ -18,7 +18,7 @@ from textual.screen import Screen
 
 from ...errors import LinkClosed, RecordingError, WheelwireError
 from ...log.reader import offset_us
-from ...robot.base import BaseDriver
+from ...robot.robot import Robot
 from ..teleop.drive import STALE_S, Teleop
 from ..teleop.keys import DIRECTIONS
 from .controls import Controls
@@ -271,7 +271,7 @@ def _speed(teleop: Teleop) -> str:
 
 
 def show(
-    robot: BaseDriver,
+    robot: Robot,
     name: str,
     *,
     recording: Path | None = None,

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from ...drivers.attached import AttachedDriver
 from ...drivers.replay import ReplayDriver
 from ...errors import InvalidCommand, WheelwireError
-from ...robot.base import BaseDriver
-from ...robot.robot import DeviceDriver
+from ...robot.robot import Robot
 from ..teleop.drive import STALE_S, Teleop, clear
 from ..teleop.keys import Action, KeyEvent
 from .tuning import Tuning
@@ -36,7 +35,7 @@ class Hand:
         say: Takes an event; from any thread.
     """
 
-    def __init__(self, robot: BaseDriver, say: Callable[[str], None]) -> None:
+    def __init__(self, robot: Robot, say: Callable[[str], None]) -> None:
         self.teleop = Teleop(robot, say)
         self._robot = robot
         self._say = say
@@ -101,7 +100,7 @@ class Controls:
 
     def __init__(
         self,
-        robot: BaseDriver,
+        robot: Robot,
         cannot_drive: str = "",
         check_save: Callable[[str], None] = lambda _: None,
     ) -> None:
@@ -197,7 +196,7 @@ class Controls:
         if recorder is not None:
             recorder.close()
             return f"recorded: {recorder.file}"
-        if not isinstance(self._robot, DeviceDriver):
+        if not self._robot.has_device:
             raise InvalidCommand(
                 "this robot's driver has no link that could be recorded: use another one"
             )

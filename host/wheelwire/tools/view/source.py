@@ -14,8 +14,7 @@ from ...link.clock import host_clock_us
 from ...log.reader import session_records, was_cut
 from ...log.why import Diagnosis, Stop
 from ...log.why.standing import standing_stops
-from ...robot.base import BaseDriver
-from ...robot.robot import DeviceDriver
+from ...robot.robot import Robot
 from .model import Look, Model, Status
 
 LOOKS_PER_STATUS = 10
@@ -33,13 +32,13 @@ class Source:
         recording: The file, if the robot is one.
     """
 
-    def __init__(self, robot: BaseDriver, model: Model, recording: Path | None = None) -> None:
+    def __init__(self, robot: Robot, model: Model, recording: Path | None = None) -> None:
         self._robot = robot
         self._model = model
         self._stops: SimpleQueue[Stop] = SimpleQueue()
         self._recorded = None if recording is None else _RecordedStops(recording)
         self._looks = 0
-        if isinstance(robot, DeviceDriver):
+        if robot.has_device:
             with suppress(InvalidCommand):  # in virtual time, or a recording
                 robot.watch_stops(self._stops.put)
 
@@ -57,7 +56,7 @@ class Source:
             trouble = self._trouble(None if latest is None else latest.age_s)
         except (LinkClosed, RecordingError) as error:
             ended = error  # once what came before it was taken
-        if isinstance(robot, DeviceDriver):
+        if robot.has_device:
             with suppress(WheelwireError):
                 asked = robot.asked
         now_s = time.monotonic() if latest is None else latest.sample.stamp + latest.age_s
@@ -98,7 +97,7 @@ class Source:
 
     def _status(self) -> Status:
         robot, sample = self._robot, self._model.sample
-        if not isinstance(robot, DeviceDriver):
+        if not robot.has_device:
             return Status(robot.statistics)
         try:
             device, warnings = robot.info.device, robot.warnings

@@ -19,7 +19,7 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, InvalidCommand, LinkLost
 from wheelwire.log.why import Stop
 from wheelwire.log.why.watch import StopWatch
-from wheelwire.robot.robot import DeviceDriver
+from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codes import ResetReason
 from wheelwire_protocol.types import GroupInfo
 
@@ -46,7 +46,7 @@ class Reports:
             return [stop.cause for stop in self.stops]
 
 
-def drive(robot: DeviceDriver) -> None:
+def drive(robot: Robot) -> None:
     began_s = time.monotonic()
     while True:
         # Out of reach while the session after a reset is opened, and held until the zero.
@@ -246,16 +246,16 @@ async def test_a_loop_s_watch_that_is_cancelled_while_it_begins_is_closed(
     monkeypatch: pytest.MonkeyPatch, *, begun: bool
 ) -> None:
     begins, goes_on, has_begun = threading.Event(), threading.Event(), threading.Event()
-    watch_stops = DeviceDriver.watch_stops
+    watch_stops = Robot.watch_stops
 
-    def slow(robot: DeviceDriver, report: Callable[[Stop], object]) -> StopWatch:
+    def slow(robot: Robot, report: Callable[[Stop], object]) -> StopWatch:
         begins.set()
         assert goes_on.wait(PATIENCE_S)
         watch = watch_stops(robot, report)
         has_begun.set()
         return watch
 
-    monkeypatch.setattr(DeviceDriver, "watch_stops", slow)
+    monkeypatch.setattr(Robot, "watch_stops", slow)
     async with aio.open_driver("mock") as robot:
         task = asyncio.create_task(robot.watch_stops(print))
         await until(begins.is_set)
