@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from .samples import SensorInfo as SensorInfo
     from .samples import WheelSample as WheelSample
     from .samples import WheelTravel as WheelTravel
+    from .samples import asdict as asdict
     from .simulation.simulator import Simulator as Simulator
     from .tools.files.robot import RobotConfig as RobotConfig
     from .tools.files.robot import load_config as load_config
@@ -135,6 +136,7 @@ _MODULES = {
     ".motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
     ".samples": (
         "WheelTravel",
+        "asdict",
         "WheelSample",
         "ImuSample",
         "InputReading",

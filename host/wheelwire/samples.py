@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import enum
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.sensors import (
@@ -339,3 +342,38 @@ def sentence_of_state(state: SensorState, identity: int = 0) -> str:
     if state is SensorState.OK:
         return "OK"
     return f"STALE, {state.name}: {state.doc[0].lower()}{state.doc[1:].rstrip('.')}"
+
+
+def asdict(reported: object) -> dict[str, Any]:
+    """A sample, health, an event, or anything else that a robot reports, as JSON can hold it.
+
+    A code is its name, flags are a list of their names, and what is no finite number is None.
+
+    Raises:
+        TypeError: It has no fields with names.
+    """
+    found = to_json_value(reported)
+    if not isinstance(found, dict):
+        raise TypeError(f"{type(reported).__name__} has no fields: give what a robot reports")
+    return cast("dict[str, Any]", found)
+
+
+def to_json_value(value: Any) -> Any:
+    """A value as JSON has it: a code is its name, flags are a list of names, NaN is null."""
+    # Before the other enumerations: a combination of flags has no single name.
+    if isinstance(value, enum.Flag):
+        return [member.name for member in type(value) if member in value]
+    if isinstance(value, enum.Enum):
+        return value.name
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: to_json_value(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    # Before the sequences: a named tuple is one, too, but its names are worth keeping.
+    if hasattr(value, "_asdict"):
+        return {key: to_json_value(item) for key, item in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(key): to_json_value(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [to_json_value(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class DocumentedEnum(enum.IntEnum):
-    """An IntEnum whose members have a doc: `NAME = value, "doc"`."""
+    """An IntEnum whose members have a doc: `NAME = value, "doc"`. It prints as its name."""
 
     doc: str
 
@@ -22,9 +22,15 @@ class DocumentedEnum(enum.IntEnum):
         member.doc = doc
         return member
 
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return _formatted(self, spec)
+
 
 class DocumentedFlag(enum.IntFlag):
-    """An IntFlag whose single flags have a doc: `NAME = bit, "doc"`."""
+    """An IntFlag whose single flags have a doc: `NAME = bit, "doc"`. It prints as `A|B`."""
 
     doc: str
 
@@ -42,6 +48,22 @@ class DocumentedFlag(enum.IntFlag):
         if isinstance(value, int) and value < 0:
             return cls(value & sum(cls))
         return cast("Self", super()._missing_(value))
+
+    def __str__(self) -> str:
+        names = [str(flag.name) for flag in type(self) if flag & self]
+        unknown = int(self) & ~sum(type(self))
+        return "|".join([*names, *([f"{unknown:#x}"] if unknown else [])]) or "NONE"
+
+    def __format__(self, spec: str) -> str:
+        return _formatted(self, spec)
+
+
+def _formatted(code: DocumentedEnum | DocumentedFlag, spec: str) -> str:
+    """In words, but for a number's own presentation, such as `{code:02x}` or `{code:d}`."""
+    return format(int(code) if spec[-1:] in _OF_NUMBERS and spec else str(code), spec)
+
+
+_OF_NUMBERS = "bcdeEfFgGnoxX%"
 
 
 class SupervisorState(DocumentedEnum):

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-import enum
 import json
-import math
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any
@@ -21,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wheelwire.errors import OutputFailed
+from wheelwire.samples import to_json_value as to_json_value
 
 console = Console(highlight=False, markup=False)
 error_console = Console(highlight=False, markup=False, stderr=True)
@@ -30,27 +28,6 @@ UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Click's class, or the one of the copy of Click inside Typer: releases of Typer differ."""
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
-
-def to_json_value(value: Any) -> Any:
-    """Convert a value for JSON: enumerations to names, NaN to null."""
-    # Before the other enumerations: a combination of flags has no single name.
-    if isinstance(value, enum.Flag):
-        return [member.name for member in type(value) if member in value]
-    if isinstance(value, enum.Enum):
-        return value.name
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: to_json_value(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    # Before the sequences: a named tuple is one, too, but its names are worth keeping.
-    if hasattr(value, "_asdict"):
-        return {key: to_json_value(item) for key, item in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {str(key): to_json_value(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_json_value(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def print_json(value: Any) -> None:

@@ -255,8 +255,7 @@ class LinkStatistics:
         return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
 
 
-@dataclass(frozen=True)
-class Health:
+class Health(NamedTuple):
     """Whether a robot is in reach and fit to drive, at one moment.
 
     Attributes:
