@@ -21,6 +21,8 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
+from wheelwire_protocol.sensors import SensorState
+
 from .arguments import timeout_s
 from .errors import DriverUnavailable
 from .link.notices import Happening
@@ -34,18 +36,20 @@ from .robot.loop_link import LoopLink
 from .robot.parameters import AwaitableParameters as Parameters
 from .robot.parameters import AwaitableTrial as Trial
 from .robot.robot import FIRST_SAMPLE_S, Robot, opened_later
-from .robot.sensors import (
-    DEFAULT_RATE_HZ,
-    OF_IMU,
-    OF_INPUTS,
-    OF_POWER,
-    RangesView,
-    SensorsView,
-    SensorView,
-    Streams,
-)
+from .robot.sensors import DEFAULT_RATE_HZ, SensorStatus, Streams
+from .robot.sensors import Ranges as _Ranges
+from .robot.sensors import Sensor as _Sensor
+from .robot.sensors import Sensors as _Sensors
 from .robot.verbs import Verbs, WaitingVerbs
-from .samples import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent, WheelSample
+from .samples import (
+    ImuSample,
+    InputsSample,
+    PowerSample,
+    RangeSample,
+    SensorEvent,
+    SensorInfo,
+    WheelSample,
+)
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:
@@ -304,6 +308,7 @@ class Driver(WaitingVerbs, Verbs):
 
     async def _open(self) -> None:
         await self._on_loop.open()
+        self._limits()  # now: the first setpoint is no later than the others
         if self._recording is not None:
             try:
                 await asyncio.to_thread(self._recording)
@@ -475,48 +480,85 @@ class SampleIterator(AsyncIterator[SampleT]):
             await self._on_loop.wait_for(self._on_loop.latest_sample.changed, self._queue.is_ready)
 
 
-class Sensor(SensorView[SensorSampleT]):
+class Sensor(Generic[SensorSampleT]):
     """One sensor of a robot, or all its inputs together. See `wheelwire.Sensor`."""
+
+    def __init__(self, sensor: _Sensor[SensorSampleT]) -> None:
+        self._sensor: _Sensor[SensorSampleT] = sensor
+
+    @property
+    def info(self) -> SensorInfo | None:
+        """As `wheelwire.Sensor.info`."""
+        return self._sensor.info
+
+    @property
+    def state(self) -> SensorState:
+        """As `wheelwire.Sensor.state`."""
+        return self._sensor.state
+
+    @property
+    def latest(self) -> SensorSampleT | None:
+        """As `wheelwire.Sensor.latest`."""
+        return self._sensor.latest
 
     async def read(self, timeout: float = 1.0) -> SensorSampleT:
         """As `wheelwire.Sensor.read`."""
-        return await self._read(timeout)
+        return await self._sensor._read(timeout)
 
     def samples(self) -> SampleIterator[SensorSampleT]:
         """As `wheelwire.Sensor.samples`, for `async for`; errors come with the first sample."""
-        return _iterator(self._streams, self._name, self._begin)
+        sensor = self._sensor
+        return _iterator(sensor._streams, sensor._name, sensor._begin)
 
 
-class Ranges(RangesView):
+class Ranges:
     """The range sensors of a robot, by name. See `wheelwire.Ranges`."""
+
+    def __init__(self, ranges: _Ranges) -> None:
+        self._ranges = ranges
+
+    @property
+    def infos(self) -> dict[str, SensorInfo]:
+        """As `wheelwire.Ranges.infos`."""
+        return self._ranges.infos
+
+    @property
+    def latest(self) -> dict[str, RangeSample]:
+        """As `wheelwire.Ranges.latest`."""
+        return self._ranges.latest
 
     async def read(self, name: str, timeout: float = 1.0) -> RangeSample:
         """As `wheelwire.Ranges.read`."""
-        return await self._read(name, timeout)
+        return await self._ranges._read(name, timeout)
 
     def samples(self) -> SampleIterator[RangeSample]:
         """As `wheelwire.Ranges.samples`, for `async for`; errors come with the first sample."""
-        return _iterator(self._streams, RANGE, self._begin)
+        return _iterator(self._ranges._streams, RANGE, self._ranges._begin)
 
 
-class Sensors(SensorsView):
+class Sensors:
     """All sensors of a robot. See `wheelwire.Sensors`."""
 
     def __init__(self, on_loop: LoopLink) -> None:
-        super().__init__(on_loop, on_loop.latest_sample)
-        streams = self._streams
-        self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
-        self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
-        self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
-        self.ranges = Ranges(streams)
+        self._sensors = sensors = _Sensors(on_loop, on_loop.latest_sample)
+        self.imu = Sensor(sensors.imu)
+        self.power = Sensor(sensors.power)
+        self.inputs = Sensor(sensors.inputs)
+        self.ranges = Ranges(sensors.ranges)
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        """As `wheelwire.Sensors.channels`."""
+        return self._sensors.channels
 
     async def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """As `wheelwire.Sensors.start`."""
-        await self._start(rate_hz)
+        await self._sensors._streams.start_at(rate_hz)
 
     def events(self) -> SampleIterator[SensorEvent]:
         """As `wheelwire.Sensors.events`, for `async for`; errors come with the first event."""
-        return _iterator(self._streams, EVENTS, self._streams.begin)
+        streams = self._sensors._streams
+        return _iterator(streams, EVENTS, streams.begin)
 
 
 def _iterator(

@@ -110,6 +110,10 @@ class Streams:
         if not link.knows_sensors:
             raise link.why_no_sensors(INFO_S)
 
+    async def start_at(self, rate_hz: int) -> None:
+        """As `start`, at the rate that a program gives."""
+        await self.start(whole("rate_hz", rate_hz, 1, MAX_RATE_HZ))
+
     async def ask(self, rate_hz: int) -> None:
         """As `start`, without waiting for a sample, and whoever has asked before."""
         link = self.requests.link
@@ -198,8 +202,8 @@ class Streams:
         return max(0.0, self.latest.now_us() / 1e6 - sample.stamp)
 
 
-class SensorView(Generic[Sample]):
-    """What is known of one sensor without waiting, or of all inputs together.
+class Sensor(Generic[Sample]):
+    """One sensor of a robot, or all its inputs together.
 
     Args:
         streams: The robot's streams.
@@ -247,10 +251,6 @@ class SensorView(Generic[Sample]):
         await self._begin()
         return cast("Sample", await self._streams.read(self._name, self._find, limit_s))
 
-
-class Sensor(SensorView[Sample]):
-    """One sensor of a robot, or all its inputs together."""
-
     def read(self, timeout: float = 1.0) -> Sample:
         """Return the newest sample, like `latest`; waits for the first one.
 
@@ -277,8 +277,8 @@ class Sensor(SensorView[Sample]):
         return self._streams.latest.iterate_sensor(self._name)
 
 
-class RangesView:
-    """What is known of a robot's range sensors without waiting. A sensor's name is its place."""
+class Ranges:
+    """The range sensors of a robot. A sensor's name is its place, such as `front`."""
 
     def __init__(self, streams: Streams) -> None:
         self._streams = streams
@@ -312,10 +312,6 @@ class RangesView:
         read = self._streams.read(known[name].name, range_named(name), limit_s)
         return cast("RangeSample", await read)
 
-
-class Ranges(RangesView):
-    """The range sensors of a robot. A sensor's name is its place, such as `front`."""
-
     def read(self, name: str, timeout: float = 1.0) -> RangeSample:
         """Return the newest sample of one sensor, like `latest`; waits for the first one.
 
@@ -336,22 +332,7 @@ class Ranges(RangesView):
         return self._streams.latest.iterate_sensor(RANGE)
 
 
-class SensorsView:
-    """What is known of all sensors without waiting."""
-
-    def __init__(self, requests: Requests, latest: LatestSample) -> None:
-        self._streams = Streams(requests, latest)
-
-    @property
-    def channels(self) -> tuple[SensorStatus, ...]:
-        """All channels as they are now, by number; empty before the first use. Never waits."""
-        return tuple(map(self._streams.status, self._streams.infos))
-
-    async def _start(self, rate_hz: int) -> None:
-        await self._streams.start(whole("rate_hz", rate_hz, 1, MAX_RATE_HZ))
-
-
-class Sensors(SensorsView):
+class Sensors:
     """All sensors of a robot.
 
     Attributes:
@@ -362,12 +343,16 @@ class Sensors(SensorsView):
     """
 
     def __init__(self, requests: Requests, latest: LatestSample) -> None:
-        super().__init__(requests, latest)
-        streams = self._streams
+        self._streams = streams = Streams(requests, latest)
         self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
         self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
         self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
         self.ranges = Ranges(streams)
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        """All channels as they are now, by number; empty before the first use. Never waits."""
+        return tuple(map(self._streams.status, self._streams.infos))
 
     def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """Ask for samples from now on, in this session and in all later ones.
@@ -383,7 +368,7 @@ class Sensors(SensorsView):
             InvalidArgument: The rate is no whole number from 1 to 1000.
             GroupUnavailable, InvalidCommand, LinkLost, RequestTimeout: As `Sensor.read`.
         """
-        run(self._start, rate_hz)
+        run(self._streams.start_at, rate_hz)
 
     def events(self) -> SampleIterator[SensorEvent]:
         """All events of the sensors from now on; raises as `start` does.
@@ -396,7 +381,7 @@ class Sensors(SensorsView):
         return events
 
 
-def wait_until_read(sensors: SensorsView) -> None:
+def wait_until_read(sensors: Sensors) -> None:
     """Wait until each channel has a sample, or the device has reported why not; at most 1.5 s.
 
     This computer may have been held up: a sample that is too old gives way to the next one.

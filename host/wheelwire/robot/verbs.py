@@ -157,7 +157,9 @@ class Verbs:
         # Asked for once: a parameter may change between two uses.
         limits = self._limits()
         expiry_us = self._expiry_us(now_us, ttl, stamp, limits)
-        linear, angular = _finite("linear", linear), _finite("angular", angular)
+        # Nearly all are plain floats: a function for each would be two more calls.
+        if not (type(linear) is type(angular) is float and isfinite(linear) and isfinite(angular)):
+            linear, angular = _finite("linear", linear), _finite("angular", angular)
         wheels = (limits.geometry or self.geometry).limited_wheels(linear, angular)
         # Finite numbers can overflow in the conversion.
         if not (isfinite(wheels.left_mps) and isfinite(wheels.right_mps)):

@@ -14,7 +14,7 @@ from support.waiting import until, wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.robot.sensors import READ_WITHIN_S, SensorStatus, SensorsView, wait_until_read
+from wheelwire.robot.sensors import READ_WITHIN_S, Sensors, SensorStatus, wait_until_read
 from wheelwire.samples import SensorInfo
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, SensorState
@@ -200,11 +200,11 @@ def test_a_sample_that_is_too_old_is_waited_for_unless_the_line_has_no_room(
     rate_hz: int, states: tuple[SensorState, ...], looks: int
 ) -> None:
     sensors = Channels(rate_hz, *states)
-    wait_until_read(cast("SensorsView", sensors))
+    wait_until_read(cast("Sensors", sensors))
     assert sensors.looks == looks
 
 
 def test_a_sensor_that_sends_nothing_more_is_waited_for_1_5_s() -> None:
     began_s = time.monotonic()
-    wait_until_read(cast("SensorsView", Channels(200, SensorState.MISSED)))
+    wait_until_read(cast("Sensors", Channels(200, SensorState.MISSED)))
     assert time.monotonic() - began_s >= READ_WITHIN_S
