@@ -407,7 +407,8 @@ async def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.M
     points = {"acme": f"{__name__}:_Acme"}
     monkeypatch.setattr(opening, "_plug_ins", lambda: points)
     with PtyDevice(tmp_path / "robot") as device:
-        async with aio.open_driver("acme", device.path) as robot:
+        options: dict[str, Any] = {"path": device.path}
+        async with aio.open_driver("acme", **options) as robot:
             robot.set_velocity(0.1, 0.0)
             await robot.stop()
             assert robot.parameters["wheel_radius"] == 0.033
