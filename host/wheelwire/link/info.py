@@ -6,9 +6,8 @@ import math
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from wheelwire_protocol.black_box import BoxHead
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codec import BY_TYPE, PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import (
@@ -26,6 +25,9 @@ from wheelwire_protocol.types import ConfigurationValue, DeviceHello
 from ..board import BOARD, assembled, fingerprint_of
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 from ..holds import HeldBy
+
+if TYPE_CHECKING:
+    from wheelwire_protocol.black_box import BoxHead
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,9 @@ from ..link.notices import Happening, Listener
 from ..link.sample_stream import LatestSample, SampleIterator
 from ..parameters import Parameters
 from ..samples import ImuSample, InputsSample, PowerSample, WheelSample
-from .black_boxes import DeviceRecorder
-from .board import DeviceBoard
 from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks, check_plain
 from .calls import Requests, blocking
 from .parameters import DeviceParameters
-from .sensors import Ranges, Sensor, Sensors
 from .verbs import Verbs, WaitingVerbs
 
 if TYPE_CHECKING:
@@ -34,6 +31,9 @@ if TYPE_CHECKING:
     from ..log.recorder import Recorder
     from ..log.why import Stop
     from ..log.why.watch import StopWatch
+    from .black_boxes import DeviceRecorder
+    from .board import DeviceBoard
+    from .sensors import Ranges, Sensor, Sensors
 
 FIRST_SAMPLE_S = 1.0
 
@@ -103,7 +103,7 @@ class Robot(Verbs):
         self._finalizer: weakref.finalize[..., Robot] = weakref.finalize(self, _close, inbox, link)
         self._awaited = WaitingVerbs(self._requests)
         self._parameters: Parameters = DeviceParameters(self._requests)
-        self._sensors = Sensors(self._requests, latest_sample)
+        self._sensors: Sensors | None = None
         self._recorders: list[Recorder] = []
 
     # --- stopping ------------------------------------------------------------------------------
@@ -200,6 +200,10 @@ class Robot(Verbs):
         """All sensors of the robot; `DriverUnavailable` if its driver has none."""
         if not self.has_device:
             raise DriverUnavailable(f"the driver of {self._name} has no sensors: use another")
+        if self._sensors is None:
+            from .sensors import Sensors  # here, as below: many programs only drive
+
+            self._sensors = Sensors(self._requests, self._latest_sample)
         return self._sensors
 
     @property
@@ -237,11 +241,15 @@ class Robot(Verbs):
     @property
     def board(self) -> DeviceBoard:
         """The board that the device has stored."""
+        from .board import DeviceBoard
+
         return DeviceBoard(self._requests)
 
     @property
     def recorder(self) -> DeviceRecorder:
         """What the device has recorded of its stops."""
+        from .black_boxes import DeviceRecorder
+
         return DeviceRecorder(self._requests)
 
     device_counters = blocking(WaitingVerbs.device_counters)
