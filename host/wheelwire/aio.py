@@ -308,7 +308,7 @@ class Driver(WaitingVerbs, Verbs):
 
     async def _open(self) -> None:
         await self._on_loop.open()
-        self._limits()  # now: the first setpoint is no later than the others
+        self._learn_limits()
         if self._recording is not None:
             try:
                 await asyncio.to_thread(self._recording)

@@ -152,7 +152,7 @@ class SampleIterator(Generic[Sample]):
     def __init__(
         self, wait: Callable[[Callable[[], bool]], None], queue_us: int = QUEUE_US
     ) -> None:
-        """`wait` waits until its argument holds, or for a bounded time; see `BaseDriver`."""
+        """`wait` waits until its argument holds, or for a bounded time; see `Robot`."""
         self.dropped = 0
         self._wait = wait
         self._queue_us = queue_us

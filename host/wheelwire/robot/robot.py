@@ -97,7 +97,7 @@ class Robot(Verbs):
         if not _opened_later.get():
             with self._explanations:
                 link.open()
-            self._limits()  # now: the first setpoint is no later than the others
+            self._learn_limits()
         inbox = callbacks.inbox if isinstance(callbacks, ThreadCallbacks) else None
         # Also runs when the robot is garbage-collected, and at the interpreter's exit.
         self._finalizer: weakref.finalize[..., Robot] = weakref.finalize(self, _close, inbox, link)

@@ -460,6 +460,11 @@ class Verbs:
         with self._explanations:
             self._link.check()
 
+    def _learn_limits(self) -> None:
+        """Once the link is open, so that the first setpoint is sent as soon as the others."""
+        with suppress(WheelwireError):  # a link that only stops knows none
+            self._limits()
+
     def _limits(self) -> Limits:
         """The device's limits, read anew once the parameters have changed."""
         values, known = self._link.watched_if_open, self._known_limits
