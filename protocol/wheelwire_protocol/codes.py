@@ -164,6 +164,7 @@ class Group(DocumentedEnum):
     RECORDER = 2, "Black boxes and ledger: what the device recorded of its stops."
     STORE = 3, "What the device has stored: which parameters a reset would change."
     SENSOR = 4, "Sensors, inputs and reflexes: what the peripherals measure and forbid."
+    PLATFORM = 5, "What the firmware runs on: how much of the chip's memory is left."
 
 
 class StopMode(DocumentedEnum):

@@ -69,6 +69,8 @@ class Message:
         body: A construct `Struct` of `field`s.
         frozen: The layout is the same in every protocol version.
         group: What it belongs to; each group has a hash of its own.
+        answer: Of a request that is answered by more than an Ack, the answer's name.
+        reads: It changes nothing, so every program may send it to a robot that another one drives.
     """
 
     id: int
@@ -77,6 +79,8 @@ class Message:
     body: Any
     frozen: bool = False
     group: Group = Group.BASE
+    answer: str = ""
+    reads: bool = False
 
     @cached_property
     def fields(self) -> tuple[Field, ...]:
@@ -97,6 +101,11 @@ class Message:
     def payload_size(self) -> int:
         """Bytes of the payload: header, body and CRC."""
         return HEADER_SIZE + self.body_size + CRC_SIZE
+
+    @property
+    def is_request(self) -> bool:
+        """True when the host repeats it until it is answered."""
+        return not self.from_device and any(field.name == "request_id" for field in self.fields)
 
     @property
     def from_device(self) -> bool:

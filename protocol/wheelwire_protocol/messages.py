@@ -249,6 +249,8 @@ PARAMETER_GET = Message(
     name="ParameterGet",
     doc="Asks for one parameter; the answer is ParameterValue.",
     body=Struct(_session(), _request(), _parameter()),
+    answer="ParameterValue",
+    reads=True,
 )
 PARAMETER_SET = Message(
     id=0x0B,
@@ -260,6 +262,7 @@ PARAMETER_SET = Message(
         _parameter(),
         field("value", Float32l, Unit.NONE, "In the parameter's unit."),
     ),
+    answer="ParameterValue",
 )
 PARAMETER_SAVE = Message(
     id=0x0C,
@@ -291,12 +294,16 @@ PARAMETER_LIST = Message(
         _request(),
         field("parameter_index", Int8ul, Unit.NONE, "0 to parameter_count - 1."),
     ),
+    answer="ParameterEntry",
+    reads=True,
 )
 LINK_COUNTERS_GET = Message(
     id=0x0F,
     name="LinkCountersGet",
     doc="Asks for the device's link counters; the answer is LinkCounters.",
     body=Struct(_session(), _request()),
+    answer="LinkCounters",
+    reads=True,
 )
 
 CONTROL_COUNTERS_GET = Message(
@@ -304,6 +311,8 @@ CONTROL_COUNTERS_GET = Message(
     name="ControlCountersGet",
     doc="Asks for the control loop's counters; the answer is ControlCounters.",
     body=Struct(_session(), _request()),
+    answer="ControlCounters",
+    reads=True,
 )
 
 PARAMETER_TRIAL = Message(
@@ -325,6 +334,8 @@ GROUP_GET = Message(
     name="GroupGet",
     doc="Asks for the hash of a group of messages; the answer is GroupInfo.",
     body=Struct(_session(), _request(), field("group", Int8ul, Unit.NONE, "Which.", Group)),
+    answer="GroupInfo",
+    reads=True,
 )
 RESTART = Message(
     id=0x13,
@@ -338,6 +349,8 @@ CONTRADICTIONS_GET = Message(
     name="ContradictionsGet",
     doc="Asks which parameters contradict each other; the answer is Contradictions.",
     body=Struct(_session(), _request()),
+    answer="Contradictions",
+    reads=True,
 )
 
 HOLD_GET = Message(
@@ -345,6 +358,8 @@ HOLD_GET = Message(
     name="HoldGet",
     doc="Asks what holds the robot, and what ended its last motion; the answer is Hold.",
     body=Struct(_session(), _request()),
+    answer="Hold",
+    reads=True,
 )
 
 # --- the configuration, from the host: ids 0x20 to 0x2f ------------------------------------------
@@ -355,6 +370,8 @@ CONFIGURATION_GET = Message(
     doc="Asks for the active configuration; the answer is ConfigurationValue.",
     body=Struct(_session(), _request()),
     group=Group.CONFIGURATION,
+    answer="ConfigurationValue",
+    reads=True,
 )
 PERIPHERAL_GET = Message(
     id=0x21,
@@ -366,6 +383,8 @@ PERIPHERAL_GET = Message(
         field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
     ),
     group=Group.CONFIGURATION,
+    answer="PeripheralValue",
+    reads=True,
 )
 BOARD_SET = Message(
     id=0x22,
@@ -427,6 +446,8 @@ BOX_GET = Message(
         field("age", Int8ul, Unit.NONE, "How many were stored after it; 0: the newest."),
     ),
     group=Group.RECORDER,
+    answer="BoxValue",
+    reads=True,
 )
 BOX_READ = Message(
     id=0x31,
@@ -440,6 +461,8 @@ BOX_READ = Message(
         field("offset", Int32ul, Unit.NONE, "Offset from its beginning, in bytes."),
     ),
     group=Group.RECORDER,
+    answer="BoxPart",
+    reads=True,
 )
 LEDGER_GET = Message(
     id=0x32,
@@ -447,6 +470,8 @@ LEDGER_GET = Message(
     doc="Asks for the counts that outlive a reset; the answer is LedgerValue.",
     body=Struct(_session(), _request()),
     group=Group.RECORDER,
+    answer="LedgerValue",
+    reads=True,
 )
 
 # --- the store, from the host: ids 0x40 to 0x4f --------------------------------------------------
@@ -457,6 +482,8 @@ UNSAVED_GET = Message(
     doc="Asks which parameters a reset would change; the answer is UnsavedValue.",
     body=Struct(_session(), _request()),
     group=Group.STORE,
+    answer="UnsavedValue",
+    reads=True,
 )
 
 # --- sensors, from the host: ids 0x50 to 0x5f ----------------------------------------------------
@@ -476,6 +503,18 @@ SENSOR_STREAM = Message(
         ),
     ),
     group=Group.SENSOR,
+)
+
+# --- what the firmware runs on, from the host: ids 0x60 to 0x6f ----------------------------------
+
+MEMORY_GET = Message(
+    id=0x60,
+    name="MemoryGet",
+    doc="Asks how much of the chip's memory is left; the answer is MemoryValue.",
+    body=Struct(_session(), _request()),
+    group=Group.PLATFORM,
+    answer="MemoryValue",
+    reads=True,
 )
 
 # --- from the device ---------------------------------------------------------------------------
@@ -990,66 +1029,32 @@ RANGE = Message(
     group=Group.SENSOR,
 )
 
-# The order counts: each group's hash covers its layouts in this order.
-MESSAGES: tuple[Message, ...] = (
-    HELLO,
-    STOP,
-    ESTOP,
-    SET_WHEEL_VELOCITY,
-    SET_DUTY,
-    PING,
-    CLEAR_ESTOP,
-    CLEAR_FAULT,
-    SET_STREAM_RATE,
-    PARAMETER_GET,
-    PARAMETER_SET,
-    PARAMETER_SAVE,
-    PARAMETER_RESET,
-    PARAMETER_LIST,
-    LINK_COUNTERS_GET,
-    CONTROL_COUNTERS_GET,
-    PARAMETER_TRIAL,
-    GROUP_GET,
-    RESTART,
-    CONTRADICTIONS_GET,
-    HOLD_GET,
-    CONFIGURATION_GET,
-    PERIPHERAL_GET,
-    BOARD_SET,
-    PERIPHERAL_SET,
-    CONFIGURATION_WRITE,
-    CONFIGURATION_CONFIRM,
-    BOX_GET,
-    BOX_READ,
-    LEDGER_GET,
-    UNSAVED_GET,
-    SENSOR_STREAM,
-    DEVICE_HELLO,
-    WHEEL_STATE,
-    REFUSE,
-    ACK,
-    PONG,
-    PARAMETER_VALUE,
-    PARAMETER_ENTRY,
-    EVENT,
-    LINK_COUNTERS,
-    CONTROL_COUNTERS,
-    GROUP_INFO,
-    CONTRADICTIONS,
-    HOLD,
-    CONFIGURATION_VALUE,
-    PERIPHERAL_VALUE,
-    BOX_VALUE,
-    BOX_PART,
-    LEDGER_VALUE,
-    UNSAVED_VALUE,
-    SENSOR_INFO,
-    IMU,
-    POWER,
-    INPUTS,
-    SENSOR_EVENT,
-    RANGE,
+# --- what the firmware runs on, from the device: ids 0xe0 to 0xef --------------------------------
+
+
+def _bytes(name: str, doc: str) -> Field:
+    return field(name, Int32ul, Unit.NONE, doc)
+
+
+MEMORY_VALUE = Message(
+    id=0xE0,
+    name="MemoryValue",
+    doc="How much of the chip's memory is left, measured once a second.",
+    body=Struct(
+        _session(),
+        _request(),
+        _bytes("free_heap", "Bytes of heap that are free now."),
+        _bytes("least_free_heap", "Fewest bytes of heap that were free since the start."),
+        # Named as the firmware names its tasks.
+        _bytes("control_stack", "Fewest bytes that were left of the control task's stack."),
+        _bytes("housekeeping_stack", "The same of the housekeeping task."),
+        _bytes("sensors_stack", "The same of the task that reads sensors; 0: there is none."),
+    ),
+    group=Group.PLATFORM,
 )
+
+MESSAGES = tuple(defined for defined in list(globals().values()) if isinstance(defined, Message))
+"""In the order of their definitions, in which each group's hash covers their layouts."""
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders
 # rely on that.

@@ -445,6 +445,15 @@ class SensorStream(NamedTuple):
     """Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz]"""
 
 
+class MemoryGet(NamedTuple):
+    """Asks how much of the chip's memory is left; the answer is MemoryValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -1096,6 +1105,25 @@ class Range(NamedTuple):
     """What the echo says. See `codes.RangeQuality`."""
 
 
+class MemoryValue(NamedTuple):
+    """How much of the chip's memory is left, measured once a second."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    free_heap: int
+    """Bytes of heap that are free now."""
+    least_free_heap: int
+    """Fewest bytes of heap that were free since the start."""
+    control_stack: int
+    """Fewest bytes that were left of the control task's stack."""
+    housekeeping_stack: int
+    """The same of the housekeeping task."""
+    sensors_stack: int
+    """The same of the task that reads sensors; 0: there is none."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -1129,6 +1157,7 @@ AnyMessage = (
     | LedgerGet
     | UnsavedGet
     | SensorStream
+    | MemoryGet
     | DeviceHello
     | WheelState
     | Refuse
@@ -1154,7 +1183,95 @@ AnyMessage = (
     | Inputs
     | SensorEvent
     | Range
+    | MemoryValue
 )
+
+AnyRequest = (
+    Stop
+    | Estop
+    | ClearEstop
+    | ClearFault
+    | SetStreamRate
+    | ParameterGet
+    | ParameterSet
+    | ParameterSave
+    | ParameterReset
+    | ParameterList
+    | LinkCountersGet
+    | ControlCountersGet
+    | ParameterTrial
+    | GroupGet
+    | Restart
+    | ContradictionsGet
+    | HoldGet
+    | ConfigurationGet
+    | PeripheralGet
+    | BoardSet
+    | PeripheralSet
+    | ConfigurationWrite
+    | ConfigurationConfirm
+    | BoxGet
+    | BoxRead
+    | LedgerGet
+    | UnsavedGet
+    | SensorStream
+    | MemoryGet
+)
+
+AnyAnswer = (
+    Ack
+    | ParameterValue
+    | ParameterEntry
+    | LinkCounters
+    | ControlCounters
+    | GroupInfo
+    | Contradictions
+    | Hold
+    | ConfigurationValue
+    | PeripheralValue
+    | BoxValue
+    | BoxPart
+    | LedgerValue
+    | UnsavedValue
+    | MemoryValue
+)
+
+ANSWERS: dict[type[AnyMessage], type[AnyAnswer]] = {
+    ParameterGet: ParameterValue,
+    ParameterSet: ParameterValue,
+    ParameterList: ParameterEntry,
+    LinkCountersGet: LinkCounters,
+    ControlCountersGet: ControlCounters,
+    GroupGet: GroupInfo,
+    ContradictionsGet: Contradictions,
+    HoldGet: Hold,
+    ConfigurationGet: ConfigurationValue,
+    PeripheralGet: PeripheralValue,
+    BoxGet: BoxValue,
+    BoxRead: BoxPart,
+    LedgerGet: LedgerValue,
+    UnsavedGet: UnsavedValue,
+    MemoryGet: MemoryValue,
+}
+"""What answers a request; all others are answered by an Ack."""
+
+READ_ONLY: tuple[type[AnyRequest], ...] = (
+    ParameterGet,
+    ParameterList,
+    LinkCountersGet,
+    ControlCountersGet,
+    GroupGet,
+    ContradictionsGet,
+    HoldGet,
+    ConfigurationGet,
+    PeripheralGet,
+    BoxGet,
+    BoxRead,
+    LedgerGet,
+    UnsavedGet,
+    MemoryGet,
+)
+"""Requests that change nothing."""
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x01, Hello, "LHL"),
@@ -1189,6 +1306,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x32, LedgerGet, "LH"),
     (0x40, UnsavedGet, "LH"),
     (0x50, SensorStream, "LHH"),
+    (0x60, MemoryGet, "LH"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -1214,6 +1332,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0xD3, Inputs, "LLHHHBBHHHHHHHHHHHHHH"),
     (0xD4, SensorEvent, "LLBBH"),
     (0xD6, Range, "LLBHHHB"),
+    (0xE0, MemoryValue, "LHLLLLL"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
@@ -1274,6 +1393,7 @@ GROUP_HASHES: dict[Group, int] = {
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,
     Group.SENSOR: 0x1CC0245F,
+    Group.PLATFORM: 0x578E71F1,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
@@ -1289,6 +1409,7 @@ GROUPS: dict[type[AnyMessage], Group] = {
     LedgerGet: Group.RECORDER,
     UnsavedGet: Group.STORE,
     SensorStream: Group.SENSOR,
+    MemoryGet: Group.PLATFORM,
     ConfigurationValue: Group.CONFIGURATION,
     PeripheralValue: Group.CONFIGURATION,
     BoxValue: Group.RECORDER,
@@ -1301,5 +1422,6 @@ GROUPS: dict[type[AnyMessage], Group] = {
     Inputs: Group.SENSOR,
     SensorEvent: Group.SENSOR,
     Range: Group.SENSOR,
+    MemoryValue: Group.PLATFORM,
 }
 """The groups of the messages that not every device has."""

@@ -28,6 +28,8 @@ class Device {
   void record(Recorder& recorder) { robot_.record(recorder); }
   /// From now on hosts may read what it has stored; the archive must outlive the device.
   void offer(BoxArchive& archive) { server_.offer(archive); }
+  /// From now on hosts may ask about what this runs on; it must outlive the device.
+  void offer(PlatformMessages& platform) { server_.offer(platform); }
   /// One control step: encoders, link, supervision, outputs, state stream.
   void step(uint64_t now_us);
   /// Reads and answers what the host sent, without waiting for the next step.

@@ -7,6 +7,9 @@ namespace {
 /// Long enough for the acknowledgement to leave the chip.
 constexpr uint64_t kRestartDelayUs = 50'000;
 
+/// Messages with a smaller id are the host's.
+constexpr uint8_t kFirstDeviceId = 0x80;
+
 }  // namespace
 
 void MessageServer::service_link(uint64_t now_us) {
@@ -93,8 +96,8 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return once(LedgerGet::decode(frame.body), now_us);
     case UnsavedGet::kId:
       return once(UnsavedGet::decode(frame.body), now_us);
-    case SensorStream::kId:
-      return serve_sensors(frame, now_us);
+    default:
+      return serve_elsewhere(frame, now_us);
   }
 }
 
@@ -409,6 +412,8 @@ bool MessageServer::is_served(Group group) const {
       return true;
     case Group::kSensor:
       return sensors_ != nullptr;
+    case Group::kPlatform:
+      return platform_ != nullptr;
   }
   return false;
 }
@@ -576,18 +581,22 @@ void MessageServer::on(const UnsavedGet& request, uint64_t) {
                                           .parameters = robot_.unsaved_parameters()});
 }
 
-// --- sensors -------------------------------------------------------------------------------------
+// --- sensors, platform ---------------------------------------------------------------------------
 
-/// Each of them begins as any request does.
-void MessageServer::serve_sensors(const Frame& frame, uint64_t now_us) {
+/// What other objects answer. Each of these requests begins as any request does.
+void MessageServer::serve_elsewhere(const Frame& frame, uint64_t now_us) {
+  const Group group = group_of(frame.id);
+  const bool from_host = frame.id < kFirstDeviceId;
+  if (!from_host || (group != Group::kSensor && group != Group::kPlatform)) return;
   const uint8_t* at = frame.body;
   uint32_t session_id;
   uint16_t request_id;
   wire::get(at, session_id);
   wire::get(at, request_id);
   if (!is_new(frame.id, session_id, request_id)) return;
-  if (sensors_ == nullptr) return conclude(frame.id, request_id, RefusalCode::kNotSupported);
-  sensors_->serve(frame, request_id, now_us);
+  if (!is_served(group)) return conclude(frame.id, request_id, RefusalCode::kNotSupported);
+  if (group == Group::kSensor) return sensors_->serve(frame, request_id, now_us);
+  platform_->serve(*this, frame, request_id);
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------

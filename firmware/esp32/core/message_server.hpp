@@ -54,6 +54,16 @@ class SensorMessages {
   ~SensorMessages() = default;
 };
 
+/// What answers the requests about what the firmware runs on, of which this code knows nothing.
+class PlatformMessages {
+ public:
+  /// Answers a request that is new in this session.
+  virtual void serve(MessageServer& server, const Frame& frame, uint16_t request_id) = 0;
+
+ protected:
+  ~PlatformMessages() = default;
+};
+
 class MessageServer final : public RobotObserver {
  public:
   /// `robot` is not used before the first message: it may be constructed later. `configuration`:
@@ -66,6 +76,8 @@ class MessageServer final : public RobotObserver {
   void offer(BoxArchive& archive) { archive_ = &archive; }
   /// From now on hosts may read sensors.
   void offer(SensorMessages& sensors) { sensors_ = &sensors; }
+  /// From now on hosts may ask about the platform.
+  void offer(PlatformMessages& platform) { platform_ = &platform; }
   /// Reads and answers what the host has sent.
   void service_link(uint64_t now_us);
   /// Carries out one message.
@@ -89,7 +101,7 @@ class MessageServer final : public RobotObserver {
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;
   uint32_t sensed() const override { return sensors_ == nullptr ? 0 : sensors_->held(); }
 
-  // For SensorMessages.
+  // For SensorMessages and PlatformMessages.
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
   void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
   Link& link() { return link_; }
@@ -148,7 +160,7 @@ class MessageServer final : public RobotObserver {
   void on(const BoxRead& request, uint64_t now_us);
   void on(const LedgerGet& request, uint64_t now_us);
   void on(const UnsavedGet& request, uint64_t now_us);
-  void serve_sensors(const Frame& frame, uint64_t now_us);
+  void serve_elsewhere(const Frame& frame, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message, uint64_t now_us);
@@ -190,6 +202,7 @@ class MessageServer final : public RobotObserver {
   uint64_t reported_us_ = 0;
   Reported reported_;
   SensorMessages* sensors_ = nullptr;
+  PlatformMessages* platform_ = nullptr;
 };
 
 }  // namespace wheelwire

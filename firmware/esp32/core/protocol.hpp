@@ -81,6 +81,7 @@ enum class Group : uint8_t {
   kRecorder = 2,       ///< Black boxes and ledger: what the device recorded of its stops.
   kStore = 3,          ///< What the device has stored: which parameters a reset would change.
   kSensor = 4,         ///< Sensors, inputs and reflexes: what the peripherals measure and forbid.
+  kPlatform = 5,       ///< What the firmware runs on: how much of the chip's memory is left.
 };
 
 enum class StopMode : uint8_t {
@@ -308,6 +309,8 @@ constexpr uint32_t hash_of(Group group) {
       return 0x7b6bfe88;
     case Group::kSensor:
       return 0x1cc0245f;
+    case Group::kPlatform:
+      return 0x578e71f1;
   }
   return 0;
 }
@@ -1585,6 +1588,31 @@ struct SensorStream {
   }
 };
 
+/// Asks how much of the chip's memory is left; the answer is MemoryValue.
+struct MemoryGet {
+  static constexpr uint8_t kId = 0x60;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const MemoryGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static MemoryGet decode(const uint8_t* in) {
+    MemoryGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -2856,6 +2884,46 @@ struct Range {
   }
 };
 
+/// How much of the chip's memory is left, measured once a second.
+struct MemoryValue {
+  static constexpr uint8_t kId = 0xe0;
+  static constexpr size_t kSize = 26;
+
+  uint32_t session_id{};          ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};          ///< Counts up in a session; the answer returns it.
+  uint32_t free_heap{};           ///< Bytes of heap that are free now.
+  uint32_t least_free_heap{};     ///< Fewest bytes of heap that were free since the start.
+  uint32_t control_stack{};       ///< Fewest bytes that were left of the control task's stack.
+  uint32_t housekeeping_stack{};  ///< The same of the housekeeping task.
+  uint32_t sensors_stack{};       ///< The same of the task that reads sensors; 0: there is none.
+
+  bool operator==(const MemoryValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, free_heap);
+    wire::put(out, least_free_heap);
+    wire::put(out, control_stack);
+    wire::put(out, housekeeping_stack);
+    wire::put(out, sensors_stack);
+  }
+
+  /// Reads kSize bytes.
+  static MemoryValue decode(const uint8_t* in) {
+    MemoryValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.free_heap);
+    wire::get(in, message.least_free_heap);
+    wire::get(in, message.control_stack);
+    wire::get(in, message.housekeeping_stack);
+    wire::get(in, message.sensors_stack);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -2923,6 +2991,8 @@ constexpr int body_size(uint8_t id) {
       return UnsavedGet::kSize;
     case SensorStream::kId:
       return SensorStream::kSize;
+    case MemoryGet::kId:
+      return MemoryGet::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -2973,8 +3043,68 @@ constexpr int body_size(uint8_t id) {
       return SensorEvent::kSize;
     case Range::kId:
       return Range::kSize;
+    case MemoryValue::kId:
+      return MemoryValue::kSize;
     default:
       return -1;
+  }
+}
+
+/// The group of the message with this id; kBase also where there is none.
+constexpr Group group_of(uint8_t id) {
+  switch (id) {
+    case ConfigurationGet::kId:
+      return Group::kConfiguration;
+    case PeripheralGet::kId:
+      return Group::kConfiguration;
+    case BoardSet::kId:
+      return Group::kConfiguration;
+    case PeripheralSet::kId:
+      return Group::kConfiguration;
+    case ConfigurationWrite::kId:
+      return Group::kConfiguration;
+    case ConfigurationConfirm::kId:
+      return Group::kConfiguration;
+    case BoxGet::kId:
+      return Group::kRecorder;
+    case BoxRead::kId:
+      return Group::kRecorder;
+    case LedgerGet::kId:
+      return Group::kRecorder;
+    case UnsavedGet::kId:
+      return Group::kStore;
+    case SensorStream::kId:
+      return Group::kSensor;
+    case MemoryGet::kId:
+      return Group::kPlatform;
+    case ConfigurationValue::kId:
+      return Group::kConfiguration;
+    case PeripheralValue::kId:
+      return Group::kConfiguration;
+    case BoxValue::kId:
+      return Group::kRecorder;
+    case BoxPart::kId:
+      return Group::kRecorder;
+    case LedgerValue::kId:
+      return Group::kRecorder;
+    case UnsavedValue::kId:
+      return Group::kStore;
+    case SensorInfo::kId:
+      return Group::kSensor;
+    case Imu::kId:
+      return Group::kSensor;
+    case Power::kId:
+      return Group::kSensor;
+    case Inputs::kId:
+      return Group::kSensor;
+    case SensorEvent::kId:
+      return Group::kSensor;
+    case Range::kId:
+      return Group::kSensor;
+    case MemoryValue::kId:
+      return Group::kPlatform;
+    default:
+      return Group::kBase;
   }
 }
 

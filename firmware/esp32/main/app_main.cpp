@@ -139,6 +139,7 @@ void start() {
   static SensorServer sensor_server{configuration.peripherals(), &sensors,
                                     has_battery ? &latest_battery : nullptr};
   device.sense(sensor_server);
+  device.offer(housekeeping);
 
   static RecorderKeeper recorder{recorder_memory, recorder_flash, origin_of(identity),
                                  identity.reset_reason, configuration.fingerprint()};

@@ -1,5 +1,8 @@
 #include "housekeeping.hpp"
 
+#include <atomic>
+
+#include "esp_system.h"
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
 #include "sensor_hub.hpp"
@@ -14,6 +17,7 @@ constexpr uint32_t kCyclesPerBattery = 2;
 // A measurement that fails is 0 mV until the next one, and must not count as a broken wire.
 static_assert(2 * kCyclesPerBattery * kCycleMs * 1000 < SensorHub::kZeroUs);
 constexpr uint32_t kCyclesPerAnalog = SensorHub::kAnalogPeriodUs / 1000 / kCycleMs;
+constexpr uint32_t kCyclesPerMemory = 1000 / kCycleMs;
 
 constexpr BaseType_t kCore = 0;
 constexpr UBaseType_t kPriority = tskIDLE_PRIORITY + 1;
@@ -21,6 +25,30 @@ constexpr uint32_t kStackBytes = 3072;
 
 StackType_t stack[kStackBytes];
 StaticTask_t task_memory;
+
+// Of each task the fewest bytes of stack that were ever left, as housekeeping has measured them:
+// that reads all that is left, which takes longer than the control task has.
+struct StackLeft {
+  const char* task;
+  std::atomic<uint32_t> bytes{0};
+};
+StackLeft control_stack{"control"};
+StackLeft housekeeping_stack{"housekeeping"};
+StackLeft sensors_stack{"sensors"};
+std::atomic<uint32_t> free_heap{0};
+std::atomic<uint32_t> least_free_heap{0};
+
+void measure(StackLeft& stack_left) {
+  const TaskHandle_t task = xTaskGetHandle(stack_left.task);
+  if (task != nullptr) stack_left.bytes = uxTaskGetStackHighWaterMark(task);
+}
+
+void measure_memory() {
+  free_heap = esp_get_free_heap_size();
+  least_free_heap = esp_get_minimum_free_heap_size();
+  for (StackLeft* const each : {&control_stack, &housekeeping_stack, &sensors_stack})
+    measure(*each);
+}
 
 }  // namespace
 
@@ -49,6 +77,23 @@ void Housekeeping::run_once() {
   if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
   if (cycles_ % kCyclesPerAnalog == 0) analog_.measure();
+  // In the first cycle, too: a host may ask at once.
+  if (cycles_ % kCyclesPerMemory == 1) measure_memory();
+}
+
+void Housekeeping::serve(MessageServer& server, const Frame& frame, uint16_t request_id) {
+  if (frame.id != MemoryGet::kId)
+    return server.conclude(frame.id, request_id, RefusalCode::kNotSupported);
+  uint8_t body[MemoryValue::kSize];
+  MemoryValue{.session_id = server.session_id(),
+              .request_id = request_id,
+              .free_heap = free_heap,
+              .least_free_heap = least_free_heap,
+              .control_stack = control_stack.bytes,
+              .housekeeping_stack = housekeeping_stack.bytes,
+              .sensors_stack = sensors_stack.bytes}
+      .encode(body);
+  server.answer_afresh(MemoryValue::kId, request_id, body, sizeof body);
 }
 
 }  // namespace wheelwire

@@ -1,20 +1,25 @@
-// What can wait: the status LED, the battery and analogue inputs. Lowest priority, under the task
+// What can wait: the status LED, the battery and analogue inputs, how much memory is left. Lowest
+// priority, under the task
 // watchdog, so that a core on which no task runs any more is noticed, too.
 #pragma once
 
 #include "analog_inputs.hpp"
 #include "battery.hpp"
+#include "message_server.hpp"
 #include "shared_state.hpp"
 
 namespace wheelwire {
 
-class Housekeeping {
+class Housekeeping final : public PlatformMessages {
  public:
   Housekeeping(Battery& battery, AnalogInputs& analog, SharedState& state)
       : battery_(battery), analog_(analog), state_(state) {}
 
   /// Creates the task, which alone uses the ADC from here on.
   void start(bool has_battery, int led_pin);
+
+  /// Called by the control task: answers with what was measured last.
+  void serve(MessageServer& server, const Frame& frame, uint16_t request_id) override;
 
  private:
   [[noreturn]] static void run(void* self);

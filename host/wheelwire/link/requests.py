@@ -15,100 +15,23 @@ from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
+    ANSWERS,
     Ack,
+    AnyAnswer,
     AnyMessage,
-    BoardSet,
-    BoxGet,
-    BoxPart,
-    BoxRead,
-    BoxValue,
-    ClearEstop,
+    AnyRequest,
     ClearFault,
-    ConfigurationConfirm,
-    ConfigurationGet,
-    ConfigurationValue,
-    ConfigurationWrite,
-    Contradictions,
-    ContradictionsGet,
-    ControlCounters,
-    ControlCountersGet,
     Estop,
-    GroupGet,
-    GroupInfo,
-    Hold,
-    HoldGet,
-    LedgerGet,
-    LedgerValue,
-    LinkCounters,
-    LinkCountersGet,
-    ParameterEntry,
-    ParameterGet,
-    ParameterList,
-    ParameterReset,
-    ParameterSave,
     ParameterSet,
     ParameterTrial,
-    ParameterValue,
-    PeripheralGet,
-    PeripheralSet,
-    PeripheralValue,
     Refuse,
-    Restart,
-    SensorStream,
-    SetStreamRate,
     Stop,
-    UnsavedGet,
-    UnsavedValue,
 )
 
 from ..errors import NO_FAULT, DeviceRefused, RequestTimeout, WheelwireError
 
-RequestMessage: TypeAlias = (
-    Stop
-    | Estop
-    | ClearEstop
-    | ClearFault
-    | SetStreamRate
-    | ParameterGet
-    | ParameterSet
-    | ParameterSave
-    | ParameterReset
-    | ParameterList
-    | ParameterTrial
-    | LinkCountersGet
-    | ControlCountersGet
-    | ContradictionsGet
-    | HoldGet
-    | GroupGet
-    | Restart
-    | ConfigurationGet
-    | BoardSet
-    | ConfigurationWrite
-    | ConfigurationConfirm
-    | BoxGet
-    | BoxRead
-    | LedgerGet
-    | UnsavedGet
-    | SensorStream
-    | PeripheralGet
-    | PeripheralSet
-)
-Answer: TypeAlias = (
-    Ack
-    | ParameterValue
-    | ParameterEntry
-    | LinkCounters
-    | ControlCounters
-    | Contradictions
-    | Hold
-    | GroupInfo
-    | ConfigurationValue
-    | BoxValue
-    | BoxPart
-    | LedgerValue
-    | UnsavedValue
-    | PeripheralValue
-)
+RequestMessage: TypeAlias = AnyRequest
+Answer: TypeAlias = AnyAnswer
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
 REPEAT_US = 25_000
@@ -123,24 +46,6 @@ ID_MODULUS = 1 << 16
 COPY_ID = 0
 """The id of the copy of a stop that its caller wrote; no request that awaits an answer has it."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
-
-# All other requests are answered by an Ack.
-ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
-    ParameterGet: ParameterValue,
-    ParameterSet: ParameterValue,
-    ParameterList: ParameterEntry,
-    LinkCountersGet: LinkCounters,
-    ControlCountersGet: ControlCounters,
-    ContradictionsGet: Contradictions,
-    HoldGet: Hold,
-    GroupGet: GroupInfo,
-    ConfigurationGet: ConfigurationValue,
-    BoxGet: BoxValue,
-    BoxRead: BoxPart,
-    LedgerGet: LedgerValue,
-    UnsavedGet: UnsavedValue,
-    PeripheralGet: PeripheralValue,
-}
 
 
 def subject(message: RequestMessage) -> str:
@@ -249,7 +154,7 @@ class RequestQueue:
         if request is None:
             return None
         # An id alone is not enough: a previous host's answer may carry the same one.
-        expected = ANSWER_TYPES.get(type(request.message), Ack)
+        expected = ANSWERS.get(type(request.message), Ack)
         if type(answer) is not expected:
             return None
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):

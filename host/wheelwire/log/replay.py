@@ -19,6 +19,7 @@ from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Group, StopMode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import (
+    ANSWERS,
     Ack,
     AnyMessage,
     ConfigurationValue,
@@ -41,7 +42,7 @@ from ..link.clock import host_clock_us
 from ..link.device_link import STEP_S, InlineLink, Opening
 from ..link.info import LinkStatistics
 from ..link.notices import Happening, Listener
-from ..link.requests import ANSWER_TYPES, Answer, Done, RequestMessage
+from ..link.requests import Answer, Done, RequestMessage
 from ..link.sample_stream import QUEUE_US, LatestSample
 from ..link.setpoints import ASKED
 from ..link.traffic import Kind, Record, TrafficReader
@@ -124,7 +125,7 @@ class _Answers:
 
     def to(self, message: RequestMessage, session: int, now_us: int) -> Answer | None:
         """The answer, if there is one; `session` counts them, for each is looked ahead in once."""
-        kind = ANSWER_TYPES.get(type(message))
+        kind = ANSWERS.get(type(message))
         if kind is None or kind not in _ANSWERS:
             return None
         key = _key(kind, message)

@@ -186,6 +186,24 @@ def _group_hashes() -> list[str]:
     ]
 
 
+def _groups() -> list[str]:
+    return [
+        "/// The group of the message with this id; kBase also where there is none.",
+        "constexpr Group group_of(uint8_t id) {",
+        "  switch (id) {",
+        *(
+            f"    case {m.name}::kId:\n      return Group::{constant_name(m.group.name)};"
+            for m in MESSAGES
+            if m.group is not Group.BASE
+        ),
+        "    default:",
+        "      return Group::kBase;",
+        "  }",
+        "}",
+        "",
+    ]
+
+
 def _body_sizes() -> list[str]:
     return [
         "/// Body size of the message with this id; -1 where there is none.",
@@ -228,6 +246,7 @@ def generate() -> str:
         *chain.from_iterable(map(_flags, SENSOR_FLAGS)),
         *chain.from_iterable(map(_message, MESSAGES)),
         *_body_sizes(),
+        *_groups(),
         *_parameters(),
         *_platform_defaults(),
         "}  // namespace wheelwire",

@@ -11,7 +11,7 @@ from itertools import chain
 
 from ..codes import Group
 from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import MESSAGES, PROTOCOL_VERSION, board_fields, peripheral_fields
+from ..messages import MESSAGES, PING, PROTOCOL_VERSION, board_fields, peripheral_fields
 from .text import banner, unit_note
 from .wire_layout import layout_hash
 
@@ -39,7 +39,6 @@ def _message(message: Message) -> list[str]:
 
 def generate() -> str:
     """The text of `types.py`."""
-    alternatives = "\n    | ".join(message.name for message in MESSAGES)
     lines = [
         '"""The messages as typed tuples, one class each.',
         "",
@@ -59,13 +58,35 @@ def generate() -> str:
         "",
         "",
         *chain.from_iterable(map(_message, MESSAGES)),
-        "AnyMessage = (",
-        f"    {alternatives}",
-        ")",
-        "",
+        *_union("AnyMessage", [message.name for message in MESSAGES]),
+        *_requests(),
         *_layouts(),
     ]
     return "\n".join(lines)
+
+
+def _union(name: str, alternatives: Iterable[str]) -> list[str]:
+    return [f"{name} = (", "    " + "\n    | ".join(alternatives), ")", ""]
+
+
+def _requests() -> list[str]:
+    # A ping is never repeated: the time of its copy's answer would mean nothing.
+    requests = [m for m in MESSAGES if m.is_request and m is not PING]
+    answered = [m for m in requests if m.answer]
+    return [
+        *_union("AnyRequest", [m.name for m in requests]),
+        *_union("AnyAnswer", dict.fromkeys(["Ack", *(m.answer for m in answered)])),
+        "ANSWERS: dict[type[AnyMessage], type[AnyAnswer]] = {",
+        *(f"    {m.name}: {m.answer}," for m in answered),
+        "}",
+        '"""What answers a request; all others are answered by an Ack."""',
+        "",
+        "READ_ONLY: tuple[type[AnyRequest], ...] = (",
+        *(f"    {m.name}," for m in requests if m.reads),
+        ")",
+        '"""Requests that change nothing."""',
+        "",
+    ]
 
 
 def _layouts() -> list[str]:

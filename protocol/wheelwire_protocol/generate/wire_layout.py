@@ -15,7 +15,6 @@ CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
     Group.CONFIGURATION: (*board.CODES, *sensors.PERIPHERAL_CODES, sensors.PeripheralFlag),
     Group.RECORDER: RECORDER_CODES,
-    Group.STORE: (),
     Group.SENSOR: (*sensors.CODES, *sensors.FLAGS),
 }
 # A new group is no change of BASE, or each would part all hosts from all devices before it.
@@ -36,7 +35,7 @@ def wire_layout(group: Group = Group.BASE) -> str:
     lines += [
         f"{_LAYOUT_NAMES.get(e, e.__name__)} "
         + " ".join(f"{m.name}={m.value}" for m in _members(e))
-        for e in CODES[group]
+        for e in CODES.get(group, ())
     ]
     return "\n".join(lines)
 

@@ -41,6 +41,7 @@ from wheelwire.log.share.wire import VERSION, Say, message, tagged
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import (
+    READ_ONLY,
     BoardSet,
     ClearEstop,
     ClearFault,
@@ -525,7 +526,7 @@ class TestRefusals:
         from wheelwire.link.requests import RequestMessage
 
         changing = {type(change) for change in self.CHANGES} | {BoardSet, PeripheralSet}
-        assert set(get_args(RequestMessage)) == {*tap_server.READ_ONLY, Stop, Estop, *changing}
+        assert set(get_args(RequestMessage)) == {*READ_ONLY, Stop, Estop, *changing}
 
     @pytest.mark.parametrize(
         "setpoint",

@@ -63,7 +63,7 @@ def test_hash_changes_with_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     assert hash_with(monkeypatch, "PARAMETERS", renamed) != before
 
 
-@pytest.mark.parametrize("group", [group for group in Group if wire_layout.CODES[group]])
+@pytest.mark.parametrize("group", list(wire_layout.CODES))
 def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch, group: Group) -> None:
     fewer = {**wire_layout.CODES, group: wire_layout.CODES[group][1:]}
     monkeypatch.setattr(wire_layout, "CODES", fewer)

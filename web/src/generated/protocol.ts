@@ -118,6 +118,7 @@ export const Group = {
   RECORDER: 2,
   STORE: 3,
   SENSOR: 4,
+  PLATFORM: 5,
 } as const;
 export const GroupDocs: Sentences<typeof Group> = {
   BASE: "Sessions, setpoints, stops, requests, state: what every device has.",
@@ -125,6 +126,7 @@ export const GroupDocs: Sentences<typeof Group> = {
   RECORDER: "Black boxes and ledger: what the device recorded of its stops.",
   STORE: "What the device has stored: which parameters a reset would change.",
   SENSOR: "Sensors, inputs and reflexes: what the peripherals measure and forbid.",
+  PLATFORM: "What the firmware runs on: how much of the chip's memory is left.",
 };
 
 /** What the outputs do to stop the wheels. */
@@ -799,6 +801,14 @@ export interface SensorStream {
   rate_hz: number;
 }
 
+/** Asks how much of the chip's memory is left; the answer is MemoryValue. */
+export interface MemoryGet {
+  /** Nonce XOR boot_id of the session. */
+  session_id: number;
+  /** Counts up in a session; the answer returns it. */
+  request_id: number;
+}
+
 /** Answers Hello: who this is, and whether the session is open. */
 export interface DeviceHello {
   /** The host's, repeated. */
@@ -1425,6 +1435,24 @@ export interface Range {
   quality: number;
 }
 
+/** How much of the chip's memory is left, measured once a second. */
+export interface MemoryValue {
+  /** Nonce XOR boot_id of the session. */
+  session_id: number;
+  /** Counts up in a session; the answer returns it. */
+  request_id: number;
+  /** Bytes of heap that are free now. */
+  free_heap: number;
+  /** Fewest bytes of heap that were free since the start. */
+  least_free_heap: number;
+  /** Fewest bytes that were left of the control task's stack. */
+  control_stack: number;
+  /** The same of the housekeeping task. */
+  housekeeping_stack: number;
+  /** The same of the task that reads sensors; 0: there is none. */
+  sensors_stack: number;
+}
+
 /** All messages by name. */
 export interface Messages {
   Hello: Hello;
@@ -1459,6 +1487,7 @@ export interface Messages {
   LedgerGet: LedgerGet;
   UnsavedGet: UnsavedGet;
   SensorStream: SensorStream;
+  MemoryGet: MemoryGet;
   DeviceHello: DeviceHello;
   WheelState: WheelState;
   Refuse: Refuse;
@@ -1484,6 +1513,7 @@ export interface Messages {
   Inputs: Inputs;
   SensorEvent: SensorEvent;
   Range: Range;
+  MemoryValue: MemoryValue;
 }
 
 /** Of each message the id, and its fields with their formats as in Python's `struct`. */
@@ -1520,6 +1550,7 @@ export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>
   LedgerGet: [0x32, "session_id:L request_id:H"],
   UnsavedGet: [0x40, "session_id:L request_id:H"],
   SensorStream: [0x50, "session_id:L request_id:H rate_hz:H"],
+  MemoryGet: [0x60, "session_id:L request_id:H"],
   DeviceHello: [0x80, "nonce:L protocol_version:H schema_hash:L refusal:B boot_id:L device_us:Q reset_reason:B board:B board_id:Q capabilities:L version_major:B version_minor:B version_patch:B git_hash:L"],
   WheelState: [0x81, "boot_id:L t_us:L left_ticks:l right_ticks:l left_mps:f right_mps:f left_duty_q15:h right_duty_q15:h command_seq:L supervisor:B faults:H overruns:H battery_mv:H"],
   Refuse: [0x82, "session_id:L message_id:B code:B reference:L"],
@@ -1545,6 +1576,7 @@ export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>
   Inputs: [0xd3, "boot_id:L t_us:L levels:H triggered:H stale:H reflexes:B level:B edges_0:H edges_1:H edges_2:H edges_3:H edges_4:H edges_5:H edges_6:H edges_7:H edges_8:H edges_9:H analog_1_mv:H analog_2_mv:H analog_3_mv:H analog_4_mv:H"],
   SensorEvent: [0xd4, "boot_id:L t_us:L channel:B code:B value:H"],
   Range: [0xd6, "boot_id:L t_us:L channel:B sample:H bound_us:H distance_mm:H quality:B"],
+  MemoryValue: [0xe0, "session_id:L request_id:H free_heap:L least_free_heap:L control_stack:L housekeeping_stack:L sensors_stack:L"],
 };
 
 /** The ids of the parameters. */

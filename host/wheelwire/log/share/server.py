@@ -27,25 +27,7 @@ from typing import TYPE_CHECKING, cast
 
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import encode_frame
-from wheelwire_protocol.types import (
-    AnyMessage,
-    BoxGet,
-    BoxRead,
-    ConfigurationGet,
-    ContradictionsGet,
-    ControlCountersGet,
-    Estop,
-    GroupGet,
-    HoldGet,
-    LedgerGet,
-    LinkCountersGet,
-    ParameterGet,
-    ParameterList,
-    PeripheralGet,
-    SensorStream,
-    Stop,
-    UnsavedGet,
-)
+from wheelwire_protocol.types import READ_ONLY, AnyMessage, Estop, SensorStream, Stop
 
 from ...errors import InvalidCommand, LinkLost, WheelwireError
 from ...link.clock import host_clock_us
@@ -75,24 +57,6 @@ from .wire import (
 
 if TYPE_CHECKING:
     from ...link.connection import Link
-
-READ_ONLY = (
-    BoxGet,
-    BoxRead,
-    ConfigurationGet,
-    ContradictionsGet,
-    ControlCountersGet,
-    GroupGet,
-    HoldGet,
-    LedgerGet,
-    LinkCountersGet,
-    ParameterGet,
-    ParameterList,
-    PeripheralGet,
-    UnsavedGet,
-)
-"""Requests that change nothing. Besides these only a stop and an e-stop are passed on, and the
-first request for the sensors' samples, which are measured in any case."""
 
 COPY_S = 0.02
 """How often records are copied to those who listen."""
@@ -489,6 +453,7 @@ class _Program:
                 link.post_stop(done, None)
                 # After the e-stop, which is not to wait.
                 _note_asked(link, self._name)
+            # Sensors are measured in any case, so any program may be the first to ask for samples.
             elif not isinstance(asked, READ_ONLY) and not _only_begins(asked, link):
                 raise InvalidCommand(
                     f"{type(asked).__name__}: a program that is attached reads, stops and "

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <functional>
+#include <map>
+#include <string>
 
 #include "freertos/FreeRTOS.h"
 
@@ -15,6 +17,16 @@ inline std::function<uint32_t(TickType_t)> fake_wait;
 inline std::function<void(TickType_t)> fake_sleep;
 /// Of the task that was created last.
 inline UBaseType_t fake_priority = 0;
+
+/// Of each task that runs, the bytes of its stack that were never used.
+inline std::map<std::string, uint32_t> fake_stack_left;
+inline TaskHandle_t xTaskGetHandle(const char* name) {
+  const auto found = fake_stack_left.find(name);
+  return found == fake_stack_left.end() ? nullptr : &found->second;
+}
+inline UBaseType_t uxTaskGetStackHighWaterMark(TaskHandle_t task) {
+  return *static_cast<uint32_t*>(task);
+}
 
 inline TaskHandle_t xTaskCreateStaticPinnedToCore(void (*run)(void*), const char*, uint32_t,
                                                   void* context, UBaseType_t priority, StackType_t*,
