@@ -175,21 +175,21 @@ endif
 	$(call pytest,2) $(ONLY)
 
 # Its own environment: zig is 400 MB, and only a release needs it.
-build/wheels-venv/installed: tools/wheels.py
+build/wheels-venv/installed: tools/build_wheels.py
 	@$(PYTHON) -m venv build/wheels-venv
 	build/wheels-venv/bin/python -m pip install --quiet --disable-pip-version-check cmake hatch-fancy-pypi-readme ninja scikit-build-core wheel ziglang
 	@touch $@
 
 wheels: build/wheels-venv/installed  ## A release's wheels, for three processors, to build/dist
-	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels.py build $(WHEELS)
-	@build/wheels-venv/bin/python tools/wheels.py build sdist
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/build_wheels.py build $(WHEELS)
+	@build/wheels-venv/bin/python tools/build_wheels.py build sdist
 
 wheels-check: wheels $(VENV)/installed  ## Test those wheels; needs qemu-user-static, libc6-arm64-cross, libc6-armhf-cross
-	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels.py check $(WHEELS)
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/build_wheels.py check $(WHEELS)
 
 wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it in a fresh environment, drive a simulated robot
-	@$(BIN)/python tools/wheels.py build native
-	@$(BIN)/python tools/wheels.py check native
+	@$(BIN)/python tools/build_wheels.py build native
+	@$(BIN)/python tools/build_wheels.py check native
 
 viewers-check: $(VENV)/installed sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
 	@$(BIN)/python tools/check_viewers.py

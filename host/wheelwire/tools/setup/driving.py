@@ -61,11 +61,11 @@ SIDES = ("left", "right")
 
 Motion = TypeVar("Motion")
 
-Left = Callable[[float], None]
+ShowTimeLeft = Callable[[float], None]
 """Called with about how long the wheels still turn [s], time and again; with 0 once they stand."""
 
 
-def untold(_left_s: float) -> None:
+def show_nothing(_left_s: float) -> None:
     """Nobody wants to know how long the wheels still turn."""
 
 

@@ -29,9 +29,9 @@ from ...robot.robot import Robot
 from .driving import (
     SIDES,
     STANDSTILL_S,
-    Left,
     Pair,
     Record,
+    ShowTimeLeft,
     come_to_rest,
     duty_of,
     follow_duty,
@@ -39,8 +39,8 @@ from .driving import (
     hold_duty,
     one_session,
     require_ready,
+    show_nothing,
     uninterrupted,
-    untold,
 )
 from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
 from .problems import MAGNET_MISSING, Problem
@@ -151,7 +151,7 @@ def identify(
     report: Callable[[str], None],
     *,
     on_the_floor: bool,
-    left: Left = untold,
+    left: ShowTimeLeft = show_nothing,
 ) -> Identification:
     """Measure what duty the wheels need. The robot is stopped at the end, whatever happens.
 
@@ -205,7 +205,7 @@ class _Bench:
         robot: Robot,
         report: Callable[[str], None],
         on_the_floor: bool,
-        left: Left,
+        left: ShowTimeLeft,
     ) -> None:
         self._robot = robot
         self._report = report

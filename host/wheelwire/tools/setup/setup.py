@@ -25,7 +25,7 @@ from ..files.parameters import ParameterFile
 from ..files.state import state_folder
 from ..tune.before_after import Proof, prove
 from .counts import COUNTS, ask_counts
-from .driving import BoardReset, Left, not_watching, set_at_rest, untold
+from .driving import BoardReset, ShowTimeLeft, not_watching, set_at_rest, show_nothing
 from .expectation import expected_rms_mps, judge
 from .gains import tuned
 from .identification import identify
@@ -165,7 +165,7 @@ class Options:
     progress: Progress | None = None
     on_the_floor: bool = False
     plot: Path | None = None
-    left: Left = untold
+    left: ShowTimeLeft = show_nothing
 
 
 def set_up(robot: Robot, person: Person, say: Say, options: Options | None = None) -> Findings:

@@ -25,17 +25,17 @@ from ...errors import CommissioningFailed, DeviceRefused, InvalidArgument
 from ...robot.robot import Robot
 from ..setup.driving import (
     SIDES,
-    Left,
     Pair,
     Record,
+    ShowTimeLeft,
     arm,
     come_to_rest,
     life_s,
     one_session,
     require_ready,
     set_at_rest,
+    show_nothing,
     uninterrupted,
-    untold,
 )
 
 TOP_MPS = 0.35
@@ -372,7 +372,7 @@ def prove(
     robot: Robot,
     before: Mapping[str, float],
     after: Mapping[str, float],
-    left: Left = untold,
+    left: ShowTimeLeft = show_nothing,
 ) -> Proof:
     """Drive the course with both sets of parameters.
 
@@ -401,7 +401,7 @@ def drive_with_each(
     robot: Robot,
     sets: Sequence[Mapping[str, float]],
     course: Course,
-    left: Left = untold,
+    left: ShowTimeLeft = show_nothing,
     attempts: int = 1,
 ) -> tuple[tuple[Trace | None, ...], tuple[Fault, ...]]:
     """Drive a course with each set of parameters; the traces, and the faults that ended a drive.

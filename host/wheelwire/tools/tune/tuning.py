@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import Fault
 
 from ...errors import InvalidArgument
 from ...robot.robot import Robot
-from ..setup.driving import SIDES, Left, Pair, require_ready, untold
+from ..setup.driving import SIDES, Pair, ShowTimeLeft, require_ready, show_nothing
 from .before_after import Course, Piece, Trace, drive_with_each, means, noise_mps
 
 STEP, RAMP, SINE = SHAPES = ("step", "ramp", "sine")
@@ -238,7 +238,7 @@ def compare(
     robot: Robot,
     drive: Drive,
     tried: Mapping[str, float],
-    left: Left = untold,
+    left: ShowTimeLeft = show_nothing,
     plan: Callable[[Course], object] = lambda _: None,
 ) -> Comparison:
     """Drive with the robot's values, and, if there are any, with those to be tried.
