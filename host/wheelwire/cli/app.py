@@ -10,7 +10,6 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -23,24 +22,10 @@ from wheelwire.link.ports import UNIX
 from wheelwire_protocol.codes import RefusalCode
 
 from . import INTERRUPTED
-from .board import app as board_app
-from .doctor import doctor
-from .flash import flash
-from .help import help_command, lead_to_pages, more_about
+from .help import lead_to_pages, more_about
 from .interruptions import Interrupted
-from .local import demo, mcu, ports
-from .log import app as log_app
 from .output import UsageError, print_error, print_interruption, show_help_alone
-from .parameters import app as parameters_app
-from .robot import clear, drive, estop, info, monitor, restart, stop
-from .sensors import sensors
-from .setup import setup
-from .sim import app as sim_app
-from .start import start
-from .support import support
-from .teleop import teleop
-from .tune import tune
-from .why import why
+from .registry import commands
 
 USAGE = 2
 _LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
@@ -51,43 +36,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_GROUPS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
-    "Build a robot": {
-        "start": start,
-        "ports": ports,
-        "flash": flash,
-        "board": board_app,
-        "setup": setup,
-        "tune": tune,
-        "params": parameters_app,
-    },
-    "Drive": {
-        "drive": drive,
-        "teleop": teleop,
-        "stop": stop,
-        "estop": estop,
-        "clear": clear,
-        "restart": restart,
-    },
-    "Look, and find out why": {
-        "info": info,
-        "monitor": monitor,
-        "sensors": sensors,
-        "why": why,
-        "doctor": doctor,
-        "log": log_app,
-        "support": support,
-    },
-    "Without a robot": {"demo": demo, "sim": sim_app, "mcu": mcu, "help": help_command},
-}
-"""The commands by the heading under which the help lists them."""
-for _heading, _commands in _GROUPS.items():
-    for _name, _command in _commands.items():
-        if isinstance(_command, typer.Typer):
-            app.add_typer(_command, name=_name, rich_help_panel=_heading)
-        else:
-            app.command(_name, rich_help_panel=_heading)(_command)
-lead_to_pages(app)
+_COMMANDS = commands()
+for _command in _COMMANDS:
+    if isinstance(_command.runs, typer.Typer):
+        app.add_typer(_command.runs, name=_command.name, rich_help_panel=_command.heading.value)
+    else:
+        app.command(_command.name, rich_help_panel=_command.heading.value)(_command.runs)
+lead_to_pages(app, {command.name: command.page for command in _COMMANDS})
 
 
 @app.callback(invoke_without_command=True)

@@ -64,8 +64,10 @@ from .output import (
 )
 from .parameters import RobotCommand, split
 from .prompts import ask, ask_yes_or_no, can_ask
+from .registry import Heading, command
 
 app = typer.Typer()
+command("board", Heading.BUILD, 4, page="boards")(app)
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:

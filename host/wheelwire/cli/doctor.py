@@ -15,6 +15,7 @@ from wheelwire.errors import ProtocolMismatch, WheelwireError
 
 from .address import Address, BaudRateOption, RobotArgument
 from .output import JsonFlag, console, print_json, print_lines
+from .registry import Heading, command
 
 if TYPE_CHECKING:
     from wheelwire.tools.doctor import Finding
@@ -23,6 +24,7 @@ FOUND = 30
 """Exit code if anything was found."""
 
 
+@command("doctor", Heading.LOOK, 5, page="doctor")
 def doctor(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:

@@ -13,11 +13,13 @@ from wheelwire.errors import FlashFailed, InvalidArgument
 
 from .address import RobotArgument, resolve
 from .output import JsonFlag, console, error_console, print_json, print_lines
+from .registry import Heading, command
 
 if TYPE_CHECKING:
     from wheelwire.tools.flash import Plan
 
 
+@command("flash", Heading.BUILD, 3, page="tutorial/4-flash")
 def flash(
     robot: RobotArgument = None,
     port: Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")] = None,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ from wheelwire.errors import meant
 from wheelwire_protocol import native
 
 from .output import console, print_lines
+from .registry import Heading, command
 
 _CHECKOUT = Path(__file__).parents[3]
 _SHIPPED = Path(__file__).parents[1] / "pages"
@@ -47,34 +48,9 @@ PAGE_OF = {
     "WrongBoard": "boards",
 }
 """Class of an error -> the page, and section, that explains it at length."""
-PAGE_OF_COMMAND = {
-    "board": "boards",
-    "clear": "stops",
-    "demo": "simulator",
-    "doctor": "doctor",
-    "drive": "tutorial/6-drive",
-    "estop": "stops",
-    "flash": "tutorial/4-flash",
-    "info": "command-line",
-    "log": "recording",
-    "mcu": "pi-pins/a-service-of-its-own",
-    "monitor": "view",
-    "params": "robot-file",
-    "ports": "troubleshooting/port",
-    "restart": "command-line",
-    "sensors": "sensors",
-    "setup": "first-hour",
-    "sim": "simulator",
-    "start": "first-hour",
-    "stop": "stops",
-    "support": "recording",
-    "teleop": "teleop",
-    "tune": "tutorial/7-tune",
-    "why": "why",
-}
-"""First word of a command -> the page that explains it; its help ends with that page."""
 
 
+@command("help", Heading.WITHOUT_ROBOT, 4)
 def help_command(
     context: typer.Context,
     words: Annotated[
@@ -152,21 +128,26 @@ def more_about(kind: str) -> str:
     return f"wheelwire help {PAGE_OF[kind]}" if kind in PAGE_OF else ""
 
 
-def lead_to_pages(app: typer.Typer) -> None:
-    """Let the help of each command fit any width, and end with the page that explains it."""
+def lead_to_pages(app: typer.Typer, page_of: Mapping[str, str]) -> None:
+    """Let the help of each command fit any width, and end with the page that explains it.
+
+    Args:
+        app: With all commands.
+        page_of: First word of a command -> its page, or nothing.
+    """
     app.info.epilog = "More: wheelwire help"
-    for command in app.registered_commands:
-        _lead(command, command.name or str(getattr(command.callback, "__name__", "")))
+    for info in app.registered_commands:
+        _lead(info, page_of[str(info.name)])
     for group in app.registered_groups:
-        _lead(group, str(group.name))
+        _lead(group, page_of[str(group.name)])
         if group.typer_instance:
-            for command in group.typer_instance.registered_commands:
-                _lead(command, str(group.name))
+            for info in group.typer_instance.registered_commands:
+                _lead(info, page_of[str(group.name)])
 
 
-def _lead(info: CommandInfo | TyperInfo, name: str) -> None:
-    if name in PAGE_OF_COMMAND:
-        info.epilog = f"More: wheelwire help {PAGE_OF_COMMAND[name]}"
+def _lead(info: CommandInfo | TyperInfo, page: str) -> None:
+    if page:
+        info.epilog = f"More: wheelwire help {page}"
     if isinstance(info, CommandInfo) and not info.help:
         # Typer would keep the line breaks of the source beside those of the terminal.
         paragraphs = (inspect.getdoc(info.callback) or "").split("\n\n")

@@ -15,6 +15,7 @@ from wheelwire.errors import OutputFailed
 from wheelwire.link.ports import ports as serial_ports
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
+from .registry import Heading, command
 
 PLUG_IN = (
     "plug the board in with a data cable (many cables only charge), or run `wheelwire sim` for a "
@@ -22,6 +23,7 @@ PLUG_IN = (
 )
 
 
+@command("ports", Heading.BUILD, 2, page="troubleshooting/port")
 def ports(as_json: JsonFlag = False) -> None:
     """List serial ports, likely robots first. Opens none of them."""
     found = serial_ports()
@@ -41,6 +43,7 @@ def ports(as_json: JsonFlag = False) -> None:
         console.print(f"No USB adapter is plugged in, so none of these is a board: {PLUG_IN}")
 
 
+@command("demo", Heading.WITHOUT_ROBOT, 1, page="simulator")
 def demo(
     output: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("build/demo"),
     as_json: JsonFlag = False,
@@ -64,6 +67,7 @@ def demo(
         raise OutputFailed(f"the picture was not written: {report.picture_error}")
 
 
+@command("mcu", Heading.WITHOUT_ROBOT, 3, page="pi-pins/a-service-of-its-own")
 def mcu(
     config: Annotated[Path, typer.Option(help="YAML file of a robot with driver l298n or pigpio.")],
     listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],

@@ -47,6 +47,7 @@ from .output import (
     to_json_value,
 )
 from .parameters import RobotCommand, split
+from .registry import Heading, command
 from .sensors import ask_for_samples
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ _F32 = struct.Struct("f")
 MESSAGES = {codec.type.__name__: codec.type for codec in BY_ID.values()}
 
 app = typer.Typer()
+command("log", Heading.LOOK, 6, page="recording")(app)
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:

@@ -45,6 +45,7 @@ from .output import (
     write_new,
 )
 from .prompts import ask_yes_or_no, can_ask
+from .registry import Heading, command
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22
@@ -53,6 +54,7 @@ TABLE_COLUMNS = 100
 """Narrower terminals get a list in place of a table."""
 
 app = typer.Typer()
+command("params", Heading.BUILD, 7, page="robot-file")(app)
 
 
 class RobotCommand(typer.core.TyperCommand):

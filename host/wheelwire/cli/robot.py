@@ -42,6 +42,7 @@ from .output import (
     print_result,
     to_json_value,
 )
+from .registry import Heading, command
 from .sensors import ask_for_samples
 from .view import can_show, show
 
@@ -59,6 +60,7 @@ _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
+@command("info", Heading.LOOK, 1, page="command-line")
 def info(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
@@ -169,6 +171,7 @@ def _latched(sample: WheelSample, address: str) -> str:
     return f"{state.rstrip('.')}. {faults}" if faults else state
 
 
+@command("drive", Heading.DRIVE, 1, page="tutorial/6-drive")
 def drive(
     robot: RobotArgument = None,
     linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
@@ -293,6 +296,7 @@ def _standstill(robot: Robot) -> WheelSample:
     return sample
 
 
+@command("monitor", Heading.LOOK, 2, page="view")
 def monitor(
     robot: RobotArgument = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
@@ -356,6 +360,7 @@ def _ended_by_the_recording(address: str) -> Iterator[None]:
             raise
 
 
+@command("estop", Heading.DRIVE, 4, page="stops")
 def estop(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
@@ -379,6 +384,7 @@ def estop(
     print_result({"latched": latched}, text, as_json=as_json)
 
 
+@command("stop", Heading.DRIVE, 3, page="stops")
 def stop(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
@@ -422,6 +428,7 @@ def _stopped_by_anyone(
     return driver
 
 
+@command("clear", Heading.DRIVE, 5, page="stops")
 def clear(
     robot: RobotArgument = None,
     baud_rate: BaudRateOption = None,
@@ -460,6 +467,7 @@ def clear(
         )
 
 
+@command("restart", Heading.DRIVE, 6, page="command-line")
 def restart(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:

@@ -27,10 +27,12 @@ from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, RangeQualit
 
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, console, print_json, print_note, print_table
+from .registry import Heading, command
 
 PERIOD_S = 1.0
 
 
+@command("sensors", Heading.LOOK, 3, page="sensors")
 def sensors(
     robot: RobotArgument = None,
     seconds: Annotated[

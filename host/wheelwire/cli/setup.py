@@ -19,6 +19,7 @@ from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
 from .prompts import ask
+from .registry import Heading, command
 from .sim import setting
 from .tune import check_plot
 
@@ -48,6 +49,7 @@ SIZES = {
 """Parameters, and the variables of the simulated robot that they describe."""
 
 
+@command("setup", Heading.BUILD, 5, page="first-hour")
 def setup(
     robot: RobotArgument = None,
     answers: Annotated[

@@ -25,6 +25,7 @@ from wheelwire.tools.files.bad_line import load_profile
 from wheelwire.tools.files.plant import load_plant
 
 from .output import JsonFlag, print_json, print_lines, print_note, print_result
+from .registry import Heading, command
 
 DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
 TRUTH_HZ = 20.0
@@ -51,6 +52,7 @@ class _SimGroup(typer.core.TyperGroup):
 
 
 app = typer.Typer(cls=_SimGroup)
+command("sim", Heading.WITHOUT_ROBOT, 2, page="simulator")(app)
 
 
 @app.callback(invoke_without_command=True)

@@ -19,6 +19,7 @@ from .board import confirm
 from .flash import flash
 from .output import print_lines
 from .prompts import ask
+from .registry import Heading, command
 from .robot import drive
 from .setup import set_up_at
 
@@ -30,6 +31,7 @@ _SHOWN = 3
 _NO_FIRMWARE = (DeviceSilent, ForeignDevice, ProtocolMismatch)
 
 
+@command("start", Heading.BUILD, 1, page="first-hour")
 def start(
     robot: RobotArgument = None,
     image: Annotated[

@@ -25,6 +25,7 @@ from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, print_json, print_lines, to_json_value
+from .registry import Heading, command
 
 RECORDINGS = "*.mcap"
 LARGEST = 200 << 20
@@ -50,6 +51,7 @@ class _Part(NamedTuple):
     what: str
 
 
+@command("support", Heading.LOOK, 7, page="recording")
 def support(
     robot: RobotArgument = None,
     output: Annotated[

@@ -16,11 +16,13 @@ from wheelwire_protocol.codes import SupervisorState
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .interruptions import ended_by_signals, stop
 from .output import print_lines
+from .registry import Heading, command
 from .sensors import ask_for_samples
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
+@command("teleop", Heading.DRIVE, 2, page="teleop")
 def teleop(
     robot: RobotArgument = None,
     speed: Annotated[

@@ -29,6 +29,7 @@ from .output import (
     print_table,
 )
 from .prompts import ask, ask_yes_or_no, can_ask
+from .registry import Heading, command
 
 if TYPE_CHECKING:
     from wheelwire.tools.tune.before_after import Course
@@ -52,6 +53,7 @@ _FIGURES = (
 Gain = Annotated[float | None, typer.Option(help="Value to try.", show_default=False)]
 
 
+@command("tune", Heading.BUILD, 6, page="tutorial/7-tune")
 def tune(
     robot: RobotArgument = None,
     shape: Annotated[str, typer.Option(help="step, ramp or sine.")] = "step",

@@ -22,6 +22,7 @@ from .box_rerun import rerun_file
 from .device_boxes import check_folder, is_box, stops_of_file, write_boxes
 from .log import draw_recording
 from .output import JsonFlag, print_json, print_lines
+from .registry import Heading, command
 
 if TYPE_CHECKING:
     from wheelwire.log.why import Stop
@@ -31,6 +32,7 @@ BEFORE_S, AFTER_S = 4.0, 1.0
 NOTHING = "Nothing has stopped the robot in this file."
 
 
+@command("why", Heading.LOOK, 4, page="why")
 def why(
     robot: RobotArgument = None,
     plot: Annotated[
