@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, settings
 from wheelwire.aio import Driver
 from wheelwire.link.programs import DIRECTORY_VARIABLE as TAP_DIRECTORY
 from wheelwire.link.programs import GROUP_VARIABLE
-from wheelwire.pi.latches import DIRECTORY_VARIABLE
+from wheelwire.pi.storage import DIRECTORY_VARIABLE
 from wheelwire.robot.robot import Robot
 
 TESTS = Path(__file__).parent

@@ -17,7 +17,7 @@ from wheelwire.board import (
     PowerSensor,
 )
 from wheelwire.errors import DeviceRefused
-from wheelwire.pi.bus_reader import BusReader
+from wheelwire.pi.i2c import BusReader
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codes import Chip, Fault, RefusalCode, SupervisorState
 from wheelwire_protocol.native import Core, Identity, Sensors, TransferResult

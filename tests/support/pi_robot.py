@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from wheelwire.board import BatteryLevels, Configuration, ImuSensor, Peripheral, PowerSensor
-from wheelwire.pi.bus_reader import BusReader
+from wheelwire.pi.i2c import BusReader
 from wheelwire.pi.pins import Pins
 from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.decoder import Decoder

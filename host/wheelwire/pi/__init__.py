@@ -6,7 +6,7 @@ core over a socket, with the protocol that an ESP32 speaks. No code here makes a
 robot: it sets pins, counts edges and passes bytes on.
 
 `launch` starts both from the application; `__main__` is where they begin, with `McuSettings` in
-JSON. `core` has the loop, `line` its socket, `gpio` and `encoder` the pins, `store` and `latches`
-the files; `guard` watches. Data flow: socket -> `line` -> the firmware's core -> outputs -> `gpio`;
-edges -> `encoder` -> ticks -> the core -> `line`.
+JSON. `core` has the loop, `line` its socket, `gpio` and `encoder` the pins, `i2c` the buses,
+`storage` the files; `guard` watches. Data flow: socket -> `line` -> the firmware's core -> outputs
+-> `gpio`; edges -> `encoder` -> ticks -> the core -> `line`.
 """

@@ -75,8 +75,8 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     """Run the core, and beside it what reads its buses."""
     from wheelwire_protocol.native import NativeMissingError, Sensors
 
-    from .bus_reader import BusReaders
     from .core import check_board
+    from .i2c import BusReaders
 
     start_ns = time.monotonic_ns()
     # Before there are pins: a reader that does not end must not hold any.
@@ -103,7 +103,7 @@ def _run_on_pins(
     from .core import McuLoop, active_parameters, make_core
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
-    from .recorder import keep_recorder
+    from .storage import keep_recorder
 
     # First: from here on a signal ends the loop, with the wheels stopped, and not the process.
     end_signal = _open_end_signal()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import select
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -17,10 +16,9 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..errors import ConfigurationError
 from .gpio.base import Gpio
 from .guard import Heartbeat
-from .latches import latch_file
 from .line import Line
 from .settings import McuSettings
-from .store import write_whole
+from .storage import ParameterFile, latch_file
 
 SERVICE_SIZE = 600
 """The most bytes that the core handles in one call of `service`."""
@@ -52,7 +50,7 @@ def make_core(
     Raises:
         ConfigurationError: A parameter is refused, or the store cannot be read.
     """
-    store = _Store(settings.store, heartbeat or Heartbeat())
+    store = ParameterFile(settings.store, heartbeat or Heartbeat())
     identity = Identity(
         boot_id=randbits(32),
         board=Chip.LINUX,
@@ -193,42 +191,6 @@ class McuLoop:
         self._outputs = outputs
         self._gpio.left.apply(outputs.left)
         self._gpio.right.apply(outputs.right)
-
-
-class _Store:
-    """A file with the block of saved parameters. The core checks its content."""
-
-    def __init__(self, path: str | None, heartbeat: Heartbeat) -> None:
-        self._path = Path(path) if path else None
-        self._heartbeat = heartbeat
-
-    def load(self) -> bytes:
-        if self._path is None:
-            return b""
-        try:
-            return self._path.read_bytes()
-        except FileNotFoundError:
-            return b""
-        except OSError as error:
-            # Not an empty store: with the defaults it would drive as nobody has set it up.
-            raise ConfigurationError(
-                f"{self._path}: {error.strerror}: correct the path of the store or its permissions"
-            ) from error
-
-    def save(self, block: bytes) -> bool:
-        """Replace the file atomically: after a crash it holds the old block or the new one."""
-        if self._path is None:
-            return not block  # nothing to forget is a success; nowhere to save is a failure
-        try:
-            with self._heartbeat.saving():
-                if block:
-                    write_whole(self._path, block)
-                else:
-                    self._path.unlink(missing_ok=True)
-        except OSError as error:
-            sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}\n")
-            return False
-        return True
 
 
 def _board_id() -> int:

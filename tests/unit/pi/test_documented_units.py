@@ -13,7 +13,7 @@ import pytest
 
 from support.cases import each
 from support.units import NOT_EMULATED, documented_units, without_rights
-from wheelwire.pi.gpio import library
+from wheelwire.pi.gpio import gpiozero
 
 UNITS = documented_units()
 OURS = [unit for unit in UNITS if any("wheelwire" in word for word in unit.command)]
@@ -23,7 +23,7 @@ EMULATED = {
 }
 PROGRAM = """
 import json, os, sys
-from wheelwire.pi.gpio.library import LGPIO_FOLDER, _give_lgpio_a_folder
+from wheelwire.pi.gpio.gpiozero import LGPIO_FOLDER, _give_lgpio_a_folder
 user, cwd = int(sys.argv[1]), sys.argv[2]
 if user:
     os.setgroups([])
@@ -84,19 +84,19 @@ def test_lgpio_has_a_folder_for_its_pipe(number: int) -> None:
 
 
 def test_a_folder_that_is_named_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(library.LGPIO_FOLDER, "/elsewhere")
+    monkeypatch.setenv(gpiozero.LGPIO_FOLDER, "/elsewhere")
     monkeypatch.setattr(os, "access", lambda *_: False)
-    library._give_lgpio_a_folder()
-    assert os.environ[library.LGPIO_FOLDER] == "/elsewhere"
+    gpiozero._give_lgpio_a_folder()
+    assert os.environ[gpiozero.LGPIO_FOLDER] == "/elsewhere"
 
 
 def test_a_folder_that_can_be_written_to_needs_no_other(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.delenv(library.LGPIO_FOLDER, raising=False)
+    monkeypatch.delenv(gpiozero.LGPIO_FOLDER, raising=False)
     monkeypatch.chdir(tmp_path)
-    library._give_lgpio_a_folder()
-    assert library.LGPIO_FOLDER not in os.environ
+    gpiozero._give_lgpio_a_folder()
+    assert gpiozero.LGPIO_FOLDER not in os.environ
 
 
 @each(
@@ -114,5 +114,5 @@ def test_each_reason_is_named_as_itself(
     monkeypatch.setattr(
         os, "access", lambda path, *_: writable and not str(path).endswith("gpiochip0")
     )
-    monkeypatch.setenv(library.LGPIO_FOLDER, str(tmp_path))
-    assert said in library._why_no_gpio(OSError("can not open gpiochip"))
+    monkeypatch.setenv(gpiozero.LGPIO_FOLDER, str(tmp_path))
+    assert said in gpiozero._why_no_gpio(OSError("can not open gpiochip"))

@@ -15,7 +15,7 @@ import pytest
 import smbus2.smbus2 as library
 
 from wheelwire.errors import DriverUnavailable
-from wheelwire.pi.i2c_bus import I2cBus
+from wheelwire.pi.i2c import I2cBus
 from wheelwire_protocol.native import TransferResult
 
 READ = 1

@@ -9,11 +9,11 @@ import pytest
 
 from support.core_host import CoreHost
 from wheelwire.errors import ConfigurationError
-from wheelwire.pi import latches
+from wheelwire.pi import storage
 from wheelwire.pi.core import make_core
-from wheelwire.pi.latches import latch_file, runtime_directory
 from wheelwire.pi.pins import Pins
 from wheelwire.pi.settings import McuSettings
+from wheelwire.pi.storage import latch_file, runtime_directory
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import ClearEstop, Estop
 
@@ -50,7 +50,7 @@ def test_a_record_that_is_a_directory_is_an_estop(capfd: pytest.CaptureFixture[s
     record = next(runtime_directory().glob("*.latch"))
     record.unlink()
     record.mkdir()
-    assert latch_file(SETTINGS).load() == latches.UNREADABLE
+    assert latch_file(SETTINGS).load() == storage.UNREADABLE
     assert "treated as an e-stop" in capfd.readouterr().err
 
 
@@ -71,7 +71,7 @@ def test_a_directory_that_others_can_write_to_is_refused(
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(mode)
-    monkeypatch.setenv(latches.DIRECTORY_VARIABLE, str(shared))
+    monkeypatch.setenv(storage.DIRECTORY_VARIABLE, str(shared))
     with pytest.raises(ConfigurationError, match="only this user can write"):
         latch_file(SETTINGS)
 
@@ -81,7 +81,7 @@ def test_a_link_to_somebody_elses_directory_is_refused(
 ) -> None:
     link = tmp_path / "link"
     link.symlink_to(tmp_path)
-    monkeypatch.setenv(latches.DIRECTORY_VARIABLE, str(link))
+    monkeypatch.setenv(storage.DIRECTORY_VARIABLE, str(link))
     with pytest.raises(ConfigurationError):
         latch_file(SETTINGS)
 

@@ -14,7 +14,7 @@ from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import ConfigurationError, DriverUnavailable
-from wheelwire.pi.gpio.pigpio_watchdog import MAX_SCRIPTS
+from wheelwire.pi.gpio.pigpiod import MAX_SCRIPTS
 from wheelwire.tools.files.robot import parse_config
 
 HOST = "127.0.0.1"

@@ -10,12 +10,12 @@ import pytest
 
 from support.library_robot import LibraryRobot
 from wheelwire.errors import WheelwireError
-from wheelwire.log.why.boxes import stops_of_box
+from wheelwire.log.why.black_box import stops_of_box
 from wheelwire.pi.core import make_core
 from wheelwire.pi.guard import Heartbeat
 from wheelwire.pi.pins import Pins
-from wheelwire.pi.recorder import RecorderFile, keep_recorder, recorder_path
 from wheelwire.pi.settings import McuSettings
+from wheelwire.pi.storage import RecorderFile, keep_recorder, recorder_path
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, Fault, SupervisorState
 from wheelwire_protocol.native import RECORDER_SIZE

@@ -10,7 +10,7 @@ import pigpio
 import pytest
 
 from wheelwire.board import Configuration, WheelPins
-from wheelwire.pi.gpio import library, pigpiod
+from wheelwire.pi.gpio import gpiozero, pigpiod
 from wheelwire.pi.gpio.base import HIGH_Q15, Gpio, pwm_pins, release_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
 from wheelwire.pi.settings import McuSettings
@@ -241,9 +241,9 @@ def test_the_guard_pulls_each_pin_low_that_it_can_have(
     monkeypatch: pytest.MonkeyPatch, held: dict[int, int], low: list[int]
 ) -> None:
     factory = HeldPins(dict(held))
-    monkeypatch.setattr(library, "pin_factory", lambda: factory)
-    monkeypatch.setattr(library, "kernel_channels", lambda _: None)
-    library.EnableLow(McuSettings("l298n", PI))()
+    monkeypatch.setattr(gpiozero, "pin_factory", lambda: factory)
+    monkeypatch.setattr(gpiozero, "kernel_channels", lambda _: None)
+    gpiozero.EnableLow(McuSettings("l298n", PI))()
     assert factory.low == low
 
 
@@ -254,13 +254,13 @@ def test_the_guard_releases_both_wheels_with_and_without_the_kernels_pwm(
     board = board_of(stage, STANDBY)
     for by_kernel in (False, True):
         factory, off = HeldPins({}), list[int]()
-        monkeypatch.setattr(library, "pin_factory", lambda: factory)  # noqa: B023
+        monkeypatch.setattr(gpiozero, "pin_factory", lambda: factory)  # noqa: B023
         channels = [
             SimpleNamespace(close=lambda gpio=gpio: off.append(gpio))  # noqa: B023
             for gpio in pwm_pins(board)
         ]
-        monkeypatch.setattr(library, "kernel_channels", lambda _: channels if by_kernel else None)  # noqa: B023
-        library.EnableLow(McuSettings("l298n", board))()
+        monkeypatch.setattr(gpiozero, "kernel_channels", lambda _: channels if by_kernel else None)  # noqa: B023
+        gpiozero.EnableLow(McuSettings("l298n", board))()
         assert set(off) == (set(pwm_pins(board)) if by_kernel else set())
         assert set(off) | set(factory.low) >= released(stage) | {STANDBY}
         assert not set(off) & set(factory.low)

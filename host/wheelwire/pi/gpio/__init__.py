@@ -39,7 +39,7 @@ def _open(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
         from .pigpiod import PigpiodGpio
 
         return PigpiodGpio(settings, parameters)
-    from .library import LibraryGpio
+    from .gpiozero import LibraryGpio
 
     return LibraryGpio(settings, parameters)
 
@@ -48,7 +48,7 @@ def prepare_enable_low(settings: McuSettings) -> Callable[[], None]:
     """Do the slow part for the guard; the returned function claims EN and pulls it low."""
     if settings.backend == "pigpio":
         return _rely_on_watchdog
-    from .library import EnableLow
+    from .gpiozero import EnableLow
 
     return EnableLow(settings)
 

@@ -1,19 +1,31 @@
-"""Pins of a pigpio daemon, on this computer or another one."""
+"""Pins of a pigpio daemon, on this computer or another one.
+
+The daemon leaves its pins unchanged when a client dies or the network fails: `PigpioWatchdog` is a
+script in it that then stops the wheels. pigpio's client (1.78, its last) waits forever for an
+answer that does not come, and its callback thread spins when the daemon closes the connection:
+`PigpioClient` works around both, from outside.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+import atexit
+import socket
+import struct
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any
 
 from wheelwire_protocol.board import EncoderPulls
 
 from ...board import Pull
-from ...errors import DriverUnavailable, WheelwireError
+from ...errors import DriverUnavailable, LinkLost, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
 from ..settings import McuSettings
 from .base import (
     PWM_CHANNEL,
     Gpio,
+    PinsBusy,
     StagePins,
     WheelPair,
     digital_inputs,
@@ -24,8 +36,234 @@ from .base import (
     release_inputs,
     release_pins,
 )
-from .pigpio_client import PigpioClient
-from .pigpio_watchdog import PigpioWatchdog
+
+CONNECT_TIMEOUT_S = 3.0
+ANSWER_TIMEOUT_S = 0.5
+"""The daemon answers within a millisecond, over a wireless network within some tens."""
+JOIN_S = 0.5
+
+
+class PigpioClient:
+    """An open connection to a daemon.
+
+    Args:
+        host: The daemon's computer.
+        port: Its TCP port.
+
+    Raises:
+        DriverUnavailable: The library is not installed, or no daemon answers.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            import pigpio
+        except ImportError as error:
+            raise DriverUnavailable(
+                "driver 'pigpio' moves this computer's own pins and needs pigpio's client: run "
+                "pip install 'wheelwire[pi]'. With an ESP32 write driver_type: serial"
+            ) from error
+        self.library = pigpio
+        self.address = f"{host}:{port}"
+        _probe(host, port, self.address)
+        with _threads_that_end(pigpio):
+            self._pi = pigpio.pi(host, port, show_errors=False)
+        if not self._pi.connected:
+            raise DriverUnavailable(
+                f"the program at {self.address} is not pigpiod: give another host or port"
+            )
+        # pigpio's exit handler would close the connection before ours has stopped the wheels.
+        atexit.unregister(self._pi.stop)
+        self._pi.sl.s.settimeout(ANSWER_TIMEOUT_S)
+        self._closed = False
+        # Kept, because the client's `stop` forgets the thread that `close` has to join.
+        self._notify = self._pi._notify
+        self._notify_socket: _EndingSocket = self._notify.sl.s
+
+    def call(self, method: str, *arguments: object) -> Any:
+        """Call a method of `pigpio.pi` and return its result.
+
+        Raises:
+            LinkLost: No answer, or the connection is closed. This client cannot be used again.
+            pigpio.error: The daemon refused the call.
+        """
+        self.check()
+        try:
+            return getattr(self._pi, method)(*arguments)
+        except (OSError, struct.error) as error:  # struct.error: a truncated answer
+            raise LinkLost(
+                f"pigpiod at {self.address} does not answer: {error}; check the daemon "
+                "and the network"
+            ) from error
+
+    def check(self) -> None:
+        """Raise `LinkLost` if the daemon has closed the connection."""
+        if self._closed or not self._notify.is_alive():
+            raise LinkLost(f"pigpiod at {self.address} has closed the connection; start it again")
+
+    def close(self) -> None:
+        """Close both connections and end the callback thread."""
+        self._closed = True
+        with suppress(OSError):
+            self._pi.stop()
+        self._notify.join(JOIN_S)  # it ends by itself if the daemon acknowledges the close
+        # Else it waits in `recv`: a shutdown wakes it, which closing the socket would not.
+        self._notify_socket.shutdown()
+        self._notify.join(JOIN_S)
+        self._notify_socket.close()
+
+
+@contextmanager
+def _threads_that_end(library: Any) -> Iterator[None]:
+    """A block in which pigpio creates callback threads that end with their connection."""
+    thread_class = library._callback_thread
+
+    class CallbackThread(thread_class):  # type: ignore[misc, valid-type] # pigpio has no types
+        def start(self) -> None:  # pigpio calls it once the socket is connected
+            self.sl.s = _EndingSocket(self)
+            super().start()
+
+    library._callback_thread = CallbackThread
+    try:
+        yield
+    finally:
+        # Others that use pigpio in this process get its own class.
+        library._callback_thread = thread_class
+
+
+class _EndingSocket:
+    """Replaces the socket of the callback thread: when it is closed, the thread ends."""
+
+    def __init__(self, thread: Any) -> None:
+        self._socket: socket.socket = thread.sl.s
+        self._thread = thread
+
+    def recv(self, size: int) -> bytes:
+        try:
+            data = self._socket.recv(size)
+        except OSError:
+            data = b""
+        if not data:
+            # Else the thread would read nothing again and again.
+            self._thread.go = False
+        return data
+
+    def send(self, data: bytes) -> None:
+        # The thread's `stop` sends a last command, also to a daemon that is gone.
+        with suppress(OSError):
+            self._socket.send(data)
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def shutdown(self) -> None:
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+
+
+def _probe(host: str, port: int, address: str) -> None:
+    """Connect once with a time-out and a reason, both of which pigpio's own attempt lacks."""
+    try:
+        socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
+    except OSError as error:
+        raise DriverUnavailable(
+            f"no pigpiod at {address} ({error}): start it with `sudo systemctl start pigpiod`, "
+            "or give host and port"
+        ) from error
+
+
+CHECK_MS = 10
+CHECKS = 11
+"""The pins go low one check after these many have counted down to zero: 0.11 to 0.12 s after the
+last refresh."""
+REFRESH_US = 20_000
+SCRIPT_MARK = 0x57574C01
+"""Mark in the last parameter of a script, by which Wheelwire recognises its scripts."""
+MAX_SCRIPTS = 32
+FIRST_START_S = 1.0
+
+
+class PigpioWatchdog:
+    """The running script; `close` removes it.
+
+    Args:
+        client: An open connection.
+        pins: The GPIOs that hold the motors off when they are low: at most 8.
+
+    Raises:
+        PinsBusy: Another program drives these pins.
+    """
+
+    def __init__(self, client: PigpioClient, pins: tuple[int, ...]) -> None:
+        self._client = client
+        self._library = client.library
+        # Sorted, so that `_claim` recognises a script for the same pins.
+        self._pins = sorted(pins)
+        # The ten that a script has: the counter, up to eight pins, the mark.
+        self._parameters = [CHECKS, *self._pins, *[0] * (8 - len(pins)), SCRIPT_MARK]
+        self._next_us = 0
+        self._claim()
+        writes = " ".join(f"w {gpio} 0" for gpio in pins)
+        # Each round: wait CHECK_MS, decrement p0, repeat while it is not negative (`jp` also jumps
+        # at zero); then all low.
+        script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
+        self._id: int = client.call("store_script", script.encode())
+        self._run()
+
+    def keep_alive(self, now_us: int) -> bool:
+        """Refresh the script from time to time. False if it had ended: EN is low then."""
+        if now_us < self._next_us:
+            return True
+        self._next_us = now_us + REFRESH_US
+        status, _ = self._status(self._id)
+        # New parameters do not start a script that has ended: it is run again.
+        if status != self._library.PI_SCRIPT_RUNNING:
+            self._run()
+            return False
+        self._client.call("update_script", self._id, self._parameters)
+        return True
+
+    def close(self) -> None:
+        """Stop and delete the script."""
+        self._client.call("stop_script", self._id)
+        self._client.call("delete_script", self._id)
+
+    def _run(self) -> None:
+        # A script that was just stored is still being set up, and cannot be run before.
+        self._wait_while(self._id, self._library.PI_SCRIPT_INITING, FIRST_START_S)
+        self._client.call("run_script", self._id, self._parameters)
+
+    def _claim(self) -> None:
+        """Delete the script of a killed program; refuse if a running program refreshes it."""
+        for script_id in range(MAX_SCRIPTS):
+            _, parameters = self._status(script_id)
+            if not parameters or parameters[1:] != tuple(self._parameters[1:]):
+                continue
+            # A script that nobody refreshes ends within its countdown: one that still runs after
+            # twice that time has a program behind it.
+            longest_s = 2 * CHECKS * CHECK_MS / 1000
+            running = self._library.PI_SCRIPT_RUNNING
+            if not self._wait_while(script_id, running, longest_s):
+                gpios = " and ".join(map(str, self._pins))
+                raise PinsBusy(
+                    f"another program drives GPIO {gpios} through the pigpiod at "
+                    f"{self._client.address}: end it first"
+                )
+            # Its owner may have deleted it meanwhile.
+            with suppress(self._library.error):
+                self._client.call("delete_script", script_id)
+
+    def _wait_while(self, script_id: int, status: int, longest_s: float) -> bool:
+        end = time.monotonic() + longest_s
+        while self._status(script_id)[0] == status:
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.005)
+        return True
+
+    def _status(self, script_id: int) -> tuple[int, tuple[int, ...]]:
+        status, parameters = self._client.call("script_status", script_id)
+        return status, tuple(parameters)
+
 
 FULL_DUTY = 1_000_000
 SOFTWARE_RANGE = 1000

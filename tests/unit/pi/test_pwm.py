@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.pi.gpio import enable_pwm
-from wheelwire.pi.gpio.enable_pwm import KernelPwm, find_channels
+from wheelwire.pi.gpio import pwm
+from wheelwire.pi.gpio.pwm import KernelPwm, find_channels
 
 PERIOD_NS = 50_000
 
@@ -32,7 +32,7 @@ def chip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             raise OSError(errno.EINVAL, "Invalid argument")
         file.write_text(f"{value}\n")
 
-    monkeypatch.setattr(enable_pwm, "_write", write)
+    monkeypatch.setattr(pwm, "_write", write)
     return channel.parent
 
 

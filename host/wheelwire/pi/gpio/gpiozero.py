@@ -14,8 +14,8 @@ from wheelwire_protocol.board import EncoderPulls
 from ...board import Pull, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable, LinkLost, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
-from ..latches import runtime_directory
 from ..settings import McuSettings
+from ..storage import runtime_directory
 from .base import (
     Gpio,
     PinsBusy,
@@ -27,7 +27,7 @@ from .base import (
     pwm_pins,
     release_pins,
 )
-from .enable_pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
+from .pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
 
 LIMITS = ("glitch_filter_ns is not applied: filter the encoder lines in hardware",)
 PULLS = {Pull.INTERNAL: "up", Pull.DOWN: "down", Pull.EXTERNAL: "floating"}
