@@ -17,8 +17,8 @@ import generated
 from generated import ROOT
 from wheelwire.holds import LastStop
 from wheelwire.log.why.causes import look_at_of, sentence_of
+from wheelwire.log.why.device import last_stop
 from wheelwire.log.why.diagnosis import Stop
-from wheelwire.log.why.holding import last_stop
 from wheelwire_protocol.codes import Fault, Held, ResetReason, StopCause
 from wheelwire_protocol.generate.text import banner
 

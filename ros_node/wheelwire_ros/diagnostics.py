@@ -10,7 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
-from wheelwire.log.why.cures import cure_of_stores
+from wheelwire.log.why.causes import cure_of_stores
 
 from .robot_connection import RobotConnection
 from .robot_state import ERROR, OK, WARN, RobotState

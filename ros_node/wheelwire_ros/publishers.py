@@ -16,8 +16,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
 from wheelwire import Pose
-from wheelwire.log import messages
-from wheelwire.log.cdr import Layout
+from wheelwire.log import ros_messages
+from wheelwire.log.ros_messages import Layout
 
 from .motion_estimator import RobotMotion
 from .threads import NodeThreads
@@ -153,10 +153,10 @@ class MotionMessages:
         self._pose_diagonal = topics.pose_diagonal
         self._twist_diagonal = topics.twist_diagonal
         self._wheels = [len(names) for names in joints]
-        self._odometry = messages.odometry(frames.odom, frames.base, topics.twist_diagonal)
-        self._joints = messages.joint_state([*joints[0], *joints[1]])
+        self._odometry = ros_messages.odometry(frames.odom, frames.base, topics.twist_diagonal)
+        self._joints = ros_messages.joint_state([*joints[0], *joints[1]])
         self._transform = (
-            messages.transforms(frames.odom, frames.base) if topics.transform else None
+            ros_messages.transforms(frames.odom, frames.base) if topics.transform else None
         )
 
     def held(self, motion: RobotMotion, stamp_ns: int) -> bytes:
@@ -165,17 +165,17 @@ class MotionMessages:
         if motion.twist_variances is not None:
             for index, variance in zip((0, 5), motion.twist_variances, strict=True):
                 diagonal[index] = max(diagonal[index], variance)
-        template = messages.odometry(self._frames.odom, self._frames.base, diagonal)
+        template = ros_messages.odometry(self._frames.odom, self._frames.base, diagonal)
         return self._fill_odometry(template, motion, stamp_ns)
 
     def _fill_odometry(self, template: Layout, motion: RobotMotion, stamp_ns: int) -> bytes:
         covariance = pose_covariance(motion.covariance, self._pose_diagonal)
-        stamp = messages.stamp(stamp_ns)
+        stamp = ros_messages.stamp(stamp_ns)
         return template.fill(*stamp, *planar(motion.pose), *covariance, *motion.twist)
 
     def fill(self, motion: RobotMotion, stamp_ns: int) -> Iterator[bytes]:
         """The nav_msgs/Odometry, the sensor_msgs/JointState and, if asked for, the TFMessage."""
-        stamp = messages.stamp(stamp_ns)
+        stamp = ros_messages.stamp(stamp_ns)
         yield self._fill_odometry(self._odometry, motion, stamp_ns)
         left, right = self._wheels
         wheels = [motion.left] * left + [motion.right] * right

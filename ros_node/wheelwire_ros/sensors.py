@@ -36,8 +36,8 @@ from wheelwire import (
 )
 from wheelwire.board import BatteryLevels, Peripheral
 from wheelwire.link.sample_stream import SampleIterator
-from wheelwire.log import messages
-from wheelwire.log.obstacles import OBSTACLES, obstacles
+from wheelwire.log import ros_messages
+from wheelwire.log.ros_messages import OBSTACLES, obstacles
 from wheelwire.samples import sentence_of_event
 from wheelwire_protocol.sensors import (
     REAR_PLACES,
@@ -190,9 +190,9 @@ class SensorPublisher:
             noise_radps = imu.gyro_noise if topics.takes_bias else 0.0
             self._bias = GyroBias(noise_radps, imu.acceleration_noise)
             self._log = node.get_logger()
-            self._imu_message = messages.imu(topics.imu_frame)
+            self._imu_message = ros_messages.imu(topics.imu_frame)
             self._imu_variances = tuple(
-                messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
+                ros_messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
             )
         if sensors.power.info is not None:
             self._battery = publisher(BatteryState, "battery_state")
@@ -266,7 +266,7 @@ class SensorPublisher:
     def _publish_imu(self, sample: ImuSample, gyro: Vector) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "imu")
         if stamp_ns is not None:
-            stamp, (of_gyro, of_other) = messages.stamp(stamp_ns), self._imu_variances
+            stamp, (of_gyro, of_other) = ros_messages.stamp(stamp_ns), self._imu_variances
             self._imu.publish(
                 self._imu_message.fill(*stamp, *gyro, *of_gyro, *sample.acceleration, *of_other)
             )

@@ -13,7 +13,7 @@ import pytest
 
 from support.virtual import VirtualRobot, box_after_a_contact
 from wheelwire.errors import DeviceRefused, RecordingError
-from wheelwire.log.black_box import read_box, rerun_box
+from wheelwire.log.why.black_box import read_box, rerun_box
 from wheelwire_protocol.black_box import (
     BOX_SIZE,
     Box,

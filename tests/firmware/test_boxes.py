@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.log.black_box import read_box
+from wheelwire.log.why.black_box import read_box
 from wheelwire_protocol.black_box import RerunOutcome
 
 BOXES = sorted(Path(__file__).with_name("boxes").glob("*.box"))

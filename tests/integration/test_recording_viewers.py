@@ -18,8 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from wheelwire import open_driver
-from wheelwire.log.raw import TOPICS
-from wheelwire.log.reader import messages
+from wheelwire.log.reader import TOPICS, messages
 from wheelwire.log.views import BUMPERS, CHANNELS, ODOM
 
 

@@ -263,7 +263,7 @@ async def test_a_full_disk_ends_the_recording_alone(
     async with viewing(robot) as at:
         await at.press("r")
         await at.hears("recording to ")
-        monkeypatch.setattr("wheelwire.log.writer.os.write", full)
+        monkeypatch.setattr("wheelwire.log.recorder.os.write", full)
         await at.hears("No space left on device")
         await at.sees("IDLE: Stopped")
 

@@ -13,8 +13,8 @@ import wheelwire
 from support.command import PROGRAM, check_error, run, run_json
 from support.waiting import wait_until
 from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
-from wheelwire.log.black_box import read_box
 from wheelwire.log.why import Stop
+from wheelwire.log.why.black_box import read_box
 from wheelwire.robot.robot import Robot
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator

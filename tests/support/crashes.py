@@ -24,12 +24,9 @@ from support.tapped_line import TappedLine
 from wheelwire.errors import RecordingError
 from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log import recorder as recorder_module
-from wheelwire.log import writer
-from wheelwire.log.raw import TOPICS, decode
-from wheelwire.log.reader import is_complete, records
-from wheelwire.log.recorder import Attachment, Recorder
+from wheelwire.log.reader import TOPICS, decode_record, is_complete, records
+from wheelwire.log.recorder import Attachment, Recorder, RecordingFile
 from wheelwire.log.repair import repair
-from wheelwire.log.writer import RecordingFile
 
 STEP_S = 0.05
 LONGEST_S = 2.6
@@ -212,7 +209,7 @@ def _read_by_others(path: Path) -> list[Record]:
         messages = [(channel.topic, message.data) for _, channel, message in reader.iter_messages()]
         assert summary.statistics.message_count == len(messages)
         assert len(list(reader.iter_attachments())) == summary.statistics.attachment_count
-    return [decode(data) for topic, data in messages if topic in TOPICS]
+    return [decode_record(data) for topic, data in messages if topic in TOPICS]
 
 
 # --- power cuts --------------------------------------------------------------------------------
@@ -221,7 +218,7 @@ def _read_by_others(path: Path) -> list[Record]:
 class Disk:
     """What a program has written to one file, and up to where it was synced, at each moment.
 
-    Stands in for `os` in the writer. A recording only grows, so its length says all.
+    Stands in for `os` in the recorder. A recording only grows, so its length says all.
 
     Attributes:
         moments: The length, and the length that was synced.
@@ -264,7 +261,7 @@ class Cut:
 def day(folder: Path, seconds: float = 4.0) -> tuple[Path, list[tuple[int, int]]]:
     """Record a robot, to the end; returns the file, and its moments (`Disk.moments`)."""
     disk, random = Disk(), Random(1)
-    with mock.patch.object(writer, "os", disk):
+    with mock.patch.object(recorder_module, "os", disk):
         link = TappedLine()
         recorder = Recorder(
             *(link, folder / "day.mcap", {"driver": "mock"}),

@@ -6,7 +6,7 @@ output.py       tables, JSON and notes; prompts.py: questions; help.py: pages of
 interruptions.py     what Ctrl-C ends
 robot.py        drive, stop, monitor and the like; the other files are named after their commands
 start.py        flash, board, setup and drive, one after the other
-local.py        demo, mcu and ports; box_rerun.py and device_boxes.py: parts of `wheelwire why`
+local.py        demo, mcu and ports
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ from .registry import Heading, command
 from .sensors import ask_for_samples
 
 if TYPE_CHECKING:
-    from wheelwire.log.frames import Frame
     from wheelwire.log.recorder import Recorder
+    from wheelwire.log.rerun import Frame
     from wheelwire.log.summary import Summary
 
 LOOK_S = 0.1
@@ -276,8 +276,8 @@ def _message(name: str) -> Any:
 
 
 def _checked(file: Path) -> Iterator[Frame]:
-    from wheelwire.log.frames import frames
     from wheelwire.log.reader import records
+    from wheelwire.log.rerun import frames
 
     try:
         yield from frames(records(file))
@@ -345,10 +345,9 @@ def draw_recording(
     """
     if find_spec("matplotlib") is None:
         raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
-    from wheelwire.log.plot import draw
+    from wheelwire.log.plot import Trace, draw
     from wheelwire.log.reader import metadata, session_records
     from wheelwire.log.summary import time_of_day
-    from wheelwire.log.trace import Trace
     from wheelwire.tools.tune.before_after import check_picture
 
     said = metadata(file)

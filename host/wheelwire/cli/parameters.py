@@ -303,7 +303,7 @@ def _write_copy(values: ParameterFile, file: Path | None) -> Path:
 
 
 def _new_copy(board_id: str) -> Path:
-    from wheelwire.log.writer import free_path  # here: no other command on values records
+    from wheelwire.log.recorder import free_path  # here: no other command on values records
 
     folder = state_folder()
     folder.mkdir(parents=True, exist_ok=True)

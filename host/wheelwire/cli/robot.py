@@ -146,7 +146,7 @@ def _board(board: ActiveBoard | None) -> str:
 
 def _warnings(driver: Robot, sample: WheelSample, address: str) -> list[str]:
     """What keeps the robot from driving, or makes it less safe; of a fault how to end it."""
-    from wheelwire.log.why.cures import cure_of_stores
+    from wheelwire.log.why.causes import cure_of_stores
 
     active = driver.contradictions()
     found = [flag.doc for flag in Contradiction if flag in active]

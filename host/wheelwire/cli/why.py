@@ -1,11 +1,13 @@
-"""`wheelwire why`: why the robot stopped, in plain words, with the evidence.
+"""`wheelwire why`: why the robot stopped, in plain words, with the evidence; black boxes, re-run.
 
 What it needs of `wheelwire.log.why` it imports itself: other commands start without it.
 """
 
 from __future__ import annotations
 
+import shlex
 import time
+import zlib
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,23 +15,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wheelwire.connect import is_recording
-from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
+from wheelwire.errors import DriverUnavailable, InvalidArgument, OutputFailed, RecordingError
 from wheelwire.link.clock import host_clock_us
+from wheelwire_protocol.black_box import BoxError, Rerun, RerunOutcome
 from wheelwire_protocol.codes import StopCause
 
 from .address import Address, BaudRateOption, RobotArgument, resolve
-from .box_rerun import rerun_file
-from .device_boxes import check_folder, is_box, stops_of_file, write_boxes
 from .log import draw_recording
-from .output import JsonFlag, print_json, print_lines
+from .output import JsonFlag, print_json, print_lines, write_new
 from .registry import Heading, command
 
 if TYPE_CHECKING:
+    from wheelwire.link.info import Recorded, StoredBox
     from wheelwire.log.why import Stop
+
 
 BEFORE_S, AFTER_S = 4.0, 1.0
 """The time around the newest stop that the picture shows."""
 NOTHING = "Nothing has stopped the robot in this file."
+SUFFIX = ".box"
+DIFFERENT = 31
+"""Exit code if the core did something else than the box says."""
+BOXES = Path("tests", "firmware", "boxes")
+TEST = Path("tests", "firmware", "test_boxes.py")
+"""Both in a checkout."""
 
 
 @command("why", Heading.LOOK, 4, page="why")
@@ -212,3 +221,177 @@ def _draw(file: Path, stops: list[Stop], picture: Path) -> None:
     newest = stops[-1]
     window_us = newest.host_us - BEFORE_S * 1e6, newest.host_us + AFTER_S * 1e6
     draw_recording(file, picture, newest.sentence, window_us)
+
+
+def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) -> None:
+    """Re-run a box, say what came of it, and export it.
+
+    Raises:
+        InvalidArgument: There is no place for the test.
+        OutputFailed: The test cannot be written, or is there already.
+        RecordingError: The file is no box that this core can re-run.
+        typer.Exit: The core did something else.
+    """
+    from wheelwire.log.why.black_box import read_box, rerun_box
+
+    if is_recording(file.name):
+        raise InvalidArgument(
+            f"{file} is a recording: run `wheelwire why {file}`; --rerun takes a black box"
+        )
+    if place is not None and not export:
+        raise InvalidArgument(f"--rerun takes a black box and has no use for {place}: leave it out")
+    target = _test_target(file, place) if export else None
+    head, found = read_box(file).head, rerun_box(file)
+    same = found.outcome is RerunOutcome.SAME
+    command = None
+    if target is not None:
+        _write_test(target, file.read_bytes())
+        command = _test_command(target)
+    if as_json:
+        keys = ("step", "t_us", "field", "recorded", "computed")
+        difference = None if same else {key: getattr(found, key) for key in keys}
+        print_json(
+            {
+                "same": same,
+                "steps": found.steps,
+                "seconds": _seconds(found),
+                "cause": head.cause,
+                "release": head.release,
+                "core": f"{head.core:08x}",
+                "difference": difference,
+                "test": None if target is None else str(target),
+                "command": command,
+            }
+        )
+    else:
+        print_lines(_sentence(found, same=same), style="bold")
+        if target is not None:
+            print_lines(f"Written to {target}. Run it by")
+            print_lines(f"    {command}", style="cyan")
+    if not same:
+        raise typer.Exit(DIFFERENT)
+
+
+def _seconds(found: Rerun) -> float:
+    return (found.last_us - found.first_us) / 1e6
+
+
+def _sentence(found: Rerun, *, same: bool) -> str:
+    if same:
+        return (
+            f"Identical, bit by bit: duties, transitions and state of {found.steps} steps, "
+            f"{_seconds(found):.2f} s."
+        )
+    where = f"Different in step {found.step}, at {found.t_us / 1e6:.6f} s of the device's clock"
+    if found.field == "record":
+        return f"{where}: the core did not do what the box says next, or did more."
+    return f"{where}: {found.field} is {found.computed:g}, and was {found.recorded:g}."
+
+
+def _test_target(file: Path, place: str | None) -> Path:
+    """The file to write a test to."""
+    path = Path.cwd() if place is None else Path(place)
+    if place is not None and not path.is_dir():
+        if path.suffix != ".box":
+            raise InvalidArgument(f"{path}: name a folder that exists, or a file NAME.box")
+        return path
+    for folder in (path, *path.resolve().parents) if place is None else (path,):
+        if (folder / TEST).is_file():
+            return folder / BOXES / _test_name(file)
+    if place is None:
+        raise InvalidArgument(
+            "no checkout of Wheelwire here: run it within one, or say --export-test PATH"
+        )
+    return path / _test_name(file)
+
+
+def _test_name(file: Path) -> str:
+    # By content: one box has one name.
+    try:
+        return f"{file.stem}-{zlib.crc32(file.read_bytes()):08x}.box"
+    except OSError:
+        return file.name  # reading it as a box says what is wrong
+
+
+def _write_test(target: Path, image: bytes) -> None:
+    try:
+        if target.parent.name == BOXES.name:
+            target.parent.mkdir(exist_ok=True)
+        write_new(target, image)
+    except FileExistsError:
+        if target.is_file() and target.read_bytes() == image:
+            raise OutputFailed(
+                f"{target} has this box already: run {_test_command(target)}"
+            ) from None
+        raise OutputFailed(f"{target} exists and is another one: choose another name") from None
+    except OSError as error:
+        raise OutputFailed.at(target, error) from error
+
+
+def _test_command(target: Path) -> str:
+    root = target.resolve().parents[len(BOXES.parts)]
+    if target.resolve() == root / BOXES / target.name and (root / TEST).is_file():
+        test = f"{TEST}::test_a_box_is_done_again[{target.stem}]"
+        return f"cd {shlex.quote(str(root))} && python -m pytest {shlex.quote(test)}"
+    return f"wheelwire why --rerun {shlex.quote(str(target))}"
+
+
+def is_box(address: str) -> bool:
+    """Whether an address is a file of a black box."""
+    return address.lower().endswith(SUFFIX)
+
+
+def stops_of_file(file: Path) -> list[Stop]:
+    """The stops that a box is of.
+
+    Raises:
+        RecordingError: It cannot be read, or is no black box.
+    """
+    from wheelwire.log.why.black_box import read_box, stops_of_box
+
+    try:
+        return stops_of_box(read_box(file))
+    except BoxError as error:
+        raise RecordingError(f"{file} is {error}: use the library of that release") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Make the folder, before anything is read.
+
+    Raises:
+        OutputFailed: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputFailed.at(folder, error) from error
+
+
+def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
+    """Write each box that was read to a file of its own; a file that exists holds the same box.
+
+    Raises:
+        OutputFailed: One cannot be written.
+    """
+    return [
+        _write_box(folder / _box_name(box, board_id), image)
+        for box, image in recorded.boxes
+        if image
+    ]
+
+
+def _box_name(box: StoredBox, board_id: str) -> str:
+    head = box.head
+    return f"{board_id}-{head.number}-{head.boot_id:08x}-{head.cause.name.lower()}{SUFFIX}"
+
+
+def _write_box(file: Path, image: bytes) -> Path:
+    # Beside it first: a full disk must not leave a part of a box under its name.
+    fresh = file.with_suffix(".part")
+    try:
+        fresh.write_bytes(image)
+        fresh.replace(file)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise OutputFailed.at(file, error) from error
+    return file

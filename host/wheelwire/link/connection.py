@@ -43,7 +43,7 @@ from .threads import Notifier, start_without_waiting
 from .traffic import TrafficReader
 
 if TYPE_CHECKING:
-    from ..log.share.server import TapServer
+    from ..log.share.server import SharingServer
     from .transports import Transport
 
 CONNECT_TIMEOUT_S = 5.0
@@ -116,7 +116,7 @@ class Link(DeviceLink):
             settings=options.settings,
             expected_board=options.expected_board,
         )
-        self._tap_server: TapServer | None = None
+        self._sharing_server: SharingServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Requests whose callers have given up. Each change is one call into C, without a lock."""
         # Weakly: the port's thread must not keep alive what nobody else refers to any more.
@@ -185,7 +185,7 @@ class Link(DeviceLink):
         if self._options.tap:
             from ..log.share.server import offer  # here, for what it imports opens ports
 
-            self._tap_server = offer(self)
+            self._sharing_server = offer(self)
 
     def watch(self, parameters: Sequence[int]) -> None:
         """Read the values of these parameters in each session. Call it before `open`."""
@@ -198,8 +198,8 @@ class Link(DeviceLink):
     def finish(self) -> None:
         """Begin to stop the robot and close the port, without waiting."""
         self._loop.finish()
-        if self._tap_server is not None:
-            self._tap_server.finish()
+        if self._sharing_server is not None:
+            self._sharing_server.finish()
 
     @property
     def _end(self) -> WheelwireError | None:
@@ -215,8 +215,8 @@ class Link(DeviceLink):
         ended = self.changed.wait_for(lambda: self._loop.end is not None, CLOSE_TIMEOUT_S)
         if ended and self._thread.is_alive():  # it may also have ended without a thread
             self._thread.join(CLOSE_TIMEOUT_S)  # it is a daemon in any case
-        if self._tap_server is not None:
-            self._tap_server.close()
+        if self._sharing_server is not None:
+            self._sharing_server.close()
 
     # --- what is known ---------------------------------------------------------------------------
 

@@ -20,12 +20,50 @@ from wheelwire_protocol.codec import schema_hash
 
 from ..errors import RecordingError
 from ..link.traffic import Kind, Record
-from .raw import TOPICS, decode
+from .ros_messages import CDR_HEADER
 
 if TYPE_CHECKING:
     from mcap.records import Chunk
 
+
+RECEIVED = "/wheelwire/received"
+SENT = "/wheelwire/sent"
+SESSION = "/wheelwire/session"
+TOPICS = (RECEIVED, SENT, SESSION)
+
+TOPIC_BY_KIND = {Kind.RECEIVED: RECEIVED, Kind.RECEIVED_EACH: RECEIVED, Kind.SENT: SENT}
+"""The channels of these records; all others are in `SESSION`."""
+# No dimension, no offset, the number of bytes; then of the bytes: number, kind, host_us.
+_LAYOUT = struct.Struct("<4s3IQBq")
+_RECORD_SIZE = struct.calcsize("<QBq")
+
+
+def encode_record(record: Record) -> bytes:
+    """The message of a record."""
+    size = _RECORD_SIZE + len(record.data)
+    head = _LAYOUT.pack(CDR_HEADER, 0, 0, size, record.number, record.kind, record.host_us)
+    return head + record.data
+
+
+def decode_record(message: bytes) -> Record:
+    """The record of a message.
+
+    Raises:
+        ValueError: The message is of another release.
+    """
+    try:
+        header, dimensions, offset, size, number, kind, host_us = _LAYOUT.unpack_from(message)
+    except struct.error as error:
+        raise ValueError(f"a message of {len(message)} bytes holds no record") from error
+    data = message[_LAYOUT.size :]
+    if (header, dimensions, offset, size) != (CDR_HEADER, 0, 0, _RECORD_SIZE + len(data)):
+        raise ValueError("the recording is of another release: a message holds no record")
+    return Record(number, Kind(kind), host_us, data)
+
+
 MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "wheelwire"
+"""The entry in the file's header that marks our files."""
 METADATA = "wheelwire"
 """The name of the metadata record that says what was recorded."""
 CLOCK = "wheelwire_clock"
@@ -160,7 +198,7 @@ def stream_of(content: bytes) -> Any:
 
 
 def records(path: str | Path) -> Iterator[Record]:
-    """The records of the link's tap, in order.
+    """The records of the link, in order.
 
     Raises:
         RecordingError: The file cannot be read, is no recording, or of another release.
@@ -169,7 +207,7 @@ def records(path: str | Path) -> Iterator[Record]:
     for topic, _, data in messages(path):
         if topic in TOPICS:
             try:
-                yield decode(data)
+                yield decode_record(data)
             except ValueError as error:
                 raise RecordingError(f"{path}: {error}") from error
 

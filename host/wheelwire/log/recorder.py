@@ -1,12 +1,13 @@
 """Records what crosses a link, in a thread of its own, for which the link never waits.
 
 A record is on the disk after a second. When the disk is full or gone, the recording ends, and the
-robot drives on.
+robot drives on. Its file, an MCAP file, is undamaged up to the last `sync`, whatever happens.
 """
 
 from __future__ import annotations
 
 import atexit
+import fcntl
 import logging
 import os
 import threading
@@ -22,10 +23,240 @@ from ..arguments import path as checked_path
 from ..errors import RecordingError, WheelwireError, afresh
 from ..link.threads import abandon_in_child
 from ..link.traffic import Kind, Record, Traffic, TrafficReader
-from .reader import require_mcap
+from . import ros_messages
+from .reader import (
+    CLOCK,
+    COUNTS,
+    ENDED,
+    LIBRARY,
+    METADATA,
+    OFFSET,
+    SESSION,
+    TOPIC_BY_KIND,
+    TOPICS,
+    encode_record,
+    require_mcap,
+)
 from .repair import repair_folder
+from .ros_messages import Channel
+from .summary import Counter
 from .views import CHANNELS, Views
-from .writer import RecordingFile, free_path
+
+PROFILE = "ros2"
+REASON_SIZE = 96
+"""Room for why a recorder gave up, written at the beginning: a full disk has none at the end."""
+_BEGINNING = 4096
+"""The metadata are within the first bytes."""
+# What rosbag2 itself writes of a reliable publisher: without it `ros2 bag play` has to guess.
+_QOS = """- history: 1
+  depth: 10
+  reliability: 1
+  durability: 2
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+RAW_CHANNELS = tuple(Channel(topic, *ros_messages.BYTES) for topic in TOPICS)
+
+
+class _Output:
+    """What `mcap` writes to. Keeps all until a flush, and after a failure writes nothing more."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._waiting: list[bytes] = []
+        self._count = 0
+
+    def write(self, data: bytes) -> int:
+        self._waiting.append(bytes(data))
+        self._count += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._count
+
+    def flush(self) -> None:
+        rest = memoryview(b"".join(self._waiting))
+        self._waiting.clear()
+        while rest:
+            rest = rest[os.write(self._descriptor, rest) :]
+
+
+class RecordingFile:
+    """A file that is being written. Others see by its lock that it is.
+
+    Args:
+        path: Must not exist.
+        unix_minus_monotonic_ns: What to add to the host's clock for the time of day.
+        metadata: What else to write at its beginning.
+        channels: Channels of the messages for viewers.
+
+    Attributes:
+        path: Where it is.
+        size: Bytes written.
+
+    Raises:
+        RecordingError: The package `mcap` is not installed.
+        FileExistsError: There is one.
+        OSError: It cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        unix_minus_monotonic_ns: int,
+        metadata: Mapping[str, str],
+        channels: tuple[Channel, ...] = (),
+    ) -> None:
+        require_mcap()
+        from mcap.writer import CompressionType, Writer
+
+        self.path = path
+        self._offset_ns = unix_minus_monotonic_ns
+        self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o644)
+        self._output = _Output(self._descriptor)
+        self._counter = Counter()
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._writer = Writer(self._output, compression=CompressionType.NONE)
+            self._writer.start(PROFILE, LIBRARY)
+            said = {
+                OFFSET: str(unix_minus_monotonic_ns),
+                ENDED: " " * REASON_SIZE,
+                **metadata,
+            }
+            self._writer.add_metadata(METADATA, said)
+            self._schemas: dict[str, int] = {}
+            self._channels: dict[str, int] = {}
+            for channel in (*RAW_CHANNELS, *channels):
+                self.register(channel)
+            self.sync()
+            _sync_folder(path.parent)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def register(self, channel: Channel) -> None:
+        """Add a channel, unless there is one of its topic."""
+        topic, schema, definition = channel
+        if topic in self._channels:
+            return
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(
+                schema, "ros2msg", definition.encode()
+            )
+        self._channels[topic] = self._writer.register_channel(
+            topic, "cdr", self._schemas[schema], {"offered_qos_profiles": _QOS}
+        )
+
+    @property
+    def size(self) -> int:
+        """Bytes written."""
+        return self._output.tell()
+
+    def add(self, record: Record) -> None:
+        """A record of the link."""
+        self._counter.feed(record)
+        self.add_message(
+            TOPIC_BY_KIND.get(record.kind, SESSION),
+            record.host_us * 1000 + self._offset_ns,
+            encode_record(record),
+            record.number & 0xFFFFFFFF,
+        )
+
+    def add_message(self, topic: str, time_ns: int, data: bytes, sequence: int = 0) -> None:
+        """A message for viewers."""
+        self._writer.add_message(self._channels[topic], time_ns, data, time_ns, sequence)
+
+    def attach(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
+        """A file within the file."""
+        self._writer.flush()  # mcap puts it between two chunks
+        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+
+    def flush(self) -> None:
+        """Write all that was added to the file, in case this process is killed."""
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Write all that was added to the disk, in case the power fails."""
+        self._writer.flush()
+        os.fdatasync(self._descriptor)
+
+    def close(self) -> None:
+        """Write what was counted and the index, and close the file."""
+        try:
+            self._writer.flush()  # mcap puts it between two chunks
+            counted = {name: str(number) for name, number in vars(self._counter.counts).items()}
+            self._writer.add_metadata(COUNTS, counted)
+            self.sync()  # first: a file that has an end is whole
+            self._writer.finish()
+            self._output.flush()
+            os.fdatasync(self._descriptor)
+        finally:
+            self.abandon()
+
+    def discard(self) -> None:
+        """Close the file and remove it: nothing is in it."""
+        self.abandon()
+        self.path.unlink(missing_ok=True)
+
+    def set_clock(self, unix_minus_monotonic_ns: int) -> None:
+        """The computer's clock was set: what is added from now on has the new time of day."""
+        self._offset_ns = unix_minus_monotonic_ns
+        self._writer.flush()  # mcap puts it between two chunks
+        self._writer.add_metadata(CLOCK, {OFFSET: str(unix_minus_monotonic_ns)})
+
+    def give_up(self, reason: str) -> None:
+        """Note in the file why nothing more is written, where there is room for it; close it.
+
+        Raises:
+            OSError: It cannot be written to at all.
+        """
+        try:
+            text = reason.encode()[:REASON_SIZE].decode("utf-8", "ignore").encode()
+            begin = os.pread(self._descriptor, _BEGINNING, 0)
+            blank = ENDED.encode() + REASON_SIZE.to_bytes(4, "little")
+            at = begin.find(blank)
+            if at >= 0:
+                os.pwrite(self._descriptor, text.ljust(REASON_SIZE), at + len(blank))
+            os.fdatasync(self._descriptor)
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file as it is, without what cannot be written any more.
+
+        A second call does nothing.
+        """
+        # Its number is free from now on, and soon another file's: a fork's child, say, must not
+        # close that.
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the file's name survive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def free_path(path: Path) -> Path:
+    """`path`, or with a number behind its name the first that no file has."""
+    number = 1
+    found = path
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return found
+
 
 PERIOD_S = 0.05
 """How often the link's records are fetched."""
@@ -43,14 +274,14 @@ MAX_S = 3600.0
 """A recording goes on in a next file after so much, and after so long."""
 CLOSE_S = 10.0
 BEGIN_S = 5.0
-"""A tap begins once the session knows its board, for which it asks up to four times 1 s."""
+"""Records come once the session knows its board, for which it asks up to four times 1 s."""
 BEGIN_STEP_S = 0.001
 CLOCK_STEP_NS = 500_000_000
 """A clock that differs by more was set; below this it is only slewed."""
 _LOG = logging.getLogger("wheelwire.log")
 
 
-class Tapped(Protocol):
+class TrafficSource(Protocol):
     """A link that can be listened to."""
 
     @property
@@ -65,7 +296,7 @@ class Tapped(Protocol):
         """Give `reader` all records from now on, beginning with the state of the session."""
 
 
-def wait_until_it_began(link: Tapped, reader: TrafficReader) -> None:
+def wait_until_it_began(link: TrafficSource, reader: TrafficReader) -> None:
     """Wait for the first record: what is asked for next then gets to `reader`, with its answer.
 
     Raises:
@@ -143,7 +374,7 @@ class Recorder:
 
     def __init__(
         self,
-        link: Tapped,
+        link: TrafficSource,
         path: str | Path,
         metadata: Mapping[str, str],
         attachments: Callable[[], Iterable[Attachment]] | None = None,

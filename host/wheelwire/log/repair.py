@@ -28,6 +28,7 @@ from .reader import (
     FOREIGN,
     HEAD,
     HEADER,
+    LIBRARY,
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
@@ -44,7 +45,6 @@ from .reader import (
     stream_of,
     within,
 )
-from .writer import LIBRARY
 
 if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema

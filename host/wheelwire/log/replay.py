@@ -47,7 +47,7 @@ from ..link.sample_stream import QUEUE_US, LatestSample
 from ..link.setpoints import ASKED
 from ..link.traffic import Kind, Record, TrafficReader
 from ..samples import Setpoint
-from .rerun_link import RerunLink
+from .rerun import RerunLink
 
 LOOK_S = 0.002
 """Time between two checks whether the program reads samples by now."""
@@ -382,7 +382,7 @@ class ReplayLink(RerunLink, InlineLink):
         """A replay is recorded nowhere."""
 
     def listen_to_traffic(self, reader: TrafficReader) -> None:  # noqa: ARG002 - refused
-        """A replay has no tap: what it would pass on is in the file.
+        """A replay passes nothing on: it is in the file already.
 
         Raises:
             InvalidCommand: Always.

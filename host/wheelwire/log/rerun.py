@@ -1,24 +1,75 @@
-"""Runs a session again from what its tap reported: the same samples, counters and stamps."""
+"""A session run again from what crossed its link: the same samples, counters and stamps.
+
+`frames` finds the messages one by one; `Rerun` repeats the session; `RerunLink` is a link to it.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from typing import Any, NamedTuple
 
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import Hold
 
 from ..errors import LinkLost, WheelwireError
+from ..link.device_link import DeviceLink
 from ..link.requests import Answer
-from ..link.sample_stream import Measurement
-from ..link.session import Session
+from ..link.sample_stream import LatestSample, Measurement
+from ..link.session import Phase, Session
 from ..link.setpoints import ASKED
+from ..link.threads import Notifier
 from ..link.traffic import ATTACHED, ESTOP, Kind, Record
 
 
+class Frame(NamedTuple):
+    """One message, and when its last byte crossed the link."""
+
+    host_us: int
+    """The host's monotonic clock, as in a sample's stamp."""
+    is_sent: bool
+    """Whether the host sent it."""
+    message: Any
+
+
+class FrameReader:
+    """Finds the messages of both directions in a link's records."""
+
+    def __init__(self) -> None:
+        self._received = Decoder()
+        self._sent = Decoder()
+
+    @property
+    def lost(self) -> int:
+        """Received frames that are missing, by their sequence numbers."""
+        return self._received.counters.seq_lost
+
+    def feed(self, record: Record) -> Iterator[Frame]:
+        """The messages that one record completes."""
+        kind = record.kind
+        # A frame that was cut by the loss of the port, or of records, has no rest.
+        if kind in (Kind.START, Kind.CONNECTED):
+            self._received.restart()
+            self._sent.restart()
+        elif kind in (Kind.RECEIVED, Kind.RECEIVED_EACH):
+            for message in self._received.feed(record.data):
+                yield Frame(record.host_us, False, message)
+        elif kind is Kind.SENT:
+            for message in self._sent.feed(record.data):
+                yield Frame(record.host_us, True, message)
+
+
+def frames(records: Iterable[Record]) -> Iterator[Frame]:
+    """All messages of a recording, in order."""
+    reader = FrameReader()
+    for record in records:
+        yield from reader.feed(record)
+
+
 class Rerun:
-    """Repeats what the session of a tap did.
+    """Repeats what the session of a link did.
 
     Attributes:
         session: The session in its state after the newest record; None before a START. Only read
@@ -113,3 +164,54 @@ def _lost(record: Record) -> LinkLost:
 
 def _u32s(record: Record) -> tuple[int, ...]:
     return struct.unpack(f"<{len(record.data) // 4}I", record.data)
+
+
+class RerunLink(DeviceLink):
+    """A link that follows records.
+
+    Args:
+        latest_sample: Takes the samples.
+
+    Attributes:
+        changed: Notified when the session opens or ends.
+    """
+
+    _end: WheelwireError | None = None
+
+    def __init__(self, latest_sample: LatestSample) -> None:
+        self.changed = Notifier()
+        self._latest_sample = latest_sample
+        self._rerun = Rerun()
+
+    @property
+    def _session(self) -> Session:  # type: ignore[override]
+        session = self._rerun.session
+        if session is None:
+            self._check_alive()
+            raise LinkLost(f"{self.name}: nothing is known of its session yet; wait a moment")
+        return session
+
+    @property
+    def _is_open(self) -> bool:
+        session = self._rerun.session
+        return session is not None and session.phase is Phase.OPEN
+
+    @property
+    def hold(self) -> Hold | None:
+        """As `Session.hold`; None, too, while nothing is known of a session."""
+        session = self._rerun.session
+        return None if session is None else session.hold
+
+    def _do_again(self, record: Record) -> None:
+        was_open = self._is_open
+        for measurement in self._rerun.feed(record):
+            self._latest_sample.put(measurement)
+        session = self._rerun.session
+        if session is not None:
+            self._latest_sample.sensors.take(self.name, session.sensors.sensed)
+        if was_open and not self._is_open:
+            self._latest_sample.interrupt()
+        if was_open is not self._is_open:
+            self.changed.notify_all()
+        if session is not None:
+            self._tell_listener()

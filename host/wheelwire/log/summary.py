@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ..errors import RecordingError
 from ..link.traffic import Record
-from .frames import FrameReader
 from .reader import (
     ENDED,
     check_release,
@@ -19,6 +18,7 @@ from .reader import (
     offset_us,
     session_records,
 )
+from .rerun import FrameReader
 
 
 @dataclass

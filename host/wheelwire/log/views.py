@@ -15,20 +15,19 @@ from ..link.traffic import Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
 from ..samples import RangeSample, SensorEvent, WheelSample
-from . import messages
-from .obstacles import OBSTACLES, obstacles
+from . import ros_messages
 from .rerun import Rerun
-from .writer import Channel
+from .ros_messages import OBSTACLES, Channel, obstacles
 
-ODOM = Channel("/odom", *messages.ODOMETRY)
-TRANSFORMS = Channel("/tf", *messages.TRANSFORMS)
-JOINT_STATES = Channel("/joint_states", *messages.JOINT_STATE)
-BATTERY = Channel("/battery_state", *messages.BATTERY_STATE)
-IMU = Channel("/imu/data_raw", *messages.IMU)
-EVENTS = Channel("/wheelwire/events", *messages.LOG)
+ODOM = Channel("/odom", *ros_messages.ODOMETRY)
+TRANSFORMS = Channel("/tf", *ros_messages.TRANSFORMS)
+JOINT_STATES = Channel("/joint_states", *ros_messages.JOINT_STATE)
+BATTERY = Channel("/battery_state", *ros_messages.BATTERY_STATE)
+IMU = Channel("/imu/data_raw", *ros_messages.IMU)
+EVENTS = Channel("/wheelwire/events", *ros_messages.LOG)
 CHANNELS = (ODOM, TRANSFORMS, JOINT_STATES, BATTERY, IMU, EVENTS)
 """Those of every file. One of a sensor begins with its first measurement."""
-BUMPERS = Channel("/bumpers", *messages.CLOUD)
+BUMPERS = Channel("/bumpers", *ros_messages.CLOUD)
 RATE_HZ = 50.0
 """Of the motion and of the IMU, as fast as the node publishes by default."""
 BATTERY_PERIOD_S = 1.0
@@ -42,7 +41,7 @@ View = tuple[Channel, int, bytes]
 
 
 class Views:
-    """Makes them of a tap's records, by running its session again.
+    """Makes them of a link's records, by running its session again.
 
     Args:
         unix_minus_monotonic_ns: What to add to the host's clock for the time of day.
@@ -64,11 +63,11 @@ class Views:
         self._last: WheelSample | None = None
         self._pacer, self._imu_pacer = Pacer(RATE_HZ), Pacer(RATE_HZ)
         self._battery_due_s = -math.inf
-        self._odometry_layout = messages.odometry(ODOM_FRAME, BASE_FRAME)
-        self._transform_layout = messages.transforms(ODOM_FRAME, BASE_FRAME)
-        self._joints_layout = messages.joint_state(JOINTS)
-        self._battery_layout = messages.battery_state(BASE_FRAME)
-        self._imu_layout = messages.imu(BASE_FRAME)
+        self._odometry_layout = ros_messages.odometry(ODOM_FRAME, BASE_FRAME)
+        self._transform_layout = ros_messages.transforms(ODOM_FRAME, BASE_FRAME)
+        self._joints_layout = ros_messages.joint_state(JOINTS)
+        self._battery_layout = ros_messages.battery_state(BASE_FRAME)
+        self._imu_layout = ros_messages.imu(BASE_FRAME)
 
     def feed(self, record: Record) -> Iterator[View]:
         """The messages for viewers that one record makes, in order."""
@@ -90,7 +89,7 @@ class Views:
             self._said.append((level, _text(happening, subject)))
         while self._said:
             level, text = self._said.pop(0)
-            yield EVENTS, time_ns, messages.log(time_ns, level, text)
+            yield EVENTS, time_ns, ros_messages.log(time_ns, level, text)
 
     def _warn(self, text: str, *args: object) -> None:
         self._said.append((logging.WARNING, text % args))
@@ -125,7 +124,7 @@ class Views:
         yield JOINT_STATES, time_ns, self._joints(sample, drive, stamp)
         if sample.battery_v is not None and sample.stamp >= self._battery_due_s:
             self._battery_due_s = sample.stamp + BATTERY_PERIOD_S
-            data = self._battery_layout.fill(*stamp, sample.battery_v, messages.UNKNOWN)
+            data = self._battery_layout.fill(*stamp, sample.battery_v, ros_messages.UNKNOWN)
             yield BATTERY, time_ns, data
 
     def _sensed(self, sensors: SensorStream, time_ns: int) -> Iterator[View]:
@@ -143,8 +142,8 @@ class Views:
                 yield from self._bumpers(what, time_ns)
 
     def _range(self, sample: RangeSample, time_ns: int) -> View:
-        channel = Channel(f"/range/{sample.name}", *messages.RANGE)
-        layout = messages.range_(
+        channel = Channel(f"/range/{sample.name}", *ros_messages.RANGE)
+        layout = ros_messages.range_(
             f"range_{sample.name}",
             sample.field_of_view_rad,
             sample.min_m,
@@ -158,17 +157,17 @@ class Views:
         if any(info.kind in OBSTACLES for info in infos):
             sample = measurement.sample()
             points = obstacles(infos, sample, BUMPER_RADIUS_M, BUMPER_HEIGHT_M)
-            data = messages.cloud(BASE_FRAME, points).fill(*self._stamp(sample.stamp))
+            data = ros_messages.cloud(BASE_FRAME, points).fill(*self._stamp(sample.stamp))
             yield BUMPERS, time_ns, data
 
     def _stamp(self, stamp_s: float) -> tuple[int, int]:
-        return messages.stamp(round(stamp_s * 1e9) + self.offset_ns)
+        return ros_messages.stamp(round(stamp_s * 1e9) + self.offset_ns)
 
     def _imu(self, measurement: ImuMeasurement) -> bytes:
         sample, info = measurement.sample(), measurement.channel.info
         stamp = self._stamp(sample.stamp)
-        turning = *sample.gyro, *messages.variances(info.gyro_noise)
-        pulling = *sample.acceleration, *messages.variances(info.acceleration_noise)
+        turning = *sample.gyro, *ros_messages.variances(info.gyro_noise)
+        pulling = *sample.acceleration, *ros_messages.variances(info.acceleration_noise)
         return self._imu_layout.fill(*stamp, *turning, *pulling)
 
     def _joints(

@@ -23,7 +23,7 @@ from wheelwire.cli import log
 from wheelwire.cli.app import app
 from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.reader import records
-from wheelwire.log.writer import RecordingFile
+from wheelwire.log.recorder import RecordingFile
 
 OFFSET_NS = 1_700_000_000_000_000_000
 SPEEDS = [0.02 * step for step in range(20)]

@@ -19,10 +19,8 @@ from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log.raw import RECEIVED, SENT, SESSION, TOPICS
-from wheelwire.log.reader import records
-from wheelwire.log.recorder import Recorder
-from wheelwire.log.writer import RecordingFile
+from wheelwire.log.reader import RECEIVED, SENT, SESSION, TOPICS, records
+from wheelwire.log.recorder import Recorder, RecordingFile
 from wheelwire_protocol.types import ClearEstop
 
 SAID = {"driver": "mock", "board_id": "0a1b2c3d4e5f"}
@@ -166,7 +164,7 @@ def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[TappedLin
         recorder = Recorder(link, tmp_path / "day.mcap", SAID)
         link.drive(1.0)
         wait_until(lambda: len(list(records(recorder.file))) > 50)
-        monkeypatch.setattr("wheelwire.log.writer.os.write", fail)
+        monkeypatch.setattr("wheelwire.log.recorder.os.write", fail)
         link.drive(1.0)
         wait_until(lambda: recorder.error)
         recorder.close()

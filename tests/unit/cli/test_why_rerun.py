@@ -18,7 +18,7 @@ import pytest
 from support.command import check_error, output, run, run_json
 from support.virtual import box_after_a_contact
 from wheelwire import errors
-from wheelwire.cli.box_rerun import BOXES, DIFFERENT, TEST
+from wheelwire.cli.why import BOXES, DIFFERENT, TEST
 from wheelwire_protocol.black_box import BOX_SIZE, core_hash
 
 ROOT = Path(__file__).parents[3]

@@ -26,7 +26,7 @@ from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.traffic import STOP_ASKED, Kind, TrafficReader
 from wheelwire.log.rerun import Rerun
 from wheelwire.log.share.attached_link import AttachedLink, find_holder
-from wheelwire.log.share.stops import PERIOD_S, AttachedStops
+from wheelwire.log.share.server import PERIOD_S, AttachedStops
 from wheelwire.log.share.wire import Say, tagged
 from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.framing import encode_frame

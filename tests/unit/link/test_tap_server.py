@@ -36,7 +36,7 @@ from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.share import attached_link as attached_module
 from wheelwire.log.share import server as tap_server
 from wheelwire.log.share.attached_link import AttachedLink, Holder, find_holder
-from wheelwire.log.share.server import TapServer, _Program
+from wheelwire.log.share.server import SharingServer, _Program
 from wheelwire.log.share.wire import VERSION, Say, message, tagged
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import encode_frame
@@ -196,7 +196,7 @@ class TestFile:
             robot.read()
             assert names() == []
         # Once, however often it is tried.
-        assert len([one for one in caplog.records if one.name == "wheelwire.tap"]) == 1
+        assert len([one for one in caplog.records if one.name == "wheelwire.share"]) == 1
 
     @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
     def test_a_folder_of_another_user_is_refused(self, device: PtyDevice) -> None:
@@ -310,11 +310,11 @@ def link_of(attached: AttachedDriver) -> AttachedLink:
     return link
 
 
-def server_of(robot: SerialDriver) -> TapServer:
+def server_of(robot: SerialDriver) -> SharingServer:
     link = robot._link
     assert isinstance(link, Link)
-    assert link._tap_server is not None
-    return link._tap_server
+    assert link._sharing_server is not None
+    return link._sharing_server
 
 
 def is_full(program: _Program) -> bool:

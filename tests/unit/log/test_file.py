@@ -16,9 +16,9 @@ from wheelwire.errors import RecordingError
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log import repair as repair_module
 from wheelwire.log.reader import COUNTS, METADATA, has_end, metadata, records, was_closed
+from wheelwire.log.recorder import RecordingFile, free_path
 from wheelwire.log.repair import repair, repair_folder
 from wheelwire.log.summary import summary
-from wheelwire.log.writer import RecordingFile, free_path
 
 RECORDS = [Record(number, Kind(number % 16), number * 1000, bytes(number)) for number in range(99)]
 OFFSET_NS = 1_700_000_000_000_000_000

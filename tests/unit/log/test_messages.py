@@ -9,21 +9,20 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from wheelwire.log import messages
-from wheelwire.log.writer import RAW_DEFINITION
+from wheelwire.log import ros_messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 CHANCE = random.Random(1)
 DEFINITIONS = (
-    messages.ODOMETRY,
-    messages.IMU,
-    messages.JOINT_STATE,
-    messages.BATTERY_STATE,
-    messages.TRANSFORMS,
-    messages.RANGE,
-    messages.CLOUD,
-    messages.LOG,
-    ("std_msgs/msg/UInt8MultiArray", RAW_DEFINITION),
+    ros_messages.ODOMETRY,
+    ros_messages.IMU,
+    ros_messages.JOINT_STATE,
+    ros_messages.BATTERY_STATE,
+    ros_messages.TRANSFORMS,
+    ros_messages.RANGE,
+    ros_messages.CLOUD,
+    ros_messages.LOG,
+    ros_messages.BYTES,
 )
 
 
@@ -50,7 +49,7 @@ def same_again(data: bytes, name: str) -> Any:
 def test_odometry(frame: str) -> None:
     values = [CHANCE.random() for _ in range(42)]
     message = same_again(
-        messages.odometry(frame, "base").fill(3, 4, *values), "nav_msgs/msg/Odometry"
+        ros_messages.odometry(frame, "base").fill(3, 4, *values), "nav_msgs/msg/Odometry"
     )
     assert message.header.frame_id == frame
     assert message.pose.pose.position.y == values[1]
@@ -60,8 +59,8 @@ def test_odometry(frame: str) -> None:
 
 def test_imu() -> None:
     turning, pulling = [[CHANCE.random() for _ in range(3)] for _ in range(2)]
-    data = messages.imu("base").fill(
-        3, 4, *turning, *messages.variances(0.5), *pulling, *messages.variances(2.0)
+    data = ros_messages.imu("base").fill(
+        3, 4, *turning, *ros_messages.variances(0.5), *pulling, *ros_messages.variances(2.0)
     )
     message = same_again(data, "sensor_msgs/msg/Imu")
     assert message.header.frame_id == "base"
@@ -73,7 +72,7 @@ def test_imu() -> None:
 
 
 def test_joint_state() -> None:
-    layout = messages.joint_state(["left", "right"])
+    layout = ros_messages.joint_state(["left", "right"])
     for _ in range(2):  # a second fill leaves nothing of the first
         values = [CHANCE.random() for _ in range(4)]
         message = same_again(layout.fill(3, 4, *values), "sensor_msgs/msg/JointState")
@@ -82,12 +81,12 @@ def test_joint_state() -> None:
 
 
 def test_battery_state() -> None:
-    data = messages.battery_state("base").fill(3, 4, 7.5, 0.5)
+    data = ros_messages.battery_state("base").fill(3, 4, 7.5, 0.5)
     assert same_again(data, "sensor_msgs/msg/BatteryState").voltage == 7.5
 
 
 def test_range() -> None:
-    data = messages.range_("range_front", 0.25, 0.5, 4.0, 1.5).fill(3, 4)
+    data = ros_messages.range_("range_front", 0.25, 0.5, 4.0, 1.5).fill(3, 4)
     message = same_again(data, "sensor_msgs/msg/Range")
     assert message.header.frame_id == "range_front"
     assert (message.field_of_view, message.min_range, message.max_range) == (0.25, 0.5, 4.0)
@@ -96,7 +95,7 @@ def test_range() -> None:
 
 @pytest.mark.parametrize("points", [[], [(1.0, 2.0, 3.0)], [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]])
 def test_cloud(points: list[tuple[float, float, float]]) -> None:
-    data = messages.cloud("base_link", points).fill(3, 4)
+    data = ros_messages.cloud("base_link", points).fill(3, 4)
     message = same_again(data, "sensor_msgs/msg/PointCloud2")
     assert (message.width, message.height, message.point_step) == (len(points), 1, 12)
     assert [field.name for field in message.fields] == ["x", "y", "z"]
@@ -106,6 +105,6 @@ def test_cloud(points: list[tuple[float, float, float]]) -> None:
 
 @pytest.mark.parametrize("text", ["", "a", "ab", "abc", "abcd", "Grüße"])
 def test_log(text: str) -> None:
-    message = same_again(messages.log(1_000_000_002, 30, text), "rcl_interfaces/msg/Log")
+    message = same_again(ros_messages.log(1_000_000_002, 30, text), "rcl_interfaces/msg/Log")
     assert (message.msg, message.level, message.name) == (text, 30, "wheelwire")
     assert (message.stamp.sec, message.stamp.nanosec) == (1, 2)

@@ -23,11 +23,10 @@ from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind
 from wheelwire.log import recorder as recorder_module
 from wheelwire.log.reader import is_complete, messages, metadata, offset_us, records, was_closed
-from wheelwire.log.recorder import Attachment, Recorder
+from wheelwire.log.recorder import Attachment, Recorder, RecordingFile
 from wheelwire.log.repair import repair
 from wheelwire.log.rerun import Rerun
 from wheelwire.log.summary import summary
-from wheelwire.log.writer import RecordingFile
 
 
 @pytest.fixture
@@ -177,7 +176,7 @@ def test_a_full_disk_ends_the_recording_alone(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch, caplog.at_level(logging.ERROR, "wheelwire"):
-        patch.setattr("wheelwire.log.writer.os.write", full)
+        patch.setattr("wheelwire.log.recorder.os.write", full)
         link.drive(0.5)
         wait_until(lambda: recorder.error)
     link.drive(0.5)
@@ -203,7 +202,7 @@ def test_a_disk_that_is_full_for_a_part_of_a_chunk(
         return written
 
     with monkeypatch.context() as patch:
-        patch.setattr("wheelwire.log.writer.os.write", nearly_full)
+        patch.setattr("wheelwire.log.recorder.os.write", nearly_full)
         link.drive(2)
         wait_until(lambda: recorder.error)
     recorder.close()

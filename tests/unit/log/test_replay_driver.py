@@ -11,7 +11,7 @@ from support.command import check_error, run, run_json
 from wheelwire import Odometry, WheelSample, errors, open_driver
 from wheelwire.drivers.replay import ReplayDriver
 from wheelwire.link.traffic import TrafficReader
-from wheelwire.log.writer import RecordingFile
+from wheelwire.log.recorder import RecordingFile
 
 SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
 

@@ -10,8 +10,8 @@ import pytest
 
 from support.tapped_line import TappedLine
 from wheelwire.link.traffic import Kind, Record, TrafficReader
+from wheelwire.log.recorder import RecordingFile
 from wheelwire.log.summary import summary
-from wheelwire.log.writer import RecordingFile
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import Stop

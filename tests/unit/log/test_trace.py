@@ -11,8 +11,7 @@ import pytest
 from wheelwire import open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.link.traffic import Kind, Record, TrafficReader
-from wheelwire.log.plot import GAP_S, POINTS, draw, line, steps
-from wheelwire.log.trace import Asked, Trace
+from wheelwire.log.plot import GAP_S, POINTS, Asked, Trace, draw, line, steps
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 

@@ -18,7 +18,7 @@ from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log import cdr, messages, raw
+from wheelwire.log import reader, ros_messages
 
 MOST_PADDING = 7
 """The size that rclpy computes counts the alignment of an empty sequence at the end."""
@@ -41,24 +41,26 @@ def assert_same(data: bytes, type_: Any, places: set[int]) -> Any:
 @pytest.fixture
 def places(monkeypatch: pytest.MonkeyPatch) -> set[int]:
     """The bytes that were laid out since the test began, padding left out."""
-    found: set[int] = set(range(len(cdr.HEADER)))
-    laid_out = cdr.Layout.numbers
-    text = cdr.Layout.text
+    found: set[int] = set(range(len(ros_messages.CDR_HEADER)))
+    laid_out = ros_messages.Layout.numbers
+    text = ros_messages.Layout.text
 
-    def numbers(self: cdr.Layout, code: str, count: int, values: Any = None) -> cdr.Layout:
+    def numbers(
+        self: ros_messages.Layout, code: str, count: int, values: Any = None
+    ) -> ros_messages.Layout:
         result = laid_out(self, code, count, values)
         end = len(self._buffer)
         found.update(range(end - struct.calcsize(f"<{count}{code}"), end))
         return result
 
-    def noted_text(self: cdr.Layout, value: str) -> cdr.Layout:
+    def noted_text(self: ros_messages.Layout, value: str) -> ros_messages.Layout:
         result = text(self, value)
         end = len(self._buffer)
         found.update(range(end - len(value.encode()) - 1, end))
         return result
 
-    monkeypatch.setattr(cdr.Layout, "numbers", numbers)
-    monkeypatch.setattr(cdr.Layout, "text", noted_text)
+    monkeypatch.setattr(ros_messages.Layout, "numbers", numbers)
+    monkeypatch.setattr(ros_messages.Layout, "text", noted_text)
     return found
 
 
@@ -70,7 +72,7 @@ def test_odometry(places: set[int], name: str) -> None:
     chance = random.Random(name)
     diagonal = numbers(chance, 6)
     x, y, z, w, *covariance, linear, angular = numbers(chance, 42)
-    layout = messages.odometry("odom", name, diagonal)
+    layout = ros_messages.odometry("odom", name, diagonal)
     data = layout.fill(17, 999_999_999, x, y, z, w, *covariance, linear, angular)
     message = assert_same(data, Odometry, places)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (17, 999_999_999)
@@ -89,7 +91,7 @@ def test_odometry(places: set[int], name: str) -> None:
 @pytest.mark.parametrize("joints", [[], ["a"], ["left", "right"], ["a", "ab", "abc", "abcd"]])
 def test_joint_state(places: set[int], joints: list[str]) -> None:
     values = numbers(random.Random(1), 2 * len(joints))
-    data = messages.joint_state(joints).fill(-1, 5, *values)
+    data = ros_messages.joint_state(joints).fill(-1, 5, *values)
     message = assert_same(data, JointState, places)
     assert message.name == joints
     assert [*message.position, *message.velocity] == values
@@ -100,7 +102,7 @@ def test_joint_state(places: set[int], joints: list[str]) -> None:
 def test_transforms(places: set[int], name: str) -> None:
     tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
     x, y, z, w = numbers(random.Random(name), 4)
-    data = messages.transforms(name, "base").fill(1, 2, x, y, z, w)
+    data = ros_messages.transforms(name, "base").fill(1, 2, x, y, z, w)
     (message,) = assert_same(data, tf2.TFMessage, places).transforms
     assert (message.header.frame_id, message.child_frame_id) == (name, "base")
     assert message.transform.translation.y == y
@@ -109,7 +111,9 @@ def test_transforms(places: set[int], name: str) -> None:
 
 @names
 def test_battery_state(places: set[int], name: str) -> None:
-    message = assert_same(messages.battery_state(name).fill(1, 2, 7.5, 0.25), BatteryState, places)
+    message = assert_same(
+        ros_messages.battery_state(name).fill(1, 2, 7.5, 0.25), BatteryState, places
+    )
     assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
     assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
     assert message.capacity != message.capacity
@@ -118,8 +122,8 @@ def test_battery_state(places: set[int], name: str) -> None:
 @names
 def test_imu(places: set[int], name: str) -> None:
     turn, push = [0.1, 0.2, 0.3], [1.0, 2.0, 9.8]
-    data = messages.imu(name).fill(
-        1, 2, *turn, *messages.variances(0.5), *push, *messages.variances(2.0)
+    data = ros_messages.imu(name).fill(
+        1, 2, *turn, *ros_messages.variances(0.5), *push, *ros_messages.variances(2.0)
     )
     message = assert_same(data, Imu, places)
     assert (message.header.stamp.sec, message.header.frame_id) == (1, name)
@@ -133,13 +137,13 @@ def test_imu(places: set[int], name: str) -> None:
 
 @names
 def test_log(places: set[int], name: str) -> None:
-    message = assert_same(messages.log(1_500_000_000, 30, name), Log, places)
+    message = assert_same(ros_messages.log(1_500_000_000, 30, name), Log, places)
     assert (message.stamp.sec, message.stamp.nanosec) == (1, 500_000_000)
     assert (message.level, message.msg, message.line) == (Log.WARN, name, 0)
 
 
 @pytest.mark.parametrize("size", [0, 1, 7, 300])
 def test_a_record_of_the_tap(size: int) -> None:
-    data = raw.encode(Record(5, Kind.SENT, 7, bytes(range(256))[:size]))
+    data = reader.encode_record(Record(5, Kind.SENT, 7, bytes(range(256))[:size]))
     message = assert_same(data, UInt8MultiArray, set(range(len(data))))
-    assert raw.decode(serialize_message(message)) == raw.decode(data)
+    assert reader.decode_record(serialize_message(message)) == reader.decode_record(data)

@@ -22,7 +22,7 @@ from wheelwire import (
     SensorStatus,
 )
 from wheelwire.board import channel_name
-from wheelwire.log.obstacles import obstacles
+from wheelwire.log.ros_messages import obstacles
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip
 from wheelwire_ros.sensors import Limits, channel_words, limits_of, range_message
 

@@ -31,7 +31,7 @@ from ...link.programs import SUFFIX, sharing_folders
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.sample_stream import LatestSample
 from ...link.traffic import Kind, Record, Traffic, TrafficReader
-from ..rerun_link import RerunLink
+from ..rerun import RerunLink
 from .wire import (
     VERSION,
     MessageReader,
@@ -317,7 +317,7 @@ class AttachedLink(RerunLink):
 
     @property
     def traffic(self) -> Traffic:
-        """Passes on what the other program says of its own tap, under the same numbers."""
+        """Passes on what the other program says of its link, under the same numbers."""
         return self._traffic
 
     def note(self, what: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import encode_frame
@@ -43,7 +43,6 @@ from ...link.programs import (
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.threads import Notifier, WakeUp, abandon_in_child, start_without_waiting
 from ...link.traffic import STOP_ASKED, TrafficReader
-from .stops import AttachedStops
 from .wire import (
     VERSION,
     MessageReader,
@@ -78,10 +77,10 @@ NAMES = 8
 CLOSE_TIMEOUT_S = 1.0
 
 _CREDENTIALS = struct.Struct("3i")
-_log = logging.getLogger("wheelwire.tap")
+_log = logging.getLogger("wheelwire.share")
 
 
-class TapServer:
+class SharingServer:
     """Offers one link, from `start` to its end.
 
     Args:
@@ -102,7 +101,7 @@ class TapServer:
         """Who has asked for a stop that was not sent yet."""
         self._poller = select.poll()
         self._poller.register(self._wake_up, select.POLLIN)
-        self._thread = threading.Thread(target=self._run, name="wheelwire tap", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="wheelwire share", daemon=True)
         abandon_in_child(self)
 
     def start(self) -> None:
@@ -141,7 +140,7 @@ class TapServer:
                 pass
         except Exception:
             # Whatever it is, it must not become an error of whoever drives.
-            _log.exception("the tap has failed: other programs cannot look at this robot any more")
+            _log.exception("sharing has failed: other programs cannot look at this robot any more")
         finally:
             self._place.close()
             self._release()
@@ -246,10 +245,10 @@ class TapServer:
         program.leave(link)
 
 
-def offer(link: Link) -> TapServer | None:
+def offer(link: Link) -> SharingServer | None:
     """Begin to offer an open link; None if there is no room for it, which is logged."""
     try:
-        server = TapServer(link)
+        server = SharingServer(link)
     except OSError as error:
         _log.warning("other programs cannot look at this robot: %s", error)
         return None
@@ -568,3 +567,56 @@ def _credentials(connection: socket.socket) -> tuple[int, int]:
     data = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     pid, user, _ = _CREDENTIALS.unpack(data)
     return pid, user
+
+
+PERIOD_S = 0.02
+"""Between two of them at the least: a flood must not fill the line, on which the owner drives."""
+
+_Result: TypeAlias = "Answer | WheelwireError"
+
+
+class AttachedStops:
+    """Merges stops. One thread calls it; only `_answered` is another's, the link's.
+
+    Args:
+        post: Sends a stop, and has its argument called with the result.
+        wake: Has the thread of this call `advance` soon.
+    """
+
+    def __init__(self, post: Callable[[Done], None], wake: Callable[[], None]) -> None:
+        self._post = post
+        self._wake = wake
+        self._waiting: list[Done] = []
+        self._under_way: list[Done] = []
+        self._results: deque[_Result] = deque()
+        self._next_s = 0.0
+
+    def ask(self, done: Done) -> None:
+        """Stop the robot, now or with the next stop; `done` is called with that one's result."""
+        self._waiting.append(done)
+
+    def due_s(self) -> float | None:
+        """When `advance` has something to do; None while nobody waits to be sent."""
+        return self._next_s if self._waiting and not self._under_way else None
+
+    def advance(self, now_s: float) -> None:
+        """Answer those whose stop was answered, and send the next stop if it is due."""
+        while self._results:
+            answered, self._under_way = self._under_way, []
+            result = self._results.popleft()
+            for done in answered:
+                done(result)
+        due_s = self.due_s()
+        if due_s is None or now_s < due_s:
+            return
+        self._under_way, self._waiting = self._waiting, []
+        self._next_s = now_s + PERIOD_S
+        try:
+            self._post(self._answered)
+        except WheelwireError as error:
+            self._results.append(error)
+            self._wake()
+
+    def _answered(self, result: _Result) -> None:
+        self._results.append(result)
+        self._wake()

@@ -1,9 +1,11 @@
-"""Why a robot stopped, from what crossed its link: live from the tap, or from a recording.
+"""Why a robot stopped, from what crossed its link: live, or from a recording.
 
 records -> `history`: what was seen of late -> `diagnosis`: one stop after the other
-                                            -> `wheels`: what a wheel did before its fault
-a device's black box -> `boxes`: its stop; `device`: all boxes, the ledger, and how it stands now
+                                            -> `wheel_fault`: what a wheel did before its fault
+a device's black box -> `black_box`: its stop, its re-run
+a device's own reports -> `device`: with all its boxes, its ledger, and how it stands now
 `causes`: each cause's sentence, and what to look at first
+`watch`: live, beside the program that drives; `explanation`: the cause in a refused call's error
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Why a robot stopped that nobody watched: from its black boxes, its ledger and how it stands."""
+"""Why a robot stopped that nobody watched, and what holds it: by what the device itself says.
+
+Its report of what holds it and of its last stop, its state and flags, its black boxes, its ledger.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +11,159 @@ from typing import Any, NamedTuple
 from wheelwire_protocol.black_box import Box, BoxError
 from wheelwire_protocol.codes import (
     BoxCause,
+    Capability,
     Fault,
+    Held,
     ResetReason,
     StopCause,
     SupervisorEvent,
     SupervisorState,
 )
 
-from ...holds import Holding, LastStop
+from ...holds import HeldBy, Holding, LastStop
 from ...link.info import DeviceInfo, Ledger, Recorded
 from ...samples import WheelSample
-from .boxes import stop_of_damaged_box, stops_of_box
-from .diagnosis import Stop
-from .holding import held_stops, last_stop
-from .standing import KnownByBoxes, standing_stops
+from .black_box import stop_of_damaged_box, stops_of_box
+from .causes import ESTOPPED, ESTOPS, LATCHES, RESETS, channel_of, latched_causes, sensed_causes
+from .diagnosis import Stop, stop_of
+
+_STOPS: dict[StopCause, tuple[str, ...]] = {
+    StopCause.STOP: ("stop_by_session",),
+    StopCause.STOP_OTHER: ("stop_by_stranger",),
+    StopCause.ESTOP_CONTACT: ("contact_open",),
+    StopCause.ESTOP_SESSION: ("estop_by_session",),
+    StopCause.ESTOP_OTHER: ("estop_by_stranger",),
+    StopCause.BUMPER: ("bumper_pressed",),
+    StopCause.NEW_SESSION: ("new_session",),
+    StopCause.HANG_UP: ("host_hung_up",),
+    StopCause.TRIAL_ENDED: ("trial_expired",),
+}
+_SILENT = "program_paused", "host_killed", "host_frozen", "cable_pulled"
+"""Why setpoints may have stopped coming, as far as the device knows."""
+_LOST = (StopCause.DEADLINE, StopCause.NEW_SESSION, StopCause.HANG_UP)
+
+
+def last_stop(stop: LastStop, host_us: int) -> list[Stop]:
+    """What ended the last motion; nothing if that is not known.
+
+    Args:
+        stop: As the robot reports it.
+        host_us: The host's clock, for one whose time is not known.
+    """
+    if stop.cause is StopCause.UNKNOWN:
+        return []
+    at_us = host_us if stop.stamp is None else round(stop.stamp * 1e6)
+    causes, channel = _causes(stop)
+    return [stop_of(at_us, causes, (stop.cause.doc, *stop.evidence), channel)]
+
+
+def _causes(stop: LastStop) -> tuple[tuple[str, ...], str]:
+    """The causes that are left, and the wheel's side or the sensor's name."""
+    program = stop.program
+    if stop.cause in _LOST and program is not None and not program.is_running:
+        return ("host_killed",), ""
+    if stop.cause is StopCause.DEADLINE:
+        return (_SILENT[0::2] if program is not None else _SILENT), ""
+    if stop.cause is StopCause.RESET:
+        return (RESETS[stop.reset_reason or ResetReason.UNKNOWN],), ""
+    sensors = [flag for flag in Held if flag in stop.held]
+    if stop.cause in _STOPS:
+        return _STOPS[stop.cause], channel_of(sensors[0]) if sensors else ""
+    found = next(latched_causes(stop.faults or Fault.EXTERNAL, sensed_causes(stop.held)))
+    return found[1], found[2]
+
+
+def held_stops(held_by: HeldBy, host_us: int) -> list[Stop]:
+    """What holds it now beside what its state says, each as a cause of its own."""
+    return [
+        Stop(host_us, f"held_{str(flag.name).lower()}", held_by.sentence(flag), (), "")
+        for flag in held_by
+        if flag not in LATCHES
+    ]
+
+
+NO_HISTORY = "what came before was not recorded: record the robot's day to see more next time"
+_STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL)
+"""The usual starts of a robot, which are no stops."""
+_BEFORE_RESET = {
+    SupervisorState.FAULT: "fault_before_reset",
+    SupervisorState.ESTOPPED: "estop_before_reset",
+}
+
+
+class KnownByBoxes(NamedTuple):
+    """What black boxes say of how a robot stands now.
+
+    Attributes:
+        reset: The reset that began this boot.
+        estop: The e-stop that is latched.
+        faults: Those that are.
+        before_reset: Number of the box of an earlier boot that tells of the same latch.
+    """
+
+    reset: bool = False
+    estop: bool = False
+    faults: Fault = Fault(0)
+    before_reset: int | None = None
+
+
+NOTHING_KNOWN = KnownByBoxes()
+
+
+def standing_stops(
+    device: DeviceInfo,
+    state: SupervisorState,
+    faults: Fault,
+    host_us: int,
+    known: KnownByBoxes = NOTHING_KNOWN,
+    holding: Holding | None = None,
+) -> list[Stop]:
+    """Why a robot stands now, as far as its state, flags and last reset tell.
+
+    Args:
+        device: The session's device.
+        state: State of the supervisor.
+        faults: Latched.
+        host_us: The host's clock.
+        known: What its black boxes say of that: it is left out.
+        holding: What it says itself of what holds it; None: nothing.
+    """
+    stops = []
+    reset = device.reset_reason
+    if reset not in _STARTED and not known.reset:
+        evidence = (f"its last start: {reset.name}. {reset.doc}", NO_HISTORY)
+        # A restart that was asked for has the same reason as one by the firmware itself.
+        asked = ("restart_requested",) if reset is ResetReason.SOFTWARE else ()
+        stops.append(stop_of(host_us, (*asked, RESETS[reset]), evidence))
+    if known.before_reset is not None and state in _BEFORE_RESET:
+        text = f"black box {known.before_reset}, of an earlier boot, is of the same"
+        stops.append(stop_of(host_us, (_BEFORE_RESET[state],), (f"{state.name} now", text)))
+    elif state is SupervisorState.FAULT:
+        sensors = {} if holding is None else sensed_causes(holding.held_by.flags)
+        for fault, causes, side in latched_causes(faults & ~known.faults, sensors):
+            evidence = (f"{fault.name}: {fault.doc}", NO_HISTORY)
+            stops.append(stop_of(host_us, causes, evidence, side))
+    elif state is SupervisorState.ESTOPPED and not known.estop:
+        stops.append(_estopped(device, host_us, holding))
+    elif state is SupervisorState.TIMED_OUT and holding is not None:
+        stops += last_stop(holding.last_stop, host_us)
+    elif state is SupervisorState.TIMED_OUT:
+        stops.append(stop_of(host_us, _SILENT, ("its newest setpoint ran out", NO_HISTORY)))
+    return stops
+
+
+def _estopped(device: DeviceInfo, host_us: int, holding: Holding | None) -> Stop:
+    evidence = ["ESTOPPED now"]
+    if holding is None or holding.held_by.estop_source not in ESTOPS:
+        has_contact = Capability.ESTOP_INPUT in device.capabilities
+        causes = ESTOPPED if has_contact else ESTOPPED[1:]
+        return stop_of(host_us, causes, (*evidence, NO_HISTORY))
+    source = holding.held_by.estop_source
+    evidence.append(f"latched by {source.name}: {source.doc}")
+    if Held.CONTACT in holding.held_by:
+        evidence.append(f"CONTACT: {Held.CONTACT.doc}")
+    return stop_of(host_us, (ESTOPS[source],), evidence)
+
 
 FAILURES = (
     ResetReason.BROWNOUT,

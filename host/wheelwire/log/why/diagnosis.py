@@ -1,4 +1,4 @@
-"""Finds the stops in a tap's records, and each one's cause."""
+"""Finds the stops in a link's records, and each one's cause."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ from ...link.session import Phase, Session
 from ...link.setpoints import SETPOINT_IDS
 from ...link.traffic import Kind, Record
 from ...samples import TICK_MODULUS, tick_difference
-from ..frames import FrameReader
-from ..rerun import Rerun
-from . import wheels
+from ..rerun import FrameReader, Rerun
+from . import wheel_fault
 from .causes import (
     COUNTING_FAULTS,
     ESTOPS,
@@ -523,7 +522,7 @@ class Diagnosis:
         causes: tuple[str, ...] = (name,)
         evidence: tuple[str, ...] = (str(fault.name),)
         if name != "wheel_reversed":
-            causes, found = wheels.examine(samples, side, counting=not fault & COUNTING_FAULTS)
+            causes, found = wheel_fault.examine(samples, side, counting=not fault & COUNTING_FAULTS)
             evidence = (*evidence, *found)
         return self._stop(at_us, causes, (*evidence, *supply_fall(samples)), side)
 

@@ -13,13 +13,13 @@ from .causes import (
     HELD,
     REFUSALS,
     REQUEST_REFUSALS,
+    cure_of_stores,
     latched_causes,
     look_at_of,
     sensed_causes,
     sensor_causes,
     sentence_of,
 )
-from .cures import cure_of_stores
 
 # A refused setpoint must not wait for what only a watch needs.
 if TYPE_CHECKING:

@@ -76,7 +76,7 @@ class History:
         self._newest_us: int | None = None
 
     def note(self, record: Record) -> None:
-        """A record of the tap."""
+        """A record of the link."""
         now_us = record.host_us
         if self._newest_us is not None and now_us - self._newest_us >= GAP_US:
             self.gaps.append((self._newest_us, now_us))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 
 from ...link.traffic import TrafficReader
-from ..recorder import Tapped, wait_until_it_began
+from ..recorder import TrafficSource, wait_until_it_began
 from .diagnosis import Diagnosis, Stop
 
 PERIOD_S = 0.05
@@ -21,15 +21,15 @@ class StopWatch:
 
     The exit of `with` closes it, too.
 
-    The thread takes the tap's copies 20 times a second: it costs the link nothing, and some 12 us
-    of the processor a record. After more records than its queue holds, it begins anew.
+    The thread takes its copies of the traffic 20 times a second: it costs the link nothing, and
+    some 12 us of the processor a record. After more records than its queue holds, it begins anew.
 
     Args:
         link: To be watched.
         report: What it raises is logged.
     """
 
-    def __init__(self, link: Tapped, report: Callable[[Stop], object]) -> None:
+    def __init__(self, link: TrafficSource, report: Callable[[Stop], object]) -> None:
         self._link = link
         self._report = report
         self._closing = threading.Event()

@@ -18,10 +18,8 @@ from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorStat
 from ...errors import DeviceRefused, GroupUnavailable, InvalidCommand
 from ...link.clock import host_clock_us
 from ...link.info import library_version
-from ...log.why.causes import latched_causes, sentence_of
-from ...log.why.cures import STORED, cure_of_stores
-from ...log.why.device import FAILURES, counts_text
-from ...log.why.standing import standing_stops
+from ...log.why.causes import STORED, cure_of_stores, latched_causes, sentence_of
+from ...log.why.device import FAILURES, counts_text, standing_stops
 from ...parameters import number_text
 from ...robot.robot import Robot
 from ...robot.sensors import wait_until_read

@@ -13,7 +13,7 @@ from ...holds import Holding
 from ...link.clock import host_clock_us
 from ...log.reader import session_records, was_cut
 from ...log.why import Diagnosis, Stop
-from ...log.why.standing import standing_stops
+from ...log.why.device import standing_stops
 from ...robot.robot import Robot
 from .model import Look, Model, Status
 

@@ -1,13 +1,18 @@
-"""Why a robot stopped, from its black box alone: no host needs to have been there."""
+"""A device's black box: its file, its re-run, and why the robot stopped, by the box alone.
+
+No host needs to have been there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from statistics import median
 
 from wheelwire_protocol.black_box import (
+    BOX_SIZE,
     PARTS,
     Box,
     BoxError,
@@ -17,9 +22,12 @@ from wheelwire_protocol.black_box import (
     HangUp,
     Received,
     Refusal,
+    Rerun,
+    RerunOutcome,
     Step,
     Stored,
     Transition,
+    core_hash,
 )
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import (
@@ -42,10 +50,11 @@ from wheelwire_protocol.types import (
 )
 from wheelwire_protocol.types import Stop as StopRequest
 
+from ...errors import RecordingError
 from ...link.clock import Conversion
 from ...link.sample_stream import DUTY_SCALE, Measurement
 from ...link.setpoints import SETPOINT_IDS
-from . import wheels
+from . import wheel_fault
 from .causes import (
     COUNTING_FAULTS,
     ESTOPPED,
@@ -57,8 +66,59 @@ from .causes import (
 )
 from .diagnosis import Stop, stop_of, supply_fall
 
+
+def read_box(path: Path) -> Box:
+    """The black box in this file.
+
+    Raises:
+        RecordingError: It cannot be read, or is no black box.
+        NativeMissingError: The firmware's library is missing or of another release.
+    """
+    try:
+        with path.open("rb") as file:
+            # One byte more shows a file that is longer.
+            return Box(file.read(BOX_SIZE + 1))
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read {path}: {error.strerror or error}; name the file of a black box"
+        ) from None
+    except BoxError as error:
+        raise RecordingError(
+            f"{path} is {error}: name a file of {BOX_SIZE} bytes that was read from a robot"
+        ) from None
+
+
+def rerun_box(path: Path) -> Rerun:
+    """Give the inputs in this file to the firmware's core again, in virtual time.
+
+    Raises:
+        RecordingError: It cannot be read, is no black box, or is one of another core.
+        NativeMissingError: The firmware's library is missing or of another release.
+    """
+    box = read_box(path)
+    head = box.head
+    if head.core != core_hash():
+        raise RecordingError(
+            f"{path} is of the core {head.core:08x} (firmware {head.release}, commit "
+            f"{head.git_hash:08x}), and this is {core_hash():08x}: re-run it with the library of "
+            "that release or commit"
+        )
+    rerun = box.rerun()
+    if rerun.outcome is RerunOutcome.UNREADABLE:
+        raise RecordingError(
+            f"{path} is damaged: the robot's state in it cannot be read; read the box "
+            "from the robot again"
+        )
+    if rerun.outcome is RerunOutcome.EMPTY:
+        raise RecordingError(
+            f"{path} is empty: it was stored before the robot made a step; choose another box"
+        )
+    return rerun
+
+
 SPACING_US = 10_000
-"""Spacing of the samples that are made of steps: as of a host's, for which `wheels` is made."""
+"""Spacing of the samples that are made of steps: as of a host's, for which
+`wheel_fault` is made."""
 SAME_STEP_US = 2_000
 """A message that came this shortly before a change of state is its cause."""
 COUNTER_LIMIT = 32_767
@@ -253,7 +313,7 @@ def _fault(story: _Story, stop: Transition) -> _Judged:
             return (name,), (names, *supply), side
         if one & COUNTING_FAULTS and _has_others_count(samples, side):
             samples = tuple(map(_swapped, samples))
-        causes, evidence = wheels.examine(samples, side, counting=not one & COUNTING_FAULTS)
+        causes, evidence = wheel_fault.examine(samples, side, counting=not one & COUNTING_FAULTS)
         if causes == ("wheel_never_counted",) and samples[0].supervisor is SupervisorState.DRIVING:
             # Whether it had counted before is not in the box.
             causes = ("encoder_dead", "wheel_blocked", "motor_open")

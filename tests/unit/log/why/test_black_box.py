@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from support.staged_stops import STAGED, Staged, StagedRobot
-from wheelwire.log.why.boxes import stops_of_box
+from wheelwire.log.why.black_box import stops_of_box
 from wheelwire_protocol.black_box import Box
 
 SILENCE = "program_paused or host_killed or host_frozen or cable_pulled or line_corrupt"
