@@ -248,7 +248,10 @@ class Encoder:
         # As `encode_frame`, without its calls: every setpoint comes through here.
         head = _HEADER.pack(codec.id, number % SEQ_MODULUS) + body
         runs = (head + crc32(head).to_bytes(CRC_SIZE, "little")).split(DELIMITER)
-        return DELIMITER + b"".join([_CODES[len(run)] + run for run in runs]) + DELIMITER
+        frame = DELIMITER
+        for run in runs:
+            frame += _CODES[len(run)] + run
+        return frame + DELIMITER
 
 
 def encode_payload(message: AnyMessage, seq: int) -> bytes:

@@ -166,13 +166,16 @@ class Conversion:
 
     def host_to_device(self, host_us: int) -> tuple[int, float]:
         """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
-        self.check()
+        if not self.lines:
+            self.check()  # raises
         best, best_error_us = self.lines[0], math.inf
         for line in self.lines:  # a plain loop takes half as long, and every setpoint needs this
             error_us = line.bound_us(host_us)
             if error_us < best_error_us:
                 best, best_error_us = line, error_us
-        return host_us + best.base_us + round(best.offset_us(host_us)), best_error_us
+        # `best.offset_us`, without the call.
+        offset_us = best.a_us + best.b * (host_us - best.origin_us)
+        return host_us + best.base_us + round(offset_us), best_error_us
 
     def device_to_host(self, device_us: int) -> tuple[int, float]:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""

@@ -208,7 +208,12 @@ class PortLoop(Reporter):
                 "is back in reach"
             )
         # Behind what waits, or a newer setpoint would overtake an older one.
-        if self._output or self._frames or self._put(transport, frame) < len(frame):
+        waits = bool(self._output or self._frames)
+        if not waits:
+            is_read = self._session.traffic.readers  # `_put` is for them
+            written = self._put(transport, frame) if is_read else transport.write(frame)
+            waits = written < len(frame)
+        if waits:
             self._frames.append(frame)
             self.wake_up.wake()
         else:

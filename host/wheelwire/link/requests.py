@@ -284,22 +284,25 @@ class HeldTrial:
 
     Any thread may release it. That needs no lock: each method takes the trial that is held once,
     and what it notes of a trial that was released meanwhile is recorded nowhere else.
+
+    Attributes:
+        held: None while the application tries nothing.
     """
 
     def __init__(self) -> None:
-        self._held: _Trial | None = None
+        self.held: _Trial | None = None
 
     @property
     def due_us(self) -> int | None:
         """When to renew it next."""
-        held = self._held
+        held = self.held
         if held is None or held.state is not _State.RUNNING or held.renewing:
             return None
         return held.due_us
 
     def check(self, subject: str) -> None:
         """Raise `DeviceRefused` for what relies on values that are no longer active."""
-        held = self._held
+        held = self.held
         if held is not None and held.state is _State.LOST:
             raise DeviceRefused(RefusalCode.NO_TRIAL, subject)
 
@@ -309,7 +312,7 @@ class HeldTrial:
         Raises:
             DeviceRefused: Another one is held.
         """
-        held = self._held
+        held = self.held
         if held is None:
             return
         if request.action == TrialAction.BEGIN:
@@ -322,13 +325,13 @@ class HeldTrial:
         if request.action == TrialAction.BEGIN:
             begun = _Trial(request.timeout_s, now_us)
             begun.wait(now_us)
-            self._held = begun
+            self.held = begun
         elif request.action != TrialAction.RENEW:
             self.release()
 
     def renewal(self, now_us: int) -> ParameterTrial | None:
         """The request to send now, if any. `renewed` is to be called when it is over."""
-        held, due_us = self._held, self.due_us
+        held, due_us = self.held, self.due_us
         if held is None or due_us is None or now_us < due_us:
             return None
         # None beside it until it is over: the request is repeated as it is.
@@ -338,16 +341,16 @@ class HeldTrial:
 
     def renewed(self) -> None:
         """The renewal was answered, or given up."""
-        held = self._held
+        held = self.held
         if held is not None:
             held.renewing = False
 
     def lose(self) -> None:
         """The session is over, and the trial with it."""
-        held = self._held
+        held = self.held
         if held is not None:
             held.state = _State.LOST
 
     def release(self) -> None:
         """The application has left it; from any thread."""
-        self._held = None
+        self.held = None

@@ -155,7 +155,9 @@ class Verbs:
         """
         now_us = self._now_us()  # first: the call's own time counts, too
         # Asked for once: a parameter may change between two uses.
-        limits = self._limits()
+        limits = self._known_limits
+        if limits.values is not self._link.watched_if_open:
+            limits = self._limits()
         expiry_us = self._expiry_us(now_us, ttl, stamp, limits)
         # Nearly all are plain floats: a function for each would be two more calls.
         if not (type(linear) is type(angular) is float and isfinite(linear) and isfinite(angular)):

@@ -13,7 +13,7 @@ import pytest
 import wheelwire
 from wheelwire.simulation.simulator import Simulator
 
-MOST_CALLS, MOST_FILES = 26, 10
+MOST_CALLS, MOST_FILES = 20, 9
 
 
 def files_of_calls(robot: wheelwire.Robot) -> list[str]:
