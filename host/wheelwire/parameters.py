@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, cast
 
+from wheelwire_protocol.codes import Unit
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Kind, Parameter
-from wheelwire_protocol.units import Unit
 
 from .arguments import is_number
 from .errors import (

@@ -10,8 +10,7 @@ from typing import Any
 
 import construct
 
-from .codes import Group
-from .units import Unit
+from .codes import Group, Unit
 
 HEADER_SIZE = 3
 CRC_SIZE = 4

@@ -43,6 +43,7 @@ from .codes import (
     SupervisorEvent,
     SupervisorState,
     TrialAction,
+    Unit,
 )
 from .message import Field, Message, field
 from .sensors import (
@@ -59,7 +60,6 @@ from .sensors import (
     SensorEventCode,
     SensorState,
 )
-from .units import Unit
 
 PROTOCOL_VERSION = 2
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from .codes import Chip
-from .units import Unit
+from .codes import Chip, Unit
 
 
 class Kind(enum.Enum):

@@ -38,12 +38,12 @@ from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .sample_stream import LatestSample
 from .session import Phase, Session
-from .shared_thread import SharedThread, holds_ports_up
-from .threads import Notifier, start_without_waiting
+from .threads import Notifier, holds_ports_up, start_without_waiting
 from .traffic import TrafficReader
 
 if TYPE_CHECKING:
     from ..log.share.server import SharingServer
+    from .shared_thread import SharedThread
     from .transports import Transport
 
 CONNECT_TIMEOUT_S = 5.0
@@ -393,9 +393,10 @@ class Link(DeviceLink):
 
 def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
     # Here, for not every link needs what they import.
-    from .discovery import open_board
-    from .transports import open_transport
-
     if board_id is None:
+        from .transports import open_transport
+
         return open_transport(port, baud_rate)
+    from .discovery import open_board
+
     return open_board(port, board_id, baud_rate)

@@ -421,7 +421,7 @@ class SensorStream:
         self.states = {number: SensorState(state) for number, state in known["states"]}
         self._time.resume(*known["clock"])
         self._attempts, self.due_us = known["asking"]
-        self._outdated = frozenset(known.get("outdated", ()))  # not of earlier releases
+        self._outdated = frozenset(known["outdated"])
 
     # ---------------------------------------------------------------------------------------------
 

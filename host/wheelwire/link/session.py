@@ -1092,7 +1092,7 @@ class Session:
         self.phase, self._nonce = Phase[known["phase"]], known["nonce"]
         self.error = LinkLost(known["error"])
         self._latched = Fault(known["latched"])
-        self.setpoints.held = tuple(known.get("held", (None, None)))  # not of earlier releases
+        self.setpoints.held = tuple(known["held"])
         for boot_id in known["boots"]:
             self._boots.enter(boot_id)
         if known["hello"] is None:
@@ -1103,13 +1103,12 @@ class Session:
             return
         self.id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
         self.values = dict(known["values"])
-        self.hold = _hold_of(known)
+        self.hold = None if known["hold"] is None else Hold(*known["hold"])
         if known["board"] is not None:
             board = ActiveBoard(*known["board"])
             self.board = replace(board, state=ConfigurationState(board.state))
         self.copies_lost = tuple(map(EventCode, known["copies_lost"]))
-        if "sensors" in known:  # not of earlier releases
-            self.sensors.resume(known["sensors"])
+        self.sensors.resume(known["sensors"])
         self._synchroniser = Synchroniser.resumed(self.id, self._send, known["clock"])
         self._liveness.heard_us, self._liveness.state_us = known["liveness"]
         self._state_stream.resume(*known["stream"])
@@ -1135,12 +1134,6 @@ class Session:
     def _ping_due_us(self) -> int:
         synchroniser = self._synchroniser
         return min(synchroniser.due_us, self._liveness.ping_due_us(synchroniser.sent_us))
-
-
-def _hold_of(known: dict[str, Any]) -> Hold | None:
-    """What held the robot at a snapshot; those of earlier releases do not say."""
-    hold = known.get("hold")
-    return None if hold is None else Hold(*hold)
 
 
 def _rolls_on(newest: Measurement, reported_mps: float) -> bool:

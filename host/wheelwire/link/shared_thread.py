@@ -19,22 +19,11 @@ from typing import TYPE_CHECKING
 
 from ..errors import LinkLost
 from .clock import host_clock_us
-from .threads import WakeUp, abandon_in_child
+from .threads import WakeUp, abandon_in_child, this_thread
 
 if TYPE_CHECKING:
     from .port_loop import PortLoop
     from .transports import Transport
-
-
-_this_thread = threading.local()
-
-
-def holds_ports_up() -> bool:
-    """Whether the calling thread serves ports, or such a thread waits for it.
-
-    It must wait for no link, not even in a finaliser: robots would not be stopped meanwhile.
-    """
-    return getattr(_this_thread, "holds_ports_up", False)
 
 
 class SharedThread:
@@ -64,14 +53,14 @@ class SharedThread:
             LinkLost: The port was lost, or no thread can be started at the moment.
         """
         member = _Member(port, transport)
-        _this_thread.holds_ports_up = True
+        this_thread.holds_ports_up = True
         try:
             with self._lock:
                 if self._ports is None:
                     self._ports = self._begin()
                 self._ports.add(member)
         finally:
-            _this_thread.holds_ports_up = False
+            this_thread.holds_ports_up = False
         member.ended.acquire()
         if member.error is not None:
             raise member.error
@@ -102,7 +91,7 @@ class SharedThread:
         return ports
 
     def _run(self, ports: _Ports) -> None:
-        _this_thread.holds_ports_up = True
+        this_thread.holds_ports_up = True
         ports.ident = threading.get_ident()
         try:
             while self._goes_on(ports):

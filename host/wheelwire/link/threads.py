@@ -129,6 +129,18 @@ class WakeUp:
         self._writer.close()
 
 
+this_thread = threading.local()
+"""What `holds_ports_up` finds of the thread that asks."""
+
+
+def holds_ports_up() -> bool:
+    """Whether the calling thread serves ports of several links, or such a thread waits for it.
+
+    It must wait for no link, not even in a finaliser: robots would not be stopped meanwhile.
+    """
+    return getattr(this_thread, "holds_ports_up", False)
+
+
 # --- forked processes -----------------------------------------------------------------------------
 
 

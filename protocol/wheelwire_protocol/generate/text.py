@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..units import Unit
+from ..codes import Unit
 
 
 def banner(what: str, source: str = "protocol/wheelwire_protocol") -> str:

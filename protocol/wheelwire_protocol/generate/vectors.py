@@ -12,10 +12,10 @@ from typing import Any
 
 from cobs import cobs
 
+from ..codes import Unit
 from ..message import Field, Message
 from ..messages import MESSAGES
 from ..reference import build_payload
-from ..units import Unit
 from .text import banner
 
 Values = dict[str, int | float | bytes]

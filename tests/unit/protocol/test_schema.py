@@ -5,12 +5,11 @@ import pytest
 from construct import Int16ul, Int32ul, Struct
 
 from wheelwire_protocol import schema_hash
-from wheelwire_protocol.codes import Group
+from wheelwire_protocol.codes import Group, Unit
 from wheelwire_protocol.generate import wire_layout
 from wheelwire_protocol.message import Message, field
 from wheelwire_protocol.messages import MESSAGES
 from wheelwire_protocol.parameters import PARAMETERS
-from wheelwire_protocol.units import Unit
 
 
 def hash_with(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> int:
