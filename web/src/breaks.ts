@@ -4,7 +4,7 @@ import { mm, time, type Observation } from "./observation.js";
 import { TTL_US } from "./program.js";
 import type { World } from "./world.js";
 
-const { BOOT, DRIVING, ESTOPPED, FAULT, IDLE } = SupervisorState;
+const { BOOT, DRIVING, ESTOPPED, FAULT, IDLE, TIMED_OUT } = SupervisorState;
 /** Two control periods of the firmware. */
 const LATEST_US = 2000;
 const FULL_V = 7.4;
@@ -49,7 +49,9 @@ function setSupply(world: World, volts: number): void {
 
 function timedOut(seen: Observation): boolean {
   const lateUs = seen.stop?.lateUs;
-  return lateUs !== undefined && lateUs >= 0 && lateUs <= LATEST_US && !drivesAgain(seen);
+  const end = seen.states.find((one) => one.state === TIMED_OUT);
+  if (lateUs === undefined || end === undefined || drivesAgain(seen)) return false;
+  return lateUs >= 0 && lateUs <= LATEST_US && seen.sinceDriveUs(end.afterUs) <= TTL_US + LATEST_US;
 }
 
 function drivesAgain(seen: Observation): boolean {

@@ -65,6 +65,11 @@ export class Observation {
     return this.world.nowUs >= sinceUs + SETTLE_US;
   }
 
+  /** How long after it was broken, or after it began to drive then, something came. [us] */
+  sinceDriveUs(afterUs: number): number {
+    return afterUs - Math.max(0, (this.droveFromUs ?? this.beganUs) - this.beganUs);
+  }
+
   reached(state: number): boolean {
     return this.states.some((one) => one.state === state);
   }

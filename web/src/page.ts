@@ -8,6 +8,7 @@ import { World } from "./world.js";
 
 /** A page that did not run for so long was frozen, hidden, or asleep with its computer. */
 const ABSENCE_US = 250_000;
+const AWAKE_US = 20_000;
 const DEFAULT_SEED = 1;
 
 /** For a person at the browser's console, and for tests. */
@@ -15,7 +16,7 @@ interface Tools {
   world: World;
   /** The calls on the simulator so far, if the address has `?record`. */
   calls: () => readonly string[];
-  /** How many pictures were drawn. */
+  /** How many pictures were begun. */
   frames: number;
 }
 declare global {
@@ -68,7 +69,10 @@ async function start(): Promise<void> {
     },
   );
   const onClick = (id: string, act: () => void): void => {
-    element(id).addEventListener("click", act);
+    element(id).addEventListener("click", () => {
+      if (world.isHung && id !== "again") log.say("the program hangs: it hears nothing", world.nowUs);
+      act();
+    });
   };
   onClick("eight", () => {
     world.program.figureEight(world.nowUs);
@@ -104,10 +108,14 @@ async function start(): Promise<void> {
 
   const clock = new Clock();
   const draw = (): void => {
+    const tools = globalThis.wheelwire;
+    if (tools !== undefined) tools.frames++;
     const elapsedUs = clock.elapsedUs();
     if (elapsedUs > ABSENCE_US) {
       steering.letGo();
-      world.wake(elapsedUs);
+      world.wake(elapsedUs - AWAKE_US);
+      // Else a program on a computer that is this slow would never say hello.
+      world.run(AWAKE_US);
     } else {
       world.run(elapsedUs);
     }
@@ -115,9 +123,7 @@ async function start(): Promise<void> {
     floor.draw(world);
     plot.draw(world.nowUs);
     showNumbers(world, plot);
-    if (globalThis.wheelwire !== undefined && globalThis.wheelwire.frames++ === 0) {
-      performance.mark("first picture");
-    }
+    if (tools?.frames === 1) performance.mark("first picture");
     requestAnimationFrame(draw);
   };
   requestAnimationFrame(draw);
