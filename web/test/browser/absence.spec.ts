@@ -93,8 +93,8 @@ async function lateMotions(
 async function planted(file: string, from: string, to: string): Promise<Planted> {
   const plant: Plugin = {
     name: "plant",
-    setup({ onLoad }) {
-      onLoad({ filter: new RegExp(`/src/${file}$`) }, async ({ path }) => {
+    setup(bundle) {
+      bundle.onLoad({ filter: new RegExp(`/src/${file}$`) }, async ({ path }) => {
         const text = await readFile(path, "utf8");
         if (!text.includes(from)) throw new Error(`${file} has no ${from}`);
         return { contents: text.replace(from, to), loader: "ts" };

@@ -120,8 +120,10 @@ export class Tab {
   }
 
   async until(condition: () => boolean): Promise<void> {
-    for (const endMs = Date.now() + 40_000; Date.now() < endMs; await pause(15)) {
+    const endMs = Date.now() + 40_000;
+    while (Date.now() < endMs) {
       if (await this.evaluate(condition)) return;
+      await pause(15);
     }
     throw new Error(`never came true: ${condition.toString()}`);
   }
