@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "configuration.hpp"
-#include "core_hash.hpp"
 #include "device.hpp"
 #include "host_sensors.hpp"
 #include "ports.hpp"
@@ -28,13 +27,7 @@ struct CoreRecorder {
       : flash(content, forward, context) {}
 
   void start(const wheelwire::Identity& identity, uint32_t board) {
-    const wheelwire::BoxOrigin origin{
-        .core = wheelwire::kCoreHash,
-        .release = static_cast<uint32_t>(identity.version_major << 16 |
-                                         identity.version_minor << 8 | identity.version_patch),
-        .git_hash = identity.git_hash,
-        .boot_id = identity.boot_id};
-    keeper.emplace(memory, flash, origin, identity.reset_reason, board);
+    keeper.emplace(memory, flash, wheelwire::origin_of(identity), identity.reset_reason, board);
     keeper->start();
   }
 

@@ -29,8 +29,7 @@ class RecorderKeeper final : public BoxArchive {
   /// `board`: fingerprint of the active one.
   RecorderKeeper(RecorderMemory& memory, FlashRegion& flash, const BoxOrigin& origin,
                  ResetReason reset_reason, uint32_t board)
-      : flash_(flash),
-        store_(flash),
+      : store_(flash),
         ledger_(flash, BoxStore::kSize, memory.ledger),
         black_box_(memory.box, origin, &ledger_),
         memory_(memory.box),
@@ -66,7 +65,6 @@ class RecorderKeeper final : public BoxArchive {
   bool may_store(uint64_t now_us);
   void begin(const Device& device, uint64_t now_us);
 
-  FlashRegion& flash_;
   BoxStore store_;
   Ledger ledger_;
   BlackBox black_box_;
