@@ -14,6 +14,7 @@
 
 using namespace wheelwire;
 using test::CutFlash;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -635,8 +636,7 @@ TEST(a_host_reads_the_ledger) {
 }
 
 TEST(without_a_recorder_there_is_nothing_to_read) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.ask<GroupInfo>(GroupGet{.group = Group::kRecorder})->hash == 0);
   CHECK(bench.refusal(BoxGet{}) == RefusalCode::kNotSupported);
   CHECK(bench.refusal(BoxRead{}) == RefusalCode::kNotSupported);

@@ -5,6 +5,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -41,8 +42,7 @@ TEST(each_contradiction_has_its_flag_and_its_boundary) {
 }
 
 TEST(a_value_that_contradicts_another_is_refused_and_named) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kContradiction);
   const auto found = bench.ask<Contradictions>(ContradictionsGet{});
   CHECK(found && found->active == 0 && found->refused == contradiction::kStreamRate);
@@ -52,8 +52,7 @@ TEST(a_value_that_contradicts_another_is_refused_and_named) {
 
 TEST(values_on_trial_are_judged_together_in_any_order) {
   for (const bool stream_first : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     const ParameterTrial begin{.action = TrialAction::kBegin, .timeout_s = 5.0f};
     const ParameterTrial keep{.action = TrialAction::kKeep};
     CHECK(bench.refusal(begin) == RefusalCode::kNone);
@@ -72,8 +71,7 @@ TEST(values_on_trial_are_judged_together_in_any_order) {
 }
 
 TEST(what_the_robot_drives_with_is_judged_at_once_on_trial_too) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.refusal(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 5.0f}) ==
         RefusalCode::kNone);
   bench.drive(0.1f, 0.1f);

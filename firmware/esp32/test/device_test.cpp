@@ -4,6 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -31,8 +32,7 @@ TEST(a_step_that_comes_too_late_is_a_fault_although_a_stop_is_waiting) {
 }
 
 TEST(a_setpoint_read_in_the_step_at_which_the_last_one_expires_drives_on) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(bench.velocity(0.2f, 0.2f, 20 * RobotBench::kPeriodUs));
   bench.run(19);
   bench.received.clear();
@@ -43,8 +43,7 @@ TEST(a_setpoint_read_in_the_step_at_which_the_last_one_expires_drives_on) {
 }
 
 TEST(a_setpoint_read_in_the_step_at_which_the_contact_opens_drives_nothing) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.contact.open = true;
   bench.send(bench.duty(20'000, 20'000));
   bench.step();
@@ -53,8 +52,7 @@ TEST(a_setpoint_read_in_the_step_at_which_the_contact_opens_drives_nothing) {
 }
 
 TEST(a_state_reports_what_its_own_step_did) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.ask<Ack>(SetStreamRate{.rate_hz = 1000}));
   bench.drive(0.2f, 0.2f);
   bench.received.clear();

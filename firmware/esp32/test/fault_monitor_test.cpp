@@ -5,6 +5,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -168,8 +169,7 @@ void turn_for(RobotBench& bench, int steps, int ticks_per_8_steps, float setpoin
 }  // namespace
 
 TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kMaxDuty, 0.2f) == RefusalCode::kNone);
   turn_for(bench, 2000, 3, 0);
   CHECK(bench.state() == SupervisorState::kDriving);
@@ -181,8 +181,7 @@ TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
 }
 
 TEST(a_clear_ends_what_the_wheels_have_shown) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   const auto steps_to_fault = [&] {
     int steps = 0;
     while (steps < 3000 && bench.state() != SupervisorState::kFault) {
@@ -202,8 +201,7 @@ TEST(a_clear_ends_what_the_wheels_have_shown) {
 }
 
 TEST(the_same_motion_against_a_setpoint_is_a_fault) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kMaxDuty, 0.2f) == RefusalCode::kNone);
   turn_for(bench, 1500, -1, 0.1f);
   CHECK(bench.state() == SupervisorState::kFault);

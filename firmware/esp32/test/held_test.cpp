@@ -55,8 +55,7 @@ void release_inputs(SensorBench& bench) {
 // --- what holds it -------------------------------------------------------------------------------
 
 TEST(nothing_holds_a_robot_that_is_armed) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   const Hold hold = hold_of(bench);
   CHECK(hold.held == 0 && hold.estop_source == EstopSource::kNone && hold.contradictions == 0);
   CHECK(hold.stop_cause == StopCause::kUnknown);
@@ -137,8 +136,7 @@ TEST(a_fault_is_named_and_its_flags_are_in_the_stop) {
 }
 
 TEST(contradictions_are_named_by_parameter) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.ask<Ack>(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 0.3f});
   CHECK(bench.set(ParameterId::kStreamRateHz, 2000) == RefusalCode::kNone);
   Hold hold = hold_of(bench);
@@ -214,8 +212,7 @@ TEST(an_empty_battery_is_named_and_so_is_one_that_is_not_measured) {
 // --- what ended the last motion ------------------------------------------------------------------
 
 TEST(a_deadline_is_named_with_its_command_speed_and_distance) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   roll(bench, 200);
   const uint32_t command = bench.command_seq;
   for (int i = 0; i < 298; ++i) {
@@ -262,8 +259,7 @@ TEST(a_stop_is_named_by_who_asked_for_it) {
 }
 
 TEST(a_program_that_loses_its_session_is_named) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   roll(bench, 200);
   const uint32_t session = bench.session_id();
   const uint32_t command = bench.command_seq;
@@ -329,8 +325,7 @@ TEST(what_is_lost_with_the_power_is_unknown) {
 }
 
 TEST(a_drive_that_turned_no_wheel_ends_no_motion) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   roll(bench, 200);
   bench.send(bench.stop());
   bench.step();
@@ -377,8 +372,7 @@ TEST(nothing_is_reported_without_a_session) {
 }
 
 TEST(a_repeat_of_the_question_is_answered_with_what_holds_it_now) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(hold_of(bench).held == 0);
   bench.send(Estop{});
   bench.step();

@@ -7,6 +7,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -190,8 +191,7 @@ TEST(an_estop_is_in_flash_although_the_robot_creeps_on_its_brake) {
 
 TEST(an_estop_is_not_in_flash_while_the_robot_rolls_or_coasts) {
   for (const bool coasts : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     if (coasts) CHECK(bench.set(kEstopMode, 1) == RefusalCode::kNone);
     bench.drive(0.2f, 0.2f);
     bench.send(Estop{});
@@ -350,8 +350,7 @@ TEST(a_clear_with_nothing_to_clear_disarms_nothing) {
 TEST(no_program_drives_on_by_itself_whatever_the_gap_is) {
   for (const float gap_s : {0.0f, 0.5f}) {
     for (const int period_ms : {20, 550, 600, 700, 800, 900, 990}) {
-      RobotBench bench;
-      bench.open();
+      OpenRobot bench;
       CHECK(bench.set(kRearmGapS, gap_s) == RefusalCode::kNone);
       bench.drive(0.2f, 0.2f);
       bench.send(Estop{});
@@ -366,8 +365,7 @@ TEST(no_program_drives_on_by_itself_whatever_the_gap_is) {
 }
 
 TEST(a_longer_gap_counts_as_it_is) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kRearmGapS, 2.0f) == RefusalCode::kNone);
   bench.send(Estop{});
   bench.step();
@@ -445,8 +443,7 @@ TEST(a_cleared_fault_disarms_as_well) {
 // --- a write to flash and a setpoint in one step -------------------------------------------------
 
 TEST(a_step_that_a_write_to_flash_delays_is_no_overrun) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(ParameterSave{bench.session_id(), ++bench.request_id, 0});
   bench.send(bench.velocity(0.1f, 0.1f));
   bench.step();

@@ -278,4 +278,9 @@ class RobotBench {
   uint16_t seq_ = 0;
 };
 
+/// One that is ready to drive.
+struct OpenRobot : RobotBench {
+  OpenRobot() { open(); }
+};
+
 }  // namespace wheelwire::test

@@ -4,6 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -53,8 +54,7 @@ TEST(a_stop_between_two_steps_leaves_enable_low_for_a_whole_period) {
 
 TEST(a_stop_and_a_reversal_in_one_read_leave_enable_low_for_a_whole_period) {
   for (const bool twice : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     bench.send(bench.duty(20'000, 20'000));
     bench.run(100);
     CHECK(bench.left.duty() > 10'000);
@@ -75,8 +75,7 @@ TEST(a_stop_and_a_reversal_in_one_read_leave_enable_low_for_a_whole_period) {
 }
 
 TEST(a_deadline_brakes_as_configured_after_a_period_with_enable_low) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(bench.velocity(0.2f, 0.2f, 50'000));
   bench.run(49);
   CHECK(bench.driven());
@@ -117,8 +116,7 @@ TEST(every_parameter_says_when_it_may_change_and_is_refused_otherwise) {
 
 TEST(what_must_not_change_while_driving_does_not_change_while_a_wheel_turns_either) {
   for_each_parameter([](const ParameterSpec& spec) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     for (int i = 0; i < 20; ++i) {
       bench.turn(0, -1);
       bench.run(5);
@@ -135,8 +133,7 @@ TEST(what_must_not_change_while_driving_does_not_change_while_a_wheel_turns_eith
 }
 
 TEST(the_moment_between_two_drives_lets_no_geometry_in) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (int i = 0; i < 50; ++i) {
     bench.turn(1, 1);
     bench.drive(0.3f, 0.3f, 2);
@@ -148,8 +145,7 @@ TEST(the_moment_between_two_drives_lets_no_geometry_in) {
 }
 
 TEST(an_encoder_that_toggles_on_an_edge_keeps_no_parameter_from_changing) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (int i = 0; i < 20; ++i) {
     bench.turn(i % 2 == 0 ? 1 : -1, 0);
     bench.run(5);
@@ -196,8 +192,7 @@ TEST(what_must_not_change_while_driving_is_exactly_this) {
 }
 
 TEST(an_open_contact_cannot_be_switched_off) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.contact.open = true;
   bench.step();
   CHECK(bench.state() == SupervisorState::kEstopped);
@@ -209,8 +204,7 @@ TEST(an_open_contact_cannot_be_switched_off) {
 }
 
 TEST(a_contact_that_was_closed_for_a_moment_while_it_was_cleared_latches_again) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.contact.open = true;
   bench.run(2);
   bench.contact.open = false;
@@ -222,8 +216,7 @@ TEST(a_contact_that_was_closed_for_a_moment_while_it_was_cleared_latches_again) 
 
 TEST(a_contact_that_opened_since_the_last_step_cannot_be_switched_off) {
   for (const bool reset : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     bench.contact.open = true;
     CHECK((reset ? bench.refusal(ParameterReset{}) : bench.set(kEstopInputEnabled, 0)) ==
           RefusalCode::kNotStopped);
@@ -232,8 +225,7 @@ TEST(a_contact_that_opened_since_the_last_step_cannot_be_switched_off) {
 }
 
 TEST(a_closed_contact_can_be_switched_off_and_is_then_ignored) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kNone);
   bench.contact.open = true;
   bench.drive(0.2f, 0.2f);
@@ -263,8 +255,7 @@ TEST(an_estopped_robot_may_be_saved) {
 }
 
 TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(bench.duty(20'000, -20'000));
   bench.run(100);
   CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -20'000);
@@ -278,8 +269,7 @@ TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
 }
 
 TEST(a_limit_that_is_lowered_while_driving_keeps_the_ratio_of_the_wheels) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(bench.duty(20'000, -10'000));
   bench.run(100);
   CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -10'000);
@@ -290,8 +280,7 @@ TEST(a_limit_that_is_lowered_while_driving_keeps_the_ratio_of_the_wheels) {
 }
 
 TEST(a_limit_that_is_read_in_a_control_step_holds_from_the_next_one_on) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.send(bench.duty(20'000, 20'000));
   bench.run(100);
   bench.send(
@@ -305,8 +294,7 @@ TEST(a_limit_that_is_read_in_a_control_step_holds_from_the_next_one_on) {
 
 TEST(a_limit_and_a_setpoint_in_one_read_are_taken_in_their_order) {
   for (const bool driving : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     if (driving) bench.drive(0.1f, 0.1f);
     bench.send(
         ParameterSet{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty), 0.5f});
@@ -336,8 +324,7 @@ TEST(a_fault_of_one_step_is_told_and_counted_though_clears_are_waiting) {
 }
 
 TEST(a_fault_is_counted_once_however_long_it_lasts) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.device.report_driver_failure();
   bench.run(10);
   CHECK(bench.state() == SupervisorState::kFault);
@@ -363,8 +350,7 @@ TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
 
 TEST(a_correction_that_is_switched_off_while_driving_is_slewed_away) {
   constexpr int32_t kSlewUmps = 1500;  // 1.5 m/s^2 at 1 kHz.
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kPathGain, 0) == RefusalCode::kNone);
   CHECK(bench.set(kPathCatchUp, 0.1f) == RefusalCode::kNone);
   // The left wheel stays behind, and the heading is corrected.
@@ -391,8 +377,7 @@ TEST(a_correction_that_is_switched_off_while_driving_is_slewed_away) {
 /// type.
 TEST(the_fastest_wheel_and_the_steepest_slew_overflow_nothing) {
   for (const int ticks : {16'000, -16'000}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(kGlitchFilterNs, 0) == RefusalCode::kNone);
     CHECK(bench.set(kCountsPerRevolution, 4) == RefusalCode::kNone);
     CHECK(bench.set(kWheelRadius, 1.0f) == RefusalCode::kNone);
@@ -415,8 +400,7 @@ TEST(the_fastest_wheel_and_the_steepest_slew_overflow_nothing) {
 TEST(a_parameter_and_the_first_setpoint_in_one_step_leave_its_duty) {
   int duties[2];
   for (const bool sets : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     const ParameterSet set{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty),
                            0.9f};
     if (sets) bench.send(set);

@@ -4,6 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -116,8 +117,7 @@ TEST(stop_and_estop_act_in_any_session) {
 }
 
 TEST(a_stop_voids_what_was_sent_before_it) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   const SetWheelVelocity late = bench.velocity(0.2f, 0.2f);
   bench.send(bench.stop());
   bench.send(late);
@@ -143,8 +143,7 @@ TEST(a_stop_brakes_or_coasts_as_asked_or_as_configured) {
   for (const auto& [mode, configured, brakes] :
        {Case{0, 1, false}, Case{0, 2, true}, Case{1, 2, false}, Case{2, 1, true}, Case{9, 1, false},
         Case{9, 2, true}}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(kStopMode, configured) == RefusalCode::kNone);
     bench.drive(0.2f, 0.2f);
     bench.send(bench.stop(static_cast<StopMode>(mode)));
@@ -155,8 +154,7 @@ TEST(a_stop_brakes_or_coasts_as_asked_or_as_configured) {
 }
 
 TEST(a_brake_lasts_for_brake_time_and_then_coasts) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kBrakeTimeS, 0.25f) == RefusalCode::kNone);
   bench.drive(0.2f, 0.2f);
   bench.send(bench.stop());
@@ -168,8 +166,7 @@ TEST(a_brake_lasts_for_brake_time_and_then_coasts) {
 
 TEST(a_contact_that_opens_latches_whether_driving_or_standing) {
   for (const bool driving : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     if (driving) bench.drive(0.2f, 0.2f);
     bench.contact.open = true;
     bench.step();
@@ -229,8 +226,7 @@ TEST(an_expiry_that_is_now_has_passed) {
 }
 
 TEST(ttl_max_limits_the_life_of_a_setpoint) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kTtlMaxS, 0.1f) == RefusalCode::kNone);
   bench.send(bench.velocity(0.2f, 0.2f, 5'000'000));
   bench.run(100);
@@ -240,8 +236,7 @@ TEST(ttl_max_limits_the_life_of_a_setpoint) {
 }
 
 TEST(the_same_number_with_a_later_expiry_is_no_new_setpoint) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   SetWheelVelocity message = bench.velocity(0.2f, 0.2f, 50'000);
   bench.send(message);
   bench.run(40);
@@ -263,8 +258,7 @@ TEST(numbers_that_are_not_finite_drive_neither_wheel) {
 }
 
 TEST(max_duty_scales_duty_setpoints_and_keeps_their_ratio) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
   follow_duty(bench, 32'767, -16'384);
   CHECK(bench.left.duty() == 16'384);
@@ -272,8 +266,7 @@ TEST(max_duty_scales_duty_setpoints_and_keeps_their_ratio) {
 }
 
 TEST(max_velocity_scales_velocity_setpoints) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(kMaxVelocityMps, 0.1f) == RefusalCode::kNone);
   CHECK(bench.set(kMaxAccelerationMps2, 100) == RefusalCode::kNone);
   CHECK(bench.set(kProportionalGain, 0) == RefusalCode::kNone);
@@ -288,8 +281,7 @@ TEST(max_velocity_scales_velocity_setpoints) {
 }
 
 TEST(each_wheel_falls_to_a_lowered_max_duty_at_the_slew_limit) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   follow_duty(bench, 32'767, 4'000);
   CHECK(bench.set(kMaxDuty, 0.1f) == RefusalCode::kNone);
   CHECK(bench.set(kMaxDutyRatePerS, 0.5f) == RefusalCode::kNone);
@@ -307,8 +299,7 @@ TEST(each_wheel_falls_to_a_lowered_max_duty_at_the_slew_limit) {
 
 TEST(max_duty_limits_the_velocity_loop) {
   for (const float mps : {0.4f, -0.4f}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(kMaxDuty, 0.3f) == RefusalCode::kNone);
     bench.send(bench.velocity(mps, mps, 900'000));
     for (int i = 0; i < 400; ++i) {
@@ -327,8 +318,7 @@ TEST(a_robot_that_is_told_to_stand_holds_its_wheels) {
 }
 
 TEST(duty_setpoints_slew_from_what_is_driven) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   follow_duty(bench, 30'000, 30'000, 10);
   // 20 duty a second are 655 of 32767 a step.
   CHECK(magnitude(bench.left.duty() - 6'553) <= 10);
@@ -353,8 +343,7 @@ TEST(duty_that_begins_while_the_stage_pauses_begins_at_zero) {
 }
 
 TEST(after_a_stop_duty_begins_at_zero_again) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   follow_duty(bench, 30'000, 30'000);
   bench.send(bench.stop(StopMode::kCoast));
   bench.run(5);
@@ -386,8 +375,7 @@ TEST(between_velocity_and_duty_the_output_does_not_jump) {
 
 TEST(each_motor_has_an_inversion_of_its_own) {
   for (const bool left : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(left ? kLeftMotorInverted : kRightMotorInverted, 1) == RefusalCode::kNone);
     follow_duty(bench, 9'000, 9'000);
     CHECK(bench.left.duty() == (left ? -9'000 : 9'000));
@@ -399,8 +387,7 @@ TEST(each_motor_has_an_inversion_of_its_own) {
 
 TEST(each_encoder_has_an_inversion_of_its_own) {
   for (const bool left : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(left ? kLeftEncoderInverted : kRightEncoderInverted, 1) == RefusalCode::kNone);
     bench.turn(10, 25);
     const WheelState state = newest_state(bench);
@@ -412,8 +399,7 @@ TEST(each_encoder_has_an_inversion_of_its_own) {
 // --- requests ------------------------------------------------------------------------------------
 
 TEST(a_repeated_request_is_answered_and_not_done_again) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   const auto id = static_cast<uint8_t>(kMaxDuty);
   const ParameterSet first{bench.session_id(), ++bench.request_id, id, 0.5f};
   bench.send(first);
@@ -427,8 +413,7 @@ TEST(a_repeated_request_is_answered_and_not_done_again) {
 }
 
 TEST(request_ids_go_on_beyond_32767_and_beyond_65535) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (const int number : {20'000, 32'767, 32'768, 50'000, 65'535, 0, 1}) {
     const auto id = static_cast<uint16_t>(number);
     bench.request_id = static_cast<uint16_t>(id - 1);
@@ -438,8 +423,7 @@ TEST(request_ids_go_on_beyond_32767_and_beyond_65535) {
 }
 
 TEST(a_new_session_numbers_its_requests_and_setpoints_anew) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.request_id = 999;
   CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
   bench.drive(0.2f, 0.2f);
@@ -459,8 +443,7 @@ TEST(a_new_session_numbers_its_requests_and_setpoints_anew) {
 }
 
 TEST(a_parameter_beyond_the_last_is_unknown) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   const auto last = static_cast<uint8_t>(kParameterCount);
   CHECK(bench.refusal(ParameterGet{.parameter = last}) == RefusalCode::kNone);
   CHECK(bench.refusal(ParameterGet{.parameter = static_cast<uint8_t>(last + 1)}) ==
@@ -471,8 +454,7 @@ TEST(a_parameter_beyond_the_last_is_unknown) {
 }
 
 TEST(a_stream_faster_than_the_loop_or_the_line_is_refused) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.refusal(SetStreamRate{.rate_hz = 1001}) == RefusalCode::kRateTooHigh);
   CHECK(bench.refusal(SetStreamRate{.rate_hz = 1000}) == RefusalCode::kNone);
   bench.line.rate = 11'520;
@@ -512,8 +494,7 @@ TEST(a_fault_stays_until_it_is_cleared) {
 
 TEST(a_wheel_that_does_not_count_trips_its_own_fault) {
   for (const bool left : {false, true}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     for (int i = 0; i < 900 && bench.state() != SupervisorState::kFault; ++i) {
       if (i % 100 == 0) bench.send(bench.duty(25'000, 25'000));
       bench.turn(left ? 0 : 1, left ? 1 : 0);
@@ -526,8 +507,7 @@ TEST(a_wheel_that_does_not_count_trips_its_own_fault) {
 }
 
 TEST(a_driver_that_failed_cannot_be_cleared) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.device.report_driver_failure();
   bench.step();
   CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
@@ -538,8 +518,7 @@ TEST(a_driver_that_failed_cannot_be_cleared) {
 // --- the line ------------------------------------------------------------------------------------
 
 TEST(a_babbling_line_does_not_hold_up_a_step) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.line.to_device.assign(5'000, 0x55);
   bench.step();
   CHECK(bench.line.to_device.size() == 4'400);
@@ -548,8 +527,7 @@ TEST(a_babbling_line_does_not_hold_up_a_step) {
 }
 
 TEST(what_the_line_has_no_room_for_is_dropped_and_counted) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.line.room = 0;
   bench.received.clear();
   bench.run(1000);
@@ -593,8 +571,7 @@ TEST(after_a_pause_states_do_not_come_in_a_burst) {
 }
 
 TEST(a_state_tells_each_wheel_apart) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (int i = 0; i < 200; ++i) {
     bench.turn(1, -2);
     bench.step();

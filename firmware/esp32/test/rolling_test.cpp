@@ -4,6 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -44,8 +45,7 @@ TEST(a_gentle_push_is_not_reported) {
 }
 
 TEST(a_robot_that_rolls_while_nothing_drives_sends_an_event_with_its_speed) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (int ms = 0; ms < 1500; ++ms) {
     bench.turn(1, 1);  // 0.576 m/s
     bench.step();
@@ -74,8 +74,7 @@ TEST(a_robot_that_rolls_is_reported_to_the_next_host_as_well) {
 }
 
 TEST(a_brake_until_driven_lasts) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(ParameterId::kStopMode, 3) == RefusalCode::kNone);
   bench.drive(0.2f, 0.2f);
   bench.send(bench.stop());

@@ -4,6 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
+using test::OpenRobot;
 using test::RobotBench;
 using enum StopMode;
 
@@ -136,8 +137,7 @@ TEST(nothing_weaker_replaces_a_brake_while_an_estop_or_a_fault_is_latched) {
 }
 
 TEST(an_estop_brakes_although_stops_coast) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(ParameterId::kStopMode, static_cast<float>(kCoast)) == RefusalCode::kNone);
   bench.drive(0.2f, 0.2f);
   bench.send(Estop{});
@@ -147,8 +147,7 @@ TEST(an_estop_brakes_although_stops_coast) {
 
 TEST(a_power_stage_that_reports_a_fault_is_switched_off_and_any_other_input_brakes) {
   for (const uint8_t tripped : {uint8_t{0}, kStageTripped}) {
-    RobotBench bench;
-    bench.open();
+    OpenRobot bench;
     CHECK(bench.set(ParameterId::kStopMode, static_cast<float>(kBrake)) == RefusalCode::kNone);
     bench.drive(0.2f, 0.2f);
     bench.device.note_reflexes(static_cast<uint8_t>(reflex::kStop | tripped));
@@ -159,8 +158,7 @@ TEST(a_power_stage_that_reports_a_fault_is_switched_off_and_any_other_input_brak
 }
 
 TEST(an_estop_whose_mode_is_to_coast_coasts) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(bench.set(ParameterId::kEstopMode, 1) == RefusalCode::kNone);
   bench.drive(0.2f, 0.2f);
   bench.send(Estop{});

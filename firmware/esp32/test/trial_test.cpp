@@ -4,6 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -192,8 +193,7 @@ TEST(a_trial_does_not_begin_twice) {
 }
 
 TEST(without_a_trial_there_is_nothing_to_renew_or_keep) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNoTrial);
   CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNoTrial);
   bench.drive(0.2f, 0.2f);
@@ -202,8 +202,7 @@ TEST(without_a_trial_there_is_nothing_to_renew_or_keep) {
 }
 
 TEST(a_trial_needs_a_time_out_within_its_bounds) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   for (const float timeout_s : {0.0f, -1.0f, 0.19f, 60.5f})
     CHECK(trial(bench, TrialAction::kBegin, timeout_s) == RefusalCode::kOutOfRange);
   CHECK(trial(bench, TrialAction::kBegin, __builtin_nanf("")) == RefusalCode::kNotFinite);

@@ -4,6 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
@@ -19,8 +20,7 @@ void swap(RobotBench& bench, ParameterId id, float value = 1) {
 }
 
 MemoryStore saved_with_both_swaps() {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kMotorsSwapped);
   swap(bench, kEncodersSwapped);
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNone);
@@ -30,8 +30,7 @@ MemoryStore saved_with_both_swaps() {
 }  // namespace
 
 TEST(swapped_motors_are_driven_by_the_other_bridge) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kMotorsSwapped);
   bench.send(bench.duty(8'000, -3'000));
   bench.run(100);
@@ -46,8 +45,7 @@ TEST(swapped_motors_are_driven_by_the_other_bridge) {
 }
 
 TEST(swapped_motors_keep_their_directions) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kLeftMotorInverted);
   swap(bench, kMotorsSwapped);
   bench.send(bench.duty(8'000, 3'000));
@@ -56,8 +54,7 @@ TEST(swapped_motors_keep_their_directions) {
 }
 
 TEST(motors_are_swapped_back) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kMotorsSwapped);
   swap(bench, kMotorsSwapped, 0);
   bench.send(bench.duty(8'000, 0));
@@ -66,8 +63,7 @@ TEST(motors_are_swapped_back) {
 }
 
 TEST(a_reset_of_the_parameters_swaps_back) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kMotorsSwapped);
   swap(bench, kEncodersSwapped);
   CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNone);
@@ -79,8 +75,7 @@ TEST(a_reset_of_the_parameters_swaps_back) {
 }
 
 TEST(swapped_encoders_count_the_other_wheel) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.turn(100, 7);
   bench.step();
   swap(bench, kEncodersSwapped);
@@ -91,8 +86,7 @@ TEST(swapped_encoders_count_the_other_wheel) {
 }
 
 TEST(ticks_at_the_moment_of_a_swap_are_counted_once) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.turn(20'000 - 32'767, 5);
   bench.step();
   bench.turn(11, 0);  // after the last latch, before the swap
@@ -103,8 +97,7 @@ TEST(ticks_at_the_moment_of_a_swap_are_counted_once) {
 }
 
 TEST(swapped_encoders_keep_their_directions) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   swap(bench, kLeftEncoderInverted);
   swap(bench, kEncodersSwapped);
   bench.turn(30, 40);
@@ -114,8 +107,7 @@ TEST(swapped_encoders_keep_their_directions) {
 }
 
 TEST(illegal_transitions_are_those_of_the_wheels_encoder) {
-  RobotBench bench;
-  bench.open();
+  OpenRobot bench;
   bench.encoders.counts.left_illegal = 3;
   bench.encoders.counts.right_illegal = 5;
   swap(bench, kEncodersSwapped);
