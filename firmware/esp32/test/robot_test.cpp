@@ -196,7 +196,7 @@ TEST(a_setpoint_that_an_estop_refused_does_not_drive_after_the_clear) {
 
 // --- setpoints -----------------------------------------------------------------------------------
 
-TEST(a_deadline_is_kept_beyond_32_bits_of_microseconds) {
+TEST(a_setpoint_drives_until_it_expires_and_for_ttl_max_at_most) {
   for (const uint64_t start_us : {k32Bits - 20'000, 3 * k32Bits - 20'000, k32Bits * 5}) {
     RobotBench bench(start_us);
     bench.open();
@@ -205,34 +205,21 @@ TEST(a_deadline_is_kept_beyond_32_bits_of_microseconds) {
     CHECK(bench.driven());
     bench.step();
     CHECK(!bench.driven() && bench.state() == SupervisorState::kTimedOut);
-    bench.send(bench.duty(9'000, 9'000, k32Bits + 50'000));  // too weak to be a stall
-    bench.run(999);
+    CHECK(bench.set(kTtlMaxS, 0.1f) == RefusalCode::kNone);
+    bench.send(bench.duty(9'000, 9'000, k32Bits + 50'000));
+    bench.run(100);
     CHECK(bench.driven());
-    bench.run(3);
-    CHECK(!bench.driven());  // ttl_max_s
-    SetWheelVelocity past = bench.velocity(0.2f, 0.2f);
-    past.expiry_us = bench.now_us - k32Bits + 50'000;
-    bench.send(past);
-    bench.step();
-    CHECK(bench.of<Refuse>().back().code == RefusalCode::kExpired);
+    bench.run(2);
+    CHECK(!bench.driven());
+    for (const uint64_t late_us : {uint64_t{0}, k32Bits - 50'000}) {
+      SetWheelVelocity past = bench.velocity(0.2f, 0.2f);
+      past.expiry_us = bench.now_us - late_us;
+      bench.received.clear();
+      bench.send(past);
+      bench.service();
+      CHECK(bench.of<Refuse>().size() == 1 && bench.of<Refuse>()[0].code == RefusalCode::kExpired);
+    }
   }
-}
-
-TEST(an_expiry_that_is_now_has_passed) {
-  RobotBench bench;
-  bench.open().send(bench.velocity(0.2f, 0.2f, 0));
-  bench.service();
-  CHECK(bench.of<Refuse>().size() == 1 && bench.of<Refuse>()[0].code == RefusalCode::kExpired);
-}
-
-TEST(ttl_max_limits_the_life_of_a_setpoint) {
-  OpenRobot bench;
-  CHECK(bench.set(kTtlMaxS, 0.1f) == RefusalCode::kNone);
-  bench.send(bench.velocity(0.2f, 0.2f, 5'000'000));
-  bench.run(100);
-  CHECK(bench.driven());
-  bench.run(2);
-  CHECK(!bench.driven());
 }
 
 TEST(the_same_number_with_a_later_expiry_is_no_new_setpoint) {
