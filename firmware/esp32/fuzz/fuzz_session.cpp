@@ -1,5 +1,6 @@
-// The firmware under any messages and any course of events. The input is a script, one
-// instruction after the other, each an operation and its operands; numbers are little-endian:
+// The firmware under any messages and any course of events, on the simulated robot and judged by
+// the explorer's rules. The input is a script, one instruction after the other, each an operation
+// and its operands; numbers are little-endian:
 //
 //   00 n bytes...        n bytes onto the line, as they are
 //   01 id body...        a good frame of the message, with the next seq
@@ -8,19 +9,18 @@
 //                        time-out is 0.25 to 16 s and its action one that there is
 //   03 n                 n control steps
 //   04                   the firmware reads the line between two steps
-//   05 flags left right  from now on: flags 1 e-stop contact open, 2 line full, 4 store failing;
-//                        signed ticks per step of each wheel
+//   05 flags left right  from now on: flags 1 e-stop contact open, 2 line slow, 4 store failing;
+//                        signed loads of both wheels, in 1/128 Nm
 //   06                   the last frame again
-//   07                   a reset of the device
-//   08 us us             a control step that comes after so many microseconds
+//   07                   a power-on
+//   08 us us             a control step that is so many microseconds late
 //
 // Anything else ends the script.
-#include <memory>
-
-#include "fuzzed_robot.hpp"
+#include "require.hpp"
+#include "run.hpp"
 
 using namespace wheelwire;
-using namespace wheelwire::fuzz;
+using namespace wheelwire::explore;
 
 namespace {
 
@@ -44,6 +44,9 @@ constexpr size_t kActionAt = 6;
 constexpr size_t kTimeoutAt = 7;
 
 constexpr uint32_t kLongestLife_us = 0xffffff;
+constexpr double kBootUs = 1'000;
+constexpr double kStartedUs = 5'000;
+constexpr double kSlowBaud = 9'600;
 
 class Script {
  public:
@@ -68,9 +71,12 @@ class Script {
   size_t left_;
 };
 
-class Run {
+class Course {
  public:
-  explicit Run(Script script) : script_(script) { reset(); }
+  explicit Course(Script script) : script_(script) {
+    apply(explore::Kind::kBootTime, kBootUs);
+    apply(explore::Kind::kRun, kStartedUs);
+  }
 
   void to_its_end() {
     while (!script_.ended() && obey(static_cast<Operation>(script_.next()))) {
@@ -87,30 +93,38 @@ class Run {
       case Operation::kPlausible:
         return message(operation == Operation::kPlausible);
       case Operation::kSteps:
-        for (int steps = script_.next(); steps > 0; --steps) robot_->step();
-        return true;
+        return apply(explore::Kind::kRun, script_.next() * period_us());
       case Operation::kService:
-        robot_->service_link();
-        return true;
+        return apply(explore::Kind::kService);
       case Operation::kWorld:
-        world();
-        return true;
+        return world();
       case Operation::kRepeat:
         send(last_frame_);
         return true;
       case Operation::kReset:
-        reset();
-        return true;
-      case Operation::kLateStep:
-        robot_->step_after(read<uint16_t>(script_.next(2), 0));
-        return true;
+        seq_ = 0;
+        return apply(explore::Kind::kReset, static_cast<double>(ResetReason::kPowerOn)) &&
+               apply(explore::Kind::kRun, kStartedUs);
+      case Operation::kLateStep: {
+        const double late_us = read<uint16_t>(script_.next(2), 0);
+        return apply(explore::Kind::kLate, late_us) &&
+               apply(explore::Kind::kRun, late_us + period_us());
+      }
     }
     return false;
   }
 
-  void reset() {
-    robot_ = std::make_unique<FuzzedRobot>(++boot_id_, store_);
-    seq_ = 0;
+  /// False once nothing more can be judged.
+  bool apply(explore::Kind kind, double first = 0.0, double second = 0.0) {
+    const bool goes_on = robot_.apply({.kind = kind, .values = {first, second}});
+    if (const auto& finding = robot_.finding())
+      std::fprintf(stderr, "%s: %s\n", spec_of(finding->rule).code, finding->text.c_str());
+    REQUIRE(!robot_.finding());
+    return goes_on;
+  }
+
+  double period_us() {
+    return 1e6 / static_cast<double>(robot_.witness().value(ParameterId::kControlRateHz));
   }
 
   bool message(bool plausible) {
@@ -125,20 +139,20 @@ class Run {
     return true;
   }
 
-  void make_plausible(uint8_t id, std::vector<uint8_t>& body) const {
+  void make_plausible(uint8_t id, std::vector<uint8_t>& body) {
     if (id == Hello::kId) {
       write(schema::kVersion, body, kHelloVersionAt);
       write(schema::kHash, body, kHelloVersionAt + sizeof schema::kVersion);
       return;
     }
-    write(robot_->session_id(), body, kSessionAt);
+    write(robot_.witness().session_id(), body, kSessionAt);
     if (id == ParameterTrial::kId) {
       write(static_cast<uint8_t>(1 + body[kActionAt] % 4), body, kActionAt);
       write(static_cast<float>(1 + body[kTimeoutAt] % 64) / 4, body, kTimeoutAt);
     }
     if (id != SetWheelVelocity::kId && id != SetDuty::kId) return;
     const uint32_t life_us = read<uint32_t>(body, kExpiryAt) & kLongestLife_us;
-    write(robot_->now_us() + life_us, body, kExpiryAt);
+    write(robot_.simulator().board.device_us() + life_us, body, kExpiryAt);
   }
 
   template <typename T>
@@ -155,23 +169,23 @@ class Run {
     wire::put(out, value);
   }
 
-  void world() {
+  bool world() {
     const uint8_t flags = script_.next();
-    robot_->estop().open = (flags & 1) != 0;
-    robot_->line().full = (flags & 2) != 0;
-    store_.failing = (flags & 4) != 0;
-    robot_->encoders().left_ticks = static_cast<int8_t>(script_.next());
-    robot_->encoders().right_ticks = static_cast<int8_t>(script_.next());
+    const double left_nm = static_cast<int8_t>(script_.next()) / 128.0;
+    const double right_nm = static_cast<int8_t>(script_.next()) / 128.0;
+    return apply(explore::Kind::kContact, (flags & 1) != 0) &&
+           apply(explore::Kind::kBaud, (flags & 2) != 0 ? kSlowBaud : 0.0) &&
+           apply(explore::Kind::kStoreFails, 0, (flags & 4) != 0) &&
+           apply(explore::Kind::kLoad, 0, left_nm) && apply(explore::Kind::kLoad, 1, right_nm);
   }
 
   void send(const std::vector<uint8_t>& bytes) {
-    robot_->line().arrive(bytes.data(), bytes.size());
+    robot_.simulator().board.line.host_write(bytes.data(), bytes.size());
   }
 
   Script script_;
-  MemoryStore store_;  // Survives a reset of the device.
-  std::unique_ptr<FuzzedRobot> robot_;
-  uint32_t boot_id_ = 0;
+  Coverage coverage_;
+  explore::Run robot_{Scenario{}, coverage_};
   uint16_t seq_ = 0;
   std::vector<uint8_t> last_frame_;
 };
@@ -179,6 +193,6 @@ class Run {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  Run(Script(data, size)).to_its_end();
+  Course(Script(data, size)).to_its_end();
   return 0;
 }
