@@ -31,8 +31,15 @@ void MessageServer::note_message(const Frame& frame, uint64_t now_us) {
   recorder.note_message(frame.id, frame.body, static_cast<size_t>(body_size(frame.id)), now_us);
 }
 
+/// Hands a frame to its request; false: it is none of these.
+template <typename... Requests>
+bool MessageServer::serve_once(const Frame& frame, uint64_t now_us) {
+  return ((frame.id == Requests::kId && (once(Requests::decode(frame.body), now_us), true)) || ...);
+}
+
 void MessageServer::serve(const Frame& frame, uint64_t now_us) {
   if (robot_.recorder() != nullptr) note_message(frame, now_us);
+  // The ids of these have no gaps: a table finds the message.
   switch (frame.id) {
     case Hello::kId:
       return on(Hello::decode(frame.body), now_us);
@@ -46,58 +53,15 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return on(SetDuty::decode(frame.body), now_us);
     case Ping::kId:
       return on(Ping::decode(frame.body), now_us);
-    case ClearEstop::kId:
-      return once(ClearEstop::decode(frame.body), now_us);
-    case ClearFault::kId:
-      return once(ClearFault::decode(frame.body), now_us);
-    case SetStreamRate::kId:
-      return once(SetStreamRate::decode(frame.body), now_us);
-    case ParameterGet::kId:
-      return once(ParameterGet::decode(frame.body), now_us);
-    case ParameterSet::kId:
-      return once(ParameterSet::decode(frame.body), now_us);
-    case ParameterSave::kId:
-      return once(ParameterSave::decode(frame.body), now_us);
-    case ParameterReset::kId:
-      return once(ParameterReset::decode(frame.body), now_us);
-    case ParameterList::kId:
-      return once(ParameterList::decode(frame.body), now_us);
-    case LinkCountersGet::kId:
-      return once(LinkCountersGet::decode(frame.body), now_us);
-    case ControlCountersGet::kId:
-      return once(ControlCountersGet::decode(frame.body), now_us);
-    case ParameterTrial::kId:
-      return once(ParameterTrial::decode(frame.body), now_us);
-    case GroupGet::kId:
-      return once(GroupGet::decode(frame.body), now_us);
-    case Restart::kId:
-      return once(Restart::decode(frame.body), now_us);
-    case ContradictionsGet::kId:
-      return once(ContradictionsGet::decode(frame.body), now_us);
-    case HoldGet::kId:
-      return once(HoldGet::decode(frame.body), now_us);
-    case ConfigurationGet::kId:
-      return once(ConfigurationGet::decode(frame.body), now_us);
-    case PeripheralGet::kId:
-      return once(PeripheralGet::decode(frame.body), now_us);
-    case BoardSet::kId:
-      return once(BoardSet::decode(frame.body), now_us);
-    case PeripheralSet::kId:
-      return once(PeripheralSet::decode(frame.body), now_us);
-    case ConfigurationWrite::kId:
-      return once(ConfigurationWrite::decode(frame.body), now_us);
-    case ConfigurationConfirm::kId:
-      return once(ConfigurationConfirm::decode(frame.body), now_us);
-    case BoxGet::kId:
-      return once(BoxGet::decode(frame.body), now_us);
-    case BoxRead::kId:
-      return once(BoxRead::decode(frame.body), now_us);
-    case LedgerGet::kId:
-      return once(LedgerGet::decode(frame.body), now_us);
-    case UnsavedGet::kId:
-      return once(UnsavedGet::decode(frame.body), now_us);
     default:
-      return serve_elsewhere(frame, now_us);
+      if (serve_once<ClearEstop, ClearFault, SetStreamRate, ParameterGet, ParameterSet,
+                     ParameterSave, ParameterReset, ParameterList, LinkCountersGet,
+                     ControlCountersGet, ParameterTrial, GroupGet, Restart, ContradictionsGet,
+                     HoldGet, ConfigurationGet, PeripheralGet, BoardSet, PeripheralSet,
+                     ConfigurationWrite, ConfigurationConfirm, BoxGet, BoxRead, LedgerGet,
+                     UnsavedGet>(frame, now_us))
+        return;
+      serve_elsewhere(frame, now_us);
   }
 }
 
@@ -378,6 +342,13 @@ void MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t
   link_.send_body(id, body, size);
 }
 
+template <typename Message>
+void MessageServer::answer_afresh(const Message& message) {
+  uint8_t body[Message::kSize];
+  message.encode(body);
+  answer_afresh(Message::kId, message.request_id, body, sizeof body);
+}
+
 void MessageServer::answer_value(uint16_t request_id, uint8_t parameter) {
   answer(request_id, ParameterValue{session_.id(), request_id, parameter,
                                     robot_.parameters().get(static_cast<ParameterId>(parameter))});
@@ -542,9 +513,7 @@ void MessageServer::on(const BoxGet& request, uint64_t) {
   if (!is_readable(request.kId, request.request_id)) return;
   BoxValue value{.session_id = session_.id(), .request_id = request.request_id, .age = request.age};
   archive_->describe(value);
-  uint8_t body[BoxValue::kSize];
-  value.encode(body);
-  answer_afresh(BoxValue::kId, request.request_id, body, sizeof body);
+  answer_afresh(value);
 }
 
 void MessageServer::on(const BoxRead& request, uint64_t) {
@@ -556,18 +525,14 @@ void MessageServer::on(const BoxRead& request, uint64_t) {
   auto* const data = reinterpret_cast<uint8_t*>(part.data);
   part.size =
       static_cast<uint8_t>(archive_->read(request.number, request.offset, data, sizeof part.data));
-  uint8_t body[BoxPart::kSize];
-  part.encode(body);
-  answer_afresh(BoxPart::kId, request.request_id, body, sizeof body);
+  answer_afresh(part);
 }
 
 void MessageServer::on(const LedgerGet& request, uint64_t now_us) {
   if (!is_readable(request.kId, request.request_id)) return;
   LedgerValue value{.session_id = session_.id(), .request_id = request.request_id};
   archive_->count(value, now_us);
-  uint8_t body[LedgerValue::kSize];
-  value.encode(body);
-  answer_afresh(LedgerValue::kId, request.request_id, body, sizeof body);
+  answer_afresh(value);
 }
 
 // --- the store -----------------------------------------------------------------------------------

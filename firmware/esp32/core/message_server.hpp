@@ -132,6 +132,8 @@ class MessageServer final : public RobotObserver {
   void on(const SetDuty& message, uint64_t now_us);
   void on(const Ping& ping, uint64_t now_us);
 
+  template <typename... Requests>
+  bool serve_once(const Frame& frame, uint64_t now_us);
   /// Hands a request to its `on` below, unless it is a repeat or of another session.
   template <typename Request>
   void once(const Request& request, uint64_t now_us);
@@ -172,6 +174,8 @@ class MessageServer final : public RobotObserver {
 
   template <typename Message>
   void answer(uint16_t request_id, const Message& message);
+  template <typename Message>
+  void answer_afresh(const Message& message);
   void answer_value(uint16_t request_id, uint8_t parameter);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
 
