@@ -62,18 +62,18 @@ class Callbacks(ABC):
     @property
     @abstractmethod
     def listener(self) -> Listener:
-        """Takes the news; refers to no function of the application."""
+        """Takes each notice; refers to no function of the application."""
 
     @abstractmethod
     def close(self) -> None:
         """Begin no call from now on. Never waits."""
 
-    def _handler_for(self, news: Notice) -> Handler | None:
-        """The function that is to be called now for `news`, if one is."""
-        assigned = self._assigned.get(news[0])
+    def _handler_for(self, notice: Notice) -> Handler | None:
+        """The function that is to be called now for `notice`, if one is."""
+        assigned = self._assigned.get(notice[0])
         # What happens after the assignment and before the link knows of it is passed on like all
         # else, and then once more as what is so already.
-        if assigned is None or (assigned.was_called and isinstance(news, StandingNotice)):
+        if assigned is None or (assigned.was_called and isinstance(notice, StandingNotice)):
             return None
         assigned.was_called = True
         return assigned.handler
@@ -108,16 +108,16 @@ def log_failure(happening: Happening) -> None:
 
 
 class Inbox:
-    """The news that was not reported yet; refers to no function of the application."""
+    """The notices that were not reported yet; refers to no function of the application."""
 
     def __init__(self) -> None:
-        self.news: SimpleQueue[Notice | None] = SimpleQueue()
+        self.notices: SimpleQueue[Notice | None] = SimpleQueue()
         self.closed = False
 
     def close(self) -> None:
         """Begin no call from now on, and end the thread. Never waits."""
         self.closed = True
-        self.news.put(None)
+        self.notices.put(None)
 
 
 class ThreadCallbacks(Callbacks):
@@ -135,8 +135,8 @@ class ThreadCallbacks(Callbacks):
 
     @property
     def listener(self) -> Listener:
-        """Queues the news."""
-        return self.inbox.news.put
+        """Queues each notice."""
+        return self.inbox.notices.put
 
     def set(self, happening: Happening, handler: Handler | None) -> None:
         """As `Callbacks.set`; starts the thread."""
@@ -146,7 +146,7 @@ class ThreadCallbacks(Callbacks):
         # Weakly, for the functions commonly refer to the driver: one that is forgotten ends it.
         self._thread = threading.Thread(
             target=_run,
-            args=(weakref.ref(self), self.inbox.news),
+            args=(weakref.ref(self), self.inbox.notices),
             name="wheelwire callbacks",
             daemon=True,
         )
@@ -171,15 +171,15 @@ class ThreadCallbacks(Callbacks):
         if self._changed.wait_for(lambda: not self._calling, LAST_CALL_S):
             thread.join(LAST_CALL_S)
 
-    def call(self, news: Notice) -> bool:
+    def call(self, notice: Notice) -> bool:
         """Call the function for what has happened; False once closed."""
-        happening, told = news
+        happening, told = notice
         # In this order: `close` looks at the one after it has set the other.
         self._calling = True
         try:
             if self.inbox.closed:
                 return False
-            handler = self._handler_for(news)
+            handler = self._handler_for(notice)
             if handler is not None:
                 handler(told)
         except BaseException:  # also an exit: it would end this thread alone, and without a word
@@ -192,12 +192,12 @@ class ThreadCallbacks(Callbacks):
 
 def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[Notice | None]) -> None:
     """The thread's main function."""
-    while (news := queue.get()) is not None:
+    while (notice := queue.get()) is not None:
         this = callbacks()
-        if this is None or not this.call(news):
+        if this is None or not this.call(notice):
             return
         # While it waits it must keep neither alive.
-        del this, news
+        del this, notice
 
 
 class InlineCallbacks(Callbacks):
@@ -205,29 +205,29 @@ class InlineCallbacks(Callbacks):
 
     def __init__(self) -> None:
         super().__init__()
-        self._news: deque[Notice] = deque()
+        self._notices: deque[Notice] = deque()
         self._calling = False
         self._closed = False
 
     @property
     def listener(self) -> Listener:
-        """Calls at once; news that comes during a call waits for its end."""
+        """Calls at once; a notice that comes during a call waits for its end."""
         return self._tell
 
-    def _tell(self, news: Notice) -> None:
-        self._news.append(news)
+    def _tell(self, notice: Notice) -> None:
+        self._notices.append(notice)
         if self._calling:
             return
         self._calling = True
         try:
-            while self._news and not self._closed:
-                news = self._news.popleft()
-                handler = self._handler_for(news)
+            while self._notices and not self._closed:
+                notice = self._notices.popleft()
+                handler = self._handler_for(notice)
                 if handler is not None:
                     try:
-                        handler(news[1])
+                        handler(notice[1])
                     except Exception:
-                        log_failure(news[0])
+                        log_failure(notice[0])
         finally:
             self._calling = False
 

@@ -24,29 +24,29 @@ class LoopCallbacks(Callbacks):
     def __init__(self, call_in_loop: Callable[[Callable[[], None]], None]) -> None:
         super().__init__()
         self._call_in_loop = call_in_loop
-        self._news: deque[Notice] = deque()
+        self._notices: deque[Notice] = deque()
         self._task: asyncio.Task[None] | None = None
         self._awaited: asyncio.Future[object] | None = None
         self._closed = False
 
     @property
     def listener(self) -> Listener:
-        """Queues the news for a task that calls the functions; for the link's thread."""
+        """Queues each notice for a task that calls the functions; for the link's thread."""
         # Weakly: the functions commonly refer to the driver, which the port must not keep alive.
         this, call_in_loop = weakref.ref(self), self._call_in_loop
 
-        def tell(news: Notice) -> None:
+        def tell(notice: Notice) -> None:
             callbacks = this()
             if callbacks is not None:
-                callbacks.tell(news)
+                callbacks.tell(notice)
 
-        return lambda news: call_in_loop(partial(tell, news))
+        return lambda notice: call_in_loop(partial(tell, notice))
 
-    def tell(self, news: Notice) -> None:
-        """Call the function for the news, after those of earlier news."""
-        if self._closed or self.get(news[0]) is None:
+    def tell(self, notice: Notice) -> None:
+        """Call the function for a notice, after those of earlier ones."""
+        if self._closed or self.get(notice[0]) is None:
             return
-        self._news.append(news)
+        self._notices.append(notice)
         if self._task is None or self._task.done():  # an eager task is done at once
             with suppress(RuntimeError):  # there is no loop any more
                 self._task = asyncio.get_running_loop().create_task(
@@ -65,16 +65,16 @@ class LoopCallbacks(Callbacks):
 
     async def _run(self) -> None:
         try:
-            while self._news and not self._closed:
-                news = self._news.popleft()
-                handler = self._handler_for(news)
+            while self._notices and not self._closed:
+                notice = self._notices.popleft()
+                handler = self._handler_for(notice)
                 if handler is not None:
                     try:
-                        result = handler(news[1])
+                        result = handler(notice[1])
                         if isawaitable(result):
                             await self._finish(result)
                     except Exception:
-                        log_failure(news[0])
+                        log_failure(notice[0])
         finally:
             # Nothing is awaited between the last look at the queue and this.
             self._task = None

@@ -434,10 +434,10 @@ class Verbs:
         self._requests.check_thread()
         listener, explanations = self._callbacks.listener, self._explanations
 
-        def tell(news: Notice) -> None:
-            if isinstance(news[1], WheelwireError):
-                explanations.explain(news[1])
-            listener(news)
+        def tell(notice: Notice) -> None:
+            if isinstance(notice[1], WheelwireError):
+                explanations.explain(notice[1])
+            listener(notice)
 
         self._link.listen(tell, happening)
 
