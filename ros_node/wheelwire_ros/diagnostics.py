@@ -160,6 +160,7 @@ def _robot(
         "boot_id": f"{sample.boot_id:08x}",
         "resets_unacknowledged": state.resets,
         **_control_counters(connection.robot),
+        **_memory(connection.robot),
     }
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
@@ -205,6 +206,20 @@ def _control_counters(robot: BaseDriver) -> dict[str, Any]:
         "saturated_steps": counters.saturated_steps,
         "left_illegal_transitions": counters.left_illegal,
         "right_illegal_transitions": counters.right_illegal,
+    }
+
+
+def _memory(robot: BaseDriver) -> dict[str, int]:
+    """How much of the chip's memory is left, as known from the last report; empty if it is not."""
+    latest = getattr(robot, "latest_memory", None)
+    memory = latest() if latest is not None else None
+    if memory is None:
+        return {}
+    stacks = (memory.control_stack, memory.housekeeping_stack, memory.sensors_stack)
+    return {
+        "free_heap_bytes": memory.free_heap,
+        "least_free_heap_bytes": memory.least_free_heap,
+        "least_free_stack_bytes": min(filter(None, stacks), default=0),
     }
 
 

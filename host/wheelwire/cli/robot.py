@@ -66,6 +66,7 @@ def info(
 ) -> None:
     """Show the connected board, its state and link quality."""
     from wheelwire.log.why.device import ledger_counts, ledger_facts
+    from wheelwire.tools.doctor.robot import memory_facts, memory_of
 
     address = resolve(robot, as_json=as_json)
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
@@ -76,7 +77,7 @@ def info(
             )
         sample = driver.read()
         device_counters = driver.device_counters()
-        ledger = driver.recorder.read(boxes=False).ledger
+        ledger, memory = driver.recorder.read(boxes=False).ledger, memory_of(driver)
         warnings = _warnings(driver, sample, address.text)
         holding = driver.holding()
         link, statistics = driver.info, driver.statistics
@@ -92,6 +93,7 @@ def info(
                 "host_counters": statistics,
                 "device_counters": device_counters,
                 "ledger": None if ledger is None else ledger_counts(ledger),
+                "memory": memory,
                 "warnings": warnings,
             }
         )
@@ -119,6 +121,7 @@ def info(
                 f"p99 {statistics.round_trip_p99_us / 1000:.2f} ms",
             ),
             ("clock error", f"at most {statistics.clock_error_us / 1000:.2f} ms"),
+            *([("memory", "unknown")] if memory is None else memory_facts(memory).items()),
             *([] if ledger is None else ledger_facts(ledger).items()),
         ],
     )

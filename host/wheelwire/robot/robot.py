@@ -22,7 +22,7 @@ from ..samples import ImuSample, InputsSample, PowerSample, WheelSample
 from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks, check_plain
 from .calls import Requests, blocking
 from .parameters import DeviceParameters
-from .verbs import Verbs, WaitingVerbs
+from .verbs import Questions, Verbs, WaitingVerbs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -62,7 +62,7 @@ def opened_to_look() -> Iterator[None]:
         _only_looks.reset(before)
 
 
-class Robot(Verbs):
+class Robot(Verbs, Questions):
     """A robot with two driven wheels.
 
     A setpoint is valid for its `ttl` and no longer; the library never renews one. Methods may be
@@ -251,12 +251,6 @@ class Robot(Verbs):
         from .black_boxes import DeviceRecorder
 
         return DeviceRecorder(self._requests)
-
-    device_counters = blocking(WaitingVerbs.device_counters)
-    holding = blocking(WaitingVerbs.holding)
-    contradictions = blocking(WaitingVerbs.contradictions)
-    unsaved_parameters = blocking(WaitingVerbs.unsaved_parameters)
-    control_counters = blocking(WaitingVerbs.control_counters)
 
     # --- what is recorded and reported ---------------------------------------------------------
 

@@ -13,6 +13,7 @@ from math import isfinite
 from typing import Any, NamedTuple, NoReturn, cast
 
 from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import (
     Contradiction,
     Fault,
@@ -29,10 +30,14 @@ from wheelwire_protocol.types import (
     ContradictionsGet,
     ControlCounters,
     ControlCountersGet,
+    GroupGet,
+    GroupInfo,
     Hold,
     HoldGet,
     LinkCounters,
     LinkCountersGet,
+    MemoryGet,
+    MemoryValue,
     UnsavedGet,
     UnsavedValue,
 )
@@ -59,7 +64,7 @@ from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
 from ..samples import Setpoint
 from .callbacks import Callbacks
-from .calls import Requests
+from .calls import Requests, blocking
 
 DEFAULT_TTL_S = 0.5
 
@@ -119,6 +124,7 @@ class Verbs:
         self._known_limits = Limits(None, None, None)
         # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
+        self._newest_memory: deque[MemoryValue] = deque(maxlen=1)
 
     # --- driving -------------------------------------------------------------------------------
 
@@ -369,6 +375,25 @@ class Verbs:
             self._link.post(ControlCountersGet(0, 0), keep)
         return known
 
+    def latest_memory(self) -> MemoryValue | None:
+        """As `memory`, without waiting; also None where the robot cannot tell."""
+        newest, link = self._newest_memory, self._link
+        known = newest[0] if newest else None
+
+        def keep(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, MemoryValue):
+                newest.append(answer)
+
+        def ask(answer: Answer | WheelwireError) -> None:
+            # Only a device of the same messages is asked by them.
+            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.PLATFORM):
+                with suppress(LinkLost, LinkClosed):
+                    link.post(MemoryGet(0, 0), keep)
+
+        with suppress(LinkLost, LinkClosed, DriverUnavailable):
+            link.post(GroupGet(0, 0, Group.PLATFORM), ask)
+        return known
+
     # --- what is reported ----------------------------------------------------------------------
 
     @property
@@ -594,9 +619,31 @@ class WaitingVerbs:
         answer = cast("UnsavedValue", await self._requests.ask(UnsavedGet(0, 0)))
         return tuple(p.name for p in PARAMETERS if answer.parameters >> (p.id - 1) & 1)
 
+    async def memory(self) -> MemoryValue:
+        """How much of the chip's memory is left, in bytes.
+
+        Raises:
+            GroupUnavailable: The robot has no chip, or firmware of a release that cannot tell.
+        """
+        await self._requests.check_group(Group.PLATFORM)
+        return cast("MemoryValue", await self._requests.ask(MemoryGet(0, 0)))
+
     async def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""
         return cast("ControlCounters", await self._requests.request(ControlCountersGet(0, 0)))
+
+
+class Questions:
+    """What threads ask the device, each described above."""
+
+    _awaited: WaitingVerbs
+
+    device_counters = blocking(WaitingVerbs.device_counters)
+    holding = blocking(WaitingVerbs.holding)
+    contradictions = blocking(WaitingVerbs.contradictions)
+    unsaved_parameters = blocking(WaitingVerbs.unsaved_parameters)
+    control_counters = blocking(WaitingVerbs.control_counters)
+    memory = blocking(WaitingVerbs.memory)
 
 
 def _finite(name: str, value: float) -> float:

@@ -67,7 +67,8 @@ def test_what_only_a_device_knows_is_not_known() -> None:
 
 
 @pytest.mark.parametrize(
-    "verb", ["device_counters", "holding", "contradictions", "unsaved_parameters"]
+    "verb",
+    ["device_counters", "holding", "contradictions", "unsaved_parameters", "memory"],
 )
 def test_what_only_a_device_does_is_refused(verb: str) -> None:
     with pytest.raises(wheelwire.DriverUnavailable, match="no Wheelwire device"):

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from support.host_samples import sample
 from wheelwire import BaseDriver, HeldBy, LastStop, LinkLost, LinkStatistics, WheelSample
 from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
-from wheelwire_protocol.types import ControlCounters
+from wheelwire_protocol.types import ControlCounters, MemoryValue
 from wheelwire_ros import diagnostics
 from wheelwire_ros.diagnostics import FORGOTTEN_S, TwinWatch
 from wheelwire_ros.robot_connection import Ignored, RobotConnection, Tuning
@@ -35,6 +35,9 @@ class CountingRobot(Robot):
 
     def latest_control_counters(self) -> ControlCounters:
         return ControlCounters(7, 7, 1, 2, 3, 4, 5)
+
+    def latest_memory(self) -> MemoryValue:
+        return MemoryValue(7, 7, 90_000, 80_000, 5000, 1800, 0)
 
 
 def statuses(
@@ -137,6 +140,9 @@ def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
     assert "latest_step_us" not in values(statuses()["robot"])
     told = values(statuses(CountingRobot())["robot"])
     assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")
+    assert told["free_heap_bytes"] == "90000"
+    assert told["least_free_heap_bytes"] == "80000"
+    assert told["least_free_stack_bytes"] == "1800"
     assert (told["left_illegal_transitions"], told["right_illegal_transitions"]) == ("4", "5")
 
 

@@ -14,6 +14,7 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorState
+from wheelwire_protocol.types import MemoryValue
 
 from ...errors import DeviceRefused, GroupUnavailable, InvalidCommand
 from ...link.clock import host_clock_us
@@ -30,6 +31,8 @@ WATCH_S = 1.5
 """How long the doctor listens to the link before it judges its loss and its clock."""
 CLOCK_ERROR_LIMIT_US = 5_000.0
 LOSS_LIMIT = 0.01
+LEAST_HEAP, LEAST_STACK = 10_000, 512
+"""Bytes that a sound robot has left at any time."""
 _SENSORS = Held.CLIFF | Held.FAULT_INPUT | Held.BATTERY | Held.BATTERY_UNKNOWN
 _SENSORS |= Held.BUMPER_FRONT | Held.BUMPER_FRONT_LEFT | Held.BUMPER_FRONT_RIGHT
 _SENSORS |= Held.BUMPER_REAR | Held.BUMPER_REAR_LEFT | Held.BUMPER_REAR_RIGHT
@@ -60,6 +63,7 @@ def examine_robot(driver: Robot, address: str, given: Collection[str] = ()) -> I
         _contact,
         _stops,
         _ledger,
+        _memory,
     ):
         yield from check(driver, address)
     yield from _unsaved(driver, address, given)
@@ -120,6 +124,52 @@ def _core_dump(driver: Robot, _address: str) -> Iterator[Finding]:
             "core-dump",
             "the firmware crashed, and its core dump is in flash.",
             "read it and report it: docs/hardware-test.md#4-after-a-crash",
+        )
+
+
+def memory_of(driver: Robot) -> MemoryValue | None:
+    """How much of the chip's memory is left; None where the robot cannot tell."""
+    try:
+        return driver.memory()
+    # It has no chip; or its firmware, or the program that holds the port, is of an older release.
+    except (GroupUnavailable, InvalidCommand):
+        return None
+
+
+def memory_facts(memory: MemoryValue) -> dict[str, str]:
+    """The same for people."""
+    stacks = _stacks(memory)
+    task = min(stacks, key=lambda name: stacks[name], default="")
+    least = f"{stacks[task]} bytes, in the {task} task" if task else "not measured yet"
+    return {
+        "free heap": f"{memory.free_heap} bytes; never less than {memory.least_free_heap}",
+        "lowest stack": least,
+    }
+
+
+def _stacks(memory: MemoryValue) -> dict[str, int]:
+    """Bytes that were left at least, by task; without those that do not run."""
+    left = memory._asdict()
+    return {
+        name.removesuffix("_stack"): value
+        for name, value in left.items()
+        if name.endswith("_stack") and value
+    }
+
+
+def _memory(driver: Robot, address: str) -> Iterator[Finding]:
+    memory = memory_of(driver)
+    if memory is None:
+        return
+    scarce = [name for name, left in _stacks(memory).items() if left < LEAST_STACK]
+    what = [f"stack of the {name} task" for name in scarce]
+    if memory.least_free_heap < LEAST_HEAP:
+        what.insert(0, "heap")
+    if what:
+        yield Finding(
+            "memory",
+            f"the chip was about to run out of {' and '.join(what)}.",
+            f"report it with what `wheelwire support {address}` packs",
         )
 
 
