@@ -254,6 +254,7 @@ class ImuTable:
         temperature_counts: Counts for one degree.
         gyro_noise: Standard deviation at the rates set up, in counts.
         accelerometer_noise: As `gyro_noise`.
+        rate_hz: Samples per second, as set up.
         frozen_samples: So many equal raw samples in a row mean that the chip no longer measures.
     """
 
@@ -275,6 +276,7 @@ class ImuTable:
     temperature_counts: float
     gyro_noise: float
     accelerometer_noise: float
+    rate_hz: int
     frozen_samples: int
 
 
@@ -295,6 +297,7 @@ _MPU: dict[str, Any] = {
     "accelerometer_mps2": _GRAVITY / 8192,
     "check_register": 0x1B,
     "check_value": 0x08,
+    "rate_hz": 200,
     "frozen_samples": 4,
 }
 
@@ -327,6 +330,7 @@ _LSM6: dict[str, Any] = {
     "temperature_offset_cdeg": 2500,
     "gyro_noise": 2.8,
     "accelerometer_noise": 7.5,
+    "rate_hz": 208,
     "frozen_samples": 4,
 }
 

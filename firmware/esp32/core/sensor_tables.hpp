@@ -108,6 +108,7 @@ struct ImuTable {
   float temperature_counts;   ///< For one degree.
   float gyro_noise;           ///< Standard deviation, counts.
   float accelerometer_noise;  ///< Standard deviation, counts.
+  uint16_t rate_hz;           ///< Samples per second, as set up.
   uint8_t frozen_samples;     ///< So many equal ones in a row: it no longer measures.
 };
 
@@ -132,6 +133,7 @@ constexpr ImuTable kImuTables[] = {
      340.0f,
      2.1f,
      20.7f,
+     200,
      4},
     {SensorChip::kMpu6500,
      0x68,
@@ -159,6 +161,7 @@ constexpr ImuTable kImuTables[] = {
      333.87f,
      4.1f,
      15.5f,
+     200,
      4},
     {SensorChip::kMpu9250,
      0x68,
@@ -186,6 +189,7 @@ constexpr ImuTable kImuTables[] = {
      333.87f,
      4.1f,
      15.5f,
+     200,
      4},
     {SensorChip::kLsm6ds3,
      0x6a,
@@ -207,6 +211,7 @@ constexpr ImuTable kImuTables[] = {
      16.0f,
      2.8f,
      7.5f,
+     208,
      4},
     {SensorChip::kLsm6ds3trC,
      0x6a,
@@ -228,6 +233,7 @@ constexpr ImuTable kImuTables[] = {
      256.0f,
      2.8f,
      7.5f,
+     208,
      4},
 };
 

@@ -71,10 +71,7 @@ bool SimulatedImu::measures() const {
                      [this](RegisterWrite write) { return registers_[write.at] == write.value; });
 }
 
-Nanoseconds SimulatedImu::period() const {
-  const bool is_lsm = table_.chip == SensorChip::kLsm6ds3 || table_.chip == SensorChip::kLsm6ds3trC;
-  return is_lsm ? 1'000'000'000 / 208 : 1'000'000'000 / 200;
-}
+Nanoseconds SimulatedImu::period() const { return 1'000'000'000 / table_.rate_hz; }
 
 void SimulatedImu::advance(const SimulatedBoard& board) {
   if (board.now() < next_) return;

@@ -61,6 +61,7 @@ def _imu_row(chip: SensorChip, table: ImuTable) -> str:
         cpp_number(table.temperature_counts),
         cpp_number(table.gyro_noise),
         cpp_number(table.accelerometer_noise),
+        str(table.rate_hz),
         str(table.frozen_samples),
     ]
     return "    {" + ", ".join(cells) + "},"
@@ -150,6 +151,7 @@ def generate() -> str:
         "  float temperature_counts;   ///< For one degree.",
         "  float gyro_noise;           ///< Standard deviation, counts.",
         "  float accelerometer_noise;  ///< Standard deviation, counts.",
+        "  uint16_t rate_hz;           ///< Samples per second, as set up.",
         "  uint8_t frozen_samples;     ///< So many equal ones in a row: it no longer measures.",
         "};",
         "",
