@@ -2,53 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import os
-import platform
-import re
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from datetime import datetime, timezone
-from getpass import getuser
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated
 
 import typer
 
-from wheelwire import __version__
-from wheelwire.errors import OutputFailed, WheelwireError
-from wheelwire.robot.robot import Robot
-from wheelwire.tools.files.board import to_yaml
-from wheelwire.tools.files.parameters import ParameterFile
-from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
+from wheelwire.errors import WheelwireError
+from wheelwire.tools.support import LEFT_OUT, newest_recording, of_error, of_robot, pack, versions
 
 from .address import BaudRateOption, RobotArgument, resolve
-from .output import JsonFlag, print_json, print_lines, to_json_value
+from .output import JsonFlag, print_json, print_lines
 from .registry import Heading, command
-
-RECORDINGS = "*.mcap"
-LARGEST = 200 << 20
-"""A recording above this is named, but not packed."""
-LEFT_OUT = (
-    "left out: names of users, computers and folders, addresses of networks; the device's own id "
-    "(its MAC address) is in it"
-)
-_NETWORK = re.compile(r"(socket|rfc2217|tcp)://[^\s\"',;]*[^\s\"',;:.]")
-_HOMES = re.compile(r"(/home|/Users|/run/user|/run/media|/media)/[^/\s\"']+")
-_PATH = re.compile(r"(?<![\w/.~-])/(?!/)[^\s\"',;:()<>|]+")
-"""A path from the root. In an address such as `socket://HOST` is none."""
-_SYSTEM = ("/dev", "/sys", "/proc", "/usr", "/etc", "/lib", "/bin", "/sbin", "/boot")
-"""Folders in which nothing has the name of a person."""
-_COMMON_USERS = ("root", "pi", "robot", "ros", "ubuntu", "debian", "user", "wheelwire")
-"""Users whose names are no person's, and may be words of a message."""
-_IPV4 = re.compile(r"\b(?:\d{1,3}\.){3}\d{1,3}\b")
-
-
-class _Part(NamedTuple):
-    name: str
-    content: str
-    what: str
 
 
 @command("support", Heading.LOOK, 7, page="recording")
@@ -70,170 +35,18 @@ def support(
     address = resolve(robot, as_json=as_json)
     now = datetime.now(timezone.utc)
     target = output or Path(f"wheelwire-support-{now:%Y%m%d-%H%M%S}.zip")
-    parts = [_versions(now)]
+    parts = [versions(now)]
     try:
         with address.open_to_look(baud_rate, as_json=as_json) as driver:
-            parts += _of_robot(driver)
+            parts += of_robot(driver)
     except WheelwireError as error:
-        said = {"error": type(error).__name__, "message": str(error)}
-        parts.append(_Part("error.json", _json(said), f"why the robot is not in it: {error}"))
-    source = recording or _newest_recording()
-    with _written(target) as archive:
-        for part in parts:
-            archive.writestr(part.name, _anonymous(part.content))
-        listed = [(part.name, _anonymous(part.what)) for part in parts]
-        if source is not None:
-            listed.append(_pack_recording(archive, source))
+        parts.append(of_error(error))
+    source = recording or newest_recording()
+    listed = pack(target, parts, source)
     if as_json:
-        print_json({"file": str(target), "parts": dict(listed)})
+        print_json({"file": str(target), "parts": listed})
         return
-    print_lines(f"wrote {target}:", *(f"  {name}: {what}" for name, what in listed))
+    print_lines(f"wrote {target}:", *(f"  {name}: {what}" for name, what in listed.items()))
     if source is None:
         print_lines("  no recording: `wheelwire log record ROBOT FILE.mcap` makes one")
     print_lines(LEFT_OUT)
-
-
-def _versions(now: datetime) -> _Part:
-    found = {
-        "wheelwire": __version__,
-        "protocol": PROTOCOL_VERSION,
-        "schema": f"{schema_hash():08x}",
-        "python": platform.python_version(),
-        # Not platform.node() nor uname(), which have the computer's name.
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "ros_distro": os.environ.get("ROS_DISTRO"),
-        "packages": dict(_packages()),
-        "time": now.isoformat(timespec="seconds"),
-    }
-    return _Part("versions.json", _json(found), "versions of Wheelwire, Python and the system")
-
-
-def _packages() -> Iterator[tuple[str, str]]:
-    from importlib.metadata import PackageNotFoundError, version
-
-    for name in ("pyserial", "construct", "numpy", "mcap", "gpiozero", "lgpio", "pigpio", "typer"):
-        with suppress(PackageNotFoundError):
-            yield name, version(name)
-
-
-def _of_robot(driver: Robot) -> Iterator[_Part]:
-    """What the robot reports; for a question that it does not answer, the error."""
-    yield _Part("sample.json", _json(driver.read()), "the newest sample")
-    yield _Part("link.json", _json(driver.statistics), "what this end of the link has counted")
-    if not driver.has_device:
-        return
-    yield _Part("info.json", _json(driver.info), "the device, its firmware and its board")
-    yield _answer("parameters.yaml", "all parameters", lambda: _parameters(driver))
-    yield _answer("board.yaml", "the active board", lambda: _board(driver))
-    yield _answer("device.json", "what the device has counted", lambda: _counters(driver))
-
-
-def _answer(name: str, what: str, ask: Any) -> _Part:
-    try:
-        return _Part(name, ask(), what)
-    except WheelwireError as error:
-        return _Part(f"{name}.error", f"{type(error).__name__}: {error}\n", f"no {what}: {error}")
-
-
-def _parameters(driver: Robot) -> str:
-    return ParameterFile.of_robot(driver.parameters.list(), driver.info.device).text()
-
-
-def _board(driver: Robot) -> str:
-    state, found = driver.board.read()
-    return f"# {state.doc}\n{to_yaml(found) if found else ''}"
-
-
-def _counters(driver: Robot) -> str:
-    return _json(
-        {
-            "link": driver.device_counters(),
-            "control": driver.control_counters(),
-            "contradictions": driver.contradictions(),
-        }
-    )
-
-
-def _newest_recording() -> Path | None:
-    found = [file for file in Path().glob(RECORDINGS) if file.is_file()]
-    return max(found, key=lambda file: file.stat().st_mtime, default=None)
-
-
-def _pack_recording(archive: zipfile.ZipFile, source: Path) -> tuple[str, str]:
-    try:
-        size = source.stat().st_size
-        if size > LARGEST:
-            return source.name, f"not packed, {size >> 20} MB: send it by itself"
-        archive.write(source, source.name)
-    except OSError as error:
-        raise OutputFailed(f"cannot pack {source}: {error.strerror}") from error
-    return source.name, f"a recording, {size / 1e6:.1f} MB"
-
-
-@contextmanager
-def _written(target: Path) -> Iterator[zipfile.ZipFile]:
-    """A new archive, which gets its name once it is finished."""
-    part = target.with_name(f".{target.name}.part")
-    if target.exists():
-        raise OutputFailed(f"{target} exists: name another file with --output")
-    try:
-        with part.open("wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            yield archive
-        part.rename(target)
-    except BaseException as error:
-        with suppress(OSError):  # on a file system that is read-only by now it stays
-            part.unlink(missing_ok=True)
-        if isinstance(error, OSError) and not isinstance(error, WheelwireError):
-            raise OutputFailed.at(target, error) from error
-        raise
-
-
-def _json(value: Any) -> str:
-    return json.dumps(to_json_value(value), indent=2, allow_nan=False) + "\n"
-
-
-def _anonymous(text: str) -> str:
-    """The text without what names a person or a network."""
-    text = _IPV4.sub("ADDRESS", _NETWORK.sub(r"\1://ADDRESS", text))
-    for path, stands_for in ((Path.cwd(), "."), (Path.home(), "~")):
-        if len(path.parts) > 1:  # not the root, which is in every path
-            text = text.replace(str(path), stands_for)
-    # Before what is a path only up to its first space.
-    for folder in (*Path.cwd().parents, *_mounted()):
-        if len(folder.parts) > 1 and not str(folder).startswith(_SYSTEM):
-            text = text.replace(f"{folder}/", "FOLDER/")
-    text = _PATH.sub(_without_folders, _HOMES.sub(r"\1/NAME", text))
-    for name, stands_for in ((platform.node(), "COMPUTER"), (_user(), "USER")):
-        if name:
-            text = re.sub(rf"\b{re.escape(name)}\b", stands_for, text)
-    return text
-
-
-def _without_folders(path: re.Match[str]) -> str:
-    """A path with the name of its file alone, unless it is the system's own."""
-    if path[0].startswith(_SYSTEM):
-        return path[0]
-    place, own, rest = path[0].partition("/NAME")  # of `_HOMES`
-    name = path[0].rpartition("/")[2]
-    if own:
-        return f"{place}/NAME/{name}" if rest else f"{place}/NAME"
-    return f"FOLDER/{name}"
-
-
-def _mounted() -> list[Path]:
-    """Where disks are mounted by their labels, which people choose."""
-    try:
-        lines = Path("/proc/self/mounts").read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return []
-    places = [line.split(" ")[1].replace("\\040", " ") for line in lines if " " in line]
-    return [Path(one) for one in places if one.startswith(("/media/", "/run/media/", "/mnt/"))]
-
-
-def _user() -> str:
-    """The name of the user, if it may be a person's."""
-    try:
-        name = getuser()
-    except (OSError, KeyError):  # it has none
-        return ""
-    return "" if name in _COMMON_USERS else name

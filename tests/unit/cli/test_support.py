@@ -15,8 +15,7 @@ import pytest
 from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from wheelwire import errors
-from wheelwire.cli import support
-from wheelwire.cli.support import _anonymous, _written
+from wheelwire.tools import support
 from wheelwire.tools.files.board import load_board
 from wheelwire.tools.files.parameters import load_parameter_file
 from wheelwire_protocol.parameters import PARAMETERS
@@ -85,7 +84,7 @@ def test_a_read_only_file_system_is_one_line(
 
 
 def archive_with(target: Path, error: OSError | None) -> None:
-    with _written(target) as archive:
+    with support._written(target) as archive:
         archive.writestr("a", "b")
         if error is not None:
             raise error
@@ -105,7 +104,7 @@ def test_names_of_mounted_disks_and_of_the_user_are_left_out(
 ) -> None:
     monkeypatch.setattr(support, "_mounted", lambda: [Path("/media/ada/Ada L's disk")])
     monkeypatch.setattr(support, "getuser", lambda: "ada")
-    said = _anonymous("cannot open /media/ada/Ada L's disk/day.mcap: no; ada, process 3")
+    said = support._anonymous("cannot open /media/ada/Ada L's disk/day.mcap: no; ada, process 3")
     assert said == "cannot open FOLDER/day.mcap: no; USER, process 3"
 
 
@@ -139,6 +138,6 @@ def test_a_named_recording_is_packed(tmp_path: Path) -> None:
     ],
 )
 def test_no_person_and_no_network_is_named(said: str, packed: str) -> None:
-    assert _anonymous(said) == packed
-    assert "ada" not in _anonymous(said).lower().replace("data", "")
-    assert platform.node() not in _anonymous(f"on {platform.node()}: {said}")
+    assert support._anonymous(said) == packed
+    assert "ada" not in support._anonymous(said).lower().replace("data", "")
+    assert platform.node() not in support._anonymous(f"on {platform.node()}: {said}")
