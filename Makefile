@@ -277,7 +277,7 @@ zig = WHEELWIRE_ZIG="$$(build/web-env/bin/python -c 'import ziglang; print(*zigl
 web: build/web-env/installed web/node_modules/installed  ## The page in which one breaks a simulated robot, to build/web; needs npm's registry
 	@$(call zig,wasm32-wasi,build/web-wasm)
 	@$(WITH_NODE) node web/bundle.js
-	@cp build/web-wasm/robot.wasm build/web/
+	@install -m 644 build/web-wasm/robot.wasm build/web/
 	@echo "Serve build/web, and open it: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/web"
 
 web-native: build/web-env/installed
@@ -285,9 +285,9 @@ web-native: build/web-env/installed
 
 web-test: web web-native  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
 	@cd web && $(WITH_NODE) npm run --silent lint
-	@cd web && $(WITH_NODE) npx vitest run $(filter-out tests,$(ONLY))
+	@cd web && $(WITH_NODE) npx vitest run --passWithNoTests $(filter-out tests,$(ONLY))
 	@command -v chromium >/dev/null || { echo "The page's tests in a browser need chromium: sudo apt install chromium" >&2; exit 1; }
-	@cd web && $(WITH_NODE) npx playwright test $(filter-out tests,$(ONLY))
+	@cd web && $(WITH_NODE) npx playwright test --pass-with-no-tests $(filter-out tests,$(ONLY))
 
 clean:  ## Remove everything built
 	rm -rf build $(VENV) web/node_modules

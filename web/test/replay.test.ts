@@ -1,5 +1,6 @@
 // The robot in the page is the robot of a computer: ticks, states and bytes, step by step.
 import { readFileSync } from "node:fs";
+import { gzipSync } from "node:zlib";
 import { describe, expect, test } from "vitest";
 import { BREAKS, type Break } from "../src/breaks.js";
 import { ResetReason, SupervisorState } from "../src/generated/protocol.js";
@@ -9,6 +10,8 @@ import { loadSimulator, type Simulator } from "../src/simulator.js";
 import { World } from "../src/world.js";
 import { difference, replay } from "./replay.js";
 
+const BUDGET = 400_000;
+const SHARE_OF_A_CORE = 0.05;
 const WASM = readFileSync(new URL("../../build/web/robot.wasm", import.meta.url));
 
 type Fault = Pick<Break, "name" | "apply" | "tick" | "repair">;
@@ -114,4 +117,27 @@ test("seeds differ, and one repeats", async () => {
   for (const seed of [1, 2, 1]) ids.push((await booted(seed)).get("boot_id"));
   expect(ids[0]).not.toBe(ids[1]);
   expect(ids[0]).toBe(ids[2]);
+});
+
+test("the robot is within its budget, and asks little of a system", async () => {
+  const size = gzipSync(WASM).length;
+  console.log(`the robot: ${size} bytes gzipped`);
+  expect(size).toBeLessThanOrEqual(BUDGET);
+  const imports = WebAssembly.Module.imports(await WebAssembly.compile(WASM));
+  // Of the C++ library, for what it says when it fails.
+  expect(imports.map((one) => one.name).sort()).toEqual(["fd_close", "fd_seek", "fd_write"]);
+});
+
+test("a second of a driving robot costs little of a second's processor time", async () => {
+  const world = new World(await loadSimulator(WASM, 1), 1, () => undefined);
+  world.run(400_000);
+  world.program.drive({ mps: 0.2, radps: 0.5 });
+  world.run(1_000_000);
+  const before = process.cpuUsage();
+  world.run(10_000_000);
+  const { user, system } = process.cpuUsage(before);
+  expect(world.state).toBe(SupervisorState.DRIVING);
+  const share = (user + system) / 10_000_000;
+  console.log(`the robot, its cable and its program: ${(100 * share).toFixed(1)} % of a core`);
+  expect(share).toBeLessThan(SHARE_OF_A_CORE);
 });
