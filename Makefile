@@ -280,7 +280,7 @@ web: build/web-env/installed web/node_modules/installed  ## The page in which on
 	@install -m 644 build/web-wasm/robot.wasm build/web/
 	@echo "Serve build/web, and open it: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/web"
 
-web-native: build/web-env/installed
+web-native: build/web-env/installed  ## The program that repeats the run of a page, to build/web-native
 	@$(call zig,$(shell uname -m)-linux-musl,build/web-native)
 
 web-test: web web-native  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
