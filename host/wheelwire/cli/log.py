@@ -151,9 +151,9 @@ def record(
 def _wait(driver: Robot, recorder: Recorder, until: float, *, as_json: bool) -> None:
     has_asked = ask_for_samples(driver)
     try:
-        for news in watch(driver, until):
-            if isinstance(news, str):
-                print_note(news, as_json=as_json)
+        for change in watch(driver, until):
+            if isinstance(change, str):
+                print_note(change, as_json=as_json)
             if recorder.error is not None:
                 return
             has_asked = has_asked or ask_for_samples(driver)

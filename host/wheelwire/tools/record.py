@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import InvalidCommand, LinkLost, RequestTimeout, WheelwireError
 from ..link.connection import Link
@@ -21,9 +20,6 @@ from ..robot.parameters import DeviceParameters
 from ..robot.sensors import DEFAULT_RATE_HZ, Streams
 from .files.board import to_yaml
 from .files.parameters import ParameterFile
-
-if TYPE_CHECKING:
-    pass
 
 ASKS = 10
 """How often a robot that is out of reach is asked for its sensors' samples."""
