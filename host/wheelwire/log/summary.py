@@ -52,19 +52,21 @@ class Counts:
 
 
 class Counter:
-    """Counts records.
-
-    Attributes:
-        counts: Those that were fed.
-    """
+    """Counts records."""
 
     def __init__(self) -> None:
-        self.counts = Counts()
+        self._counts = Counts()
         self._reader = FrameReader()
+
+    @property
+    def counts(self) -> Counts:
+        """What was counted of those that were fed."""
+        self._counts.frames_lost = self._reader.lost  # here: to ask for each record costs more
+        return self._counts
 
     def feed(self, record: Record) -> None:
         """Count one record."""
-        counts = self.counts
+        counts = self._counts
         counts.first_us = counts.first_us if counts.records else record.host_us
         counts.last_us = max(counts.last_us, record.host_us)
         counts.records += 1
@@ -73,7 +75,6 @@ class Counter:
                 counts.frames_sent += 1
             else:
                 counts.frames_received += 1
-        counts.frames_lost = self._reader.lost
 
 
 @dataclass(frozen=True)
