@@ -365,6 +365,8 @@ Codes Witness::request_codes(const Seen& message) const {
                                  : !is_meant ? Codes(RefusalCode::kBoardRefused)
                                              : Codes());
     }
+    case MemoryGet::kId:
+      return RefusalCode::kNotSupported;  // It is no chip.
     default:
       return none;
   }

@@ -142,8 +142,8 @@ WHEELWIRE_FIELDS(Session, &Session::open_, &Session::nonce_, &Session::id_,
                  &Session::clock_synchronised_, &Session::newest_command_,
                  &Session::newest_request_, &Session::answer_count_, &Session::answers_);
 WHEELWIRE_FIELDS(MessageServer, &MessageServer::identity_, &MessageServer::session_,
-                 &MessageServer::restart_us_, &MessageServer::archive_, &MessageServer::sensors_,
-                 &MessageServer::configuration_);
+                 &MessageServer::restart_us_, &MessageServer::platform_, &MessageServer::archive_,
+                 &MessageServer::sensors_, &MessageServer::configuration_);
 WHEELWIRE_FIELDS(Device, &Device::server_, &Device::robot_);
 
 #undef WHEELWIRE_FIELDS

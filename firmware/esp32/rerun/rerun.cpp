@@ -44,6 +44,7 @@ void Rerun::restore() {
   configuration_.emplace(&store_, Chip::kSimulated, nullptr);
   device_.emplace(hal, Identity{}, kParameters, *configuration_);
   device_->offer(archive_);
+  device_->offer(platform_);
   device_->sense(sensors_.emplace(PeripheralList{}, nullptr, nullptr));
   contact_ = (flags & box::kOpenContact) != 0;
   is_pending_ = (flags & box::kInStep) != 0;

@@ -124,6 +124,26 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
   }
 }
 
+/// A part that the device had, and one that it did not have, are so in the re-run.
+TEST(what_the_platform_answers_re_runs_the_same) {
+  struct Memory final : PlatformMessages {
+    void serve(MessageServer& server, const Frame&, uint16_t request_id) override {
+      const uint8_t body[MemoryValue::kSize] = {};
+      server.answer_afresh(MemoryValue::kId, request_id, body, sizeof body);
+    }
+  } memory;
+  for (const bool has_platform : {false, true}) {
+    Recorded robot;
+    if (has_platform) robot.bench.device.offer(memory);
+    robot.black_box.clear();
+    robot.bench.step();
+    const RefusalCode refusal = robot.bench.refusal(MemoryGet{});
+    CHECK((refusal == RefusalCode::kNone) == has_platform);
+    robot.bench.step();
+    CHECK(robot.rerun() == Outcome::kSame);
+  }
+}
+
 TEST(what_does_not_fit_in_a_packed_step_is_recorded_in_full) {
   Recorded robot;
   robot.bench.turn(3000, -3000);
