@@ -1,7 +1,7 @@
 // What a person can break, what should happen then, and whether it did.
 import { Fault, Held, ResetReason, SupervisorState } from "./generated/protocol.js";
 import { mm, time, type Observation } from "./observation.js";
-import { TTL_US } from "./program.js";
+import { LIMITS_MPS, TTL_US, isClose } from "./program.js";
 import type { World } from "./world.js";
 
 const { BOOT, DRIVING, ESTOPPED, FAULT, IDLE, TIMED_OUT } = SupervisorState;
@@ -211,21 +211,24 @@ export const BREAKS: readonly Break[] = [
   },
   {
     name: "cut the power while it saves",
-    should: "The robot stops, and its speed limit is saved; in the middle of that its power fails. With power again it has the old value or the new one, and nothing is damaged.",
+    should:
+      "The robot stops, and its speed limit is saved; in the middle of that its power fails, and comes back. It has the old limit or the new one, nothing is damaged, and it stands until you drive.",
     needsDrive: false,
-    watchUs: 8_000_000,
+    watchUs: 4_000_000,
     apply: (world) => {
-      world.simulator.set("brownout_v", BROWNOUT_V);
+      world.simulator.set("power_cut_at_write", 1);
       world.program.save(world.nowUs);
     },
-    tick: (world) => {
-      if (world.program.isSaving) setSupply(world, 0);
-    },
     repair: (world) => {
-      setSupply(world, FULL_V);
-      world.simulator.set("brownout_v", 0);
+      world.simulator.set("power_cut_at_write", 0);
     },
-    isMet: (seen) => seen.reached(BOOT) && seen.faults === 0,
+    isMet: (seen) =>
+      seen.reached(BOOT) &&
+      seen.faults === 0 &&
+      LIMITS_MPS.some((limit) => isClose(seen.limitMps, limit)) &&
+      !drivesAgain(seen),
+    note: (seen) =>
+      seen.limitMps === undefined ? "" : `Its speed limit is ${mm(seen.limitMps)} mm/s.`,
   },
 ];
 

@@ -85,6 +85,11 @@ export class Observation {
     return this.world.program.session.count - this.#before.sessions;
   }
 
+  /** The speed limit that the robot said in a session that was opened since. [m/s] */
+  get limitMps(): number | undefined {
+    return this.sessions > 0 ? this.world.program.limitMps : undefined;
+  }
+
   get movedM(): number {
     return this.world.simulator.get("true.distance_m") - this.#before.distanceM;
   }

@@ -14,7 +14,8 @@ const PERIOD_US = 50_000;
 const WHEEL_SEPARATION_M = 0.2;
 const FIGURE_EIGHT_MPS = 0.2;
 const FIGURE_EIGHT_RADPS = 0.8;
-const OTHER_LIMIT_MPS = 0.35;
+/** The speed limits that it saves alternately. */
+export const LIMITS_MPS = [DEFAULTS.max_velocity_mps, 0.35] as const;
 const CIRCLE_US = Math.round((2 * Math.PI * 1e6) / FIGURE_EIGHT_RADPS);
 
 /** Forward, and counter-clockwise. */
@@ -44,10 +45,8 @@ export class Program {
   #nowUs = 0;
   /** When the robot's newest sample came, or the drive began. */
   #heardUs = 0;
-  /** The robot's, once it said so in this session. */
-  #limitMps: number = DEFAULTS.max_velocity_mps;
-  /** A save was sent, and not answered yet. */
-  isSaving = false;
+  /** The robot's speed limit, once it said so in this session. [m/s] */
+  limitMps: number | undefined;
 
   /**
    * @param drawNonce Draws 32 random bits.
@@ -115,19 +114,18 @@ export class Program {
     this.stop(nowUs);
     const now = (): number => this.#nowUs;
     const parameter = Parameter.max_velocity_mps;
-    const other = this.#limitMps === DEFAULTS.max_velocity_mps ? OTHER_LIMIT_MPS : DEFAULTS.max_velocity_mps;
+    const [usual, other] = LIMITS_MPS;
+    const value = isClose(this.limitMps, usual) ? other : usual;
     const saved: Done<"ParameterSave"> = (result) => {
-      this.isSaving = false;
       this.#sayFailure("save", result);
     };
     const set: Done<"ParameterSet"> = (result) => {
       this.#sayFailure("save", result);
       if (result instanceof WheelwireError) return;
-      this.isSaving = true;
       this.session.request("ParameterSave", { parameter }, saved, now());
     };
     try {
-      this.session.request("ParameterSet", { parameter, value: other }, set, nowUs);
+      this.session.request("ParameterSet", { parameter, value }, set, nowUs);
     } catch (error) {
       this.#sayFailure("save", error);
     }
@@ -151,7 +149,10 @@ export class Program {
     this.#nowUs = nowUs;
     this.session.advance(nowUs);
     const isOpen = this.session.phase === "OPEN";
-    if (this.#wasOpen && !isOpen) this.#end(); // the next session begins at rest
+    if (this.#wasOpen && !isOpen) {
+      this.#end(); // the next session begins at rest
+      this.limitMps = undefined;
+    }
     if (!this.#wasOpen && isOpen) this.#readLimit(nowUs);
     this.#wasOpen = isOpen;
     if (this.#wish === undefined || nowUs < this.#dueUs) return;
@@ -177,7 +178,7 @@ export class Program {
   #readLimit(nowUs: number): void {
     const parameter = Parameter.max_velocity_mps;
     const take: Done<"ParameterGet"> = (result) => {
-      if (!(result instanceof WheelwireError)) this.#limitMps = result.value;
+      if (!(result instanceof WheelwireError)) this.limitMps = result.value;
     };
     this.session.request("ParameterGet", { parameter }, take, nowUs);
   }
@@ -217,3 +218,7 @@ export class Program {
   }
 }
 
+/** Whether a value that travelled in 32 bits is this one. */
+export function isClose(value: number | undefined, expected: number): boolean {
+  return value !== undefined && Math.abs(value - expected) < 1e-6;
+}

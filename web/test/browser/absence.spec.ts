@@ -78,7 +78,9 @@ async function lateMotions(
     await tab.evaluate(() => {
       if (globalThis.watch !== undefined) Object.assign(globalThis.watch, { armed: true, late: 0 });
     });
-    await tab[ways[event % ways.length] ?? "suspend"](340 + ((event * 37) % 60));
+    const ms = 340 + ((event * 37) % 60);
+    if (ways[event % ways.length] === "freeze") await tab.freeze(ms);
+    else await tab.suspend(ms);
     await tab.until(() => {
       const watch = globalThis.watch;
       return watch?.absent === true && (globalThis.wheelwire?.frames ?? 0) > watch.wokeFrame + 3;
@@ -93,8 +95,8 @@ async function lateMotions(
 async function planted(file: string, from: string, to: string): Promise<Planted> {
   const plant: Plugin = {
     name: "plant",
-    setup(bundle) {
-      bundle.onLoad({ filter: new RegExp(`/src/${file}$`) }, async ({ path }) => {
+    setup(builder) {
+      builder.onLoad({ filter: new RegExp(`/src/${file}$`) }, async ({ path }) => {
         const text = await readFile(path, "utf8");
         if (!text.includes(from)) throw new Error(`${file} has no ${from}`);
         return { contents: text.replace(from, to), loader: "ts" };

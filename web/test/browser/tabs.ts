@@ -80,7 +80,9 @@ export class TabBrowser {
 
   /** The next event of this name in a session. */
   once(method: string, sessionId: string): Promise<void> {
-    return new Promise((resolve) => this.#events.set(method + sessionId, resolve));
+    return new Promise((resolve) => {
+      this.#events.set(method + sessionId, resolve);
+    });
   }
 
   #take(reply: Reply): void {
