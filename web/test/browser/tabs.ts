@@ -131,9 +131,11 @@ export class Tab {
   }
 
   async toFront(): Promise<void> {
-    for (let hidden = true; hidden; hidden = await this.evaluate(() => document.hidden)) {
+    let isHidden = true;
+    while (isHidden) {
       await this.browser.send("Target.activateTarget", { targetId: this.targetId });
       await pause(15);
+      isHidden = await this.evaluate(() => document.hidden);
     }
   }
 
@@ -158,5 +160,7 @@ export class Tab {
 }
 
 export function pause(ms: number): Promise<void> {
-  return new Promise((resolve) => setTimeout(resolve, ms));
+  return new Promise((resolve) => {
+    setTimeout(resolve, ms);
+  });
 }

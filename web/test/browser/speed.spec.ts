@@ -1,0 +1,40 @@
+// How soon there is a picture on a slow computer, and what a picture costs.
+import { readFileSync } from "node:fs";
+import { gzipSync } from "node:zlib";
+import { expect, test } from "./page.js";
+
+const WASM_BUDGET = 400_000;
+/** Of the processor's time, for the first picture on a computer that is four times as slow. */
+const FIRST_PICTURE_MS = 1000;
+
+test("the first picture comes soon on a slow computer", async ({ robot, page }) => {
+  const tab = await page.context().newCDPSession(page);
+  await tab.send("Emulation.setCPUThrottlingRate", { rate: 4 });
+  await tab.send("Performance.enable", { timeDomain: "threadTicks" });
+  await page.goto(robot.url);
+  await page.waitForFunction(() => performance.getEntriesByName("first picture").length > 0);
+  const { metrics } = await tab.send("Performance.getMetrics");
+  const busy = metrics.find((one) => one.name === "TaskDuration")?.value ?? NaN;
+  const at = await page.evaluate(() => performance.getEntriesByName("first picture")[0]?.startTime);
+  console.log(`first picture: ${((busy / 4) * 1000).toFixed(0)} ms of CPU, after ${at?.toFixed(0) ?? "?"} ms at 4 x throttle`);
+  // By the time that the page's own thread used, not by the clock of a busy computer.
+  expect(busy * 1000).toBeLessThan(FIRST_PICTURE_MS);
+});
+
+test("pictures follow each other", async ({ robot, page }) => {
+  await robot.open();
+  await robot.drive();
+  const seconds = 3;
+  const before = await page.evaluate(() => globalThis.wheelwire?.frames ?? 0);
+  await page.waitForTimeout(seconds * 1000);
+  const frames = (await page.evaluate(() => globalThis.wheelwire?.frames ?? 0)) - before;
+  console.log(`${(frames / seconds).toFixed(0)} frames per second`);
+  expect(frames).toBeGreaterThan(0);
+});
+
+test("the robot is within its budget", () => {
+  const wasm = readFileSync(new URL("../../../build/web/robot.wasm", import.meta.url));
+  const size = gzipSync(wasm, { level: 9 }).length;
+  console.log(`robot.wasm: ${size} bytes gzipped`);
+  expect(size).toBeLessThanOrEqual(WASM_BUDGET);
+});
