@@ -42,8 +42,9 @@ function install(): void {
       [frame, frameMs] = [tools.frames, nowMs];
     }
     sliceUs = world.nowUs;
-    // The missed time is lived through within the first picture.
-    const isLate = watch.absent && (world.nowUs > limitUs || frame > watch.wokeFrame);
+    // The missed time is lived through within the first picture; within the second one, if the page
+    // was halted when it had just looked at its clock.
+    const isLate = watch.absent && (world.nowUs > limitUs || frame > watch.wokeFrame + 1);
     if (isLate && world.simulator.get("drive_on") !== 0) watch.late++;
   });
 }
