@@ -146,6 +146,7 @@ std::vector<Operation> messages() {
       make(Kind::kBoxRead, {0, 1, 0}),
       make(Kind::kLedger, {0}),
       make(Kind::kUnsaved, {0}),
+      make(Kind::kMemory, {0}),
       make(Kind::kSensorStream, {0, 100}),
       make(Kind::kPeripheralGet, {0, 0}),
       make(Kind::kConfigure, {0, -1, 1}),

@@ -945,9 +945,11 @@ class Generator {
 
   /// What is read from flash, or answered afresh when it is repeated.
   void read_long(double who) {
-    switch (below(8)) {
+    switch (below(9)) {
       case 7:
         return add(Kind::kHoldGet, {who});
+      case 8:
+        return add(Kind::kMemory, {who});
       case 5:
         return add(Kind::kPeripheralGet, {who, static_cast<double>(below(12))});
       case 6:

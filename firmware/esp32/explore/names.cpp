@@ -54,6 +54,7 @@ constexpr MessageName kMessages[] = {
     {BoxRead::kId, "BoxRead", BoxPart::kId},
     {LedgerGet::kId, "LedgerGet", LedgerValue::kId},
     {UnsavedGet::kId, "UnsavedGet", UnsavedValue::kId},
+    {MemoryGet::kId, "MemoryGet", MemoryValue::kId},
     {SensorStream::kId, "SensorStream", Ack::kId},
     {DeviceHello::kId, "DeviceHello", 0},
     {WheelState::kId, "WheelState", 0},

@@ -45,6 +45,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {Kind::kBoxRead, "box_read", {"host", "number", "offset"}},
     {Kind::kLedger, "ledger", {"host"}},
     {Kind::kUnsaved, "unsaved", {"host"}},
+    {Kind::kMemory, "memory", {"host"}},
     {Kind::kSensorStream, "sensor_stream", {"host", "rate"}},
     {Kind::kPeripheralGet, "peripheral_get", {"host", "channel"}},
     {Kind::kRepeat, "repeat", {"host", "back"}},

@@ -45,6 +45,7 @@ enum class Kind : uint8_t {
   kBoxRead,
   kLedger,
   kUnsaved,
+  kMemory,
   kSensorStream,
   kPeripheralGet,
   kRepeat,

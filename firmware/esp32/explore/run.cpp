@@ -368,6 +368,8 @@ void Run::message(const Operation& operation) {
       return send_request(host, LedgerGet{});
     case Kind::kUnsaved:
       return send_request(host, UnsavedGet{});
+    case Kind::kMemory:
+      return send_request(host, MemoryGet{});
     case Kind::kSensorStream:
       return send_request(host, SensorStream{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
     case Kind::kPeripheralGet:

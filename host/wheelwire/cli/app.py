@@ -111,6 +111,8 @@ def _run_app(arguments: list[str]) -> int:
         # Not standalone: there Click would print errors in a form of its own, and exit.
         words = [_at_home(word) for word in arguments]
         code = app(words, prog_name="wheelwire", standalone_mode=False)
+        if code == INTERRUPTED:  # Typer has made an exit of the interrupt, and said nothing
+            raise KeyboardInterrupt
         sys.stdout.flush()  # here, where a full disk can still be reported
     except (BrokenPipeError, SystemExit) as ended:
         # Within a command Typer has made an exit of it.
