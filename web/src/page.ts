@@ -18,6 +18,8 @@ interface Tools {
   calls: () => readonly string[];
   /** How many pictures were begun. */
   frames: number;
+  /** When the newest of them began, by the page's clock. */
+  drawnMs: number;
 }
 declare global {
   var wheelwire: Tools | undefined;
@@ -54,7 +56,7 @@ async function start(): Promise<void> {
       plot.take(made);
       breaks.look();
     });
-    globalThis.wheelwire = { world: made, calls: () => calls, frames: 0 };
+    globalThis.wheelwire = { world: made, calls: () => calls, frames: 0, drawnMs: performance.now() };
     return made;
   }
 
@@ -109,7 +111,10 @@ async function start(): Promise<void> {
   const clock = new Clock();
   const draw = (): void => {
     const tools = globalThis.wheelwire;
-    if (tools !== undefined) tools.frames++;
+    if (tools !== undefined) {
+      tools.frames++;
+      tools.drawnMs = performance.now();
+    }
     const elapsedUs = clock.elapsedUs();
     if (elapsedUs > ABSENCE_US) {
       steering.letGo();

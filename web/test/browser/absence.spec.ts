@@ -30,10 +30,11 @@ function install(): void {
   const { world } = tools;
   const watch: Watch = { armed: false, absent: false, wokeFrame: 0, late: 0 };
   globalThis.watch = watch;
-  let [frame, frameMs, sliceUs, limitUs] = [0, performance.now(), world.nowUs, 0];
+  let [frame, frameMs, sliceUs, limitUs] = [tools.frames, tools.drawnMs, world.nowUs, 0];
   world.watchers.add(() => {
     if (tools.frames !== frame) {
-      const nowMs = performance.now();
+      // By when the page looked at its clock: two short halts on a busy computer are no absence.
+      const nowMs = tools.drawnMs;
       if (watch.armed && !watch.absent && nowMs > frameMs + ABSENCE_MS) {
         watch.absent = true;
         watch.wokeFrame = tools.frames;
