@@ -23,6 +23,7 @@ from wheelwire.errors import (
     WheelwireError,
 )
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files import robot as robot_file
 
 opening = import_module("wheelwire.connect")
 """The module, beside the function that `wheelwire` has of that name."""
@@ -259,7 +260,7 @@ def test_a_plug_in_driver_that_lacks_an_option_of_the_file_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(opening, "_plug_ins", lambda: {"acme": "acme:robot"})
-    monkeypatch.setattr(opening, "driver_class", lambda _: lambda *, host="": host)
+    monkeypatch.setattr(robot_file, "driver_class", lambda _: lambda *, host="": host)
     file = tmp_path / "robot.yaml"
     file.write_text("driver: acme\nacme: {hots: bot}\n")
     with pytest.raises(ConfigurationError, match=r"robot.yaml.*no option 'hots'.*mean 'host'"):

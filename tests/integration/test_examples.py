@@ -157,7 +157,7 @@ def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
     before = termios.tcgetattr(terminal)
     with Simulator() as simulator:
         process = subprocess.Popen(
-            [sys.executable, "-u", str(EXAMPLES / "tools/teleop.py"), simulator.port],
+            [sys.executable, "-u", str(EXAMPLES / "teleop.py"), simulator.port],
             stdin=terminal,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -161,7 +161,9 @@ class Simulator:
             "truth-hz": truth_hz or None,
         }
         self._arguments = [f"--{name}={v}" for name, v in options.items() if v is not None]
-        self._arguments += [f"--set={name}={value}" for name, value in (settings or {}).items()]
+        self._arguments += [
+            f"--set={name}={float(value)!r}" for name, value in (settings or {}).items()
+        ]
         self._arguments += arguments
         self._socket = socket
         self._link = link
