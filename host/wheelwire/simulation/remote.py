@@ -104,7 +104,7 @@ class RemoteSimulator:
 
     def set(self, name: str, value: float) -> None:
         """Set a variable, in its unit; raises `WheelwireError`."""
-        self._ask(f"set {name} {value!r}")
+        self._ask(f"set {name} {float(value)!r}")
 
     def get(self, name: str) -> float:
         """Read a variable, in its unit; raises `WheelwireError`."""
