@@ -3,8 +3,6 @@
 namespace wheelwire {
 namespace {
 
-constexpr uint8_t kFirstDeviceId = 0x80;
-
 /// Messages that only devices send are unknown to a device.
 int received_body_size(uint8_t id) { return id < kFirstDeviceId ? body_size(id) : -1; }
 

@@ -6,6 +6,9 @@
 
 namespace wheelwire {
 
+/// Messages from this id on are those that only devices send.
+constexpr uint8_t kFirstDeviceId = 0x80;
+
 class Link {
  public:
   explicit Link(ByteStream& line);

@@ -7,9 +7,6 @@ namespace {
 /// Long enough for the acknowledgement to leave the chip.
 constexpr uint64_t kRestartDelayUs = 50'000;
 
-/// Messages with a smaller id are the host's.
-constexpr uint8_t kFirstDeviceId = 0x80;
-
 }  // namespace
 
 void MessageServer::service_link(uint64_t now_us) {

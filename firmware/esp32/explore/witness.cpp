@@ -119,7 +119,7 @@ void Witness::reads(const Seen& message) {
                          : RefusalCode::kNoSession;
       return;
     default:
-      if (message.id >= 0x80) {
+      if (message.id >= kFirstDeviceId) {
         task_.reset();
         return;
       }

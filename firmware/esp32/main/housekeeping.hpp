@@ -1,6 +1,5 @@
 // What can wait: the status LED, the battery and analogue inputs, how much memory is left. Lowest
-// priority, under the task
-// watchdog, so that a core on which no task runs any more is noticed, too.
+// priority, under the task watchdog, so that a core on which no task runs any more is noticed, too.
 #pragma once
 
 #include "analog_inputs.hpp"
