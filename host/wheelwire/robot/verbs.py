@@ -6,11 +6,10 @@ asyncio awaits and threads run (`calls.blocking`).
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import Any, Generic, NamedTuple, NoReturn, TypeVar, cast
 
 from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codec import schema_hash
@@ -93,6 +92,9 @@ _DOES_NOT_DRIVE = {
 }
 
 
+AnswerT = TypeVar("AnswerT")
+
+
 class Limits(NamedTuple):
     """What a setpoint is held to, as the device has it."""
 
@@ -100,6 +102,19 @@ class Limits(NamedTuple):
     """The parameters that say so; None while out of reach."""
     geometry: DifferentialDrive | None
     ttl_max_s: float | None
+
+
+class _Newest(Generic[AnswerT]):
+    """The newest answer of one kind. The link's thread notes it."""
+
+    def __init__(self, kind: type[AnswerT]) -> None:
+        self._kind = kind
+        self.answer: AnswerT | None = None
+
+    def note(self, answer: Answer | WheelwireError) -> None:
+        """Keep it, unless it is another one, such as a refusal."""
+        if isinstance(answer, self._kind):
+            self.answer = answer
 
 
 class Verbs:
@@ -122,9 +137,8 @@ class Verbs:
         self._now_us = latest_sample.now_us
         """The clock of stamps and expiries."""
         self._known_limits = Limits(None, None, None)
-        # The link's thread appends to it: a deque needs no lock.
-        self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
-        self._newest_memory: deque[MemoryValue] = deque(maxlen=1)
+        self._newest_counters = _Newest(ControlCounters)
+        self._newest_memory = _Newest(MemoryValue)
 
     # --- driving -------------------------------------------------------------------------------
 
@@ -365,30 +379,21 @@ class Verbs:
     def latest_control_counters(self) -> ControlCounters | None:
         """As `control_counters`, without waiting: the newest answer to an earlier call."""
         newest = self._newest_counters
-        known = newest[0] if newest else None  # first: this call's answer may come while it asks
-
-        def keep(answer: Answer | WheelwireError) -> None:
-            if isinstance(answer, ControlCounters):
-                newest.append(answer)
-
+        known = newest.answer  # first: this call's answer may come while it asks
         with suppress(LinkLost, LinkClosed, DriverUnavailable):
-            self._link.post(ControlCountersGet(0, 0), keep)
+            self._link.post(ControlCountersGet(0, 0), newest.note)
         return known
 
     def latest_memory(self) -> MemoryValue | None:
         """As `memory`, without waiting; also None where the robot cannot tell."""
         newest, link = self._newest_memory, self._link
-        known = newest[0] if newest else None
-
-        def keep(answer: Answer | WheelwireError) -> None:
-            if isinstance(answer, MemoryValue):
-                newest.append(answer)
+        known = newest.answer
 
         def ask(answer: Answer | WheelwireError) -> None:
             # Only a device of the same messages is asked by them.
             if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.PLATFORM):
                 with suppress(LinkLost, LinkClosed):
-                    link.post(MemoryGet(0, 0), keep)
+                    link.post(MemoryGet(0, 0), newest.note)
 
         with suppress(LinkLost, LinkClosed, DriverUnavailable):
             link.post(GroupGet(0, 0, Group.PLATFORM), ask)
