@@ -44,6 +44,16 @@ BOARD_PORTS = "/dev/ttyUSB*,/dev/ttyACM*"
 """Where a board is looked for by its id: the ports of USB adapters and of chips with USB."""
 _ROBOT_FILES = (".yaml", ".yml")
 _RECORDINGS = ".mcap"
+ENTRY_POINT_GROUP = "wheelwire.drivers"
+RECORD_VARIABLE = "WHEELWIRE_RECORD"
+"""The environment's variable that says where to record every robot that a program opens."""
+_BUILT_IN = {
+    "l298n": "wheelwire.drivers.l298n:L298NDriver",
+    "mock": "wheelwire.drivers.mock:MockDriver",
+    "pigpio": "wheelwire.drivers.pigpio:PigpioDriver",
+    "replay": "wheelwire.drivers.replay:ReplayDriver",
+    "serial": "wheelwire.drivers.serial:SerialDriver",
+}
 
 
 def connect(robot: str | os.PathLike[str] | None = None) -> Robot:
@@ -182,19 +192,6 @@ def open_robot(file: str | Path | None = None) -> Robot:
     return open_driver(name, **options)
 
 
-ENTRY_POINT_GROUP = "wheelwire.drivers"
-RECORD_VARIABLE = "WHEELWIRE_RECORD"
-"""The environment's variable that says where to record every robot that a program opens."""
-
-_BUILT_IN = {
-    "l298n": "wheelwire.drivers.l298n:L298NDriver",
-    "mock": "wheelwire.drivers.mock:MockDriver",
-    "pigpio": "wheelwire.drivers.pigpio:PigpioDriver",
-    "replay": "wheelwire.drivers.replay:ReplayDriver",
-    "serial": "wheelwire.drivers.serial:SerialDriver",
-}
-
-
 if TYPE_CHECKING:
 
     @overload
@@ -279,9 +276,9 @@ def driver_class(name: str) -> Any:
 
 def check_options(name: str, make: Any, options: dict[str, Any], *args: Any) -> None:
     """Raise `InvalidArgument` if `make` does not take these options."""
-    # Before the call: a TypeError from inside the driver must not be mistaken for a wrong option.
     from inspect import Parameter, signature  # here: it is slow to import
 
+    # Before the call: a TypeError from inside the driver must not be mistaken for a wrong option.
     try:
         expected = signature(make)
     except ValueError:  # it is not written in Python, and checks them itself
