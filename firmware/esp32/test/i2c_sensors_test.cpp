@@ -387,6 +387,21 @@ TEST(a_chip_that_is_sold_for_another_works_by_its_own_table) {
   }
 }
 
+/// Its settings are those of its own table, although nothing says that the ones before were lost.
+TEST(a_chip_that_takes_the_place_of_another_is_set_up_anew) {
+  Rig rig{!kInterrupt};
+  rig.chip().bytes[0x75] = 0x70;
+  rig.run(500'000);
+  rig.chip().is_absent = true;
+  CHECK(rig.until(SensorState::kAbsent) <= kSampleUs + 2'000);
+  rig.chip().is_absent = false;
+  rig.chip().bytes[0x75] = 0x68;
+  const int before = rig.chip().writes;
+  CHECK(rig.until(SensorState::kOk) <= 2 * kI2cRetryUs + kI2cSettleUs);
+  CHECK(rig.chip().writes == before + 6);
+  CHECK(rig.readings.back().temperature_cdeg == 3653);
+}
+
 TEST(a_single_transfer_that_fails_is_repeated_and_no_sample_is_lost) {
   Rig rig{!kInterrupt};
   rig.run(500'000);
