@@ -17,7 +17,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
 
 # $(call targets,mark): the targets whose line has it, with what follows it.
 targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,7 @@ help-all:  ## All targets
 install = $(BIN)/python -m pip install --quiet --disable-pip-version-check $(2) --editable '.[$(1)]'
 $(VENV)/made: tools/check-machine
 	@tools/check-machine $(PYTHON)
+	@test -x $(BIN)/python || echo "Making an environment for Python in $(VENV): seconds, once"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@touch $@
 
@@ -42,7 +43,7 @@ $(VENV)/installed: pyproject.toml $(VENV)/made
 
 # What the simulated robot needs, and no more: most of it is cmake and numpy.
 $(VENV)/sim-installed: pyproject.toml $(VENV)/made
-	@echo "Installing what the simulated robot needs into $(VENV), once"
+	@echo "Installing what the simulated robot needs into $(VENV): half a minute, 200 MB, once"
 	@$(call install,build,--no-compile)
 	@touch $@
 
@@ -60,6 +61,7 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 	$(BIN)/python tools/write_boards.py
 	$(BIN)/python tools/draw_wiring.py
 	$(BIN)/python tools/write_page_causes.py
+	$(BIN)/python tools/write_page_words.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
@@ -69,6 +71,7 @@ gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python tools/write_boards.py --check
 	$(BIN)/python tools/draw_wiring.py --check
 	$(BIN)/python tools/write_page_causes.py --check
+	$(BIN)/python tools/write_page_words.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	$(BIN)/ruff format $(PYTHON_FOLDERS)
@@ -76,20 +79,19 @@ format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(MDFORMAT) $(MD_FILES)
 
-lint: $(VENV)/installed  ### Style, layers, formatting, words that only insiders know
+lint: $(VENV)/installed  ### Style, layers, formatting
 	$(BIN)/ruff check $(PYTHON_FOLDERS)
 	$(BIN)/ruff format --check $(PYTHON_FOLDERS)
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	@$(MDFORMAT) --check $(MD_FILES)
 	@$(BIN)/zizmor --offline --quiet --min-severity medium .github
-	@$(BIN)/python tools/check_words.py
 
 type: $(VENV)/installed  ## mypy --strict
 	$(BIN)/mypy
 
 $(VENV)/docs-installed: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(call install,docs)
 	@touch $@
 
 lowest: $(VENV)/installed  ## Change to the lowest version of each dependency that pyproject.toml allows
@@ -104,9 +106,10 @@ docs: $(VENV)/docs-installed  ### The site, to build/docs: its links and anchors
 docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the network
 	@$(SPHINX) -b linkcheck docs build/docs-links
 
-# $(call cmake,folder,options,targets)
-cmake = $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
-	$(BIN)/cmake --build $(1) --target $(3)
+# $(call cmake,folder,options,targets). Without make's flags: ninja looks for make's job server in them,
+# whose pipe make closes for a recipe.
+cmake = env -u MAKEFLAGS $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
+	env -u MAKEFLAGS $(BIN)/cmake --build $(1) --target $(3)
 
 SIM := wheelwire-fwsim fwsim wheelwire_capi
 sim: $(VENV)/sim-installed  ## Build the firmware for this computer, with its simulated robot
@@ -127,7 +130,7 @@ rv32-baseline: $(VENV)/installed  ## After a release: make rv32-baseline RELEASE
 	@$(BIN)/python tests/support/rv32_baseline.py $(or $(RELEASE),$(error Say which: RELEASE=0.1.0))
 
 $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests/ros/tf2_msgs/msg/*)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$(if $(filter jazzy,$(ROS)),ros,ros-$(ROS))]'
+	$(call install,$(if $(filter jazzy,$(ROS)),ros,ros-$(ROS)))
 	$(BIN)/python tests/ros/tf2_msgs/build.py $(ROS)
 	@touch $@
 
@@ -149,9 +152,9 @@ colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do
 
 CORES = $(shell nproc 2>/dev/null || echo 2)
 ONLY ?= tests
-# By files: the tests of one share a build folder, or a robot that goes through a tutorial.
-# In the order of the folders: the longest come first. $(call pytest,more): so many processes more than
-# cores, for tests that wait for a robot.
+# By files: the tests of one share a build folder, or a robot that goes through a tutorial. In the
+# order of tests/conftest.py. $(call pytest,more): so many processes more than cores, for tests that
+# wait for a robot.
 pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --no-loadscope-reorder --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
 
 # The ROS node's tests run where PyPI has ROS 2; elsewhere the summary says that they were skipped.
@@ -160,19 +163,26 @@ ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros >build/ros.log 2>&1 || true
 endif
 
-# While one waits for the network or the disk, the other compiles.
-prepared:
-	@$(MAKE) --no-print-directory --jobs 2 cpp-tests ros-if-available
+# While one waits for the network or the disk, the other compiles. `sim` first: beside `make web-test`,
+# which needs it, too, two would write one build folder.
+prepared: $(VENV)/installed sim
+	@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,--jobs 2) cpp-tests ros-if-available
 
 test: prepared  ### What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
 	$(call pytest,2) -m "not whole" --hypothesis-profile=quick $(ONLY)
 
-test-all: prepared sanitized  ### Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
+# After them, `make test`: the two leave out nothing.
 ifeq ($(ONLY),tests)
+test-all: test-whole test  ### Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
+else
+test-all: prepared sanitized
+	$(call pytest,2) $(ONLY)
+endif
+
+test-whole: prepared sanitized  ## What make test leaves out, and each property again, with new examples
 	$(BIN)/python tests/explore/run.py 10 --quiet
 	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
-endif
-	$(call pytest,2) $(ONLY)
+	$(call pytest,4) -m "whole or hypothesis"
 
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/build_wheels.py
@@ -194,12 +204,13 @@ wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it 
 viewers-check: $(VENV)/installed sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
 	@$(BIN)/python tools/check_viewers.py
 
-hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]; or the simulated one: PORT=sim [LONG=1] [FAULT=name]
+hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1] [LOOP=25:18,26:19] [LONG=1]; or the simulated one: PORT=sim [LONG=1] [FAULT=name]
 ifeq ($(PORT),sim)
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-hil-sim)
-	@$(BIN)/python tests/hardware/sim.py $(if $(LONG),--long) $(if $(FAULT),--fault $(FAULT))
+	@$(BIN)/python tests/hardware/sim.py $(if $(LONG),--long) $(if $(LOOP),--loop $(LOOP)) $(if $(FAULT),--fault $(FAULT))
 else
 	$(BIN)/python -m pytest tests/hardware --port $(PORT) $(if $(WHEELS_FREE),--wheels-free)
+	@$(BIN)/python tests/hardware/board.py --port $(PORT) $(if $(LOOP),--loop $(LOOP)) $(if $(LONG),--long)
 endif
 
 fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, under the sanitizers
@@ -271,8 +282,8 @@ web/node_modules/installed: web/package.json web/package-lock.json | build/web-e
 
 # $(call zig,target,folder): the page's robot, or what repeats a page's run on this computer.
 zig = WHEELWIRE_ZIG="$$(build/web-env/bin/python -c 'import ziglang; print(*ziglang.__path__)')" WHEELWIRE_ZIG_TARGET=$(1) \
-	$(BIN)/cmake -S web/wasm -B $(2) -G Ninja --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" --log-level=WARNING >/dev/null && \
-	$(BIN)/cmake --build $(2)
+	env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B $(2) -G Ninja --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" --log-level=WARNING >/dev/null && \
+	env -u MAKEFLAGS $(BIN)/cmake --build $(2)
 
 web: build/web-env/installed web/node_modules/installed  ## The page in which one breaks a simulated robot, to build/web; needs npm's registry
 	@$(call zig,wasm32-wasi,build/web-wasm)
@@ -283,7 +294,7 @@ web: build/web-env/installed web/node_modules/installed  ## The page in which on
 web-native: build/web-env/installed  ## The program that repeats the run of a page, to build/web-native
 	@$(call zig,$(shell uname -m)-linux-musl,build/web-native)
 
-web-test: web web-native  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
+web-test: web web-native sim  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
 	@cd web && $(WITH_NODE) npm run --silent lint
 	@cd web && $(WITH_NODE) npx vitest run --passWithNoTests $(filter-out tests,$(ONLY))
 	@command -v chromium >/dev/null || { echo "The page's tests in a browser need chromium: sudo apt install chromium" >&2; exit 1; }

@@ -1,53 +1,59 @@
-"""How late samples reach coroutines of a loop, or threads, and the CPU that takes: this file.
+"""asyncio.
 
-With real-time priority, as by `chrt -f 5`, what else the computer does changes little, but its
-scheduler moves the loop and the ports' thread between CPUs more often, which takes more CPU.
+How late samples reach coroutines of a loop, or threads, and the CPU that takes: {RATE_HZ} samples a
+second on each link. With real-time priority, as by `chrt -f 5`, what else the computer does changes
+little, but its scheduler moves the loop and the ports' thread between CPUs more often, which takes
+more CPU.
 """
 
 from __future__ import annotations
 
 import asyncio
-import sys
 import threading
 import time
 from contextlib import AsyncExitStack, ExitStack
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import table
+from harness import Report, run
 from wheelwire import SerialDriver, aio
 from wheelwire.simulation.simulator import Simulator
 
 LINKS = (1, 5, 20)
+RATE_HZ = 100
 SETTLING_S = 0.5
 MEASURED_S = 3.0
 
 
 class Ages:
-    """How old each sample is when the program has it, and the CPU of one core meanwhile."""
+    """How old each sample is when the program gets it, and the CPU of one core during this."""
 
     def __init__(self) -> None:
         self.late_ms: list[float] = []
 
+    def add(self, stamp: float) -> None:
+        """A sample came."""
+        self.late_ms.append((time.monotonic() - stamp) * 1e3)
+
     def begin(self) -> None:
+        """Leave out what came before."""
         self.late_ms.clear()
         self._begin = time.process_time(), time.monotonic()
 
-    def end(self) -> list[str]:
+    def end(self) -> str:
+        """CPU, samples, and their age: median and 99th percentile."""
         cpu_s, begin_s = self._begin
         cpu = (time.process_time() - cpu_s) / (time.monotonic() - begin_s)
         found = sorted(self.late_ms)
-        quantiles = (f"{found[len(found) * percent // 100]:.2f}" for percent in (50, 99))
-        return [f"{cpu:.1%}", str(len(found)), *quantiles]
+        p50, p99 = (found[len(found) * percent // 100] for percent in (50, 99))
+        return f"{cpu:.1%} | {len(found)} | {p50:.2f} | {p99:.2f}"
 
 
-async def on_a_loop(ports: list[str]) -> list[str]:
-    """CPU, samples, and their age: median and 99th percentile."""
+async def on_a_loop(ports: list[str]) -> str:
+    """All robots on one loop."""
     ages = Ages()
 
     async def follow(robot: aio.Driver) -> None:
         async for sample in robot.samples():
-            ages.late_ms.append((time.monotonic() - sample.stamp) * 1e3)
+            ages.add(sample.stamp)
 
     async with AsyncExitStack() as stack:
         openings = [aio.open_driver("serial", port=port) for port in ports]
@@ -61,13 +67,13 @@ async def on_a_loop(ports: list[str]) -> list[str]:
     return found
 
 
-def on_threads(ports: list[str]) -> list[str]:
-    """The same with a thread for each robot."""
+def on_threads(ports: list[str]) -> str:
+    """A thread for each robot."""
     ages = Ages()
 
     def follow(robot: SerialDriver) -> None:
         for sample in robot.samples():
-            ages.late_ms.append((time.monotonic() - sample.stamp) * 1e3)
+            ages.add(sample.stamp)
 
     with ExitStack() as stack:
         robots = [stack.enter_context(SerialDriver(port)) for port in ports]
@@ -83,18 +89,15 @@ def on_threads(ports: list[str]) -> list[str]:
     return found
 
 
-def main() -> int:
+def main(report: Report) -> None:
     """Measure, and print the table."""
     rows = []
     with ExitStack() as stack:
         ports = [stack.enter_context(Simulator()).port for _ in range(max(LINKS))]
         for links in LINKS:
-            rows.append([str(links), "a loop", *asyncio.run(on_a_loop(ports[:links]))])
-            rows.append([str(links), "threads", *on_threads(ports[:links])])
-    header = ("links", "on", "CPU", "samples", "age [ms]", "99 %")
-    sys.stdout.write(f"## asyncio\n\n100 samples a second on each link:\n\n{table(header, rows)}\n")
-    return 0
+            rows.append(f"{links} | a loop | {asyncio.run(on_a_loop(ports[:links]))}")
+            rows.append(f"{links} | threads | {on_threads(ports[:links])}")
+    report.table("links | on | CPU | samples | age [ms] | 99 %", rows)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

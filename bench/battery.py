@@ -1,13 +1,16 @@
-"""A battery that is driven empty: when the robot warns, slows down, stops and stays so."""
+"""A battery that is driven empty.
+
+Driving back and forth at {SPEED_MPS} m/s, {LEG_S:g} s each way, in virtual time, on a battery of
+{CAPACITY_MAH:g} mAh that falls from {FULL_V} to {FLAT_V} V and has {OHM} ohm; WARN below
+{LEVELS.warn_v} V, LIMIT below {LEVELS.limit_v} V, STOP below {LEVELS.stop_v} V. A *dip* is too
+short to change the level. Stopped, it rests at {LEVELS.warn_v} V, then it is charged.
+"""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import Target, output_folder, table, table_of_targets
+from harness import Report, run
 from wheelwire import errors
 from wheelwire.board import BatteryLevels
 from wheelwire.drivers.mock import MockDriver
@@ -23,12 +26,12 @@ BOUNDS_V = {
 }
 """The voltage below which each level ends."""
 FULL_V, FLAT_V = 7.5, 6.4
-CAPACITY_AH = 0.007
-"""From full to flat: a battery of minutes, so that the run is short."""
+CAPACITY_MAH = 7
+"""From full to flat: a battery that lasts minutes, so that the run is short."""
 OHM = 0.3
 """Resistance of battery and leads."""
 BATTERY = {
-    "battery.capacity_ah": CAPACITY_AH,
+    "battery.capacity_ah": CAPACITY_MAH / 1000,
     "battery.fall_v": FULL_V - FLAT_V,
     **dict.fromkeys(("supply_v", "battery_v"), FULL_V),
     "supply_ohm": OHM,
@@ -37,20 +40,10 @@ STEP_S = 0.02
 SPEED_MPS = 0.4
 LEG_S = 2.0
 SAG_S = 2.0
-"""So long the voltage has to be below a bound."""
+"""How long the voltage has to be below a bound."""
 CHARGED_S = 10.0
-"""So long it has to be above."""
+"""How long it has to be above it."""
 REST_S = 60.0
-
-METHOD = f"""\
-The simulated robot drives back and forth at {SPEED_MPS} m/s, {LEG_S:g} s each way, in virtual time:
-the same at every run. The motors' current empties its battery of {CAPACITY_AH * 1000:g} mAh, whose
-voltage falls evenly from {FULL_V} to {FLAT_V} V; with a resistance of {OHM} ohm it sags further
-under that current, most when the motors start. The robot warns below {LEVELS.warn_v} V, slows down
-below {LEVELS.limit_v} V and stops below {LEVELS.stop_v} V. A *dip* is a time below the bound of the
-next level that ended before that level began. Stopped, the battery rests at {LEVELS.warn_v} V; then
-it is charged.
-"""
 
 
 class Drive:
@@ -60,7 +53,7 @@ class Drive:
         self.robot = robot
         self.now_s = 0.0
         self.level = BatteryLevel.OK
-        self.rows: list[list[str]] = []
+        self.rows: list[str] = []
         self.dips: list[float] = []
         self.shortest_s = float("inf")
         """The shortest time below a bound before its level began."""
@@ -69,20 +62,13 @@ class Drive:
         self._dips_of_level: list[float] = []
         self._events = robot.sensors.events()
 
-    @property
-    def open_v(self) -> float:
-        """The battery's voltage without a load."""
-        used = self.robot.simulator.get("battery.used_ah") / CAPACITY_AH
-        return FULL_V - (FULL_V - FLAT_V) * used
-
     def rest_at(self, volts: float) -> None:
         """Let the battery recover, or charge it."""
         used = (FULL_V - volts) / (FULL_V - FLAT_V)
-        self.robot.simulator.set("battery.used_ah", used * CAPACITY_AH)
+        self.robot.simulator.set("battery.used_ah", used * CAPACITY_MAH / 1000)
 
     def step(self) -> bool:
         """Drive for one step; returns whether the robot obeys."""
-        sim = self.robot.simulator
         forward = 1 if self.now_s % (2 * LEG_S) < LEG_S else -1
         try:
             self.robot.set_velocity(forward * SPEED_MPS, 0.0)
@@ -91,7 +77,7 @@ class Drive:
             obeys = False
         self.robot.advance(STEP_S)
         self.now_s += STEP_S
-        self._look(sim.get("true.supply_v"))
+        self._look(self.robot.simulator.get("true.supply_v"))
         return obeys
 
     def _look(self, sensed_v: float) -> None:
@@ -111,12 +97,11 @@ class Drive:
         if self.level in BOUNDS_V:
             self.shortest_s = min(self.shortest_s, self._below_s)
         longest = f"{max(dips):.2f} s" if dips else "-"
-        change = f"{self.level.name} to {level.name}"
+        used = self.robot.simulator.get("battery.used_ah") / CAPACITY_MAH * 1000
+        open_v = FULL_V - (FULL_V - FLAT_V) * used
         self.rows.append(
-            [
-                *(change, f"{self.now_s:.1f} s", f"{self.open_v:.2f} V", f"{sensed_v:.2f} V"),
-                *(f"{len(dips)}", longest, f"{self.fastest[self.level]:.2f} m/s"),
-            ]
+            f"{self.level.name} to {level.name} | {self.now_s:.1f} s | {open_v:.2f} V | "
+            f"{sensed_v:.2f} V | {len(dips)} | {longest} | {self.fastest[self.level]:.2f} m/s"
         )
         self.level = level
         self.dips += dips
@@ -136,9 +121,8 @@ def charged(drive: Drive) -> tuple[float, bool]:
     return after_s, all(drive.step() for _ in range(round(1 / STEP_S)))
 
 
-def main() -> int:
-    """Print the table; returns 1 if the robot did not do what its levels say."""
-    output_folder(__doc__)
+def main(report: Report) -> None:
+    """Print the table; the robot has to do what its levels say."""
     board = replace(load_board("l298n"), battery=34, peripherals=(LEVELS,))
     with MockDriver(realtime=False) as robot:
         half_mps = robot.parameters["max_velocity_mps"] / 2
@@ -146,6 +130,8 @@ def main() -> int:
         for name, value in BATTERY.items():
             sim.set(name, value)
         robot.board.take_up(board)
+        robot.set_velocity(0.0, 0.0)  # a board that was written disarms it
+        robot.advance(0.1)
         drive = Drive(robot)
         while drive.step():
             pass
@@ -156,46 +142,23 @@ def main() -> int:
             drive.step()
         moved_m = sim.get("true.distance_m") - at_m
         after_s, drives = charged(drive)
-    header = ("level", "after", "voltage", "sensed", "dips before", "the longest", "fastest before")
-    limited_mps, longest_s = drive.fastest[BatteryLevel.LIMIT], max(drive.dips)
-    targets = [
-        Target(
-            "below a bound before its level began",
-            f"{drive.shortest_s:.2f} s",
-            f"{SAG_S:g} s",
-            abs(drive.shortest_s - SAG_S) < 0.1,
-        ),
-        Target(
-            "the longest dip that changed no level",
-            f"{longest_s:.2f} s",
-            f"< {SAG_S:g} s",
-            longest_s < SAG_S,
-        ),
-        Target(
-            "fastest at LIMIT",
-            f"{limited_mps:.2f} m/s",
-            f"{half_mps:g} m/s and what it overshoots",
-            limited_mps < half_mps * 1.1,
-        ),
-        Target(
-            f"driven in {REST_S:g} s at rest",
-            f"{moved_m:.3f} m",
-            "0",
-            moved_m == 0.0,
-        ),
-        Target(
-            "charged for so long before it drives again",
-            f"{after_s:.1f} s" if drives else "for ever",
-            f"{CHARGED_S:g} s",
-            drives and abs(after_s - CHARGED_S) < 0.2,
-        ),
-    ]
-    sys.stdout.write(
-        f"## A battery that is driven empty\n\n{METHOD}\n{table(header, drive.rows)}\n"
-        f"{table_of_targets(targets)}"
+    report.table(
+        "level | after | voltage | sensed | dips before | the longest | fastest before", drive.rows
     )
-    return 0 if all(target.reached for target in targets) else 1
+    limited_mps, longest_s = drive.fastest[BatteryLevel.LIMIT], max(drive.dips, default=0.0)
+    shortest_s, sag = drive.shortest_s, f"{SAG_S:g} s"
+    for what, measured, limit, reached in (
+        ("below a bound before its level began", f"{shortest_s:.2f} s", sag,
+         abs(shortest_s - SAG_S) < 0.1),
+        ("the longest dip that changed no level", f"{longest_s:.2f} s", f"< {sag}",
+         longest_s < SAG_S),
+        ("fastest at LIMIT", f"{limited_mps:.2f} m/s", f"{half_mps:g} m/s and what it overshoots",
+         limited_mps < half_mps * 1.1),
+        (f"driven in {REST_S:g} s at rest", f"{moved_m:.3f} m", "0", moved_m == 0.0),
+        ("charged for so long before it drives again", f"{after_s:.1f} s" if drives else "for ever",
+         f"{CHARGED_S:g} s", drives and abs(after_s - CHARGED_S) < 0.2),
+    ):  # fmt: skip
+        report.target(what, measured, limit, reached)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

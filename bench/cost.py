@@ -1,14 +1,16 @@
-"""Cost of the firmware's core on RV32IMC at -Os, compared with the last release: `make bench`."""
+"""The firmware's core on RV32.
+
+Instructions on an ESP32-C6's instruction set, counted by QEMU, in four seconds of driving with a
+setpoint every 17 steps and a state every 10: median and maximum, each with its growth since the
+last release. Growth of {GROWTH_PERCENT:g} % fails a test.
+"""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from harness import Report, run
 from support import rv32, rv32_baseline
-from support.benchmark import output_folder, table
 
+GROWTH_PERCENT = 100 * rv32_baseline.GROWTH_LIMIT
 WORK = {
     "step": "control step while driving",
     "step_with_setpoint": "... that takes a setpoint",
@@ -19,45 +21,34 @@ WORK = {
     "code_bytes": "bytes of code and constants",
     "ram_bytes": "bytes of RAM without the stack",
 }
-TARGETS = {
+LIMITS = {
     "step_with_both, max": rv32.AIM_INSTRUCTIONS,
     "code_bytes": rv32.AIM_CODE_BYTES,
     "ram_bytes": rv32.AIM_RAM_BYTES,
 }
 
-METHOD = f"""\
-Instructions retired on an ESP32-C6's instruction set, counted by QEMU's machine: the same at every
-run, whatever else the computer does. Four seconds of driving, the setpoint every 17 steps, a state
-every 10. A growth of {100 * rv32_baseline.GROWTH_LIMIT:g} % or more in any row fails a test.
-"""
 
-
-def row(figure: str, now: int, before: int | None) -> list[str]:
-    """One figure, its previous value and its limit."""
-    work, _, kind = figure.partition(", ")
-    was = ["-", "-"] if before is None else [str(before), f"{now / before - 1:+.1%}"]
-    target = f"< {TARGETS[figure]}" if figure in TARGETS else ""
-    return [f"{WORK[work]}, {kind}" if kind else WORK[work], str(now), *was, target]
-
-
-def main() -> int:
-    """Print the table; returns 1 if a figure grew too much."""
-    output_folder(__doc__)
-    sys.stdout.write("## The firmware's core on RV32\n\n")
+def main(report: Report) -> None:
+    """Print the table; no figure may grow too much."""
     if not rv32.available():
-        sys.stdout.write(f"Left out: needs {rv32.INSTALL}\n")
-        return 0
+        report.say(f"Left out: needs {rv32.INSTALL}")
+        return
     rv32.build()
     baseline, now = rv32_baseline.load(), rv32_baseline.figures(rv32.cost())
-    rows = [row(name, figure, baseline.figures.get(name)) for name, figure in now.items()]
-    compilers = f"GCC {rv32.compiler_version()} now, {baseline.compiler} then"
-    sys.stdout.write(f"{METHOD}The baseline is {baseline.release}; {compilers}.\n\n")
-    sys.stdout.write(table(("", "now", baseline.release, "change", "target"), rows))
-    if baseline.compiler != rv32.compiler_version():
-        # The growth may then be the compiler's.
-        return 0
-    return 1 if rv32_baseline.too_much(rv32_baseline.growth(now, baseline.figures)) else 0
+    compiler = rv32.compiler_version()
+    report.say(f"The baseline is {baseline.release}; GCC {compiler} now, {baseline.compiler} then.")
+    cells: dict[str, list[str]] = {}
+    for name, figure in now.items():
+        before = baseline.figures.get(name)
+        grown_by = [] if before is None else [f"{figure / before - 1:+.1%}"]
+        limit = [f"limit {LIMITS[name]}"] if name in LIMITS else []
+        remark = ", ".join([*grown_by, *limit])
+        of = cells.setdefault(name.partition(", ")[0], [])
+        of.append(f"{figure} ({remark})" if remark else f"{figure}")
+    report.items(" | ".join([WORK[work], *of]) for work, of in cells.items())
+    if baseline.compiler == compiler:  # else the growth may be the compiler's
+        grown = rv32_baseline.too_much(rv32_baseline.growth(now, baseline.figures))
+        report.equal(f"figures that grew by {GROWTH_PERCENT:g} % or more", len(grown), 0)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,58 +1,40 @@
-"""Thousands of resets and unpluggings while driving, in virtual time: `make reliability`."""
+"""Resets and unpluggings while driving.
+
+In virtual time, with a state in each control step.
+"""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import spread, table
-from support.endurance import (
-    Account,
-    across_the_tick_wrap,
-    across_the_time_wrap,
-    drive_and_interrupt,
-)
+from harness import Report, run, three
+from support.endurance import across_the_tick_wrap, across_the_time_wrap, drive_and_interrupt
 
 CYCLES = 100
 """Interruptions in one run; each run has its own robot."""
 
 
-def main() -> int:
-    """Print the tables; fail if a tick is unaccounted for or a pose jumps."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cycles", type=int, default=4000, help="resets and unpluggings")
-    arguments = parser.parse_args()
-    runs = [drive_and_interrupt(CYCLES, seed) for seed in range(1, arguments.cycles // CYCLES + 1)]
+def main(report: Report, *, cycles: int = 4000) -> None:
+    """Print the tables; no tick may be unaccounted for, and no pose jump."""
+    runs = [drive_and_interrupt(CYCLES, seed) for seed in range(1, cycles // CYCLES + 1)]
+    resets = sum(run.resets for run in runs)
     accounts = {
-        "resets and unpluggings": [run.finish() for run in runs],
+        f"{resets} resets and {len(runs) * CYCLES - resets} unpluggings": [
+            r.finish() for r in runs
+        ],
         "the 32-bit time wraps": [across_the_time_wrap(1).finish()],
         "the 32-bit ticks wrap": [across_the_tick_wrap(1).finish()],
     }
-    header = ("run", "samples", "wrong ticks", "unaccounted", "jumps of the pose")
-    rows = [[name, *map(str, _sums(of_case))] for name, of_case in accounts.items()]
-    sys.stdout.write(f"{table(header, rows)}\n")
-    unseen = [unseen for account in accounts["resets and unpluggings"] for unseen in account.unseen]
-    resets = sum(run.resets for run in runs)
-    sys.stdout.write(f"{resets} resets, {len(runs) * CYCLES - resets} unpluggings\n")
-    for name, values in (
-        ("unseen at a reset, ms", [one.milliseconds for one in unseen]),
-        ("driven unseen at a reset, mm", [abs(one.distance_m) * 1e3 for one in unseen]),
-    ):
-        numbers = " / ".join(f"{number:.1f}" for number in spread(values))
-        sys.stdout.write(f"{name}: {numbers}\n")
-    return int(any(any(_sums(of_case)[1:]) for of_case in accounts.values()))
+    rows = []
+    for name, found in accounts.items():
+        wrong, jumps = sum(one.wrong for one in found), sum(one.jumps for one in found)
+        unaccounted = sum(abs(one.unaccounted) for one in found)
+        samples = sum(one.samples for one in found)
+        rows.append(f"{name} | {samples} | {wrong} | {unaccounted} | {jumps}")
+        report.equal(f"wrong, unaccounted, jumps: {name}", wrong + unaccounted + jumps, 0)
+    report.table("run | samples | wrong ticks | unaccounted ticks | jumps of the pose", rows)
+    unseen = [unseen for one in next(iter(accounts.values())) for unseen in one.unseen]
+    hidden = three([one.milliseconds for one in unseen], " ms")
+    report.say(f"unseen at a reset: {hidden}")
+    report.say(f"driven unseen: {three([abs(one.distance_m) * 1e3 for one in unseen], ' mm')}")
 
 
-def _sums(accounts: list[Account]) -> tuple[int, int, int, int]:
-    return (
-        sum(account.samples for account in accounts),
-        sum(account.wrong for account in accounts),
-        sum(abs(account.unaccounted) for account in accounts),
-        sum(account.jumps for account in accounts),
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,40 +1,31 @@
-"""Sends 10 000 signals at random moments to a program that uses a robot: `make reliability`."""
+"""Signals at random moments, to a program that uses a robot.
+
+{COUNT} of each.
+"""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import table
+from harness import Report, run
 from support.interrupts import interrupt_program
 
 COUNT = 10_000
 SEED = 7
+HANDLERS = {"raise": "raises KeyboardInterrupt", "stop": "calls stop()"}
 
 
-def main() -> None:
-    """Print the results; fail if a signal did any harm."""
+def main(report: Report) -> None:
+    """Print the results; no signal may do any harm."""
     rows = []
-    for mode, what in (("raise", "raises KeyboardInterrupt"), ("stop", "calls stop()")):
+    for mode, what in HANDLERS.items():
         result = interrupt_program(COUNT, mode, SEED)
-        report = result.report
-        failed = sum(report["errors"].values())
-        rows.append(
-            [
-                what,
-                str(report["interrupts"]),
-                str(failed),
-                str(len(result.unsent)),
-                f"{report['longest_s']:.3f}",
-            ]
-        )
-        assert not result.unsent, result.unsent
+        of = result.report
+        failed, unsent = sum(of["errors"].values()), len(result.unsent)
+        rows.append(f"{what} | {of['interrupts']} | {failed} | {unsent} | {of['longest_s']:.3f}")
+        report.equal(f"unsent: {what}", unsent, 0)
         # The threads of the link and of its tap survived the signals, and ended with the driver.
-        assert (report["alive"], report["left"]) == (2, 0), report
-    head = ["the handler", "signals", "calls failed", "succeeded unsent", "longest call, s"]
-    sys.stdout.write(table(head, rows) + "\n")
+        kept = (of["alive"], of["left"])
+        report.target(f"threads during and after: {what}", kept, (2, 0), kept == (2, 0))
+    report.table("the handler | signals | calls failed | succeeded unsent | longest call, s", rows)
 
 
-if __name__ == "__main__":
-    main()
+run(main)

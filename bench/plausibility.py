@@ -1,43 +1,35 @@
-"""Failing encoders, and hours of normal driving that must not trip a fault; in virtual time."""
+"""Failing encoders, and hours of ordinary driving that must not trip a fault.
+
+In virtual time.
+"""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
+from itertools import product
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import table
+from harness import Report, run
 from support.plausibility import fail, healthy
 
+# To the firmware, 0 V means that the battery is not measured.
+BATTERIES_V = {7.4: "yes", 0.0: "no"}
 
-def _failures() -> list[list[str]]:
+
+def main(report: Report, *, hours: float = 1.0) -> None:
+    """Print the table; ordinary driving must not trip a fault."""
     rows = []
-    for lost in (0.5, 0.7, 0.8, 0.9, 0.99):
-        for target in (0.1, 0.2, 0.3):
-            # To the firmware 0 V is a battery that is not measured.
-            for battery, label in ((7.4, "yes"), (0.0, "no")):
-                outcome = fail({"encoder_lost": lost}, "left", target, battery_v=battery)
-                row = [f"{lost:.0%}", f"{target:g} m/s", label, f"{outcome.top_mps:.2f} m/s"]
-                if outcome.faults:
-                    row += [f"{outcome.seconds:.2f} s", f"{outcome.distance_m:.2f} m"]
-                else:
-                    row += ["no fault", ""]
-                rows.append(row)
-    return rows
-
-
-def main() -> int:
-    """Print the table; returns 1 if normal driving tripped a fault."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=1.0, help="of driving, twice")
-    hours = parser.parse_args().hours
-    header = ("edges lost", "commanded", "battery measured", "top speed", "fault after", "rolled")
-    sys.stdout.write(table(header, _failures()))
+    for lost, mps, battery_v in product((0.5, 0.7, 0.8, 0.9, 0.99), (0.1, 0.2, 0.3), BATTERIES_V):
+        found = fail({"encoder_lost": lost}, "left", mps, battery_v=battery_v)
+        after = (
+            f"{found.seconds:.2f} s | {found.distance_m:.2f} m" if found.faults else "no fault | "
+        )
+        measured = BATTERIES_V[battery_v]
+        rows.append(f"{lost:.0%} | {mps:g} m/s | {measured} | {found.top_mps:.2f} m/s | {after}")
+    report.table(
+        "edges lost | commanded | battery measured | top speed | fault after | rolled", rows
+    )
     trips = [trip for measured in (True, False) for trip in healthy(3600 * hours, 2, measured)]
-    sys.stdout.write(f"\n{2 * hours:g} h of ordinary driving: {len(trips)} faults {trips}\n")
-    return int(bool(trips))
+    report.say("".join(f"- {trip}\n" for trip in trips) or "Nothing tripped.")
+    report.equal(f"faults in {2 * hours:g} h of ordinary driving", len(trips), 0)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,11 +1,13 @@
-"""A recording of a drive at 1 kHz, beside the same drive unrecorded: `make bench`, or this file.
+"""Recording.
 
-`--minutes 60` for a whole hour.
+Two pairs of a simulator, which sends {STREAM_HZ} states a second, and a program that sends a
+setpoint and reads a sample {LOOP_HZ} times a second; one pair is recorded. CPU is the program's,
+of one core; *growth* is its memory's over the last two thirds. *Lost* counts frames and records;
+*sessions* beyond the first are moments when the computer stood still.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -16,8 +18,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import Target, table, table_of_targets
+from harness import Report, run
 from support.load import frames_lost, load_while
 from support.soak import resident_kib
 from wheelwire.drivers.serial import SerialDriver
@@ -32,15 +33,6 @@ LOOP_HZ = 50
 SETTLING_S = 3.0
 GROWTH_KIB = 16 * 1024
 """A file's index waits in memory for its end: some KiB a second, for an hour at most."""
-METHOD = f"""\
-The firmware's core on a pseudo-terminal sends {STREAM_HZ} states a second, and a program in a
-process of its own sends a setpoint and reads a sample {LOOP_HZ} times a second. Two such pairs run
-side by side, one of them recorded, so that whatever else the computer does affects both. CPU is
-the program's process by the kernel's accounts, of one core; *growth* is its memory's, from the end
-of the first third to the end. *Lost* are frames on the way to the program, and records on the way
-to the file; *sessions* beyond the first are moments when the computer stood still. At the end the
-recording is done again, and gives the frames that the program counted.
-"""
 
 
 @dataclass
@@ -59,14 +51,6 @@ class Run:
     file_bytes: int = 0
 
 
-@dataclass
-class Checked:
-    """What a recording shows when it is done again."""
-
-    frames: int = 0
-    lost: int = 0
-
-
 def drive(robot: SerialDriver, seconds: float) -> None:
     """Back and forth, as a program with a control loop does."""
     begin = time.monotonic()
@@ -79,14 +63,14 @@ def drive(robot: SerialDriver, seconds: float) -> None:
         time.sleep(1 / LOOP_HZ)
 
 
-def program(seconds: float, recording: Path | None) -> Run:
+def program(seconds: float, file: str) -> Run:
     """Drive a robot, and measure what that takes: the main function of a process."""
     with (
         Simulator() as simulator,
         SerialDriver(simulator.port, stream_rate_hz=STREAM_HZ) as robot,
     ):
         begin = robot.statistics.frames_received
-        recorder = robot.record(recording) if recording is not None else None
+        recorder = robot.record(Path(file)) if file else None
         begun = robot.statistics.frames_received
         drive(robot, SETTLING_S)
         before = robot.statistics
@@ -109,13 +93,12 @@ def program(seconds: float, recording: Path | None) -> Run:
             run.frames_counted = counted.frames_received - begun, most
             run.lost_counted = counted.frames_lost
             run.records_lost = recorder.lost
-    if recording is not None:
-        run.file_bytes = sum(file.stat().st_size for file in recording.parent.glob("*.mcap"))
+            run.file_bytes = sum(one.stat().st_size for one in Path(file).parent.glob("*.mcap"))
     return run
 
 
-def check(folder: Path) -> Checked:
-    """Do all files of a recording again, each by itself: a session's counts begin with its file."""
+def done_again(folder: Path) -> tuple[int, int]:
+    """Frames, and those lost, of all files, each by itself: a session's counts begin with one."""
     frames = lost = 0
     for file in folder.glob("*.mcap"):
         again = Rerun()
@@ -125,80 +108,47 @@ def check(folder: Path) -> Checked:
             statistics = again.session.statistics(again.host_us)
             frames += statistics.frames_received
             lost += statistics.frames_lost
-    return Checked(frames, lost)
+    return frames, lost
 
 
-def measure(seconds: float, folder: Path) -> tuple[Run, Run, Checked]:
-    """Both programs at the same time, then what was recorded."""
-    command = [sys.executable, __file__, "--seconds", str(seconds), "--program"]
-    processes = [
-        subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
-        for more in ([], ["--recording", str(folder / "day.mcap")])
-    ]
-    results = [process.communicate()[0] for process in processes]
-    if any(process.returncode for process in processes):
-        sys.exit("a program has failed: see above")
-    plain, recorded = (Run(**json.loads(result)) for result in results)
-    return plain, recorded, check(folder)
-
-
-def report(minutes: float, plain: Run, recorded: Run, checked: Checked) -> tuple[str, bool]:
-    """The section of the report, and whether all targets were reached."""
-    rows = [
-        [
-            name,
-            f"{run.cpu:.1%}",
-            str(run.frames),
-            str(run.lost),
-            str(run.records_lost) if run is recorded else "",
-            str(run.sessions),
-            f"{run.growth_kib} KiB",
+def main(
+    report: Report, *, minutes: float = 1.0, seconds: float = 0.0, recording: str = ""
+) -> None:
+    """Measure and print; with `seconds` as one of the two programs, which writes a file last."""
+    if seconds:
+        report.say(json.dumps(asdict(program(seconds, recording))))
+        return
+    command = [sys.executable, __file__, "--seconds", str(minutes * 60)]
+    with tempfile.TemporaryDirectory() as name:
+        processes = [
+            subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
+            for more in ([], ["--recording", str(Path(name) / "day.mcap")])
         ]
-        for name, run in (("unrecorded", plain), ("recorded", recorded))
-    ]
-    header = ("program", "CPU", "frames", "lost", "records lost", "sessions", "growth")
-    megabytes = recorded.file_bytes / 1e6
-    found = (
+        results = [process.communicate()[0] for process in processes]
+        if any(process.returncode for process in processes):
+            sys.exit("a program has failed: see above")
+        frames, lost = done_again(Path(name))
+    plain, recorded = (Run(**json.loads(result.splitlines()[-2])) for result in results)
+    report.say(f"{minutes:g} min:")
+    report.table(
+        "program | CPU | frames | lost | records lost | sessions | growth",
+        [
+            f"{name} | {run.cpu:.1%} | {run.frames} | {run.lost} | {run.records_lost} | "
+            f"{run.sessions} | {run.growth_kib} KiB"
+            for name, run in (("unrecorded", plain), ("recorded", recorded))
+        ],
+    )
+    megabytes, cpu = recorded.file_bytes / 1e6, recorded.cpu - plain.cpu
+    report.say(
         f"File: {megabytes:.0f} MB in {minutes:g} min, {megabytes / minutes * 60:.0f} MB an hour, "
         f"{recorded.file_bytes / max(1, recorded.frames):.0f} bytes a state. The recorder takes "
-        f"{recorded.cpu - plain.cpu:.1%} of a core, "
-        f"{1e6 * (recorded.cpu - plain.cpu) / STREAM_HZ:.0f} us a state."
+        f"{cpu:.1%} of a core, {1e6 * cpu / STREAM_HZ:.0f} us a state."
     )
     least, most = recorded.frames_counted
-    differs = max(0, least - checked.frames, checked.frames - most)
-    differs += abs(recorded.lost_counted - checked.lost)
-    grown = recorded.growth_kib
-    targets = [
-        Target("records lost", str(recorded.records_lost), "0", recorded.records_lost == 0),
-        Target("frames that the file shows differently", str(differs), "0", differs == 0),
-        Target("growth of the recorded", f"{grown} KiB", f"< {GROWTH_KIB} KiB", grown < GROWTH_KIB),
-    ]
-    text = (
-        f"## Recording\n\n{METHOD}\n{minutes:g} min:\n\n{table(header, rows)}\n{found}\n\n"
-        f"{table_of_targets(targets)}"
-    )
-    return text, all(target.reached for target in targets)
+    differs = max(0, least - frames, frames - most) + abs(recorded.lost_counted - lost)
+    report.equal("records lost", recorded.records_lost, 0)
+    report.equal("frames that the file shows differently", differs, 0)
+    report.at_most("growth of the recorded", recorded.growth_kib, GROWTH_KIB, " KiB")
 
 
-def main() -> int:
-    """Measure and print; returns 1 if the recording is not what the drive was."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--output", type=Path, help="unused: this benchmark draws nothing")
-    parser.add_argument("--program", action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument("--seconds", type=float, help=argparse.SUPPRESS)
-    parser.add_argument("--recording", type=Path, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.program:
-        run = program(arguments.seconds, arguments.recording)
-        sys.stdout.write(json.dumps(asdict(run)))
-        return 0
-    with tempfile.TemporaryDirectory() as folder:
-        found = measure(arguments.minutes * 60, Path(folder))
-    text, reached = report(arguments.minutes, *found)
-    sys.stdout.write(text)
-    return 0 if reached else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,4 +1,4 @@
-"""Recordings that end by kills and power cuts: `.venv/bin/python bench/recording_crashes.py`.
+"""Recordings that end by kills and power cuts.
 
 Each is repaired and read: no record may be another than the link's, and none older than the last
 second may be missing.
@@ -6,45 +6,37 @@ second may be missing.
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import table
-from support.crashes import day, folder_in_memory, kills, power_cuts, prefixes, short_file
+from harness import Report, run
+from support.crashes import day, folder_in_memory, power_cuts, prefixes, short_file
+from support.crashes import kills as killed_files
 
 
-def main() -> int:
-    """Run, print, and fail if anything is wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--cuts", type=int, default=200)
-    parser.add_argument("--step", type=int, default=1, help="between two prefixes [bytes]")
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
-    problems = []
+def main(
+    report: Report, *, kills: int = 200, cuts: int = 200, step: int = 1, seed: int = 1
+) -> None:
+    """Print what was read again; `step` is the distance between two prefixes, in bytes."""
     with folder_in_memory() as folder:
-        killed = list(kills(arguments.kills, arguments.seed, folder))  # first: it forks
-        problems += [f"killed after {one.after_s:.3f} s: {one.problem}" for one in killed]
+        killed = list(killed_files(kills, seed, folder))  # first: it forks
         path, moments = day(folder)
-        cuts = list(power_cuts(arguments.cuts, arguments.seed, path, moments))
-        problems += [f"cut at {one.written}, {one.synced} synced: {one.problem}" for one in cuts]
-        lengths = list(prefixes(short_file(folder), arguments.step))
-        problems += [f"ended at {length}: {problem}" for length, problem in lengths]
+        cut = list(power_cuts(cuts, seed, path, moments))
+        lengths = list(prefixes(short_file(folder), step))
+    problems = [f"killed after {one.after_s:.3f} s: {one.problem}" for one in killed if one.problem]
+    problems += [
+        f"cut at {one.written}, {one.synced} synced: {one.problem}" for one in cut if one.problem
+    ]
+    problems += [f"ended at {length}: {problem}" for length, problem in lengths if problem]
+    lost_s = max((one.lost_s for one in killed), default=0)
     rows = [
-        ["kill -9 at a random moment", str(len(killed)),
-         f"{sum(one.recorded for one in killed)} records",
-         f"{max((one.lost_s for one in killed), default=0):.2f} s"],
-        ["power cut, some unsynced pages on the disk", str(len(cuts)),
-         f"{sum(one.recorded for one in cuts)} records", "nothing that was synced"],
-        ["file that ends at a byte", str(len(lengths)), "each chunk that is whole", ""],
-    ]  # fmt: skip
-    sys.stdout.write(table(("recordings", "number", "read again", "most that was lost"), rows))
-    wrong = [problem for problem in problems if not problem.endswith(": ")]
-    sys.stdout.write("".join(f"{problem}\n" for problem in wrong) or "\nnothing wrong\n")
-    return 1 if wrong else 0
+        f"kill -9 at a random moment | {len(killed)} | "
+        f"{sum(one.recorded for one in killed)} records | {lost_s:.2f} s",
+        f"power cut, some unsynced pages on the disk | {len(cut)} | "
+        f"{sum(one.recorded for one in cut)} records | nothing that was synced",
+        f"file that ends at a byte | {len(lengths)} | each chunk that is whole | ",
+    ]
+    report.table("recordings | number | read again | most that was lost", rows)
+    for problem in problems:
+        report.say(problem)
+    report.equal("recordings that are wrong", len(problems), 0)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,22 +1,20 @@
-"""From an edge at a sensor to the removed drive, beside the e-stop contact: `make bench`."""
+"""From an edge to no drive.
+
+Driving at {SPEED_MPS} m/s, in virtual time: {EDGES} edges at each input's GPIO, at random moments
+of the control period, until no winding is driven (p50, p99, longest).
+"""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from random import Random
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import Target, output_folder, spread, table, table_of_targets
+from harness import Report, run, spread
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.tools.files.board import board_mapping, load_board, parse_board
 
-INPUTS = {
-    "bumper_front": {"pin": 36, "pull": "external"},
-    "cliff_front": {"pin": 39, "pull": "external"},
-    "stage_fault": {"pin": 34, "pull": "external"},
-}
+PINS = {"bumper_front": 36, "cliff_front": 39, "stage_fault": 34}
+INPUTS = {name: {"pin": pin, "pull": "external"} for name, pin in PINS.items()}
 SENSORS = {
     "estop_open": "the e-stop contact",
     "bumper.front": "a bumper",
@@ -25,12 +23,6 @@ SENSORS = {
 }
 EDGES = 1000
 SPEED_MPS = 0.2
-
-METHOD = f"""\
-The simulated robot drives at {SPEED_MPS} m/s, in virtual time: the same at every run. {EDGES} edges
-at each input's GPIO, at random moments of the control period; from the edge to the moment at which
-no winding is driven.
-"""
 
 
 def latencies(robot: MockDriver, variable: str, random: Random) -> list[float]:
@@ -57,9 +49,8 @@ def latencies(robot: MockDriver, variable: str, random: Random) -> list[float]:
     return found
 
 
-def main() -> int:
-    """Print the table; returns 1 if an edge took more than a control period."""
-    output_folder(__doc__)
+def main(report: Report) -> None:
+    """Print the table; no edge may take more than a control period."""
     board = parse_board({**board_mapping(load_board("l298n")), "inputs": INPUTS})
     random = Random(1)
     with MockDriver(realtime=False) as robot:
@@ -67,23 +58,13 @@ def main() -> int:
         period_us = 1e6 / robot.parameters["control_rate_hz"]
         found = {variable: latencies(robot, variable, random) for variable in SENSORS}
     rows = [
-        [SENSORS[variable], f"{len(times)}", *(f"{us:.0f} us" for us in spread(times))]
-        for variable, times in found.items()
+        " | ".join([SENSORS[name], *(f"{us:.0f} us" for us in spread(times))])
+        for name, times in found.items()
     ]
-    longest = max(max(times) for times in found.values())
-    target = Target(
-        "the longest",
-        f"{longest:.0f} us",
-        f"a control period, {period_us:.0f} us",
-        longest <= period_us,
-    )
-    sys.stdout.write(
-        f"## From an edge to no drive\n\n{METHOD}\n"
-        f"{table(('edge at', 'edges', 'p50', 'p99', 'longest'), rows)}\n"
-        f"{table_of_targets([target])}"
-    )
-    return 0 if target.reached else 1
+    report.items(rows)
+    longest_us = max(max(times) for times in found.values())
+    what = f"a control period, {period_us:.0f} us"
+    report.target("the longest", f"{longest_us:.0f} us", what, longest_us <= period_us)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,22 +1,24 @@
-"""Endurance on a bad line, in real time: `make soak MINUTES=...`."""
+"""Endurance on a bad line.
+
+In real time: {STATE_HZ} states a second, {PERCENT:g} % of all bytes corrupted.
+"""
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
-import statistics
-import sys
 from dataclasses import asdict
 from pathlib import Path
+from statistics import median
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import Target, table_of_targets
-from support.soak import CORRUPT, STATE_HZ, Lap, run
-from wheelwire.link.info import quantile
+from harness import Report, run
+from support.soak import CORRUPT, STATE_HZ, Lap  # noqa: F401 - the section has it
+from support.soak import run as laps_of
+from wheelwire.link.statistics import quantile
 
+PERCENT = 100 * CORRUPT
 GROWTH_KIB = 4096
-"""Largest growth of the memory from the second to the last third that counts as none."""
+"""Memory growth from the second to the last third, up to which it counts as constant."""
 
 
 def growth_kib(laps: list[Lap], process: int) -> int:
@@ -24,60 +26,40 @@ def growth_kib(laps: list[Lap], process: int) -> int:
     # The first third is left out: buffers and caches still fill up then.
     third = max(1, len(laps) // 3)
     resident = [lap.resident_kib[process] for lap in laps]
-    return round(statistics.median(resident[-third:]) - statistics.median(resident[third:-third]))
+    return round(median(resident[-third:]) - median(resident[third:-third]))
 
 
-def rows(laps: list[Lap]) -> list[Target]:
-    """What was measured in a run."""
-    uncounted = sum(abs(number) for lap in laps for number in lap.uncounted)
-    ticks = sum(abs(lap.ticks_wrong) for lap in laps)
-    sessions = sum(lap.sessions for lap in laps)
+def main(report: Report, *, minutes: float = 2.0, log: str = "") -> None:
+    """Run, and print what was measured; `log` gets a line of JSON for each lap."""
+    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
+
+    def note(lap: Lap) -> None:
+        if log:
+            with Path(log).open("a") as file:
+                file.write(json.dumps(asdict(lap)) + "\n")
+
+    laps = laps_of(minutes, note)
     resets = sum(lap.incident == "reset" for lap in laps)
-    found = [
-        Target("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
-        Target("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
-        Target("... of which are in no counter", str(uncounted), "0", uncounted == 0),
-        Target("ticks lost or invented", str(ticks), "0", ticks == 0),
-        Target("sessions lost without an incident", str(sessions), "0", sessions == 0),
-        # Each lap has the sum so far.
-        Target("setpoints that came too late", str(laps[-1].expired), "", True),
-        Target("resets, unpluggings", f"{resets}, {len(laps) - resets}", "", True),
-    ]
+    for what, number in (
+        ("frames given to the line", sum(lap.frames for lap in laps)),
+        ("... lost or damaged there", sum(lap.hit for lap in laps)),
+        ("setpoints that came too late", laps[-1].expired),  # each lap has the sum so far
+        ("resets, unpluggings", f"{resets}, {len(laps) - resets}"),
+    ):
+        report.target(what, number, "", reached=True)
+    uncounted = sum(abs(number) for lap in laps for number in lap.uncounted)
+    report.equal("... of which are in no counter", uncounted, 0)
+    report.equal("ticks lost or invented", sum(abs(lap.ticks_wrong) for lap in laps), 0)
+    report.equal("sessions lost without an incident", sum(lap.sessions for lap in laps), 0)
     for incident in ("reset", "unplug"):
         times = [lap.recovery_s for lap in laps if lap.incident == incident]
-        value = f"p50 {quantile(times, 0.5):.3f} s, max {max(times, default=0):.3f} s"
-        found.append(Target(f"recovered from {incident}", value, "", True))
+        found = f"p50 {quantile(times, 0.5):.3f} s, max {max(times, default=0):.3f} s"
+        report.target(f"recovered from {incident}", found, "", reached=True)
     for process, name in enumerate(("host", "simulator")):
-        grown = growth_kib(laps, process)
-        reached = grown < GROWTH_KIB
-        limit = f"< {GROWTH_KIB} KiB"
-        found.append(Target(f"growth of the {name}", f"{grown} KiB", limit, reached))
+        report.at_most(f"growth of the {name}", growth_kib(laps, process), GROWTH_KIB, " KiB")
     for name in ("threads", "files"):
-        counts = {getattr(lap, name) for lap in laps}
-        numbers = str(sorted(counts))
-        found.append(Target(f"{name} of the host", numbers, "one number", len(counts) == 1))
-    return found
+        counts = sorted({getattr(lap, name) for lap in laps})
+        report.target(f"{name} of the host", counts, "one number", len(counts) == 1)
 
 
-def main() -> int:
-    """Run, print, and fail if a target is missed."""
-    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=2.0)
-    parser.add_argument("--log", type=Path, help="a line of JSON for each lap")
-    arguments = parser.parse_args()
-    laps = run(arguments.minutes, lambda lap: _log(lap, arguments.log))
-    title = f"{arguments.minutes:g} min at {STATE_HZ} Hz, {CORRUPT:.0%} of all bytes corrupted"
-    found = rows(laps)
-    sys.stdout.write(f"{title}\n\n{table_of_targets(found)}")
-    return 0 if all(target.reached for target in found) else 1
-
-
-def _log(lap: Lap, path: Path | None) -> None:
-    if path is not None:
-        with path.open("a") as file:
-            file.write(json.dumps(asdict(lap)) + "\n")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

@@ -1,35 +1,26 @@
-"""Unplugs at random moments of every call of both APIs: `make reliability`."""
+"""Unplugs at random moments of every call.
+
+With each API.
+"""
 
 from __future__ import annotations
 
-import argparse
 import logging
-import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support import unplugs
+from harness import Report, run
+from support.unplugs import in_parallel, with_asyncio, with_threads
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--unplugs", type=int, default=10_000, help="with each API")
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
-    # Each unplug is a warning of the link's.
-    logging.getLogger("wheelwire").setLevel(logging.CRITICAL)
-    failed = False
-    for run in (unplugs.with_threads, unplugs.with_asyncio):
-        outcome = unplugs.in_parallel(run, arguments.unplugs, arguments.seed)
-        ends = ", ".join(f"{count} {end}" for end, count in outcome.ends.most_common())
-        longest = f"the longest call took {outcome.longest_s:.2f} s"
-        lines = [f"{run.__name__}: {ends}; {longest}"]
-        lines += [f"  not bounded: {line}" for line in outcome.unbounded]
-        lines += [f"  not reported: {line}" for line in outcome.unheard]
-        sys.stdout.write("\n".join([*lines, ""]))
-        failed = failed or bool(outcome.unbounded or outcome.unheard)
-    return int(failed)
+def main(report: Report, *, unplugs: int = 10_000, seed: int = 1) -> None:
+    """Print how the calls ended; each has to, and each unplug has to be reported."""
+    logging.getLogger("wheelwire").setLevel(logging.CRITICAL)  # each unplug is a warning
+    for one in (with_threads, with_asyncio):
+        found = in_parallel(one, unplugs, seed)
+        ends = ", ".join(f"{count} {end}" for end, count in found.ends.most_common())
+        report.say(f"{one.__name__}: {ends}; the longest call took {found.longest_s:.2f} s")
+        for what, lines in (("not bounded", found.unbounded), ("not reported", found.unheard)):
+            report.say("\n".join(f"- {line}" for line in lines))
+            report.equal(f"{one.__name__}: {what}", len(lines), 0)
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+run(main)

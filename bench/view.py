@@ -1,13 +1,16 @@
-"""The processor that the view on the whole screen takes at 1 kHz: `make bench`, or this file."""
+"""The view on the whole screen.
+
+`wheelwire monitor` on a pseudo-terminal, with {STREAM_HZ} states a second, driven by a key held
+for {MEASURED_S:.0f} s: CPU of a core while it looks, while it drives, and attached to a program
+that drives.
+"""
 
 from __future__ import annotations
 
-import sys
 import time
-from pathlib import Path
+from collections.abc import Callable
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import Target, output_folder, table, table_of_targets
+from harness import Report, run
 from support.processes import cpu_s
 from support.typing_terminal import TypingTerminal
 from wheelwire.drivers.serial import SerialDriver
@@ -16,22 +19,16 @@ from wheelwire.simulation.simulator import Simulator
 STREAM_HZ = 1000
 SETTLING_S = 5.0
 MEASURED_S = 20.0
-LIMIT = 0.15
+LIMIT_PERCENT = 15.0
 SIZES = ((80, 24), (200, 60))
-METHOD = f"""\
-`wheelwire monitor` on a pseudo-terminal shows the firmware's core on another one, which sends
-{STREAM_HZ} states a second, and is driven by a key that is held for {MEASURED_S:.0f} s. *Beside*
-means attached to a program that drives the same robot. CPU is the view's process by the kernel's
-accounts, of one core, with the link that it holds.
-"""
 
 
-def share_of(terminal: TypingTerminal, key: bytes) -> float:
-    """CPU of the view while a key is held, as a part of one core."""
+def share_of(terminal: TypingTerminal, use: Callable[[float], None]) -> float:
+    """CPU of the view while it is used for a time, in percent of one core."""
     begin, cpu_before = time.monotonic(), cpu_s([terminal.process.pid])
-    terminal.hold(key, MEASURED_S)
+    use(MEASURED_S)
     assert terminal.process.poll() is None, terminal.output[-2000:]
-    return (cpu_s([terminal.process.pid]) - cpu_before) / (time.monotonic() - begin)
+    return 100 * (cpu_s([terminal.process.pid]) - cpu_before) / (time.monotonic() - begin)
 
 
 def measured(simulator: Simulator, size: tuple[int, int], key: bytes) -> float:
@@ -43,7 +40,7 @@ def measured(simulator: Simulator, size: tuple[int, int], key: bytes) -> float:
             terminal.press(b"t")
             terminal.wait_for("y drives")
             terminal.press(b"y")
-        share = share_of(terminal, key)
+        share = share_of(terminal, lambda seconds: terminal.hold(key, seconds))
         terminal.press(b"q")
         terminal.wait()
     return share
@@ -55,39 +52,32 @@ def beside(simulator: Simulator, size: tuple[int, int]) -> float:
         SerialDriver(simulator.port) as robot,
         TypingTerminal("monitor", simulator.port, size=size) as terminal,
     ):
+
+        def drive(seconds: float) -> None:
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                robot.set_velocity(0.2, 0.0, ttl=0.3)
+                time.sleep(0.02)
+
         terminal.wait_for("ticks")
-        begin, cpu_before = time.monotonic(), 0.0
-        while (now := time.monotonic()) < begin + SETTLING_S + MEASURED_S:
-            robot.set_velocity(0.2, 0.0, ttl=0.3)
-            if now >= begin + SETTLING_S and not cpu_before:
-                begin_s, cpu_before = now, cpu_s([terminal.process.pid])
-            time.sleep(0.02)
-        return (cpu_s([terminal.process.pid]) - cpu_before) / (time.monotonic() - begin_s)
+        drive(SETTLING_S)
+        return share_of(terminal, drive)
 
 
-def main() -> int:
-    """Print the tables; returns 1 if the target is missed."""
-    output_folder(__doc__)
-    rows, shares = [], []
+def main(report: Report) -> None:
+    """Print the list."""
+    rows, worst = [], 0.0
     with Simulator() as simulator:
         with SerialDriver(simulator.port) as robot:
             robot.parameters.set("stream_rate_hz", STREAM_HZ)
         for size in SIZES:
-            looks = measured(simulator, size, b"x")
-            drives = measured(simulator, size, b"w")
-            attached = beside(simulator, size)
-            shares += [looks, drives, attached]
-            cells = [f"{share:.1%}" for share in (looks, drives, attached)]
-            rows.append([f"{size[0]} x {size[1]}", *cells])
-    sys.stdout.write(f"## The view on the whole screen\n\n{METHOD}\n")
-    sys.stdout.write(table(("screen", "looks", "drives", "beside"), rows) + "\n")
-    worst = max(shares)
-    target = Target(
-        f"CPU at {STREAM_HZ} Hz, worst", f"{worst:.1%}", f"<= {LIMIT:.0%}", worst <= LIMIT
-    )
-    sys.stdout.write(table_of_targets([target]))
-    return 0 if target.reached else 1
+            looks, drives = (measured(simulator, size, key) for key in (b"x", b"w"))
+            shares = looks, drives, beside(simulator, size)
+            worst = max(worst, *shares)
+            cells = " | ".join(f"{share:.1f}%" for share in shares)
+            rows.append(f"{size[0]} x {size[1]} | {cells}")
+    report.items(rows)
+    report.at_most(f"CPU at {STREAM_HZ} Hz, worst", worst, LIMIT_PERCENT, " %")
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+run(main)

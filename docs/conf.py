@@ -95,7 +95,7 @@ def as_on_the_site(app: Any, page: str, source: list[str]) -> None:
 
 
 class Term(NamedTuple):
-    """A row of the glossary."""
+    """An entry of the glossary."""
 
     words: re.Pattern[str]
     meaning: str
@@ -109,14 +109,14 @@ def glossary(text: str) -> list[Term]:
     """
     found = []
     section = ""
-    for line in text.splitlines():
+    for line in text.replace("\n  ", " ").splitlines():
         if line.startswith("## "):
             section = line[3:].lower().replace(" ", "-")
-        elif line.startswith("| ") and section:
-            names, meaning = (cell.strip() for cell in line.strip("|").split(" | ", 1))
+        elif line.startswith("- ") and section:
+            names, meaning = line[2:].replace("**", "").split(": ", 1)
             meaning = re.sub(r"\[([^]]*)\]\([^)]*\)|[`*]", r"\1", meaning)
             for name in re.sub(r" \(.*\)", "", names).split(", "):
-                if "`" not in name and name not in ("term", "--") and not meaning.startswith("("):
+                if "`" not in name and not meaning.startswith("("):
                     # An abbreviation is one in capitals alone.
                     first = name if name.isupper() else f"(?i:{name[0]}){name[1:]}"
                     words = re.compile(rf"(?<![\w-])(?<!motor ){first}s?(?![\w-])")

@@ -25,6 +25,16 @@ from wheelwire.robot.robot import Robot
 TESTS = Path(__file__).parent
 WHOLE = ("conformance", "integration", "ros")
 """Folders whose tests run processes in real time: `make test-all`, unless one is marked `fast`."""
+REAL_TIME = "whole or hypothesis"
+CHOSEN: dict[str, Callable[[str, str], bool]] = {
+    "not whole": lambda folder, text: (
+        folder not in ("integration", "ros") or "pytest.mark.fast" in text
+    ),
+    REAL_TIME: lambda folder, text: (
+        folder in WHOLE or "pytest.mark.whole" in text or "hypothesis" in text
+    ),
+}
+"""Whether a file of this folder and text has tests of what the Makefile chooses."""
 
 os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests is none of theirs
 
@@ -65,18 +75,16 @@ def _own_state(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPat
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """`make test` imports no file of processes in which nothing is fast: it takes seconds."""
-    folder = collection_path.relative_to(TESTS).parts[:1] if collection_path.suffix == ".py" else ()
-    is_left_out = (
-        config.option.markexpr == "not whole"
-        and folder in {("integration",), ("ros",)}
-        and "pytest.mark.fast" not in collection_path.read_text("utf-8")
-    )
-    return is_left_out or None
+    """Each of many processes would import, for seconds, a file of which no test is chosen."""
+    may_be_chosen = CHOSEN.get(config.option.markexpr)
+    if may_be_chosen is None or collection_path.suffix != ".py":
+        return None
+    folder = collection_path.relative_to(TESTS).parts[0]
+    return not may_be_chosen(folder, collection_path.read_text("utf-8")) or None
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """A test that is a coroutine runs in a loop of its own. What takes real time is marked."""
     for item in items:
         folder = item.path.relative_to(TESTS).parts[0]
@@ -84,6 +92,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("whole")
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
             item.obj = _in_a_loop(item.obj)
+    if config.option.markexpr == REAL_TIME:
+        items[:] = _mixed(items)
+
+
+def _mixed(items: list[pytest.Item]) -> list[pytest.Item]:
+    """All folders' files side by side, so that some wait while others compute; long ones first."""
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    folders: dict[str, list[Path]] = {}
+    for path in files:
+        folders.setdefault(path.relative_to(TESTS).parts[0], []).append(path)
+    place = {
+        path: 0.0
+        if any(item.get_closest_marker("early") for item in files[path])
+        else (number + 1) / len(paths)
+        for paths in folders.values()
+        for number, path in enumerate(paths)
+    }
+    return [item for path in sorted(files, key=place.__getitem__) for item in files[path]]
 
 
 def _in_a_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
@@ -109,7 +137,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         # Nobody has exported a black box yet: this computer lacks nothing.
         if isinstance(report.longrepr, tuple) and "empty parameter set" not in report.longrepr[2]
     }
-    if shutil.which("clang++") is None and not terminalreporter.config.option.markexpr:
+    expression = terminalreporter.config.option.markexpr
+    if shutil.which("clang++") is None and expression != "not whole":
         reasons.add("`make fuzz` needs clang: sudo apt install clang")
     if reasons:
         terminalreporter.write_line(f"skipped here: {'; '.join(sorted(reasons))}")

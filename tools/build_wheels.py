@@ -1,7 +1,7 @@
 """Builds and tests the wheels: `make wheels`, `make wheels-check`, `make wheel-check`.
 
-A wheel holds the core's library and `wheelwire-fwsim`. Those of a release are compiled by zig
-against the oldest glibc that they are to run on; the one of this computer by its own compiler.
+A wheel holds the core's library and `wheelwire-fwsim`. A release's are compiled by zig against the
+oldest glibc that they are to run on; the one of this computer by its own compiler.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TESTS = ("wheelwire-core-test", "wheelwire-sim-test", "wheelwire-capi-test")
 
 
 class Target(NamedTuple):
-    """A processor, its name for zig, and the tags by which pip selects its wheel."""
+    """A processor, its name in zig, and the tags that pip selects its wheel by."""
 
     processor: str
     zig: str

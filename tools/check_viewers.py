@@ -1,4 +1,4 @@
-"""Checks that a recording is read by the packages of which Foxglove and Lichtblick are made.
+"""Checks that the packages used by Foxglove and Lichtblick can read a recording.
 
 Records a simulated robot, reads the file by npm's @mcap/core and @foxglove/rosmsg2-serialization,
 and compares what they find with what was recorded. Needs node and npm: `make viewers-check`.

@@ -41,7 +41,7 @@ CODE = {".py", ".cpp", ".hpp", ".c", ".h", ".ts", ".js", ".mjs"}
 DATA = {".json", ".yaml", ".yml", ".toml", ".csv", ".hex", ".txt", ".xml", ".map", ".urdf", ".msg"}
 GENERATED = re.compile(rb"enerated by `?(?:make gen|tools/)")
 
-# Strings are matched so that what looks like a comment in one is none.
+# Strings are matched, too: what looks like a comment in a string is not a comment.
 C_TOKENS = re.compile(
     r'//[^\n]*|/\*.*?\*/|R"\(.*?\)"|"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])\'', re.DOTALL
 )
@@ -119,7 +119,7 @@ def _is_text(value: ast.expr) -> bool:
 
 
 def count(path: Path) -> Count:
-    """Lines and bytes of one file; those of a generated one are all generated."""
+    """Lines and bytes of one file; in a generated file, all of them are generated."""
     content = path.read_bytes()
     if GENERATED.search(content[:400]):
         return Count(generated=content.count(b"\n"), bytes=len(content))
@@ -135,7 +135,7 @@ def total(paths: Iterable[Path]) -> Count:
 
 
 def tracked() -> list[Path]:
-    """The repository's files, as they are now, with those that git does not ignore."""
+    """The repository's present files, including new ones that git does not ignore."""
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     return [path for name in names.splitlines() if (path := ROOT / name).is_file()]

@@ -3,8 +3,8 @@
 tools/draw_demo.py            runs the demonstration once, and writes the picture
 tools/draw_demo.py --check    fails when the picture differs in more than its numbers
 
-The picture moves by SMIL, which browsers play inside an image as well. Where nothing plays it, as
-in a print, it shows the whole path and the robot where it stands at the end.
+SMIL animates the picture; browsers play it inside an image as well. Where it is not played, as in
+print, the picture shows the whole path, with the robot at its end.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ EVERY = 5
 SPEED = 3.0
 """How much faster the picture is than the robot."""
 PAUSE_S = 5.0
-"""In the picture, at the end."""
+"""How long the picture rests at the end."""
 PATHS = (
     ("commanded", "#c8c8c8", 7.0, ""),
     ("true (plant)", "#1b7837", 3.0, ""),
@@ -48,6 +48,14 @@ ROBOT = (
     '<path d="M3 -4l5 4l-5 4z" fill="#ffffff"/>'
 )
 """Around its middle, ahead is right."""
+IN_THE_DARK = (
+    "@media (prefers-color-scheme: dark) { .paper { fill: #131416 } svg { fill: #e6edf3 } "
+    '[stroke="#c8c8c8"] { stroke: #545b64 } [stroke="#1b7837"] { stroke: #56d364 } '
+    '[fill="#1b7837"] { fill: #56d364 } [stroke="#c51b7d"] { stroke: #ff7eb6 } '
+    '[stroke="#000000"], [stroke="#202020"] { stroke: #adbac7 } [fill="#b2182b"] { fill: #ff7b72 } '
+    '[fill="#1e1e1e"] { fill: #22272e } }'
+)
+"""The terminal is dark anyway."""
 
 
 IDEAL = Report(5.4, 0.0, 0.0, 1, 1, 0, 0, 0, 0.0, 0.0, 0, 0, 486_000, 0.05, None, None)
@@ -82,7 +90,8 @@ def draw(paths: Sequence[Sequence[Pose]], report: Report) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:.0f}" '
         f'font-family="sans-serif" font-size="13">\n'
-        f'<rect width="{WIDTH}" height="{height:.0f}" fill="#ffffff"/>\n'
+        f"<style>{IN_THE_DARK}</style>\n"
+        f'<rect class="paper" width="{WIDTH}" height="{height:.0f}" fill="#ffffff"/>\n'
         f"{plot}{terminal}</svg>\n"
     )
 

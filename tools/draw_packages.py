@@ -23,6 +23,10 @@ else:
 PICTURE = generated.ROOT / "docs" / "architecture.svg"
 PACKAGE = "wheelwire"
 WIDTH, ROW, BOX_WIDTH, BOX_HEIGHT = 900, 92, 190, 48
+IN_THE_DARK = (
+    "@media (prefers-color-scheme: dark) { .paper { fill: #131416 } text { fill: #e6edf3 } "
+    "rect:not(.paper) { fill: #1c2733; stroke: #6ba3d6 } }"
+)
 
 
 def layers() -> list[list[str]]:
@@ -34,9 +38,10 @@ def layers() -> list[list[str]]:
 
 
 def arrows(rows: list[list[str]]) -> list[tuple[str, str]]:
-    """Pairs of packages of which the first, the upper one, imports the second.
+    """Pairs of packages; the first, upper one imports the second.
 
-    Left out where the second is reached through a third as well: most packages import the lowest.
+    Pairs that are also connected through a third package are left out: most packages import the
+    lowest one.
     """
     graph = grimp.build_graph(PACKAGE)
     row_of = {package: number for number, row in enumerate(rows) for package in row}
@@ -71,13 +76,14 @@ def picture() -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
         'font-family="sans-serif" font-size="15">',
-        f'<rect width="{WIDTH}" height="{height}" fill="#ffffff"/>',
+        f"<style>{IN_THE_DARK}</style>",
+        f'<rect class="paper" width="{WIDTH}" height="{height}" fill="#ffffff"/>',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" '
         'markerHeight="7" orient="auto"><path d="M0 0L8 4L0 8z" fill="#7a8794"/></marker></defs>',
     ]
     for importer, imported in arrows(rows):
         (x1, y1), (x2, y2) = place[importer], place[imported]
-        # Bent outwards in proportion to its length, so that it passes beside the boxes between.
+        # Bent outwards in proportion to its length, so that it avoids the boxes in between.
         bend = (abs(y2 - y1) / ROW - 1) * 55 * (1 if x1 + x2 >= WIDTH else -1)
         parts.append(
             f'<path d="M{x1:.0f} {y1 + BOX_HEIGHT / 2:.0f}Q{(x1 + x2) / 2 + bend:.0f} '

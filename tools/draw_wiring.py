@@ -14,27 +14,18 @@ from html import escape
 import generated
 from wheelwire.board import Configuration
 from wheelwire.tools.files.board import load_board
-from write_boards import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from write_boards import BLACK, BLUE, GREEN, GREY, ORANGE, RED, in_the_dark
 
 FOLDER = generated.ROOT / "docs" / "wiring"
 WIDTH = 420
 PCB, TERMINAL, PLASTIC, METAL, PAPER = "#b3261e", "#1b6ea8", "#24292f", "#d0a010", "#ffffff"
 DEVKIT, CASE, UNUSED = "#3b4754", "#eceae4", "#8c959f"
 
-IN_THE_DARK = (
-    "@media (prefers-color-scheme: dark) {"
-    " .paper { fill: #131416 }"
-    ' text[fill="#111"] { fill: #e6edf3 }'
-    f' text[fill="{GREY}"] {{ fill: #9da7b3 }}'
-    f' text[fill="{RED}"] {{ fill: #ff7b72 }}'
-    f' text[fill="{GREEN}"] {{ fill: #56d364 }}'
-    f' rect[fill="{PAPER}"]:not(.paper), rect[fill="{CASE}"] {{ fill: #2d333b }}'
-    f' rect[fill="{PLASTIC}"] {{ stroke: #9da7b3 }}'
-    f' [stroke="{BLACK}"] {{ stroke: #adbac7 }}'
-    f' circle[fill="{BLACK}"] {{ fill: #adbac7 }}'
-    " }"
+PARTS_IN_THE_DARK = (
+    f'rect[fill="{PAPER}"]:not(.paper), rect[fill="{CASE}"] {{ fill: #2d333b }}',
+    f'rect[fill="{PLASTIC}"] {{ stroke: #9da7b3 }}',
 )
-"""The parts keep their colours."""
+"""The others keep their colours."""
 DEVKITS = {
     "ESP32-DevKitC, 38 pins": (
         "3V3 EN VP VN 34 35 32 33 25 26 27 14 12 GND 13 D2 D3 CMD 5V",
@@ -45,7 +36,7 @@ DEVKITS = {
         "23 22 TX RX 21 19 18 5 17 16 4 2 15 GND 3V3",
     ),
 }
-"""What is printed beside the pins, from the antenna to the USB socket, on the left and right."""
+"""The labels printed next to the pins, from the antenna to the USB socket, left and right."""
 
 
 class Drawing:
@@ -57,7 +48,7 @@ class Drawing:
             'font-family="Helvetica, Arial, sans-serif" font-size="13" role="img" '
             'aria-labelledby="title">',
             f'<title id="title">{escape(title)}</title>',
-            f"<style>{IN_THE_DARK}</style>",
+            in_the_dark(*PARTS_IN_THE_DARK),
             f'<rect class="paper" width="{WIDTH}" height="{height}" fill="{PAPER}"/>',
         ]
 
@@ -255,11 +246,12 @@ def plug(board: Configuration) -> str:
     for column, (name, colour, left, right) in enumerate(columns):
         x = 92 + 58 * column
         picture.text(x, 58, name, "middle", bold=1)
-        picture.wire(colour, (x, 74), (x, 206), width=3)
+        picture.wire(colour, (x, 74), (x, 140), width=3)
         picture.dot(x, 74, METAL, 5)
         picture.goal(x, 140, left, colour)
         picture.goal(x, 206, right, colour)
     picture.text(14, 145, "left", colour=GREY)
+    picture.text(60, 182, "The right motor's plug, in the same order:", colour=GREY)
     picture.text(14, 211, "right", colour=GREY)
     picture.text(16, 246, "Makers differ in order and colours: read what is")
     picture.text(16, 264, "printed beside the plug, on the motor's own board.")

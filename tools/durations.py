@@ -7,7 +7,7 @@ import re
 import sys
 from collections import defaultdict
 
-SLOWEST = 20
+SLOWEST = 10
 LINE = re.compile(r"([\d.]+)s (?:call|setup|teardown) +(tests/(?:(\w+)/)?.+)")
 
 

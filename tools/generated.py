@@ -41,7 +41,7 @@ def formatted(text: str) -> str:
 
 
 def filled(page: Path, parts: Mapping[str, str]) -> str:
-    """The page with its generated parts, each between two comments, written anew."""
+    """The page with its generated parts, each between two comments, replaced."""
     text = page.read_text("utf-8")
     for name, part in parts.items():
         pattern = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- end -->)", re.DOTALL)

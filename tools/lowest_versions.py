@@ -14,7 +14,7 @@ else:
     import tomli as tomllib
 
 EXTRAS = ("tools", "record", "view", "pi")
-"""Those that users install; not ROS's, whose releases go by their names."""
+"""The packages that users install; not ROS's, whose releases have names."""
 
 
 def lowest(line: str) -> str | None:

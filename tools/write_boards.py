@@ -1,4 +1,4 @@
-"""Draw docs/boards/*.svg, write docs/boards.md, and the boards that images hold as C++.
+"""Draw docs/boards/*.svg; write docs/boards.md, the boards as C++, and a table for the page.
 
 tools/write_boards.py            writes them
 tools/write_boards.py --check    fails when they are not what the boards' files say
@@ -11,7 +11,7 @@ from html import escape
 from typing import NamedTuple
 
 import generated
-from generated import ROOT, table
+from generated import ROOT
 from wheelwire.board import Configuration
 from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.board import (
@@ -33,9 +33,35 @@ PAGE = ROOT / "docs" / "boards.md"
 PICTURES = ROOT / "docs" / "boards"
 CONSTANTS = ROOT / "firmware" / "esp32" / "core" / "built_in_boards.hpp"
 SHIPPED = ROOT / "firmware" / "esp32" / "sim" / "shipped_boards.hpp"
+PICTURED = ROOT / "web" / "src" / "generated" / "boards.ts"
 
 ORANGE, BLUE, GREEN, RED, BLACK = "#bc4c00", "#1f6feb", "#1a7f37", "#cf222e", "#24292f"
 GREY, FILL = "#555", "#f4f6f8"
+
+
+def in_the_dark(*rules: str) -> str:
+    """The style of a picture that is black on white, and in the dark the other way round.
+
+    Args:
+        rules: CSS of this picture alone. The wires keep their colours.
+    """
+    shared = (
+        ".paper { fill: #131416 }",
+        'text:not([fill]), text[fill="#111"] { fill: #e6edf3 }',
+        f'text[fill="{GREY}"] {{ fill: #9da7b3 }}',
+        f'text[fill="{RED}"] {{ fill: #ff7b72 }}',
+        f'text[fill="{GREEN}"] {{ fill: #56d364 }}',
+        f'[stroke="{BLACK}"] {{ stroke: #adbac7 }}',
+        f'circle[fill="{BLACK}"] {{ fill: #adbac7 }}',
+    )
+    return f"<style>@media (prefers-color-scheme: dark) {{ {' '.join((*shared, *rules))} }}</style>"
+
+
+PARTS_IN_THE_DARK = (
+    f'[fill="{FILL}"], [fill="#fff"] {{ fill: #22272e }}',
+    '[stroke="#333"] { stroke: #768390 }',
+    'circle[fill="#111"] { fill: #adbac7 }',
+)
 
 
 class Module(NamedTuple):
@@ -183,7 +209,8 @@ def svg(title: str, height: int, *pictures: Picture) -> str:
             'font-family="Helvetica, Arial, sans-serif" font-size="13" role="img" '
             'aria-labelledby="title">',
             f'<title id="title">{escape(title)}</title>',
-            f'<rect width="920" height="{height}" fill="#ffffff"/>',
+            in_the_dark(*PARTS_IN_THE_DARK),
+            f'<rect class="paper" width="920" height="{height}" fill="#ffffff"/>',
             *(line for picture in pictures for line in picture.lines),
             "</svg>",
             "",
@@ -343,24 +370,6 @@ class Wiring:
         self.wires.dot(815, ground, "#111")
 
 
-def _where(board: Configuration, function: BoardPin) -> str:
-    """What a pin leads to, in the words that are printed there."""
-    module = MODULES[board.stage]
-    side, _, name = function.name.lower().partition("_")
-    if side in ("left", "right"):
-        if name.startswith("encoder"):
-            return f"{side} encoder, {name[-1].upper()}"
-        label = (module.left if side == "left" else module.right)[name]
-        return f"{label}, {side} module" if module.one_each else label
-    if function is BoardPin.STANDBY:
-        return STANDBY[board.stage]
-    if function is BoardPin.ESTOP:
-        return "contact to ground, " + board.estop_contact.name.lower().replace("_", " ")
-    if function is BoardPin.BATTERY:
-        return f"divider by {board.battery_divider:g}"
-    return "1 kΩ, LED to ground"
-
-
 def _drivable(chip: ChipTable) -> frozenset[int]:
     taken = chip.memory | chip.uart | chip.usb | chip.strapping | chip.input_only
     return chip.existing - taken
@@ -372,86 +381,63 @@ def _numbers(pins: frozenset[int]) -> str:
 
 def stages() -> str:
     """The power stages, with the levels of their inputs."""
-    return "\n".join(_stage(stage, table) for stage, table in STAGES.items())
+    return "\n".join(_stage(stage, data) for stage, data in STAGES.items())
 
 
 def _stage(stage: Stage, data: StageTable) -> str:
     inputs = [name for name in OUTPUTS if name in data.inputs]
-    rows = [
+    rows = [["", *inputs]] + [
         [action.value, *(data.rows[action].get(name, Level.KEEP).value for name in inputs)]
         for action in Action
     ]
-    resistors = (
-        "Needs no resistors where the chip [does not pull up](#pins-while-a-chip-starts): the "
-        "part holds its inputs low by itself."
-    )
+    levels = "\n".join("".join(f"{cell:<11}" for cell in row).rstrip() for row in rows)
+    resistors = "Resistors: none where the chip [does not pull up](#pins-while-a-chip-starts)."
     if data.pull_downs:
         names = " and ".join(f"`{name}`" for name in data.pull_downs)
-        resistors = (
-            f"Needs some 10 kΩ from {names} of each wheel to ground: nothing else holds it low "
-            "while the chip is off or in reset."
-        )
+        resistors = f"Resistors: 10 kΩ from each wheel's {names} to ground."
     return f"""\
 ### {stage.name.lower()}: {data.parts}
 
-{table(["", *inputs], rows)}
+```text
+{levels}
+```
+
 - Coast: {data.coast}
 - Brake: {data.brake}
-- Release, when the firmware dies: {data.release}
-- While all pins float, as in reset or without a confirmed board: {data.floating}
-- Dead time: {data.dead_time}
-- PWM: {data.max_frequency_hz} Hz at most ({data.frequency_source}).
+- Release: {data.release}
+- Floating: {data.floating}
+- PWM: up to {data.max_frequency_hz} Hz ({data.frequency_source}).
 - {resistors}
 """
 
 
 def levels() -> str:
     """The pins that a chip pulls up or drives while it starts."""
-    return table(
-        ["chip", "pulled up", "held high", "source"],
-        (
-            [
-                chip.name,
-                _numbers(chip.pulled_up & _drivable(chip)),
-                _numbers(chip.held_high & _drivable(chip)),
-                chip.levels_source,
-            ]
-            for chip in CHIPS.values()
-        ),
+    return "".join(
+        f"- {chip.name}: {_levels(chip)} ({chip.levels_source})\n" for chip in CHIPS.values()
     )
+
+
+def _levels(chip: ChipTable) -> str:
+    held_high = _numbers(chip.held_high & _drivable(chip))
+    return _numbers(chip.pulled_up & _drivable(chip)) + (held_high and f"; held high {held_high}")
 
 
 def modules() -> str:
     """The pins that a module's memory takes."""
-    return table(
-        ["`module`", "chip", "flash and PSRAM", "source"],
-        (
-            [module.name, CHIPS[module.chip].name, _numbers(module.memory), module.source]
-            for module in CHIP_MODULES.values()
-        ),
+    return "".join(
+        f"- {one.name} ({CHIPS[one.chip].name}): {_numbers(one.memory)} ({one.source})\n"
+        for one in CHIP_MODULES.values()
     )
 
 
 def boards() -> str:
-    """The built-in boards, each with its picture and pins."""
-    return "\n".join(_board(name, load_board(name)) for name in shipped_boards())
-
-
-def _board(name: str, board: Configuration) -> str:
-    pins = table(
-        ["GPIO", "leads to", "", ""],
-        (
-            [
-                str(pin),
-                _where(board, function),
-                f"`{function.doc}`",
-                "10 kΩ to ground" if pin in board.pulldowns else "",
-            ]
-            for function, pin in board.wiring()
-        ),
+    """The picture of each built-in board."""
+    shown = {name: load_board(name) for name in shipped_boards()}
+    return "\n".join(
+        f"### {name}: {board.name}\n\n![wiring of {board.name}](boards/{name}.svg)\n"
+        for name, board in shown.items()
     )
-    picture = f"![wiring of {board.name}](boards/{name}.svg)"
-    return f"### {name}: {board.name}\n\n{picture}\n\n{pins}"
 
 
 IN_IMAGES = {"Esp32": "l298n", "Esp32s3": "esp32s3", "Esp32c6": "esp32c6"}
@@ -541,6 +527,28 @@ def shipped() -> str:
     return "\n".join(lines)
 
 
+def pictured() -> str:
+    """web/src/generated/boards.ts."""
+    rows = []
+    for name in shipped_boards():
+        board = load_board(name)
+        pins = dict(board.wiring())
+        pulldowns = sum(1 << pin for pin in board.pulldowns)
+        key = [board.chip, board.stage, *(pins.get(pin, -1) for pin in BoardPin), pulldowns]
+        rows.append(f'  "{" ".join(str(int(value)) for value in key)}": "{name}",')
+    return "\n".join(
+        [
+            "// Boards with a picture, generated by `make gen` from boards/*.yaml; do not edit.",
+            "",
+            "/** A picture's name by what it shows: chip, stage, each pin, external pull-downs. */",
+            "export const PICTURES: Readonly<Record<string, string>> = {",
+            *rows,
+            "};",
+            "",
+        ]
+    )
+
+
 def main() -> str | None:
     """Write or check the files."""
     parts = {"stages": stages(), "levels": levels(), "modules": modules(), "boards": boards()}
@@ -548,7 +556,7 @@ def main() -> str | None:
         PICTURES / f"{name}.svg": Wiring(load_board(name)).draw() for name in shipped_boards()
     }
     texts = {PAGE: generated.filled(PAGE, parts), CONSTANTS: constants(), SHIPPED: shipped()}
-    return generated.write({**pictures, **texts})
+    return generated.write({**pictures, **texts, PICTURED: pictured()})
 
 
 if __name__ == "__main__":

@@ -7,13 +7,15 @@ tools/write_cli_page.py --check    fails when it is not what the help says
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from itertools import groupby
 from typing import Any
 
 import typer
 
 import generated
-from generated import table
+from wheelwire.cli.address import ROBOT_HELP
 from wheelwire.cli.app import app
 
 PAGE = generated.ROOT / "docs" / "cli.md"
@@ -22,32 +24,46 @@ HEAD = """\
 
 # Every command and its options
 
-What `wheelwire COMMAND --help` shows. [The command line](command-line.md) has the commands at work,
-and says what ROBOT may be. What is in square brackets may be left out.
+What `wheelwire COMMAND --help` shows; [the command line](command-line.md) has the commands at work.
+What is in square brackets may be left out, as may options. Several commands have these:
 """
+SEVERAL = 4
+"""So many commands share what the top of the page explains."""
 
 
 def page() -> str:
     """The whole page."""
     command = typer.main.get_command(app)
-    return generated.formatted("\n".join([HEAD, *sections(command, "wheelwire")]))
+    every = [parameter for one in commands(command) for parameter in one.params]
+    counts = Counter(map(line, every))
+    common = [text for text, count in counts.most_common() if count >= SEVERAL]
+    return generated.formatted("\n".join([HEAD, *common, *sections(command, "wheelwire", common)]))
 
 
-def sections(command: Any, path: str) -> Iterator[str]:
-    """The sections of a command and its subcommands, each below a heading of its own."""
-    arguments = [parameter for parameter in command.params if is_argument(parameter)]
-    usage = " ".join([path, *(written(argument) for argument in arguments)])
-    yield f"## {path}\n"
-    yield f"`{usage}`\n"
+def commands(command: Any) -> Iterator[Any]:
+    """The command and those below it."""
+    yield command
+    for subcommand in getattr(command, "commands", {}).values():
+        yield from commands(subcommand)
+
+
+def sections(command: Any, path: str, common: list[str]) -> Iterator[str]:
+    """The sections of a command and its subcommands, each below a heading of its own.
+
+    Args:
+        command: The command.
+        path: How it is called.
+        common: The lines of what the top of the page explains.
+    """
+    ordered = sorted(command.params, key=lambda parameter: not is_argument(parameter))
+    own = [parameter for parameter in ordered if line(parameter) not in common]
+    arguments = [written(parameter) for parameter in ordered if is_argument(parameter)]
+    yield f"\n## `{' '.join([path.partition(' ')[2] or path, *arguments])}`\n"
     yield "\n\n".join(" ".join(part.split()) for part in (command.help or "").split("\n\n")) + "\n"
-    if command.params:
-        ordered = sorted(command.params, key=lambda parameter: not is_argument(parameter))
-        yield table(["", "default", "meaning"], map(row, ordered))
-    if command.epilog:
-        more, _, rest = command.epilog.partition(": ")
-        yield f"{more}: `{rest}`\n"
+    for text, alike in groupby((p for p in own if meaning(p)), key=explanation):
+        yield f"- {', '.join(f'`{written(parameter)}`' for parameter in alike)}: {text}"
     for name, subcommand in sorted(getattr(command, "commands", {}).items()):
-        yield from sections(subcommand, f"{path} {name}")
+        yield from sections(subcommand, f"{path} {name}", common)
 
 
 def is_argument(parameter: Any) -> bool:
@@ -67,12 +83,21 @@ def written(parameter: Any) -> str:
     return ", ".join(parameter.opts) + value
 
 
-def row(parameter: Any) -> list[str]:
-    """How it is written, its default, its meaning."""
+def line(parameter: Any) -> str:
+    """How it is written, its meaning, its default."""
+    return f"- `{written(parameter)}`: {explanation(parameter)}"
+
+
+def explanation(parameter: Any) -> str:
+    """Its meaning and default."""
     fixed = parameter.default is None or callable(parameter.default)
-    default = "" if fixed or getattr(parameter, "is_flag", False) else f"`{parameter.default}`"
-    meaning = " ".join((parameter.help or "").split()).replace("|", "\\|")
-    return [f"`{written(parameter)}`", default, meaning]
+    default = "" if fixed or getattr(parameter, "is_flag", False) else str(parameter.default)
+    return meaning(parameter) + (f" Default: `{default}`." if default else "")
+
+
+def meaning(parameter: Any) -> str:
+    """What the top of the page does not explain of it."""
+    return " ".join((parameter.help or "").replace(ROBOT_HELP, "").split())
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """Write web/src/generated/causes.ts: the sentences of `wheelwire why`, for the page.
 
-Each is what `wheelwire why` says of a robot that reports this cause, so that no rule of it is
-written twice.
+`wheelwire why` says each sentence of a robot that reports this cause. So no rule is written twice.
 
 tools/write_page_causes.py            writes the file
 tools/write_page_causes.py --check    fails when it is not what `wheelwire why` says
@@ -11,14 +10,12 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 
 import generated
 from generated import ROOT
 from wheelwire.holds import LastStop
 from wheelwire.log.why.causes import look_at_of, sentence_of
 from wheelwire.log.why.device import last_stop
-from wheelwire.log.why.diagnosis import Stop
 from wheelwire_protocol.codes import Fault, Held, ResetReason, StopCause
 from wheelwire_protocol.generate.text import banner
 
@@ -42,69 +39,59 @@ BUMPERS_AND_SENSORS = tuple(
 )
 
 
-def _words(stop: LastStop) -> tuple[str, str]:
-    said: Stop = last_stop(stop, 0)[0]
-    return said.sentence, said.look_at
+HEAD = f"""\
+// {banner("What `wheelwire why` says", "host/wheelwire/diagnosis")}
+
+/** What happened, and what to look at first. */
+export interface Why {{
+  readonly sentence: string;
+  readonly lookAt: string;
+}}
+"""
 
 
-def _sensor(flag: Held) -> tuple[str, str]:
+def _of(flag: Held) -> LastStop:
     is_bumper = str(flag.name).startswith("BUMPER")
-    return _words(LastStop(StopCause.BUMPER if is_bumper else StopCause.CLIFF, held=flag))
-
-
-def _table(name: str, doc: str, rows: Iterator[tuple[str, tuple[str, str]]]) -> list[str]:
-    return [
-        f"/** {doc} */",
-        f"export const {name}: Readonly<Record<string, Why>> = {{",
-        *(
-            f"  {key}: {{ sentence: {json.dumps(sentence)}, lookAt: {json.dumps(look_at)} }},"
-            for key, (sentence, look_at) in rows
-        ),
-        "};",
-        "",
-    ]
+    return LastStop(StopCause.BUMPER if is_bumper else StopCause.CLIFF, held=flag)
 
 
 def tables() -> str:
     """The text of causes.ts."""
-    plain = (c for c in StopCause if c not in (*BY_DETAIL, StopCause.UNKNOWN))
-    return "\n".join(
-        [
-            f"// {banner('What `wheelwire why` says', 'host/wheelwire/diagnosis')}",
+    plain = (cause for cause in StopCause if cause not in (*BY_DETAIL, StopCause.UNKNOWN))
+    stops = {
+        "WHY_STOPPED": ("stop's cause", {c.name: LastStop(c) for c in plain}),
+        "WHY_FAULT": (
+            "fault",
+            {str(fault.name): LastStop(StopCause.FAULT, faults=fault) for fault in Fault},
+        ),
+        "WHY_SENSOR": ("hold", {str(flag.name): _of(flag) for flag in BUMPERS_AND_SENSORS}),
+        "WHY_RESET": (
+            "reset's reason",
+            {why.name: LastStop(StopCause.RESET, reset_reason=why) for why in ResetReason},
+        ),
+    }
+    said = {
+        name: (what, {key: last_stop(stop, 0)[0] for key, stop in of.items()})
+        for name, (what, of) in stops.items()
+    }
+    rows = {
+        name: (what, {key: (one.sentence, one.look_at) for key, one in of.items()})
+        for name, (what, of) in said.items()
+    }
+    rows["WHY_HOST"] = "cause", {n: (sentence_of((n,)), look_at_of((n,))) for n in OF_HOST}
+    lines = [HEAD]
+    for name, (what, words) in rows.items():
+        lines += [
+            f"/** By the name of the {what}. */",
+            f"export const {name}: Readonly<Record<string, Why>> = {{",
+            *(
+                f"  {key}: {{ sentence: {json.dumps(sentence)}, lookAt: {json.dumps(look_at)} }},"
+                for key, (sentence, look_at) in words.items()
+            ),
+            "};",
             "",
-            "/** What happened, and what to look at first. */",
-            "export interface Why {",
-            "  readonly sentence: string;",
-            "  readonly lookAt: string;",
-            "}",
-            "",
-            *_table(
-                "WHY_STOPPED",
-                "By the name of the stop's cause.",
-                ((c.name, _words(LastStop(c))) for c in plain),
-            ),
-            *_table(
-                "WHY_FAULT",
-                "By the name of the fault.",
-                ((str(f.name), _words(LastStop(StopCause.FAULT, faults=f))) for f in Fault),
-            ),
-            *_table(
-                "WHY_SENSOR",
-                "By the name of the hold.",
-                ((str(flag.name), _sensor(flag)) for flag in BUMPERS_AND_SENSORS),
-            ),
-            *_table(
-                "WHY_RESET",
-                "By the name of the reset's reason.",
-                ((r.name, _words(LastStop(StopCause.RESET, reset_reason=r))) for r in ResetReason),
-            ),
-            *_table(
-                "WHY_HOST",
-                "By the name of the cause.",
-                ((name, (sentence_of((name,)), look_at_of((name,)))) for name in OF_HOST),
-            ),
         ]
-    )
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

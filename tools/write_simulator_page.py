@@ -1,4 +1,4 @@
-"""Write the tables of docs/simulator.md: the simulator's variables and the built-in plants.
+"""Write the lists of docs/simulator.md: the simulator's variables and the built-in plants.
 
 tools/write_simulator_page.py            writes them; needs `make sim`
 tools/write_simulator_page.py --check    fails when they are not what simulator and plants say
@@ -10,11 +10,12 @@ import re
 import sys
 
 import generated
-from generated import table
 from wheelwire.simulation.libfwsim import FwSim, Variable
 from wheelwire.tools.files.plant import load_plant, shipped_plants
 
 PAGE = generated.ROOT / "docs" / "simulator.md"
+SWITCH = "0 or 1"
+"""The unit of a variable that is on or off."""
 
 
 def number(value: float) -> str:
@@ -34,43 +35,53 @@ def variables() -> str:
     every = simulator.variables()
     names = {variable.name for variable in every}
     shown = [variable for variable in every if not has_left_counterpart(variable, names)]
-    settable = [
+    settable = [v for v in shown if v.settable]
+    values = [
         [
             f"`{v.name}`",
-            v.unit,
-            f"{number(v.minimum)} to {number(v.maximum)}",
-            number(simulator.get(v.name)),
+            f"{number(v.minimum)}..{number(v.maximum)} {v.unit}".rstrip()
+            + (f" ({number(default)})" if (default := simulator.get(v.name)) else ""),
             v.doc,
         ]
-        for v in shown
-        if v.settable
+        for v in settable
+        if v.unit != SWITCH
     ]
-    readings = [[f"`{v.name}`", v.unit, v.doc] for v in shown if not v.settable]
+    switches = [
+        [f"`{v.name}`", ("By default 1. " if simulator.get(v.name) else "") + v.doc]
+        for v in settable
+        if v.unit == SWITCH
+    ]
+    readings = [
+        [f"`{v.name}`" + (f", {v.unit}" if v.unit not in {"", SWITCH} else ""), v.doc]
+        for v in shown
+        if not v.settable
+    ]
     return (
-        table(["variable", "unit", "range", "default", "meaning"], settable)
+        "Each with its range and, unless it is 0, its default:\n\n"
+        + listed(together(values))
+        + "\n0 or 1, by default 0:\n\n"
+        + listed(together(switches))
         + "\nRead-only:\n\n"
-        + table(["variable", "unit", "meaning"], readings)
+        + listed(together(readings))
     )
 
 
+def listed(rows: list[list[str]]) -> str:
+    """A list; the last cell of each row is the meaning of the others."""
+    return "".join(f"- {', '.join(row[:-1])}: {row[-1]}\n" for row in rows)
+
+
+def together(rows: list[list[str]]) -> list[list[str]]:
+    """One row for variables that differ only in their name."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, *rest in rows:
+        names.setdefault(tuple(rest), []).append(name)
+    return [[", ".join(alike), *rest] for rest, alike in names.items()]
+
+
 def plants() -> str:
-    """The built-in plants, with the source of each value."""
-    units = {variable.name: variable.unit for variable in FwSim().variables()}
-    text = []
-    for name in shipped_plants():
-        plant = load_plant(name)
-        rows = [
-            [
-                f"`{variable}`",
-                f"{number(value.value)} {units[variable].replace('0 or 1', '')}".strip(),
-                ("assumed: " if value.assumed else "") + value.source,
-            ]
-            for variable, value in plant.values.items()
-        ]
-        text.append(
-            f"### {name}\n\n{plant.title}.\n\n" + table(["variable", "value", "source"], rows)
-        )
-    return "\n".join(text)
+    """The built-in plants."""
+    return listed([[f"`{name}`", f"{load_plant(name).title}."] for name in shipped_plants()])
 
 
 def main() -> str | None:

@@ -1,6 +1,6 @@
-"""Write the screens of docs/view.md, by a simulated robot in virtual time: the same at every run.
+"""Write the view's screens, by a simulated robot in virtual time: the same at every run.
 
-The picture for the README, docs/monitor.svg, is one of them.
+docs/monitor.svg is one of them, a block of text in docs/view.md the other.
 
 tools/write_view.py            writes the page and the picture
 tools/write_view.py --check    fails when it is not what the view shows
@@ -41,7 +41,7 @@ class Still(Source):
     """Looks no more."""
 
     def look(self) -> None:
-        """Nothing has changed."""
+        """Do not look again."""
 
 
 def story(robot: VirtualMockDriver, model: Model, seconds: float) -> Still:
@@ -59,7 +59,7 @@ def story(robot: VirtualMockDriver, model: Model, seconds: float) -> Still:
 
 
 def screen(columns: int, rows: int, seconds: float) -> tuple[str, str]:
-    """The view's screen after so long, as text and as SVG."""
+    """The view's screen after this many seconds, as text and as SVG."""
     model = Model("my_robot.yaml", TEN_O_CLOCK_S)
     with cast("VirtualMockDriver", open_driver("mock", realtime=False)) as robot:
         app = ViewApp(model, story(robot, model, seconds), Controls(robot))
@@ -77,7 +77,7 @@ async def shown(app: ViewApp, size: tuple[int, int]) -> tuple[list[str], str]:
             region = panel.region
             text = panel.render().plain.split("\n")[: region.height]
             lines[region.y : region.y + len(text)] = text
-        # A picture that fetches fonts from elsewhere has none of them inside a page.
+        # Inside a page, a picture cannot fetch fonts from elsewhere.
         picture = REMOTE_FONTS.sub("", app.export_screenshot(title="wheelwire monitor"))
     return lines, picture
 
@@ -86,9 +86,9 @@ def main() -> str | None:
     """Write or check the page."""
     os.environ["TZ"] = "UTC"
     time.tzset()
-    driving, picture = screen(80, 24, BLOCKED_S)
+    _, picture = screen(80, 24, BLOCKED_S)
     fault, _ = screen(60, 20, SECONDS)
-    page = generated.filled(PAGE, {"driving": driving, "fault": fault})
+    page = generated.filled(PAGE, {"fault": fault})
     return generated.write({PAGE: page, PICTURE: picture})
 
 

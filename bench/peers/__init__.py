@@ -25,6 +25,3 @@ THEIRS: tuple[type[Peer], ...] = (
     Moteus,
     Pyfirmata2,
 )
-
-ABSENT = {"MIN (min-protocol)": "not on PyPI"}
-"""Peers that cannot be had, and why."""

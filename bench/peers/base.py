@@ -18,17 +18,15 @@ class Peer(ABC):
     """One library: from numbers to bytes, and back from a stream.
 
     Attributes:
-        name: In tables.
-        distribution: What to install.
-        module: What a program imports, for the time that takes.
-        remark: What the reader must know to judge the row.
+        name: Its name in tables.
+        distribution: The package to install.
+        remark: What readers must know to judge the row.
         encodes: Whether it can write telemetry; some libraries only read it.
         streams: Whether it takes a stream as it arrives, and not only a whole capture.
     """
 
     name: ClassVar[str]
     distribution: ClassVar[str]
-    module: ClassVar[str]
     remark: ClassVar[str]
     encodes: ClassVar[bool] = True
     streams: ClassVar[bool] = True

@@ -21,12 +21,11 @@ _PAYLOAD = Struct(*_HEAD.subcons, "crc" / Int32ul)
 
 
 class PlainConstruct(Peer):
-    """What one writes who has construct only."""
+    """What a user would write with only construct."""
 
     name = "construct"
     distribution = "construct"
-    module = "construct"
-    remark = "our frames; CRC-32 by crcmod"
+    remark = "our frames; CRC by crcmod"
 
     def __init__(self) -> None:
         self._head, self._payload = self._layouts()

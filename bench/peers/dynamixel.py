@@ -48,8 +48,7 @@ class DynamixelSdk(Peer):
 
     name = "dynamixel-sdk"
     distribution = "dynamixel-sdk"
-    module = "dynamixel_sdk"
-    remark = "CRC-16; the fields by `struct`"
+    remark = "CRC-16; `struct`"
 
     def __init__(self) -> None:
         self._handler = PacketHandler(2.0)

@@ -37,7 +37,7 @@ class _Board(pyfirmata2.Board):  # type: ignore[misc]  # has no type information
         self.add_cmd_handler(_COMMAND, self._take)
 
     def __del__(self) -> None:
-        """There is no port to close."""
+        """Do nothing: there is no port to close."""
 
     def _take(self, *data: int) -> None:
         body = bytes(map(from_two_bytes, zip(data[::2], data[1::2], strict=False)))
@@ -50,8 +50,7 @@ class Pyfirmata2(Peer):
 
     name = "pyfirmata2"
     distribution = "pyfirmata2"
-    module = "pyfirmata2"
-    remark = "no checksum; the fields by `struct`"
+    remark = "no checksum; `struct`"
 
     def __init__(self) -> None:
         self._line = _Line()

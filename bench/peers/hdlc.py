@@ -20,8 +20,7 @@ class PigweedHdlc(Peer):
 
     name = "Pigweed pw_hdlc"
     distribution = "pigweed"
-    module = "pw_hdlc.decode"
-    remark = "CRC-32; the fields by `struct`"
+    remark = "CRC-32; `struct`"
 
     def encode(self, fields: Any) -> bytes:
         return bytes(ui_frame(_ADDRESS, BODY.pack(*fields)))

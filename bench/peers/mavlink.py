@@ -19,8 +19,7 @@ class Pymavlink(Peer):
 
     name = "pymavlink"
     distribution = "pymavlink"
-    module = "pymavlink.dialects.v20.common"
-    remark = "CRC-16 by fastcrc; GENERATOR_STATUS, 11 numbers"
+    remark = "CRC-16; 11 numbers"
 
     def __init__(self) -> None:
         if common.mcrf4xx is None:

@@ -51,8 +51,7 @@ class Moteus(Peer):
 
     name = "moteus"
     distribution = "moteus"
-    module = "moteus"
-    remark = "CRC-8; registers, 11 numbers; its Python side writes commands only"
+    remark = "CRC-8; 11 numbers"
     encodes = False
 
     def __init__(self) -> None:

@@ -16,7 +16,6 @@ class Streaming(Peer):
 
     name = "**wheelwire, stream**"
     distribution = "wheelwire"
-    module = "wheelwire_protocol.framing"
     remark = "CRC-32"
 
     def __init__(self) -> None:
@@ -26,16 +25,17 @@ class Streaming(Peer):
         return self._encoder.encode(WheelState(*fields))
 
     def decode(self, parts: Sequence[bytes]) -> list[Any]:
-        decoder = Decoder()
-        return [message for part in parts for message in decoder.feed(part)]
+        decoder, messages = Decoder(), list[Any]()
+        for part in parts:
+            messages += decoder.feed(part)
+        return messages
 
 
 class Batch(Streaming):
     """A capture into one structured array."""
 
     name = "**wheelwire, batch**"
-    module = "wheelwire_protocol.bulk"
-    remark = "a whole capture into one numpy array; the import is numpy's"
+    remark = "a capture into one array"
     streams = False
 
     def decode(self, parts: Sequence[bytes]) -> Any:

@@ -38,8 +38,7 @@ class ProtobufOverCobs(Peer):
 
     name = "protobuf over COBS"
     distribution = "protobuf"
-    module = "google.protobuf.message_factory"
-    remark = "frames and CRC-32 by the bench; a number is made when its field is read"
+    remark = "frames and CRC-32 by the bench"
 
     def __init__(self) -> None:
         self._class = _message_class()

@@ -1,4 +1,4 @@
-"""What a library makes of a damaged stream of its own frames."""
+"""How a library decodes a damaged stream of its own frames."""
 
 from __future__ import annotations
 

@@ -17,8 +17,7 @@ class Pyubx2(Peer):
 
     name = "pyubx2"
     distribution = "pyubx2"
-    module = "pyubx2"
-    remark = "Fletcher-16; NAV-VELNED, 36 bytes in 9 numbers"
+    remark = "Fletcher-16; 9 numbers"
 
     def fields(self, state: WheelState) -> dict[str, Any]:
         return {

@@ -1,10 +1,10 @@
 // How the search ranks: what builds, drives and mends a robot first, the internals last.
 "use strict";
 
-const FIRST = /^(tutorial\/|first-hour|wiring|boards|faq|ros$)/;
+const FIRST = /^(tutorial\/|first-hour|wiring|boards|ros$)/;
 const SYMPTOMS = "troubleshooting";
 const LAST =
-  /^(adr\/|project\/|internals|architecture|benchmarks|reliability|causes|commissioning|control|wheel-faults|versions|hardware-test|first-change|testing|platformio)/;
+  /^(adr\/|project\/|architecture|benchmarks|reliability|causes|commissioning|control|wheel-faults|versions|hardware-test|first-change|testing|platformio)/;
 
 // `var`: the theme's script declares it once more.
 var Scorer = {

@@ -1,5 +1,5 @@
-# A hash of the sources that a re-run carries out, by which a black box knows the only core that can
-# do so. CMake runs again when one of them changes.
+# A hash of the sources that a re-run executes. A black box has it, because only the same core can
+# re-run it. CMake runs again when one of them changes.
 file(GLOB wheelwire_hashed CONFIGURE_DEPENDS ${CMAKE_CURRENT_LIST_DIR}/core/*.cpp
      ${CMAKE_CURRENT_LIST_DIR}/core/*.hpp ${CMAKE_CURRENT_LIST_DIR}/sensors/*.cpp
      ${CMAKE_CURRENT_LIST_DIR}/sensors/*.hpp)

@@ -56,12 +56,12 @@ if TYPE_CHECKING:
     from .holds import HeldBy as HeldBy
     from .holds import LastStop as LastStop
     from .holds import Program as Program
-    from .link.info import Health as Health
-    from .link.info import LinkStatistics as LinkStatistics
     from .link.ports import SerialPort as SerialPort
     from .link.ports import ports as ports
     from .link.sample_stream import Latest as Latest
     from .link.sample_stream import SampleIterator as SampleIterator
+    from .link.statistics import Health as Health
+    from .link.statistics import LinkStatistics as LinkStatistics
     from .motion.covariance import PoseCovariance as PoseCovariance
     from .motion.kinematics import DifferentialDrive as DifferentialDrive
     from .motion.kinematics import Twist as Twist
@@ -91,68 +91,36 @@ if TYPE_CHECKING:
     from .tools.files.robot import load_config as load_config
 
 _MODULES = {
-    "wheelwire_protocol.codes": (
-        "EstopSource",
-        "Fault",
-        "Held",
-        "RefusalCode",
-        "StopCause",
-        "SupervisorState",
-    ),
-    "wheelwire_protocol.sensors": ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState"),
-    ".motion.covariance": ("PoseCovariance",),
-    ".connect": ("driver_names", "open_driver", "open_robot"),
-    ".tools.files.robot": ("RobotConfig", "load_config"),
-    ".robot.robot": ("BaseDriver", "Robot"),
-    ".robot.sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
-    ".drivers.serial": ("SerialDriver",),
+    "wheelwire_protocol.codes": "EstopSource Fault Held RefusalCode StopCause SupervisorState",
+    "wheelwire_protocol.sensors": "BatteryLevel Reflex SensorEventCode SensorState",
+    ".motion.covariance": "PoseCovariance",
+    ".connect": "driver_names open_driver open_robot",
+    ".tools.files.robot": "load_config RobotConfig",
+    ".robot.robot": "BaseDriver Robot",
+    ".robot.sensors": "Ranges Sensor Sensors SensorStatus",
+    ".drivers.serial": "SerialDriver",
     ".errors": (
-        "ConfigurationError",
-        "DeviceRefused",
-        "DeviceSilent",
-        "DriverUnavailable",
-        "Expired",
-        "ForeignDevice",
-        "GroupUnavailable",
-        "InvalidArgument",
-        "InvalidCommand",
-        "LinkClosed",
-        "LinkLost",
-        "ParameterOutOfRange",
-        "PortUnavailable",
-        "ProtocolMismatch",
-        "RecordingError",
-        "RequestTimeout",
-        "RobotNotNamed",
-        "SensorMissing",
-        "SensorStale",
-        "SimulatorNotFound",
-        "UnknownParameter",
-        "WheelwireError",
-        "WrongBoard",
+        "ConfigurationError DeviceRefused DeviceSilent DriverUnavailable Expired "
+        "ForeignDevice GroupUnavailable InvalidArgument InvalidCommand LinkClosed LinkLost "
+        "ParameterOutOfRange PortUnavailable ProtocolMismatch RecordingError RequestTimeout "
+        "RobotNotNamed SensorMissing SensorStale SimulatorNotFound UnknownParameter "
+        "WheelwireError WrongBoard"
     ),
-    ".motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    ".pi.pins": ("Pins",),
-    ".motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
+    ".motion.kinematics": "DifferentialDrive Twist WheelVelocities",
+    ".pi.pins": "Pins",
+    ".motion.odometry": "Odometry OdometryUpdate Pose",
     ".samples": (
-        "WheelTravel",
-        "asdict",
-        "WheelSample",
-        "ImuSample",
-        "InputReading",
-        "InputsSample",
-        "PowerSample",
-        "RangeSample",
-        "SensorEvent",
-        "SensorInfo",
+        "asdict ImuSample InputReading InputsSample PowerSample RangeSample SensorEvent "
+        "SensorInfo WheelSample WheelTravel"
     ),
-    ".link.sample_stream": ("Latest", "SampleIterator"),
-    ".simulation.simulator": ("Simulator",),
-    ".holds": ("HeldBy", "LastStop", "Program"),
-    ".link.info": ("Health", "LinkStatistics"),
-    ".link.ports": ("SerialPort", "ports"),
+    ".link.sample_stream": "Latest SampleIterator",
+    ".simulation.simulator": "Simulator",
+    ".holds": "HeldBy LastStop Program",
+    ".link.statistics": "Health LinkStatistics",
+    ".link.ports": "ports SerialPort",
 }
-_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+"""Module -> what it has of the names below, which are loaded when first used."""
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [  # loaded when first used, so that the import stays quick
     *_MODULE_OF,

@@ -18,16 +18,13 @@ import weakref
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from contextlib import AbstractAsyncContextManager
 from functools import partial
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
-
-from wheelwire_protocol.sensors import SensorState
 
 from .arguments import timeout_s
 from .errors import DriverUnavailable
-from .link.notices import Happening
 from .link.sample_stream import SampleIterator as _SampleQueue
 from .link.sensor_stream import EVENTS, RANGE
+from .link.traffic import Happening
 from .motion.kinematics import WheelVelocities
 from .robot.black_boxes import AwaitableRecorder as DeviceRecorder
 from .robot.board import AwaitableBoard as Board
@@ -36,10 +33,16 @@ from .robot.loop_link import LoopLink
 from .robot.parameters import AwaitableParameters as Parameters
 from .robot.parameters import AwaitableTrial as Trial
 from .robot.robot import FIRST_SAMPLE_S, Robot, opened_later
-from .robot.sensors import DEFAULT_RATE_HZ, SensorStatus, Streams
-from .robot.sensors import Ranges as _Ranges
-from .robot.sensors import Sensor as _Sensor
-from .robot.sensors import Sensors as _Sensors
+from .robot.sensors import (
+    DEFAULT_RATE_HZ,
+    OF_IMU,
+    OF_INPUTS,
+    OF_POWER,
+    KnownRanges,
+    KnownSensor,
+    KnownSensors,
+    Streams,
+)
 from .robot.verbs import Verbs, WaitingVerbs
 from .samples import (
     ImuSample,
@@ -47,7 +50,6 @@ from .samples import (
     PowerSample,
     RangeSample,
     SensorEvent,
-    SensorInfo,
     WheelSample,
 )
 
@@ -66,9 +68,9 @@ if TYPE_CHECKING:
     )
     from .drivers.mock import MockDriver as _SyncMockDriver
     from .drivers.pins import PinDriver as _SyncPinDriver
-    from .errors import RecordingError
+    from .errors import RecordingError, WheelwireError
     from .log.recorder import Recorder as _SyncRecorder
-    from .log.why import Stop
+    from .log.why.diagnosis import Stop
     from .log.why.watch import StopWatch as _SyncStopWatch
     from .simulation.libfwsim import FwSim
     from .simulation.simulator import Simulator
@@ -122,7 +124,7 @@ class Driver(WaitingVerbs, Verbs):
         self._now_us = robot._now_us
         self._parameters = Parameters(on_loop)
         self._sensors = Sensors(on_loop)
-        # In place of the driver's own, which waits.
+        # Replaces the driver's own, which waits.
         robot._finalizer.detach()
         self._finalizer = weakref.finalize(self, on_loop.abandon)
         self._recording: Callable[[], None] | None = None
@@ -134,7 +136,7 @@ class Driver(WaitingVerbs, Verbs):
 
         A sample that was left unread for 0.1 s, or for two periods of a slower stream, is too old:
         this waits for the next one. It also waits through a reconnection if `timeout` [s], at most
-        an hour, is long enough.
+        an hour, is long enough. Of several tasks that wait, each gets the next sample.
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
@@ -145,11 +147,12 @@ class Driver(WaitingVerbs, Verbs):
         timeout = timeout_s("timeout", timeout)
         latest = self._latest_sample
         taken: WheelSample | None = None
+        since_us = latest.now_us()
 
         def take() -> bool:
             nonlocal taken
-            if taken is None:  # asked again after the wait: it must not take a second one
-                taken = latest.poll()
+            if taken is None:  # checked again after the wait: it must not take a second sample
+                taken = latest.poll(since_us)
             return taken is not None
 
         # The end of the link ends the wait, too: `poll` then raises its reason.
@@ -186,7 +189,7 @@ class Driver(WaitingVerbs, Verbs):
             latest.changed, lambda: latest.is_current or link.has_ended, FIRST_SAMPLE_S
         )
         if not latest.is_current:
-            self._check_link()  # it may have been lost meanwhile
+            self._check_link()  # it may have been lost during the wait
             raise latest.why_none(FIRST_SAMPLE_S)
         # Without a time-out: to wait in there would block the loop.
         return latest.ticks(0)
@@ -234,7 +237,7 @@ class Driver(WaitingVerbs, Verbs):
     async def close(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once.
 
-        When it is cancelled, the robot is stopped and the port closed all the same.
+        When it is cancelled, the robot is still stopped and the port closed.
         """
         self._callbacks.close()
         for watch in self._watches:
@@ -255,12 +258,7 @@ class Driver(WaitingVerbs, Verbs):
             self._check_link()  # raises why
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     async def record(self, path: str | Path, driver: str | None = None) -> Recorder:
@@ -364,7 +362,7 @@ async def _in_thread(begin: Callable[[], ResultT], undo: Callable[[ResultT], obj
     try:
         await asyncio.to_thread(in_thread)
     except asyncio.CancelledError:
-        # The thread goes on. Whoever comes second, it or this, undoes what it began.
+        # The thread goes on. Whichever of the two finishes last undoes what the thread began.
         withdrawn.set()
         for late in begun:
             await asyncio.to_thread(undo, late)
@@ -381,12 +379,7 @@ class _Closing:
     async def __aenter__(self: ClosingT) -> ClosingT:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
 
@@ -427,6 +420,11 @@ class StopWatch(_Closing):
     def __init__(self, watch: _SyncStopWatch, callbacks: LoopCallbacks) -> None:
         self._watch = watch
         self._callbacks = callbacks
+
+    @property
+    def error(self) -> WheelwireError | None:
+        """Why it has ended before the link."""
+        return self._watch.error
 
     def latched(self) -> Stop | None:
         """The stop that keeps the robot from driving now, also before it is reported."""
@@ -480,85 +478,47 @@ class SampleIterator(AsyncIterator[SampleT]):
             await self._on_loop.wait_for(self._on_loop.latest_sample.changed, self._queue.is_ready)
 
 
-class Sensor(Generic[SensorSampleT]):
+class Sensor(KnownSensor[SensorSampleT]):
     """One sensor of a robot, or all its inputs together. See `wheelwire.Sensor`."""
-
-    def __init__(self, sensor: _Sensor[SensorSampleT]) -> None:
-        self._sensor: _Sensor[SensorSampleT] = sensor
-
-    @property
-    def info(self) -> SensorInfo | None:
-        """As `wheelwire.Sensor.info`."""
-        return self._sensor.info
-
-    @property
-    def state(self) -> SensorState:
-        """As `wheelwire.Sensor.state`."""
-        return self._sensor.state
-
-    @property
-    def latest(self) -> SensorSampleT | None:
-        """As `wheelwire.Sensor.latest`."""
-        return self._sensor.latest
 
     async def read(self, timeout: float = 1.0) -> SensorSampleT:
         """As `wheelwire.Sensor.read`."""
-        return await self._sensor._read(timeout)
+        return await self._read(timeout)
 
     def samples(self) -> SampleIterator[SensorSampleT]:
         """As `wheelwire.Sensor.samples`, for `async for`; errors come with the first sample."""
-        sensor = self._sensor
-        return _iterator(sensor._streams, sensor._name, sensor._begin)
+        return _iterator(self._streams, self._name, self._begin)
 
 
-class Ranges:
+class Ranges(KnownRanges):
     """The range sensors of a robot, by name. See `wheelwire.Ranges`."""
-
-    def __init__(self, ranges: _Ranges) -> None:
-        self._ranges = ranges
-
-    @property
-    def infos(self) -> dict[str, SensorInfo]:
-        """As `wheelwire.Ranges.infos`."""
-        return self._ranges.infos
-
-    @property
-    def latest(self) -> dict[str, RangeSample]:
-        """As `wheelwire.Ranges.latest`."""
-        return self._ranges.latest
 
     async def read(self, name: str, timeout: float = 1.0) -> RangeSample:
         """As `wheelwire.Ranges.read`."""
-        return await self._ranges._read(name, timeout)
+        return await self._read(name, timeout)
 
     def samples(self) -> SampleIterator[RangeSample]:
         """As `wheelwire.Ranges.samples`, for `async for`; errors come with the first sample."""
-        return _iterator(self._ranges._streams, RANGE, self._ranges._begin)
+        return _iterator(self._streams, RANGE, self._begin)
 
 
-class Sensors:
+class Sensors(KnownSensors):
     """All sensors of a robot. See `wheelwire.Sensors`."""
 
     def __init__(self, on_loop: LoopLink) -> None:
-        self._sensors = sensors = _Sensors(on_loop, on_loop.latest_sample)
-        self.imu = Sensor(sensors.imu)
-        self.power = Sensor(sensors.power)
-        self.inputs = Sensor(sensors.inputs)
-        self.ranges = Ranges(sensors.ranges)
-
-    @property
-    def channels(self) -> tuple[SensorStatus, ...]:
-        """As `wheelwire.Sensors.channels`."""
-        return self._sensors.channels
+        super().__init__(on_loop, on_loop.latest_sample)
+        self.imu: Sensor[ImuSample] = Sensor(self._streams, *OF_IMU)
+        self.power: Sensor[PowerSample] = Sensor(self._streams, *OF_POWER)
+        self.inputs: Sensor[InputsSample] = Sensor(self._streams, *OF_INPUTS)
+        self.ranges = Ranges(self._streams)
 
     async def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """As `wheelwire.Sensors.start`."""
-        await self._sensors._streams.start_at(rate_hz)
+        await self._streams.start_at(rate_hz)
 
     def events(self) -> SampleIterator[SensorEvent]:
         """As `wheelwire.Sensors.events`, for `async for`; errors come with the first event."""
-        streams = self._sensors._streams
-        return _iterator(streams, EVENTS, streams.begin)
+        return _iterator(self._streams, EVENTS, self._streams.begin)
 
 
 def _iterator(
@@ -584,12 +544,7 @@ class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[
         self._robot = await self._open()
         return self._robot
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         if self._robot is not None:
             await self._robot.close()
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from datetime import date
-from datetime import time as datetime_time
 from enum import Enum
 from numbers import Real
 from pathlib import Path
@@ -20,7 +18,7 @@ LONGEST_WAIT_S = 3600.0
 
 def is_number(value: object) -> bool:
     """Whether it is a finite real number of a Python or NumPy type. A bool is not."""
-    # Nearly all are plain floats, for which the slow question of an abstract class is not asked.
+    # Nearly all are plain floats: avoid the slow check against an abstract class.
     if type(value) is not float and (isinstance(value, bool) or not isinstance(value, Real)):
         return False
     try:
@@ -129,7 +127,9 @@ def _plain(value: object) -> object:
     """What `json` does not know, as something that it does."""
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    if isinstance(value, (date, datetime_time)):  # and datetime
+    from datetime import date, time  # here, for most programs note none
+
+    if isinstance(value, (date, time)):  # and datetime
         return value.isoformat()
     if isinstance(value, Enum):
         return value.name

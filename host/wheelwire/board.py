@@ -1,9 +1,9 @@
 """A configuration: a board, the peripherals on it, and whether they can work.
 
 The board says which pins lead to which power stage and encoders. Peripherals are sensors, inputs
-and the battery's levels; the index of a peripheral is its channel. A configuration is data: it is
-written as YAML (`tools.files.board`), is sent and stored in packed form, and is checked by the
-firmware's own rules.
+and the battery's levels; the index of a peripheral is its channel. A configuration is data: people
+write it as YAML (`tools.files.board`), links and devices use the packed form, and the firmware's
+own rules check it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
+from wheelwire_protocol.codec import BOARD, ENTRY, assembled, fingerprint_of
 from wheelwire_protocol.codes import Chip
-from wheelwire_protocol.native import BoardIssue, PeripheralIssue, check_board, check_peripherals
+from wheelwire_protocol.core import BoardIssue, PeripheralIssue, check_board, check_peripherals
 from wheelwire_protocol.sensors import (
     IMUS,
     MOST_PERIPHERALS,
@@ -42,24 +43,20 @@ from wheelwire_protocol.sensors import (
     PeripheralKind,
     Place,
     SensorChip,
+    channel_name,
 )
 from wheelwire_protocol.types import BOARD_LAYOUT, PERIPHERAL_LAYOUT
 
 from .errors import ConfigurationError, shown
 
-# Little-endian and without padding, as on the wire.
-ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT))
 _ENTRY_FIELDS = [name for name, _ in PERIPHERAL_LAYOUT]
 _PINS = ("pin_a", "pin_b", "pin_c")
 _VALUES = ("value_a", "value_b", "value_c")
-EMPTY_ENTRY = ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _ENTRY_FIELDS))
-"""An entry that does not count."""
 # An entry has unsigned numbers only; a bias is in two's complement.
 _HALF, _COUNTS = 0x8000, 0x1_0000
 _BIAS_DIGITS = 5
 """Decimals of a bias in rad/s: enough for one count of any chip."""
 
-BOARD = struct.Struct("<" + "".join(letters for _, letters in BOARD_LAYOUT))
 _CRC_SIZE = 4
 _PACKED_SIZE = BOARD.size + 1 + MOST_PERIPHERALS * ENTRY.size + _CRC_SIZE
 _BOARD_FIELDS = [name for name, _ in BOARD_LAYOUT]
@@ -222,24 +219,6 @@ Peripheral: TypeAlias = (
     ImuSensor | PowerSensor | BatteryLevels | DigitalInput | RangeSensor | AnalogInput
 )
 
-DIGITAL_INPUTS = (PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT)
-INPUTS = (*DIGITAL_INPUTS, PeripheralKind.ANALOG)
-"""The kinds that share one sample."""
-
-
-def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
-    """What users call a channel: `imu`, `bumper.front_left`, `range.front`, `analog_1`.
-
-    Args:
-        kind: What is connected.
-        place: Place on the robot.
-        number: Number of an analogue input.
-    """
-    name = kind.name.lower()
-    if kind is PeripheralKind.ANALOG:
-        return f"{name}_{number}"
-    return name if place is Place.NONE else f"{name}.{place.name.lower()}"
-
 
 def axis_name(axis: Axis) -> str:
     """The name of an axis in a board's file: `x`, `-x`."""
@@ -296,7 +275,7 @@ def packed_entry(entry: Peripheral) -> bytes:
         triggered_low = PeripheralFlag.TRIGGERED_LOW if entry.triggered_low else 0
         values["flags"] = triggered_low | _PULL_FLAGS[entry.pull]
         pins = (entry.pin,)
-    # Those that are left out are not connected.
+    # Pins left out are not connected.
     for name, pin in zip(_PINS, (*pins, None, None, None), strict=False):
         values[name] = NO_PIN if pin is None else pin
     try:
@@ -315,7 +294,7 @@ def unpacked_entry(data: bytes) -> Peripheral:
     first, second, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
     numbers = [values[name] for name in _VALUES]
     address = values["address"] or None
-    # The firmware refuses a bus with one of its two pins: a single number is that of a bus.
+    # The firmware refuses a bus with only one of its two pins, so a single number is a bus number.
     bus = first if second is None else None
     sda, scl = (first, second) if bus is None else (None, None)
     try:
@@ -577,18 +556,6 @@ class Configuration:
 def chip_of_pins(chip: Chip) -> Chip:
     """The chip whose pins a device has: a simulated robot has an ESP32's."""
     return Chip.ESP32 if chip is Chip.SIMULATED else chip
-
-
-def assembled(board: bytes, entries: Sequence[bytes]) -> bytes:
-    """The packed configuration of a packed board and its packed entries."""
-    left_out = [EMPTY_ENTRY] * (MOST_PERIPHERALS - len(entries))
-    body = b"".join((board, bytes([len(entries)]), *entries, *left_out))
-    return body + zlib.crc32(body).to_bytes(_CRC_SIZE, "little")
-
-
-def fingerprint_of(packed: bytes) -> int:
-    """The fingerprint of a packed configuration."""
-    return int.from_bytes(packed[-_CRC_SIZE:], "little")
 
 
 def unpacked(data: bytes) -> Configuration:

@@ -64,11 +64,11 @@ def connect(robot: str | os.PathLike[str] | None = None) -> Robot:
             `wheelwire info` shows it; a robot's YAML file; a recording, `FILE.mcap`; or `mock`, a
             simulated robot. None: the one that the environment's WHEELWIRE_ROBOT names.
 
-    For a board's id all free USB ports are opened to ask who is there. Where that is not wanted, a
-    robot's file says which ports those are, with `serial.board_id`.
+    For a board's id, this opens all free USB ports to ask which board is there. To limit it to some
+    ports, use a robot's file with `serial.board_id`.
 
     Raises:
-        InvalidArgument: This is no address.
+        InvalidArgument: This is not an address.
         RobotNotNamed: No address was given, and WHEELWIRE_ROBOT is not set.
         ConfigurationError: The robot's file is missing or invalid.
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -79,11 +79,11 @@ def connect(robot: str | os.PathLike[str] | None = None) -> Robot:
 
 
 def named(robot: str | os.PathLike[str] | None) -> str:
-    """The address that was given, else the one in the environment.
+    """The given address, or else the one in the environment.
 
     Raises:
         InvalidArgument: It is empty, or of another type.
-        RobotNotNamed: There is none.
+        RobotNotNamed: No address was given.
     """
     if robot is None:
         robot = os.environ.get(ENVIRONMENT)
@@ -102,15 +102,16 @@ def driver_at(
     Args:
         address: See `connect`.
         baud_rate: Baud rate of a port, to be tried first; None: the default.
-        bare: Nothing in its file is to change a serial robot, or keep it from being opened: for
-            those who only look at the robot or its parameters, or stop it.
+        bare: Ignore what in its file would change a serial robot or prevent opening it: for
+            commands that only look at the robot or its parameters, or stop it.
 
     Raises:
-        InvalidArgument: A baud rate was given, but the address is not a port; or this is none.
+        InvalidArgument: A baud rate was given, but the address is not a port; or the baud rate is
+            invalid.
         ConfigurationError: The robot's file is missing or invalid.
         DriverUnavailable: No driver has the name in its file.
     """
-    # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
+    # Anything but a file or mock is a port; its transport says which kind.
     if address != MOCK and not is_robot_file(address) and not is_recording(address):
         _refuse_a_part(address)
         return "serial", _port_options(address, baud_rate)
@@ -134,14 +135,15 @@ def driver_at(
 
 
 def _refuse_a_part(address: str) -> None:
-    """Raise for the name of a driver, a board or a motor driver, which is no place of a robot."""
+    """Raise for the name of a driver, a board or a motor driver, which is not a robot's address."""
     if "/" in address or ":" in address or Path(address).exists():
         return
     from .tools.files.board import shipped_boards
-    from .tools.files.robot import OWN_PINS
 
-    known = [*shipped_boards(), *OWN_PINS]
-    if near := meant(address, known, cutoff=0.75):
+    near = meant(address, [*shipped_boards(), *driver_names()], cutoff=0.75)
+    if near == MOCK:
+        raise InvalidArgument(f"{address} is no address; did you mean {MOCK}, a simulated robot?")
+    if near:
         raise InvalidArgument(
             f"{address} is a part of a robot, not its address: name the port of the ESP32, or give "
             f"{ADDRESS_KINDS}; did you mean {near} as the `driver` or `board` in a robot's "
@@ -223,8 +225,8 @@ def open_driver(name: str, *args: Any, record: str | Path | None = None, **optio
         name: A built-in driver, or one that an installed package offers as an entry point in the
             group `wheelwire.drivers`.
         *args: The driver's own arguments; see its class.
-        record: A file, or a folder, to which the robot's day is recorded, see docs/recording.md;
-            by default what the environment's `WHEELWIRE_RECORD` names, if it is set.
+        record: A file or folder to record to, see docs/recording.md; by default what the
+            environment's `WHEELWIRE_RECORD` names, if it is set.
         **options: As `args`, by name.
 
     Raises:
@@ -303,17 +305,17 @@ def _suggestion(option: str, known: Iterable[str]) -> str:
 
 
 def _plug_ins() -> dict[str, str]:
-    from importlib.metadata import entry_points  # here, for it is slow to import
+    from importlib.metadata import entry_points  # here: it is slow to import
 
     return {point.name: point.value for point in entry_points(group=ENTRY_POINT_GROUP)}
 
 
 def wanted_recording(record: str | Path | None) -> Path | None:
-    """Where to record a robot: `record`, or what the environment says.
+    """Where to record a robot: `record`, or the path in the environment.
 
     Raises:
         RecordingError: No file can be made there.
-        InvalidArgument: `record` is no path.
+        InvalidArgument: `record` is not a path.
     """
     wanted = os.environ.get(RECORD_VARIABLE) if record is None else record
     if not wanted:

@@ -2,7 +2,7 @@
 
 `exit_code` is what the command line exits with; 2 is reserved for wrong usage.
 
-Where Python has an error of the same meaning, ours is one of those, too: `PortUnavailable`,
+If Python has an error of the same meaning, ours is also a subclass of it: `PortUnavailable`,
 `LinkLost` and `RequestTimeout` are OSErrors. So code that handles an OSError of a file must not
 have a robot's calls within the same `try`.
 """
@@ -12,8 +12,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 from wheelwire_protocol.codes import Fault, RefusalCode
 from wheelwire_protocol.sensors import SensorState
@@ -53,15 +52,19 @@ class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's nam
 
     Attributes:
         is_other_board: Another board than the one that was named answers there.
+        is_in_use: A program has the port open.
     """
 
     exit_code = 3
 
-    def __init__(self, port: str, reason: str, *, is_other_board: bool = False) -> None:
+    def __init__(
+        self, port: str, reason: str, *, is_other_board: bool = False, is_in_use: bool = False
+    ) -> None:
         super().__init__(f"cannot open {port}: {reason}")
         self.port = port
         self.reason = reason
         self.is_other_board = is_other_board
+        self.is_in_use = is_in_use
 
 
 class DeviceSilent(WheelwireError):  # noqa: N818
@@ -109,8 +112,7 @@ class ForeignDevice(WheelwireError):  # noqa: N818
         self.baud_rates = tuple(baud_rates)
 
 
-@dataclass(frozen=True)
-class Release:
+class Release(NamedTuple):
     """The versions of one side of the link."""
 
     protocol_version: int
@@ -328,7 +330,7 @@ class BoardMismatch(LinkLost):
     exit_code = 27
 
     def __init__(self, expected: str, found: str, *, confirmed: bool = True) -> None:
-        unconfirmed = "" if confirmed else ", which nobody confirmed"
+        unconfirmed = "" if confirmed else ", which is not confirmed"
         super().__init__(
             f"the device's board is {found}{unconfirmed}, not {expected}: name the board that is "
             "there, or store the other one with `wheelwire board write`"
@@ -386,7 +388,7 @@ class RecordingError(WheelwireError):
 def afresh(error: ErrorT) -> ErrorT:
     """A copy to be raised of an error that is stored, and is raised again and again.
 
-    The traceback of the original would keep alive whoever it was raised to, and grow each time.
+    The original's traceback would keep its callers' frames alive, and grow each time.
     """
     raised = copy.copy(error)
     raised.__cause__ = error.__cause__
@@ -420,8 +422,8 @@ def shown(value: object) -> str:
 
 
 def meant(name: object, known: Iterable[str], cutoff: float = 0.5) -> str:
-    """The one of `known` that is most like `name`, whatever its case; empty without one."""
-    from difflib import get_close_matches  # here, because it is slow to import
+    """The one of `known` that is most like `name`, ignoring case; empty without one."""
+    from difflib import get_close_matches  # here: it is slow to import
 
     by_lower = {one.lower(): one for one in known}
     near = get_close_matches(shown(name).strip("'").lower(), by_lower, n=1, cutoff=cutoff)

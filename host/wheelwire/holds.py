@@ -19,7 +19,8 @@ from wheelwire_protocol.codes import (
 from wheelwire_protocol.types import Hold
 
 _NO_HOLD, _NO_FAULT, _NO_CONTRADICTION = Held(0), Fault(0), Contradiction(0)
-UNKNOWN_STOP = "What ended its last motion is not known: it has moved not yet, or lost its power."
+UNARMED = Held.UNARMED | Held.UNARMED_FORWARD | Held.UNARMED_REVERSE
+UNKNOWN_STOP = "What ended its last motion is unknown: it has not moved yet, or it lost power."
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,9 @@ class HeldBy:
 
     Attributes:
         flags: All that applies.
-        estop_source: With ESTOP, who latched it.
+        estop_source: With ESTOP, what latched it.
         contradictions: With CONTRADICTION, which parameters contradict each other.
-        faults: With FAULT, those that are latched.
+        faults: With FAULT, the latched faults.
     """
 
     flags: Held = _NO_HOLD
@@ -43,7 +44,7 @@ class HeldBy:
 
     @classmethod
     def of(cls, hold: Hold, faults: Fault) -> HeldBy:
-        """By what the device says.
+        """From the device's report.
 
         Raises:
             ValueError: It has a code that is not known.
@@ -131,17 +132,16 @@ class LastStop:
         cause: Its stable code, `cause.name`, with a sentence, `cause.doc`. UNKNOWN: the robot has
             not moved since it got its power, or the record was lost.
         reset_reason: With RESET, why the device was reset.
-        held: The sensors that held the robot in that moment.
-        faults: Those that were latched then.
+        held: The sensors that held the robot at that moment.
+        faults: The faults that were latched then.
         session_id: The session whose setpoint drove until then.
         command_seq: Number of that setpoint; 0: not known.
-        t_us: The device's clock at it; None: it was before the device last started. [us]
+        t_us: The device's clock at that moment; None: before the device last started. [us]
         stamp: The same on this host's `time.monotonic()`; None: not known. [s]
-        speed_mps: Of the faster wheel in that moment. [m/s]
+        speed_mps: Of the faster wheel at that moment. [m/s]
         rolled_m: How far that wheel has turned since then. [m]
-        is_at_rest: The wheels stand since, so that `rolled_m` is final.
-        program: The program that drove; None if it was none of this computer, or none that it
-            remembers.
+        is_at_rest: The wheels have come to rest, so `rolled_m` is final.
+        program: The program that drove; None if it ran on another computer, or is not remembered.
     """
 
     cause: StopCause = StopCause.UNKNOWN
@@ -159,7 +159,7 @@ class LastStop:
 
     @classmethod
     def of(cls, hold: Hold, stamp: float | None) -> LastStop:
-        """By what the device says; `stamp` as the host knows it.
+        """From the device's report, with the `stamp` that the host knows.
 
         Raises:
             ValueError: It has a code that is not known.
@@ -188,7 +188,7 @@ class LastStop:
 
     @property
     def evidence(self) -> tuple[str, ...]:
-        """What is known of it beside its cause."""
+        """What is known of it apart from its cause."""
         return tuple(self._evidence())
 
     def _evidence(self) -> Iterator[str]:

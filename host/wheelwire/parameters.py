@@ -21,7 +21,13 @@ from types import TracebackType
 from typing import Protocol, cast
 
 from wheelwire_protocol.codes import Unit
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Kind, Parameter
+from wheelwire_protocol.parameters import (
+    PARAMETER_BY_NAME,
+    Changes,
+    Kind,
+    Parameter,
+    decimal_of_float32,
+)
 
 from .arguments import is_number
 from .errors import (
@@ -69,7 +75,7 @@ class ParameterMapping(Mapping[str, float]):
     """The values of a robot's parameters by name, each in its parameter's unit.
 
     The names are the same for every robot of this release, so `in`, `len` and iteration over the
-    names ask nobody.
+    names do not ask the robot.
 
     Raises:
         UnknownParameter: No parameter has this name. It is also a KeyError.
@@ -125,7 +131,7 @@ class Parameters(ParameterMapping):
             save: Also save them all, those included that the robot already had, and no others.
 
         Returns:
-            What was different before.
+            The differences that it found.
 
         Raises:
             UnknownParameter: Nothing was changed.
@@ -141,7 +147,7 @@ class Parameters(ParameterMapping):
 
     @abstractmethod
     def refresh(self, name: str | None = None) -> None:
-        """Ask the device anew for one value, or for all."""
+        """Ask the device again for one value, or for all."""
 
     @abstractmethod
     def list(self) -> tuple[ParameterInfo, ...]:
@@ -196,7 +202,7 @@ class Trial(ABC):
 
         Raises:
             DeviceRefused: The trial was lost; the previous values are active.
-            RequestTimeout: Nobody knows whether the device kept the values.
+            RequestTimeout: It is unknown whether the device kept the values.
         """
 
     @abstractmethod
@@ -211,12 +217,6 @@ class Trial(ABC):
         traceback: TracebackType | None,
     ) -> None:
         """Stop the wheels and revert, unless `keep` was called."""
-
-
-def decimal_of_float32(value: float) -> float:
-    """The decimal number that was meant by a 32-bit float: 0.033, not 0.03299999982118607."""
-    # Seven digits: a 32-bit float holds 7 or 8, and what was written seldom has more.
-    return float(f"{value:.7g}")
 
 
 def definition_of(name: str) -> Parameter:
@@ -243,7 +243,7 @@ def checked_values(values: Mapping[str, float] | None) -> dict[str, float]:
     """Each of them as `checked_value` has it; none for None.
 
     Raises:
-        InvalidArgument: They are no mapping.
+        InvalidArgument: They are not a mapping.
         UnknownParameter: As `checked_value`.
         ParameterOutOfRange: As `checked_value`.
     """
@@ -317,7 +317,7 @@ def _as_held(value: float) -> float:
     try:
         held = struct.pack("<f", value)
     except OverflowError:
-        return value  # beyond what a device can hold, so it differs from whatever that has
+        return value  # outside the range of a device, so it differs from the device's value
     return decimal_of_float32(struct.unpack("<f", held)[0])
 
 
@@ -329,7 +329,7 @@ class SettableTrial(Protocol):
 
 
 class Settable(Protocol):
-    """What `set_all_or_none` needs of a robot's parameters; as the methods of `Parameters`."""
+    """The methods of `Parameters` that `set_all_or_none` needs."""
 
     async def list(self) -> tuple[ParameterInfo, ...]:
         """All parameters."""
@@ -353,7 +353,7 @@ async def set_all_or_none(
 ) -> tuple[Difference, ...]:
     """As `Parameters.set_all`, for threads and for asyncio."""
     before = await parameters.list()
-    # Each difference also has the robot's own value, to which `_restore` sets it back.
+    # Each difference also has the robot's own value, for `_restore`.
     changes = differences(before, wanted)
     bounds = {p.name: (p.minimum, p.maximum) for p in before}
     # All are checked before the first is set: a wrong value then changes nothing.
@@ -365,8 +365,8 @@ async def set_all_or_none(
     doing = ""
     try:
         if len(together) > 1:
-            # Judged together at its end, so that it does not matter which value comes first. If
-            # this program ends meanwhile, the device has its previous values again by itself.
+            # The trial judges them together at its end, so their order does not matter. If this
+            # program dies first, the device restores its previous values by itself.
             async with parameters.trial() as trial:
                 try:
                     for change in together:
@@ -407,7 +407,7 @@ async def set_all_or_none(
 def _in_order(
     changes: Collection[Difference],
 ) -> tuple[builtins.list[Difference], builtins.list[Difference]]:
-    """Those that a trial takes, then those that it does not.
+    """The parameters that a trial accepts, then the others.
 
     The switch of the e-stop contact comes last: an open contact latches an e-stop, in which the
     switch itself can no longer be changed back. It also cannot be on trial. What is refused while
@@ -420,14 +420,14 @@ def _in_order(
 
 
 async def _verify(parameters: Settable, wanted: Mapping[str, float]) -> None:
-    """Raise an error if the robot was reset meanwhile: it has some of its saved values again."""
+    """Raise an error if the robot was reset, because it then has some of its saved values again."""
     if lost := differences(await parameters.list(), wanted):
         again = f"{lost[0].name} = {number_text(lost[0].robot)}"
         raise WheelwireError(f"the robot has {again} again; was it reset? Try once more.")
 
 
 async def _save(parameters: Settable, names: Collection[str], saved: list[str]) -> None:
-    """Save these; those that were, one by one, are appended to `saved`."""
+    """Save these one by one; append each saved one to `saved`."""
     if set(names) == PARAMETER_BY_NAME.keys():
         await parameters.save()  # at once: all or nothing
         return
@@ -440,7 +440,7 @@ async def _save(parameters: Settable, names: Collection[str], saved: list[str]) 
 async def _restore(
     parameters: Settable, touched: Collection[Difference], timeout_s: float, pause: Pause
 ) -> list[str]:
-    """Set the previous values again, the newest first; returns those that could not be."""
+    """Set the previous values again, the newest first; returns those that failed."""
     # One limit for all values: without a link each one would take the whole of its own.
     end = time.monotonic() + timeout_s
     left = list(reversed(list(touched)))
@@ -512,7 +512,7 @@ def _outcome(failed: Collection[str], saved: Collection[str]) -> str:
     if failed:
         text = (
             f"The previous values could not be restored: {', '.join(failed)}. "
-            "Reset the robot: it then has the values that it had saved."
+            "Reset the robot: it then has its saved values."
         )
     if saved:
         text += f" Saved before that: {', '.join(saved)}."

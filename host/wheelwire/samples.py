@@ -289,7 +289,7 @@ _LEVELS = {
 }
 
 
-# By what their identity register holds, from their data sheets: modules of other names carry them.
+# By the content of their identity register, from the data sheets: modules have other names.
 _OTHER_CHIPS = {
     0x11: "ICM-20600",
     0x12: "ICM-20602",
@@ -311,8 +311,8 @@ def sentence_of_identity(identity: int) -> str:
             "which Wheelwire cannot read; use a module with one of the chips in docs/sensors.md"
         )
     return (
-        f"another chip answers in its place: {identity:#04x}, which is none that Wheelwire knows; "
-        "look at the bus for a device of the same address, and at `chip` in the board's file"
+        f"another chip answers in its place: {identity:#04x}, which Wheelwire does not know; look "
+        "at the bus for a device of the same address, and at `chip` in the board's file"
     )
 
 
@@ -347,7 +347,7 @@ def sentence_of_state(state: SensorState, identity: int = 0) -> str:
 def asdict(reported: object) -> dict[str, Any]:
     """A sample, health, an event, or anything else that a robot reports, as JSON can hold it.
 
-    A code is its name, flags are a list of their names, and what is no finite number is None.
+    A code is its name, flags are a list of their names, and NaN and infinity are None.
 
     Raises:
         TypeError: It has no fields with names.

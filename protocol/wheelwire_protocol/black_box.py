@@ -26,7 +26,7 @@ PARTS = 4
 
 
 class BoxError(ValueError):
-    """These bytes are no box, or a damaged one."""
+    """The bytes are not a black box, or a damaged one."""
 
 
 class Kind(enum.IntEnum):
@@ -68,7 +68,7 @@ class BoxHead(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A control step's inputs. The duties are those that were on the outputs until it."""
+    """A control step's inputs. The duties are the outputs up to this step."""
 
     t_us: int
     left_counter: int
@@ -80,7 +80,7 @@ class Step(NamedTuple):
 
 
 class End(NamedTuple):
-    """A fault or an e-stop ended the box: the duties that came of it."""
+    """A fault or an e-stop ended the box: the resulting duties."""
 
     t_us: int
     left_duty_q15: int
@@ -178,7 +178,7 @@ class Box:
             written, or damaged the memory.
 
     Raises:
-        BoxError: These bytes are none, or a damaged one.
+        BoxError: The bytes are not a black box, or a damaged one.
         NativeMissingError: The library is missing or of another release.
     """
 
@@ -210,7 +210,7 @@ class Box:
             raise BoxError(f"a black box of a later release: {error}") from error
 
     def entries(self) -> Iterator[Entry]:
-        """What it holds, from the oldest record on, without what only a re-run needs.
+        """Its content, oldest record first, without what only a re-run needs.
 
         Raises:
             BoxError: A record has a code of a later release.

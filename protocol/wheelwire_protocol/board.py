@@ -1,8 +1,8 @@
-"""A board: which pins of which chip lead to which power stage and encoders.
+"""A board: which pins of which chip are wired to which power stage and encoders.
 
 What host and firmware must agree on about boards: the codes, the truth tables of the power stages,
-and what each chip's pins can do. The packed struct is in `messages`. The rules that a board
-must obey are the core's, in `core/board_rules.hpp`; each has its sentence in `BoardFault`.
+and what each chip's pins can do. The packed struct is in `messages`. The core's
+`core/board_rules.hpp` has the rules for boards; each rule has its sentence in `BoardFault`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from .codes import Chip, DocumentedEnum
+from .codes import Chip, ConfigurationState, DocumentedEnum
 
 BOARD_VERSION = 1
 """Version of the packed struct. A device refuses any other."""
@@ -58,15 +58,6 @@ class Module(DocumentedEnum):
     WROVER = 2, "ESP32-WROVER: GPIO 16 and 17 lead to its PSRAM."
     S3_QUAD = 3, "An ESP32-S3 module with quad flash and quad or no PSRAM, as N8 and N8R2."
     S3_OCTAL = 4, "An ESP32-S3 module with octal PSRAM or flash, as N8R8: it takes GPIO 33 to 37."
-
-
-class ConfigurationState(DocumentedEnum):
-    """Where the active configuration is from."""
-
-    DAMAGED = 0, "What is stored cannot be used, so there is none: nothing is driven."
-    BUILT_IN = 1, "It is the image's own, which nobody confirmed: nothing is driven."
-    STORED = 2, "It was confirmed."
-    TRIAL = 3, "It was written, and waits for its confirmation: nothing drives."
 
 
 class BoardPin(DocumentedEnum):
@@ -146,7 +137,7 @@ class BoardFault(DocumentedEnum):
     )
     PULL_DOWN_WITHOUT_USE = (
         20,
-        "pulldowns: GPIO {pin} is no output of this board; leave it out, or mend the number",
+        "pulldowns: GPIO {pin} is not an output of this board; leave it out, or correct the number",
     )
     FREQUENCY_HIGH = (
         21,
@@ -172,7 +163,7 @@ class BoardFault(DocumentedEnum):
         "{function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a motor; "
         "choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns",
     )
-    MODULE = 31, "module: there is no such module of {chip}; leave it out, or name another"
+    MODULE = 31, "module: {chip} has no such module; leave it out, or name another"
     LED_ON_STRAP = (
         32,
         "{function} = {pin}: the level of GPIO {pin} at reset selects how {chip} starts, and the "
@@ -196,7 +187,7 @@ CODES: tuple[type[DocumentedEnum], ...] = (
     BoardPin,
     BoardFault,
 )
-"""Those of the group BOARD."""
+"""The codes of the group BOARD."""
 NO_PIN = -1
 OUTPUTS = ("enable", "in1", "in2", "pwm", "dir")
 """What a wheel's power stage may have for inputs."""
@@ -271,10 +262,7 @@ def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, 
     )
 
 
-_ONE_PERIOD = (
-    "A change of direction, or from drive to brake, takes one control period in coast, so that no "
-    "input changes while current flows."
-)
+_ONE_PERIOD = "One control period in coast, between two directions, and before a brake."
 _BUILT_IN = "The part keeps its two switches apart by itself. "
 
 STAGES: Mapping[Stage, StageTable] = MappingProxyType(
@@ -294,8 +282,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             release="EN low.",
             dead_time=_ONE_PERIOD,
             floating=(
-                "With the resistors they coast: EN is low. Without them its inputs float high, "
-                "which brakes; a disturbed one drives at full duty."
+                "With the resistors they coast. Without them its inputs float high, which brakes; "
+                "a disturbed one drives at full duty."
             ),
         ),
         Stage.PWM_IN1_IN2: StageTable(
@@ -313,8 +301,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             release="Both inputs low, and standby if it is connected.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
             floating=(
-                "They coast: the part holds all inputs and standby low, with 200 kΩ each. With "
-                "standby tied high they coast, too."
+                "They coast, also with standby tied high: the part holds its inputs low, with "
+                "200 kΩ each."
             ),
             has_standby=True,
         ),
@@ -331,8 +319,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             release="Both inputs low, and nSLEEP (standby) if it is connected.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
             floating=(
-                "They coast: the part holds its inputs and nSLEEP low, a DRV8833 with 150 and "
-                "500 kΩ. With nSLEEP tied high they coast, too."
+                "They coast, also with nSLEEP tied high: the part holds its inputs low, a DRV8833 "
+                "with 150 kΩ."
             ),
             has_standby=True,
         ),
@@ -351,8 +339,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             release="Enable low.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
             floating=(
-                "With the resistors they coast: enable is low. Without them every input may read "
-                "high or low, and the motors may drive at full duty, either way."
+                "With the resistors they coast. Without them the motors may drive at full duty, "
+                "either way."
             ),
         ),
         Stage.PWM_DIR: StageTable(
@@ -368,8 +356,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             release="PWM low, which brakes.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
             floating=(
-                "With the resistors they brake: PWM is low. Without them both inputs may read high "
-                "or low, and the motors may drive at full duty, either way."
+                "With the resistors they brake. Without them the motors may drive at full duty, "
+                "either way."
             ),
         ),
     }
@@ -383,18 +371,18 @@ class ChipTable:
     Attributes:
         name: As in a board's file.
         title: As in sentences.
-        existing: Those that lead out of the chip.
+        existing: Pins that lead out of the chip.
         strapping: Their level at reset selects how the chip starts.
         memory: Pins of flash and PSRAM, on any module.
         input_only: Without an output driver and without pull resistors.
-        adc: Those that can measure a voltage while everything else runs.
+        adc: Pins that can measure a voltage while everything else runs.
         uart: Pins of the line through the board's USB bridge.
         usb: Pins of the chip's own USB; empty if it has none.
-        pulled_up: Those with a weak pull-up at reset, or from then on until our program sets them.
-            Some 45 kOhm against the 10 kOhm of a board's pull-down leave 0.6 V: that is low.
-        held_high: Those that are high then by an output, or by a resistor against which 10 kOhm
-            lose. All pins in neither set float, or are pulled down.
-        levels_source: Where these two sets are from.
+        pulled_up: Pins with a weak pull-up at reset, or from then on until our program sets them.
+            Some 45 kOhm against the 10 kOhm of a board's pull-down leave 0.6 V, which is low.
+        held_high: Pins that an output, or a resistor stronger than 10 kOhm, holds high then. Pins
+            in neither set float or are pulled down.
+        levels_source: Source of these two sets.
         counters: Pulse counters.
         pwm_outputs: Outputs of its motor-control PWM.
         has_led: Whether the firmware can show its state on an LED.
@@ -434,7 +422,7 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             adc=_span(32, 39),
             uart=frozenset({1, 3}),
             usb=frozenset(),
-            # 14 is MTMS; 6 to 11 are those of the flash.
+            # 14 is MTMS; 6 to 11 are the flash's.
             pulled_up=frozenset({0, 3, 5, 14, 15}) | _span(6, 11),
             held_high=frozenset({1}),  # The ROM sends text on it.
             levels_source="ESP32 data sheet, table IO_MUX",
@@ -469,7 +457,7 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             adc=_span(0, 6),
             uart=frozenset({16, 17}),
             usb=frozenset({12, 13}),
-            # 6 is MTCK, 13 the D+ of USB, 18 to 23 those of SDIO.
+            # 6 is MTCK, 13 the D+ of USB, 18 to 23 are SDIO's.
             pulled_up=frozenset({6, 9, 13, 17}) | _span(18, 30),
             held_high=frozenset({16}),  # The ROM sends text on it.
             levels_source="ESP32-C6 data sheet, pin overview",

@@ -69,7 +69,7 @@ def decode_capture(
     count = library.wheelwire_decode_capture(
         stream.ctypes.data_as(ctypes.c_char_p), len(stream), codec.id, rows.ctypes.data
     )
-    # In place, which gives the unused memory back; a slice would keep all of it.
+    # In place, to free the unused memory; a slice would hold all of it.
     rows.resize(count, refcheck=False)
     return rows
 
@@ -147,7 +147,7 @@ def _decode_cobs(
         is_code = np.negative((code_at == position).view(np.uint8))
         code = place & is_code
         code_at += code
-        place ^= code  # a code byte stands for a zero
+        place ^= code  # a code byte replaces a zero
     return chunks[1:], code_at == size + 1
 
 

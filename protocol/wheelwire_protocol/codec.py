@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from . import types
 from .codes import Group
+from .sensors import MOST_PERIPHERALS
 from .types import CRC_SIZE as CRC_SIZE
 from .types import HEADER_SIZE as HEADER_SIZE
 from .types import PROTOCOL_VERSION as PROTOCOL_VERSION
@@ -41,7 +43,8 @@ class Codec(NamedTuple):
         return re.findall(r"\d*[A-Za-z]", self.formats)
 
 
-def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Codec:
+def codec_of(message_id: int, message_type: type[Any], formats: str) -> Codec:
+    """The codec of a message class whose body has these format characters of `struct`."""
     payload = struct.Struct(f"<{HEADER_SIZE}x{formats}{CRC_SIZE}x")
     return Codec(
         id=message_id,
@@ -53,7 +56,7 @@ def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Cod
     )
 
 
-BY_ID: dict[int, Codec] = {layout[0]: _codec(*layout) for layout in types.LAYOUTS}
+BY_ID: dict[int, Codec] = {layout[0]: codec_of(*layout) for layout in types.LAYOUTS}
 BY_TYPE: dict[type[Any], Codec] = {codec.type: codec for codec in BY_ID.values()}
 
 
@@ -65,3 +68,24 @@ def message_id(message_type: type[AnyMessage]) -> int:
 def schema_hash(group: Group = Group.BASE) -> int:
     """The 32-bit hash of a group's wire layout; host and device must have the same to use it."""
     return types.GROUP_HASHES[group]
+
+
+# --- a board with its peripherals, as it is sent and stored ---------------------------------------
+
+# Little-endian and without padding, as on the wire.
+BOARD = struct.Struct("<" + "".join(letters for _, letters in types.BOARD_LAYOUT))
+ENTRY = struct.Struct("<" + "".join(letters for _, letters in types.PERIPHERAL_LAYOUT))
+# Only pins are of this format; -1: none.
+_EMPTY_ENTRY = ENTRY.pack(*(-(letters == "b") for _, letters in types.PERIPHERAL_LAYOUT))
+
+
+def assembled(board: bytes, entries: Sequence[bytes]) -> bytes:
+    """The packed configuration of a packed board and its packed entries."""
+    left_out = [_EMPTY_ENTRY] * (MOST_PERIPHERALS - len(entries))
+    body = b"".join((board, bytes([len(entries)]), *entries, *left_out))
+    return body + zlib.crc32(body).to_bytes(CRC_SIZE, "little")
+
+
+def fingerprint_of(packed: bytes) -> int:
+    """The fingerprint of a packed configuration."""
+    return int.from_bytes(packed[-CRC_SIZE:], "little")

@@ -43,7 +43,7 @@ class DocumentedFlag(enum.IntFlag):
 
     @classmethod
     def _missing_(cls, value: object) -> Self:
-        """The flags of a value that is no single flag; a negative one is the complement."""
+        """The flags of a combined value; a negative value is the complement."""
         # Python 3.11.2, Debian 12's, knows of few of the bits of flags that __new__ gives values.
         if isinstance(value, int) and value < 0:
             return cls(value & sum(cls))
@@ -59,7 +59,7 @@ class DocumentedFlag(enum.IntFlag):
 
 
 def _formatted(code: DocumentedEnum | DocumentedFlag, spec: str) -> str:
-    """In words, but for a number's own presentation, such as `{code:02x}` or `{code:d}`."""
+    """In words, unless a format for numbers is given, such as `{code:02x}` or `{code:d}`."""
     return format(int(code) if spec[-1:] in _OF_NUMBERS and spec else str(code), spec)
 
 
@@ -167,6 +167,15 @@ class Group(DocumentedEnum):
     PLATFORM = 5, "What the firmware runs on: how much of the chip's memory is left."
 
 
+class Failure(DocumentedEnum):
+    """What a self-test image does to a core."""
+
+    NONE = 0, "Nothing."
+    CRASH = 1, "A task calls abort()."
+    HANG = 2, "No task runs any more; interrupts go on."
+    FREEZE = 3, "Nothing runs any more: interrupts are off, too."
+
+
 class StopMode(DocumentedEnum):
     """What the outputs do to stop the wheels."""
 
@@ -205,14 +214,14 @@ class EventCode(DocumentedEnum):
     SUPERVISOR = 0, "The supervisor changed its state."
     CONFIGURATION_COPY_LOST = (
         1,
-        "One of the two stored copies of the configuration was lost; it is written anew from the "
-        "other one as soon as the robot stands.",
+        "One of the two stored copies of the configuration was lost; it is rewritten from the"
+        " other one once the robot stands.",
     )
     STORE_EMPTY = 2, "No parameters were saved yet; the defaults are active."
     TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, with the previous parameters."
     ROLLING = 4, "The robot rolls although it is not driven: a slope, or somebody pushes it."
     PARAMETERS_COPY_LOST = 5, "As CONFIGURATION_COPY_LOST, of the saved parameters."
-    LATCHES_COPY_LOST = 6, "As CONFIGURATION_COPY_LOST, of the note whether an e-stop is latched."
+    LATCHES_COPY_LOST = 6, "As CONFIGURATION_COPY_LOST, of the record of a latched e-stop."
 
 
 class Chip(DocumentedEnum):
@@ -385,7 +394,7 @@ class Held(DocumentedFlag):
     FAULT = 16384, "A fault is latched: remove its cause, then clear it with `wheelwire clear`."
     UNARMED = (
         32768,
-        "It started, or was cleared, and its program went on with a speed at once: it waits for a "
+        "It started, or was cleared, and its program sent a speed at once: it waits for a "
         "zero setpoint or a pause.",
     )
     UNARMED_FORWARD = (
@@ -425,7 +434,7 @@ class EstopSource(DocumentedEnum):
     SESSION = 2, "The program whose session was open."
     OTHER_PROGRAM = 3, "A program beside the one whose session was open."
     BEFORE_POWER_ON = 4, "Not known: it was latched before the power came on."
-    DAMAGED_RECORD = 5, "The record of what was latched is damaged, which counts as an e-stop."
+    DAMAGED_RECORD = 5, "The record of latched e-stops is damaged, which counts as an e-stop."
 
 
 class StopCause(DocumentedEnum):
@@ -433,10 +442,9 @@ class StopCause(DocumentedEnum):
 
     UNKNOWN = (
         0,
-        "It is not known what ended the last motion: the robot has lost its power since, or has "
-        "not moved.",
+        "What ended the last motion is unknown: the robot has lost power since, or has not moved.",
     )
-    DEADLINE = 1, "The setpoint of the program that drove ran out, and no newer one came."
+    DEADLINE = 1, "The setpoint of the program that drove expired, and no newer one came."
     STOP = 2, "The program that drove stopped it."
     STOP_OTHER = 3, "A program beside the one that drove stopped it."
     ESTOP_CONTACT = 4, "The e-stop contact opened."
@@ -456,8 +464,17 @@ class StopCause(DocumentedEnum):
 class StopFlag(DocumentedFlag):
     """More about the last stop."""
 
-    AT_REST = 1, "The wheels stand since: rolled_mm is final."
+    AT_REST = 1, "The wheels have come to rest: rolled_mm is final."
     EARLIER_START = 2, "It was before the device last started."
+
+
+class ConfigurationState(DocumentedEnum):
+    """Where the active configuration is from."""
+
+    DAMAGED = 0, "The stored configuration cannot be used: nothing is driven."
+    BUILT_IN = 1, "It is the firmware's own, which nobody confirmed: nothing is driven."
+    STORED = 2, "It was confirmed."
+    TRIAL = 3, "It was written, and waits for its confirmation: nothing drives."
 
 
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
@@ -475,7 +492,7 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
 )
 FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction, Held, StopFlag)
 RECORDER_CODES: tuple[type[DocumentedEnum], ...] = (BoxCause,)
-"""Those of the group RECORDER."""
+"""The codes of the group RECORDER."""
 
 
 class Unit(enum.Enum):

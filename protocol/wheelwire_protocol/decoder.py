@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from . import core_abi as abi
 from . import native
 from .codec import BY_ID
-from .framing import Counters, PythonDecoder
+from .framing import Counters
 from .types import AnyMessage
 
 _PART_SIZE = 1 << 12
@@ -49,8 +49,8 @@ class NativeDecoder:
         self._feed = library.wheelwire_decoder_feed
         self._library = library
         bodies, runs = _Bodies(), _Runs()
-        # The views keep alive what the library writes to. They are cast by way of bytes: a view
-        # in ctypes' own format can neither be indexed nor be cast to another number.
+        # The views keep the library's buffers alive. They are cast to bytes first, because a view
+        # in ctypes' own format cannot be indexed or cast to another number type.
         self._bodies = memoryview(bodies).cast("B")
         self._runs = memoryview(runs).cast("B").cast("I")
         self._handle = library.wheelwire_decoder_create(ctypes.addressof(bodies), runs)
@@ -58,7 +58,7 @@ class NativeDecoder:
             raise MemoryError("no memory for a decoder")
 
     def __del__(self) -> None:
-        # There is no attribute if loading the library failed.
+        # The attribute is missing if loading the library failed.
         if getattr(self, "_handle", None):
             self._library.wheelwire_decoder_destroy(self._handle)
 
@@ -128,4 +128,9 @@ class NativeDecoder:
 
 
 # Type checkers see one class: both have the same methods.
-Decoder = NativeDecoder if TYPE_CHECKING or native.is_present() else PythonDecoder
+if TYPE_CHECKING or native.is_present():
+    Decoder = NativeDecoder
+else:
+    from .python_decoder import PythonDecoder
+
+    Decoder = PythonDecoder

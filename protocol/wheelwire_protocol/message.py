@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import struct
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import construct
@@ -47,14 +47,29 @@ class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type i
 
 
 def field(
-    name: str,
     subcon: Any,
-    unit: Unit,
-    doc: str,
-    enumeration: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
+    name: str,
+    doc: str = "",
+    codes: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
+    *,
+    unit: Unit = Unit.NONE,
 ) -> Field:
-    """One field of a message. `subcon` is one of construct's little-endian numbers, or `Bytes`."""
-    return Field(name, subcon, unit, doc, enumeration)
+    """One field of a message. `subcon` is one of construct's little-endian numbers, or `Bytes`.
+
+    A field whose name, unit and codes say everything has no doc.
+    """
+    return Field(name, subcon, unit, doc, codes)
+
+
+u8, i8 = partial(field, construct.Int8ul), partial(field, construct.Int8sl)
+u16, i16 = partial(field, construct.Int16ul), partial(field, construct.Int16sl)
+u32, i32 = partial(field, construct.Int32ul), partial(field, construct.Int32sl)
+u64, f32 = partial(field, construct.Int64ul), partial(field, construct.Float32l)
+
+
+def chars(size: int, name: str, doc: str = "") -> Field:
+    """So many bytes."""
+    return field(construct.Bytes(size), name, doc)
 
 
 @dataclass(frozen=True)
@@ -110,3 +125,8 @@ class Message:
     def from_device(self) -> bool:
         """True when the device sends it."""
         return self.id >= 0x80
+
+
+def message(id_: int, name: str, doc: str, *fields: Field, **properties: Any) -> Message:
+    """The message of these fields; `properties` are the other attributes of `Message`."""
+    return Message(id_, name, doc, construct.Struct(*fields), **properties)

@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-from construct import (
-    Bytes,
-    Float32l,
-    Int8sl,
-    Int8ul,
-    Int16sl,
-    Int16ul,
-    Int32sl,
-    Int32ul,
-    Int64ul,
-    Struct,
-)
+from typing import Any
 
-from .board import (
-    NAME_SIZE,
-    PIN_FUNCTIONS,
-    BoardLine,
-    ConfigurationState,
-    ContactKind,
-    EncoderPulls,
-    Module,
-    Stage,
-)
+from .board_layout import board_fields, peripheral_fields
 from .codes import (
     BoxCause,
     Capability,
     Chip,
+    ConfigurationState,
     Contradiction,
     EstopSource,
     EventCode,
@@ -45,13 +26,12 @@ from .codes import (
     TrialAction,
     Unit,
 )
-from .message import Field, Message, field
+from .message import Field, Message, chars, f32, i16, i32, message, u8, u16, u32, u64
 from .sensors import (
     MOST_ANALOG,
     MOST_PERIPHERALS,
     Axis,
     BatteryLevel,
-    PeripheralFlag,
     PeripheralKind,
     Place,
     RangeQuality,
@@ -63,412 +43,238 @@ from .sensors import (
 
 PROTOCOL_VERSION = 2
 
-
-def _pin(name: str) -> Field:
-    return field(name, Int8sl, Unit.NONE, "GPIO; -1: none.")
-
-
-def board_fields() -> list[Field]:
-    """The packed struct in which a board is sent and stored: its fields, in order."""
-    return [
-        field("version", Int8ul, Unit.NONE, "Version of this struct."),
-        field("chip", Int8ul, Unit.NONE, "The chip whose pins these are.", Chip),
-        field("module", Int8ul, Unit.NONE, "What carries the chip.", Module),
-        field("stage", Int8ul, Unit.NONE, "The power stage of both wheels.", Stage),
-        field("line", Int8ul, Unit.NONE, "The line to the host.", BoardLine),
-        field("name", Bytes(NAME_SIZE), Unit.NONE, "ASCII, filled up with zeros."),
-        *map(_pin, PIN_FUNCTIONS),
-        field(
-            "encoder_pulls", Int8ul, Unit.NONE, "Pulls of all four encoder inputs.", EncoderPulls
-        ),
-        field("estop_contact", Int8ul, Unit.NONE, "What a press does.", ContactKind),
-        field("pwm_frequency_hz", Int16ul, Unit.HERTZ, "Default of the parameter of this name."),
-        field("encoder_filter_ns", Int16ul, Unit.NANOSECOND, "Default of glitch_filter_ns."),
-        field(
-            "battery_divider_permille",
-            Int16ul,
-            Unit.NONE,
-            "Battery volts per volt at the pin, times 1000.",
-        ),
-        # 64 bits, because the GPIOs of an ESP32-S3 go up to 48.
-        field("pulldowns", Int64ul, Unit.NONE, "GPIOs with an external pull-down, as bits."),
-    ]
-
-
-BOARD = Struct(*board_fields())
-BOARD_SIZE: int = BOARD.sizeof()
-
-
-def peripheral_fields() -> list[Field]:
-    """The packed struct in which one peripheral is sent and stored: its fields, in order."""
-    return [
-        field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
-        field("chip", Int8ul, Unit.NONE, "The chip of an IMU, POWER or RANGE.", SensorChip),
-        field("place", Int8ul, Unit.NONE, "Where it is.", Place),
-        field("flags", Int8ul, Unit.NONE, "Properties of its pin.", PeripheralFlag),
-        _pin("pin_a"),
-        _pin("pin_b"),
-        _pin("pin_c"),
-        field("address", Int8ul, Unit.NONE, "Its address on the I2C bus; 0: the chip's usual one."),
-        field("forward", Int8ul, Unit.NONE, "The IMU's axis that points forward.", Axis),
-        field("up", Int8ul, Unit.NONE, "The IMU's axis that points up.", Axis),
-        field("value_a", Int16ul, Unit.NONE, "Depends on the kind; see SPEC.md."),
-        field("value_b", Int16ul, Unit.NONE, "Depends on the kind."),
-        field("value_c", Int16ul, Unit.NONE, "Depends on the kind."),
-    ]
-
-
-PERIPHERAL_SIZE: int = Struct(*peripheral_fields()).sizeof()
-
-
 BOX_PART_SIZE = 56
 """Bytes of a black box that one message carries."""
 
 
 def _session() -> Field:
-    return field("session_id", Int32ul, Unit.NONE, "Nonce XOR boot_id of the session.")
+    return u32("session_id")
 
 
 def _request() -> Field:
-    return field("request_id", Int16ul, Unit.NONE, "Counts up in a session; the answer returns it.")
+    return u16("request_id", "Counts up; the answer repeats it.")
 
 
 def _parameter() -> Field:
-    return field("parameter", Int8ul, Unit.NONE, "Parameter id, from the table of parameters.")
+    return u8("parameter")
 
 
 def _boot() -> Field:
-    return field(
-        "boot_id", Int32ul, Unit.NONE, "Random at reset. A new value voids all earlier ticks."
-    )
+    return u32("boot_id")
 
 
 def _command() -> list[Field]:
     return [
         _session(),
-        field("command_seq", Int32ul, Unit.NONE, "Counts up; only a newer one is obeyed."),
+        u32("command_seq", "Counts up; older ones are ignored."),
         # A moment, not a duration: a delay on the way can then only shorten a setpoint's life.
-        field("expiry_us", Int64ul, Unit.MICROSECOND, "Device clock at which it expires."),
+        u64("expiry_us", "Device clock when it expires.", unit=Unit.MICROSECOND),
     ]
+
+
+def request(id_: int, name: str, doc: str, *fields: Field, **properties: Any) -> Message:
+    """A message that names its session, and has a number in it."""
+    return message(id_, name, doc, _session(), _request(), *fields, **properties)
+
+
+answer = request
+"""It repeats the session and the number of its request."""
 
 
 # --- from the host -----------------------------------------------------------------------------
 
-# Frozen are the messages by which any host can identify any device and stop it, whatever releases
-# the two are of. Their ids and layouts never change.
-HELLO = Message(
-    id=0x01,
-    name="Hello",
-    doc="Opens a session. Repeating it with the same nonce changes nothing.",
-    body=Struct(
-        field("nonce", Int32ul, Unit.NONE, "Random; with boot_id it names the session."),
-        field("protocol_version", Int16ul, Unit.NONE, "The host's protocol version."),
-        field("schema_hash", Int32ul, Unit.NONE, "Hash of the host's message definitions."),
-    ),
+# The frozen messages let any host identify and stop any device, whatever their releases. Their ids
+# and layouts never change.
+HELLO = message(
+    0x01,
+    "Hello",
+    "Opens a session.",
+    u32("nonce", "Random; names the session, with boot_id."),
+    u16("protocol_version"),
+    u32("schema_hash"),
     frozen=True,
 )
-STOP = Message(
-    id=0x02,
-    name="Stop",
-    doc="Stops both wheels at once, bypassing the slew limit. Needs no session.",
-    body=Struct(
-        _session(),
-        _request(),
-        # Else a setpoint that was sent before the stop and arrives after it would drive again.
-        field(
-            "command_seq",
-            Int32ul,
-            Unit.NONE,
-            "Setpoints of this session up to this number are void.",
-        ),
-        field("mode", Int8ul, Unit.NONE, "How to stop.", StopMode),
-    ),
+STOP = request(
+    0x02,
+    "Stop",
+    "Stops both wheels at once. Needs no session.",
+    # Otherwise a setpoint sent before the stop, but arriving after it, would drive again.
+    u32("command_seq", "Setpoints up to this one are void."),
+    u8("mode", codes=StopMode),
     frozen=True,
 )
-ESTOP = Message(
-    id=0x03,
-    name="Estop",
-    doc="Stops both wheels and latches until cleared. Needs no session.",
-    body=Struct(_session(), _request()),
-    frozen=True,
+ESTOP = request(0x03, "Estop", "Stops both wheels until cleared. Needs no session.", frozen=True)
+SET_WHEEL_VELOCITY = message(
+    0x04,
+    "SetWheelVelocity",
+    "Wheel velocities, closed loop.",
+    *_command(),
+    f32("left_mps", "Forward positive.", unit=Unit.METRE_PER_SECOND),
+    f32("right_mps", "Forward positive.", unit=Unit.METRE_PER_SECOND),
 )
-SET_WHEEL_VELOCITY = Message(
-    id=0x04,
-    name="SetWheelVelocity",
-    doc="Velocity setpoint of both wheels, closed loop. The latest wins.",
-    body=Struct(
-        *_command(),
-        field("left_mps", Float32l, Unit.METRE_PER_SECOND, "At the rim, forward positive."),
-        field("right_mps", Float32l, Unit.METRE_PER_SECOND, "At the rim, forward positive."),
-    ),
+SET_DUTY = message(
+    0x05,
+    "SetDuty",
+    "Duties, open loop.",
+    *_command(),
+    i16("left_duty_q15", "Forward positive.", unit=Unit.DUTY_Q15),
+    i16("right_duty_q15", "Forward positive.", unit=Unit.DUTY_Q15),
 )
-SET_DUTY = Message(
-    id=0x05,
-    name="SetDuty",
-    doc="Duty setpoint of both wheels, open loop. The latest wins.",
-    body=Struct(
-        *_command(),
-        field("left_duty_q15", Int16sl, Unit.DUTY_Q15, "Forward positive."),
-        field("right_duty_q15", Int16sl, Unit.DUTY_Q15, "Forward positive."),
-    ),
+PING = request(
+    0x06,
+    "Ping",
+    "Synchronises the clocks. Never repeated.",
+    u64("host_us", "Host clock when sent.", unit=Unit.MICROSECOND),
 )
-PING = Message(
-    id=0x06,
-    name="Ping",
-    doc="One exchange of the clock synchronisation. Never repeated: a lost one stays lost.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("host_us", Int64ul, Unit.MICROSECOND, "Host clock at sending."),
-    ),
+CLEAR_ESTOP = request(0x07, "ClearEstop", "Ends the e-stop, if its cause is gone.")
+CLEAR_FAULT = request(0x08, "ClearFault", "Ends all faults, if their causes are gone.")
+SET_STREAM_RATE = request(
+    0x09,
+    "SetStreamRate",
+    "Sets the rate of WheelState for this session.",
+    u16("rate_hz", "0: off.", unit=Unit.HERTZ),
 )
-CLEAR_ESTOP = Message(
-    id=0x07,
-    name="ClearEstop",
-    doc="Ends the emergency stop; refused while its cause lasts.",
-    body=Struct(_session(), _request()),
-)
-CLEAR_FAULT = Message(
-    id=0x08,
-    name="ClearFault",
-    doc="Clears all latched faults; refused while their cause lasts.",
-    body=Struct(_session(), _request()),
-)
-SET_STREAM_RATE = Message(
-    id=0x09,
-    name="SetStreamRate",
-    doc="Sets how often WheelState is sent in this session.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("rate_hz", Int16ul, Unit.HERTZ, "0 is off."),
-    ),
-)
-PARAMETER_GET = Message(
-    id=0x0A,
-    name="ParameterGet",
-    doc="Asks for one parameter; the answer is ParameterValue.",
-    body=Struct(_session(), _request(), _parameter()),
+PARAMETER_GET = request(
+    0x0A,
+    "ParameterGet",
+    "Asks for one parameter.",
+    _parameter(),
     answer="ParameterValue",
     reads=True,
 )
-PARAMETER_SET = Message(
-    id=0x0B,
-    name="ParameterSet",
-    doc="Sets one parameter until the next reset; the answer is ParameterValue.",
-    body=Struct(
-        _session(),
-        _request(),
-        _parameter(),
-        field("value", Float32l, Unit.NONE, "In the parameter's unit."),
-    ),
+PARAMETER_SET = request(
+    0x0B,
+    "ParameterSet",
+    "Sets one parameter until the next reset.",
+    _parameter(),
+    f32("value"),
     answer="ParameterValue",
 )
-PARAMETER_SAVE = Message(
-    id=0x0C,
-    name="ParameterSave",
-    doc="Writes parameters to the store. Only while stopped: flash writes stall the chip.",
-    body=Struct(
-        _session(),
-        _request(),
-        field(
-            "parameter",
-            Int8ul,
-            Unit.NONE,
-            "Id of the one to save; the others stay as they are in the store. 0: save all.",
-        ),
-    ),
+PARAMETER_SAVE = request(
+    0x0C,
+    "ParameterSave",
+    "Saves parameters in flash. Only while stopped.",
+    u8("parameter", "0: all."),
 )
-PARAMETER_RESET = Message(
-    id=0x0D,
-    name="ParameterReset",
-    doc="Sets all parameters to their defaults and empties the store. Only while stopped.",
-    body=Struct(_session(), _request()),
+PARAMETER_RESET = request(
+    0x0D, "ParameterReset", "Restores and saves all defaults. Only while stopped."
 )
-PARAMETER_LIST = Message(
-    id=0x0E,
-    name="ParameterList",
-    doc="Asks for the parameter at an index; the answer is ParameterEntry.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("parameter_index", Int8ul, Unit.NONE, "0 to parameter_count - 1."),
-    ),
+PARAMETER_LIST = request(
+    0x0E,
+    "ParameterList",
+    "Asks for the parameter at an index.",
+    u8("parameter_index", "0 to parameter_count - 1."),
     answer="ParameterEntry",
     reads=True,
 )
-LINK_COUNTERS_GET = Message(
-    id=0x0F,
-    name="LinkCountersGet",
-    doc="Asks for the device's link counters; the answer is LinkCounters.",
-    body=Struct(_session(), _request()),
-    answer="LinkCounters",
-    reads=True,
+LINK_COUNTERS_GET = request(
+    0x0F, "LinkCountersGet", "Asks for LinkCounters.", answer="LinkCounters", reads=True
 )
 
-CONTROL_COUNTERS_GET = Message(
-    id=0x10,
-    name="ControlCountersGet",
-    doc="Asks for the control loop's counters; the answer is ControlCounters.",
-    body=Struct(_session(), _request()),
-    answer="ControlCounters",
-    reads=True,
+CONTROL_COUNTERS_GET = request(
+    0x10, "ControlCountersGet", "Asks for ControlCounters.", answer="ControlCounters", reads=True
 )
 
-PARAMETER_TRIAL = Message(
-    id=0x11,
-    name="ParameterTrial",
-    doc="Begins, renews or ends a trial of parameters, which the session's end reverts.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("action", Int8ul, Unit.NONE, "What to do.", TrialAction),
-        field(
-            "timeout_s", Float32l, Unit.SECOND, "Life of the trial after BEGIN or RENEW: 0.2 to 60."
-        ),
-    ),
+PARAMETER_TRIAL = request(
+    0x11,
+    "ParameterTrial",
+    "Begins, renews or ends a trial of parameters.",
+    u8("action", codes=TrialAction),
+    f32("timeout_s", "Of BEGIN and RENEW: 0.2 to 60.", unit=Unit.SECOND),
 )
 
-GROUP_GET = Message(
-    id=0x12,
-    name="GroupGet",
-    doc="Asks for the hash of a group of messages; the answer is GroupInfo.",
-    body=Struct(_session(), _request(), field("group", Int8ul, Unit.NONE, "Which.", Group)),
+GROUP_GET = request(
+    0x12,
+    "GroupGet",
+    "Asks for the hash of a group of messages.",
+    u8("group", codes=Group),
     answer="GroupInfo",
     reads=True,
 )
-RESTART = Message(
-    id=0x13,
-    name="Restart",
-    doc="Restarts the device, shortly after the Ack. Only while stopped.",
-    body=Struct(_session(), _request()),
+RESTART = request(0x13, "Restart", "Restarts the device. Only while stopped.")
+
+CONTRADICTIONS_GET = request(
+    0x14, "ContradictionsGet", "Asks for Contradictions.", answer="Contradictions", reads=True
 )
 
-CONTRADICTIONS_GET = Message(
-    id=0x14,
-    name="ContradictionsGet",
-    doc="Asks which parameters contradict each other; the answer is Contradictions.",
-    body=Struct(_session(), _request()),
-    answer="Contradictions",
-    reads=True,
-)
-
-HOLD_GET = Message(
-    id=0x15,
-    name="HoldGet",
-    doc="Asks what holds the robot, and what ended its last motion; the answer is Hold.",
-    body=Struct(_session(), _request()),
-    answer="Hold",
-    reads=True,
-)
+HOLD_GET = request(0x15, "HoldGet", "Asks for Hold.", answer="Hold", reads=True)
 
 # --- the configuration, from the host: ids 0x20 to 0x2f ------------------------------------------
 
-CONFIGURATION_GET = Message(
-    id=0x20,
-    name="ConfigurationGet",
-    doc="Asks for the active configuration; the answer is ConfigurationValue.",
-    body=Struct(_session(), _request()),
+CONFIGURATION_GET = request(
+    0x20,
+    "ConfigurationGet",
+    "Asks for the active configuration.",
     group=Group.CONFIGURATION,
     answer="ConfigurationValue",
     reads=True,
 )
-PERIPHERAL_GET = Message(
-    id=0x21,
-    name="PeripheralGet",
-    doc="Asks for one of its peripherals; the answer is PeripheralValue.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
-    ),
+PERIPHERAL_GET = request(
+    0x21,
+    "PeripheralGet",
+    "Asks for one of its peripherals.",
+    u8("channel"),
     group=Group.CONFIGURATION,
     answer="PeripheralValue",
     reads=True,
 )
-BOARD_SET = Message(
-    id=0x22,
-    name="BoardSet",
-    doc="Sets the board that ConfigurationWrite stores. Nothing changes before that.",
-    # The board last: the firmware copies it to and from the end of the body as it is packed.
-    body=Struct(_session(), _request(), *board_fields()),
+BOARD_SET = request(
+    0x22,
+    "BoardSet",
+    "Prepares the board for ConfigurationWrite.",
+    *board_fields(),
     group=Group.CONFIGURATION,
 )
-PERIPHERAL_SET = Message(
-    id=0x23,
-    name="PeripheralSet",
-    doc="As BoardSet, one of its peripherals.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
-        *peripheral_fields(),
-    ),
+PERIPHERAL_SET = request(
+    0x23,
+    "PeripheralSet",
+    "Prepares a peripheral for ConfigurationWrite.",
+    u8("channel"),
+    *peripheral_fields(),
     group=Group.CONFIGURATION,
 )
-CONFIGURATION_WRITE = Message(
-    id=0x24,
-    name="ConfigurationWrite",
-    doc="Stores what was set, to be tried from the next restart on. Only while stopped.",
-    body=Struct(
-        _session(),
-        _request(),
-        field(
-            "peripheral_count", Int8ul, Unit.NONE, "How many peripherals count; 0: there is none."
-        ),
-        field(
-            "fingerprint", Int32ul, Unit.NONE, "Of the configuration that is meant: see SPEC.md."
-        ),
-    ),
+CONFIGURATION_WRITE = request(
+    0x24,
+    "ConfigurationWrite",
+    "Stores the prepared configuration on trial. Only while stopped.",
+    u8("peripheral_count"),
+    u32("fingerprint"),
     group=Group.CONFIGURATION,
 )
-CONFIGURATION_CONFIRM = Message(
-    id=0x25,
-    name="ConfigurationConfirm",
-    doc="Confirms the configuration on trial, or the image's own. Only while stopped.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("fingerprint", Int32ul, Unit.NONE, "Of the configuration that is meant."),
-    ),
+CONFIGURATION_CONFIRM = request(
+    0x25,
+    "ConfigurationConfirm",
+    "Confirms the configuration. Only while stopped.",
+    u32("fingerprint"),
     group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the host: ids 0x30 to 0x3f -----------------------------------------------
 
-BOX_GET = Message(
-    id=0x30,
-    name="BoxGet",
-    doc="Asks for what one of the stored black boxes is of; the answer is BoxValue.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("age", Int8ul, Unit.NONE, "How many were stored after it; 0: the newest."),
-    ),
+BOX_GET = request(
+    0x30,
+    "BoxGet",
+    "Asks what a stored black box contains.",
+    u8("age", "0: the newest box."),
     group=Group.RECORDER,
     answer="BoxValue",
     reads=True,
 )
-BOX_READ = Message(
-    id=0x31,
-    name="BoxRead",
-    doc="Asks for a part of a black box; the answer is BoxPart. Not while driving.",
-    body=Struct(
-        _session(),
-        _request(),
-        # Not by its age: a box that is stored meanwhile must not change which one is read.
-        field("number", Int32ul, Unit.NONE, "Number of the box."),
-        field("offset", Int32ul, Unit.NONE, "Offset from its beginning, in bytes."),
-    ),
+BOX_READ = request(
+    0x31,
+    "BoxRead",
+    "Asks for a part of a black box. Only while stopped.",
+    # Not by its age: a box stored during the download must not change which one is read.
+    u32("number"),
+    u32("offset", "In bytes."),
     group=Group.RECORDER,
     answer="BoxPart",
     reads=True,
 )
-LEDGER_GET = Message(
-    id=0x32,
-    name="LedgerGet",
-    doc="Asks for the counts that outlive a reset; the answer is LedgerValue.",
-    body=Struct(_session(), _request()),
+LEDGER_GET = request(
+    0x32,
+    "LedgerGet",
+    "Asks for the counts that survive a reset.",
     group=Group.RECORDER,
     answer="LedgerValue",
     reads=True,
@@ -476,11 +282,10 @@ LEDGER_GET = Message(
 
 # --- the store, from the host: ids 0x40 to 0x4f --------------------------------------------------
 
-UNSAVED_GET = Message(
-    id=0x40,
-    name="UnsavedGet",
-    doc="Asks which parameters a reset would change; the answer is UnsavedValue.",
-    body=Struct(_session(), _request()),
+UNSAVED_GET = request(
+    0x40,
+    "UnsavedGet",
+    "Asks which parameters are not saved.",
     group=Group.STORE,
     answer="UnsavedValue",
     reads=True,
@@ -488,30 +293,20 @@ UNSAVED_GET = Message(
 
 # --- sensors, from the host: ids 0x50 to 0x5f ----------------------------------------------------
 
-SENSOR_STREAM = Message(
-    id=0x50,
-    name="SensorStream",
-    doc="Asks for a SensorInfo of each channel, and for samples in this session.",
-    body=Struct(
-        _session(),
-        _request(),
-        field(
-            "rate_hz",
-            Int16ul,
-            Unit.HERTZ,
-            "Highest rate of the IMU; other sensors have their own. 0: no samples.",
-        ),
-    ),
+SENSOR_STREAM = request(
+    0x50,
+    "SensorStream",
+    "Asks for SensorInfo and samples, for this session.",
+    u16("rate_hz", "Highest rate of the IMU; 0: no samples.", unit=Unit.HERTZ),
     group=Group.SENSOR,
 )
 
 # --- what the firmware runs on, from the host: ids 0x60 to 0x6f ----------------------------------
 
-MEMORY_GET = Message(
-    id=0x60,
-    name="MemoryGet",
-    doc="Asks how much of the chip's memory is left; the answer is MemoryValue.",
-    body=Struct(_session(), _request()),
+MEMORY_GET = request(
+    0x60,
+    "MemoryGet",
+    "Asks how much memory is free.",
     group=Group.PLATFORM,
     answer="MemoryValue",
     reads=True,
@@ -519,385 +314,243 @@ MEMORY_GET = Message(
 
 # --- from the device ---------------------------------------------------------------------------
 
-# The upper half of the ids: a device knows none of them, so that an echo of its own frames does
+# The upper half of the ids. A device accepts none of them, so an echo of its own frames does
 # nothing.
-DEVICE_HELLO = Message(
-    id=0x80,
-    name="DeviceHello",
-    doc="Answers Hello: who this is, and whether the session is open.",
-    body=Struct(
-        # Shows which hello this answers: a late answer to a previous one must not open a session.
-        field("nonce", Int32ul, Unit.NONE, "The host's, repeated."),
-        field("protocol_version", Int16ul, Unit.NONE, "The device's protocol version."),
-        field("schema_hash", Int32ul, Unit.NONE, "Hash of the device's message definitions."),
-        field("refusal", Int8ul, Unit.NONE, "NONE: the session is open.", RefusalCode),
-        _boot(),
-        field("device_us", Int64ul, Unit.MICROSECOND, "Device clock, from reset."),
-        field("reset_reason", Int8ul, Unit.NONE, "Why the device last started.", ResetReason),
-        field("board", Int8ul, Unit.NONE, "What the firmware runs on.", Chip),
-        field("board_id", Int64ul, Unit.NONE, "The chip's MAC address."),
-        field("capabilities", Int32ul, Unit.NONE, "What this device can do.", Capability),
-        field("version_major", Int8ul, Unit.NONE, "The firmware's major version."),
-        field("version_minor", Int8ul, Unit.NONE, "The firmware's minor version."),
-        field("version_patch", Int8ul, Unit.NONE, "The firmware's patch version."),
-        field(
-            "git_hash",
-            Int32ul,
-            Unit.NONE,
-            "First 8 hex digits of the firmware's commit; 0: unknown.",
-        ),
-    ),
+DEVICE_HELLO = message(
+    0x80,
+    "DeviceHello",
+    "Answers Hello: identity, and whether the session is open.",
+    # Shows which hello this answers: a late answer to a previous one must not open a session.
+    u32("nonce", "From Hello."),
+    u16("protocol_version"),
+    u32("schema_hash"),
+    u8("refusal", "NONE: the session is open.", RefusalCode),
+    u32("boot_id", "Random at each reset, which zeroes the ticks."),
+    u64("device_us", unit=Unit.MICROSECOND),
+    u8("reset_reason", codes=ResetReason),
+    u8("board", codes=Chip),
+    u64("board_id", "The chip's MAC address."),
+    u32("capabilities", codes=Capability),
+    u8("version_major", "Of the firmware."),
+    u8("version_minor", "Of the firmware."),
+    u8("version_patch", "Of the firmware."),
+    u32("git_hash", "First 8 hex digits of its commit; 0: unknown."),
     frozen=True,
 )
-WHEEL_STATE = Message(
-    id=0x81,
-    name="WheelState",
-    doc="Both encoders, latched at the same instant, and the state of the controller.",
-    body=Struct(
-        _boot(),
-        # 32 bits, since each byte counts in the message that is sent most: the host extends them.
-        field(
-            "t_us", Int32ul, Unit.MICROSECOND, "Device clock at the latch. Wraps after 71.6 min."
-        ),
-        field("left_ticks", Int32sl, Unit.TICK, "Cumulative, forward positive. Wraps at 2^32."),
-        field("right_ticks", Int32sl, Unit.TICK, "Cumulative, forward positive. Wraps at 2^32."),
-        field("left_mps", Float32l, Unit.METRE_PER_SECOND, "Measured at the rim."),
-        field("right_mps", Float32l, Unit.METRE_PER_SECOND, "Measured at the rim."),
-        field("left_duty_q15", Int16sl, Unit.DUTY_Q15, "On the output now; 0 when not driving."),
-        field("right_duty_q15", Int16sl, Unit.DUTY_Q15, "On the output now; 0 when not driving."),
-        field("command_seq", Int32ul, Unit.NONE, "Setpoint obeyed, or last obeyed; 0: none yet."),
-        field("supervisor", Int8ul, Unit.NONE, "The safety supervisor's state.", SupervisorState),
-        field("faults", Int16ul, Unit.NONE, "Latched fault flags.", Fault),
-        field("overruns", Int16ul, Unit.NONE, "Control steps that came late, since reset. Wraps."),
-        field("battery_mv", Int16ul, Unit.MILLIVOLT, "Battery voltage; 0: not measured."),
-    ),
+WHEEL_STATE = message(
+    0x81,
+    "WheelState",
+    "Both encoders, read at one instant, and the controller's state.",
+    _boot(),
+    # 32 bits, since each byte counts in the message that is sent most: the host extends them.
+    u32("t_us", "Device clock. Wraps after 71.6 min.", unit=Unit.MICROSECOND),
+    i32("left_ticks", "Forward positive. Wraps.", unit=Unit.TICK),
+    i32("right_ticks", "Forward positive. Wraps.", unit=Unit.TICK),
+    f32("left_mps", "Measured at the rim.", unit=Unit.METRE_PER_SECOND),
+    f32("right_mps", "Measured at the rim.", unit=Unit.METRE_PER_SECOND),
+    i16("left_duty_q15", "Applied; 0 when not driving.", unit=Unit.DUTY_Q15),
+    i16("right_duty_q15", "Applied; 0 when not driving.", unit=Unit.DUTY_Q15),
+    u32("command_seq", "Setpoint obeyed last; 0: none yet."),
+    u8("supervisor", codes=SupervisorState),
+    u16("faults", codes=Fault),
+    u16("overruns", "Late control steps since reset. Wraps."),
+    u16("battery_mv", "0: not measured.", unit=Unit.MILLIVOLT),
 )
-REFUSE = Message(
-    id=0x82,
-    name="Refuse",
-    doc="A request or setpoint was not obeyed. Nothing moved or changed because of it.",
-    body=Struct(
-        _session(),
-        field("message_id", Int8ul, Unit.NONE, "Id of the message refused."),
-        field("code", Int8ul, Unit.NONE, "Why.", RefusalCode),
-        field("reference", Int32ul, Unit.NONE, "Its request_id, or its command_seq."),
-    ),
+REFUSE = message(
+    0x82,
+    "Refuse",
+    "Refuses a request or setpoint: nothing moved or changed.",
+    _session(),
+    u8("message_id", "Of the refused message."),
+    u8("code", codes=RefusalCode),
+    u32("reference", "Its request_id or command_seq."),
     frozen=True,
 )
-ACK = Message(
-    id=0x83,
-    name="Ack",
-    doc="The request was carried out.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("message_id", Int8ul, Unit.NONE, "Id of the message carried out."),
-    ),
+ACK = answer(
+    0x83, "Ack", "Confirms that a request was carried out.", u8("message_id", "Of the request.")
 )
-PONG = Message(
-    id=0x84,
-    name="Pong",
-    doc="Answers Ping.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("host_us", Int64ul, Unit.MICROSECOND, "From the Ping."),
-        field("received_us", Int64ul, Unit.MICROSECOND, "Device clock when the Ping was read."),
-        field("sent_us", Int64ul, Unit.MICROSECOND, "Device clock when this was written."),
-    ),
+PONG = answer(
+    0x84,
+    "Pong",
+    "Answers Ping, with the device clock.",
+    u64("host_us", "From Ping.", unit=Unit.MICROSECOND),
+    u64("received_us", unit=Unit.MICROSECOND),
+    u64("sent_us", unit=Unit.MICROSECOND),
 )
-PARAMETER_VALUE = Message(
-    id=0x85,
-    name="ParameterValue",
-    doc="The active value.",
-    body=Struct(
-        _session(),
-        _request(),
-        _parameter(),
-        field("value", Float32l, Unit.NONE, "In the parameter's unit."),
-    ),
+PARAMETER_VALUE = answer(
+    0x85,
+    "ParameterValue",
+    "A parameter's active value.",
+    _parameter(),
+    f32("value"),
 )
-PARAMETER_ENTRY = Message(
-    id=0x86,
-    name="ParameterEntry",
-    doc="One parameter with this device's bounds.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("parameter_index", Int8ul, Unit.NONE, "As asked."),
-        # In every entry: the host learns from the first one how many to ask for.
-        field("parameter_count", Int8ul, Unit.NONE, "How many parameters there are."),
-        _parameter(),
-        field("value", Float32l, Unit.NONE, "The active value."),
-        field("default_value", Float32l, Unit.NONE, "After a ParameterReset."),
-        field("minimum", Float32l, Unit.NONE, "Smallest value allowed."),
-        field("maximum", Float32l, Unit.NONE, "Largest value allowed."),
-    ),
+PARAMETER_ENTRY = answer(
+    0x86,
+    "ParameterEntry",
+    "One parameter, with its bounds.",
+    u8("parameter_index"),
+    # In every entry: the host learns from the first one how many to ask for.
+    u8("parameter_count"),
+    _parameter(),
+    f32("value"),
+    f32("default_value"),
+    f32("minimum"),
+    f32("maximum"),
 )
-EVENT = Message(
-    id=0x87,
-    name="Event",
-    doc="Reports what a state frame may show too late or not at all.",
-    body=Struct(
-        _boot(),
-        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock when it happened."),
-        field("code", Int8ul, Unit.NONE, "What.", EventCode),
-        field("cause", Int8ul, Unit.NONE, "What moved the supervisor.", SupervisorEvent),
-        field("before", Int8ul, Unit.NONE, "State left.", SupervisorState),
-        field("after", Int8ul, Unit.NONE, "State entered.", SupervisorState),
-        field("faults", Int16ul, Unit.NONE, "Latched fault flags.", Fault),
-        field(
-            "speed_mps",
-            Float32l,
-            Unit.METRE_PER_SECOND,
-            "With ROLLING, the speed of the faster wheel; otherwise 0.",
-        ),
-    ),
+EVENT = message(
+    0x87,
+    "Event",
+    "Reports a change of state, or another incident.",
+    _boot(),
+    u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
+    u8("code", codes=EventCode),
+    u8("cause", codes=SupervisorEvent),
+    u8("before", codes=SupervisorState),
+    u8("after", codes=SupervisorState),
+    u16("faults", codes=Fault),
+    f32("speed_mps", "With ROLLING: of the faster wheel.", unit=Unit.METRE_PER_SECOND),
 )
-LINK_COUNTERS = Message(
-    id=0x88,
-    name="LinkCounters",
-    doc="Counts of the device's receiver, sender and supervisor since reset. All wrap.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("frames_received", Int32ul, Unit.NONE, "Good frames."),
-        field("frames_sent", Int32ul, Unit.NONE, "Frames handed to the line."),
-        field("bad_crc", Int32ul, Unit.NONE, "Frames with a wrong CRC."),
-        field("bad_cobs", Int32ul, Unit.NONE, "Frames that are not COBS, or too short or long."),
-        field("unknown_id", Int32ul, Unit.NONE, "Good frames with an unknown id."),
-        field(
-            "wrong_length", Int32ul, Unit.NONE, "Good frames with the wrong length for their id."
-        ),
-        field(
-            "seq_lost",
-            Int32ul,
-            Unit.NONE,
-            "Frames missing by their sequence numbers, less those that came late.",
-        ),
-        field("send_dropped", Int32ul, Unit.NONE, "Frames not sent because the line was full."),
-        field("refused", Int32ul, Unit.NONE, "Requests and setpoints refused."),
-        field(
-            "faults_tripped", Int16ul, Unit.NONE, "Faults tripped, including those cleared at once."
-        ),
-    ),
+LINK_COUNTERS = answer(
+    0x88,
+    "LinkCounters",
+    "Counts of the link since reset. All wrap.",
+    u32("frames_received"),
+    u32("frames_sent"),
+    u32("bad_crc"),
+    u32("bad_cobs", "Not COBS, too short or too long."),
+    u32("unknown_id"),
+    u32("wrong_length"),
+    u32("seq_lost", "Frames missing by seq."),
+    u32("send_dropped", "The line was full."),
+    u32("refused", "Requests and setpoints."),
+    u16("faults_tripped"),
 )
 
-CONTROL_COUNTERS = Message(
-    id=0x89,
-    name="ControlCounters",
-    doc="Counts of the control loop and the encoders since reset. All wrap.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("late_steps", Int32ul, Unit.NONE, "Steps more than half a period late."),
-        field("latest_step_us", Int32ul, Unit.MICROSECOND, "Longest time between two steps."),
-        field(
-            "saturated_steps",
-            Int32ul,
-            Unit.NONE,
-            "Steps in which a wheel's velocity loop needed more than its output can give.",
-        ),
-        field(
-            "left_illegal",
-            Int32ul,
-            Unit.NONE,
-            "Impossible transitions of the left encoder: lost edges. A chip's counter sees none.",
-        ),
-        field("right_illegal", Int32ul, Unit.NONE, "As left_illegal."),
-    ),
+CONTROL_COUNTERS = answer(
+    0x89,
+    "ControlCounters",
+    "Counts of the control loop since reset. All wrap.",
+    u32("late_steps", "More than half a period late."),
+    u32("latest_step_us", "Longest time between steps.", unit=Unit.MICROSECOND),
+    u32("saturated_steps", "Steps in which a wheel needed more duty than there is."),
+    u32("left_illegal", "Lost edges; always 0 on a chip."),
+    u32("right_illegal", "Lost edges; always 0 on a chip."),
 )
 
-GROUP_INFO = Message(
-    id=0x8A,
-    name="GroupInfo",
-    doc="The hash of a group of messages.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("group", Int8ul, Unit.NONE, "As asked.", Group),
-        field("hash", Int32ul, Unit.NONE, "0: this device has no such group."),
-    ),
+GROUP_INFO = answer(
+    0x8A,
+    "GroupInfo",
+    "The hash of a group of messages.",
+    u8("group", codes=Group),
+    u32("hash", "0: no such group."),
 )
 
-CONTRADICTIONS = Message(
-    id=0x8B,
-    name="Contradictions",
-    doc="Which parameters contradict each other, or the board.",
-    body=Struct(
-        _session(),
-        _request(),
-        field(
-            "active",
-            Int32ul,
-            Unit.NONE,
-            "Contradictions of the active values: nothing drives.",
-            Contradiction,
-        ),
-        field(
-            "refused",
-            Int32ul,
-            Unit.NONE,
-            "Contradictions of the values that this session was last refused.",
-            Contradiction,
-        ),
-    ),
+CONTRADICTIONS = answer(
+    0x8B,
+    "Contradictions",
+    "Parameters that contradict each other or the board.",
+    u32("active", codes=Contradiction),
+    u32("refused", "Of the values refused last.", Contradiction),
 )
 
-HOLD = Message(
-    id=0x8C,
-    name="Hold",
-    doc="What holds the robot, and what ended its last motion. Sent unasked, too, when a session "
-    "opens, when one of them changes, and each second.",
-    body=Struct(
-        _session(),
-        field("request_id", Int16ul, Unit.NONE, "As asked; 0: nobody asked."),
-        field("held", Int32ul, Unit.NONE, "What holds it now; 0: nothing.", Held),
-        field("estop_source", Int8ul, Unit.NONE, "Who latched the e-stop.", EstopSource),
-        field(
-            "contradictions",
-            Int32ul,
-            Unit.NONE,
-            "Contradictions of the active parameters.",
-            Contradiction,
-        ),
-        field("stop_cause", Int8ul, Unit.NONE, "What ended the last motion.", StopCause),
-        field("stop_flags", Int8ul, Unit.NONE, "More about that stop.", StopFlag),
-        field("stop_reset", Int8ul, Unit.NONE, "With RESET: why.", ResetReason),
-        field("stop_held", Int32ul, Unit.NONE, "What held the robot once it had stopped.", Held),
-        field("stop_faults", Int16ul, Unit.NONE, "Faults latched at it.", Fault),
-        field("stop_session", Int32ul, Unit.NONE, "Session whose setpoint drove until then."),
-        field("stop_command", Int32ul, Unit.NONE, "Number of that setpoint."),
-        field(
-            "stop_us", Int64ul, Unit.MICROSECOND, "Device clock at it; 0: before the last start."
-        ),
-        field("stop_mmps", Int16ul, Unit.MILLIMETRE_PER_SECOND, "Speed of the faster wheel at it."),
-        field("rolled_mm", Int16ul, Unit.MILLIMETRE, "How far that wheel has turned since."),
-    ),
+HOLD = message(
+    0x8C,
+    "Hold",
+    "What holds the robot, and what ended its last motion.",
+    _session(),
+    u16("request_id", "0: sent unasked."),
+    u32("held", "0: nothing.", Held),
+    u8("estop_source", codes=EstopSource),
+    u32("contradictions", codes=Contradiction),
+    u8("stop_cause", codes=StopCause),
+    u8("stop_flags", codes=StopFlag),
+    u8("stop_reset", "With RESET.", ResetReason),
+    u32("stop_held", codes=Held),
+    u16("stop_faults", codes=Fault),
+    u32("stop_session"),
+    u32("stop_command", "Its last setpoint."),
+    u64("stop_us", "Device clock; 0: before this start.", unit=Unit.MICROSECOND),
+    u16("stop_mmps", "Of the faster wheel.", unit=Unit.MILLIMETRE_PER_SECOND),
+    u16("rolled_mm", "How far that wheel turned since.", unit=Unit.MILLIMETRE),
 )
 
 # --- the configuration, from the device: ids 0xa0 to 0xaf ----------------------------------------
 
-CONFIGURATION_VALUE = Message(
-    id=0xA0,
-    name="ConfigurationValue",
-    doc="The active configuration, without its peripherals.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("state", Int8ul, Unit.NONE, "Where it is from.", ConfigurationState),
-        field("peripheral_count", Int8ul, Unit.NONE, "How many peripherals it has."),
-        field("fingerprint", Int32ul, Unit.NONE, "Its checksum: see SPEC.md."),
-        *board_fields(),
-    ),
+CONFIGURATION_VALUE = answer(
+    0xA0,
+    "ConfigurationValue",
+    "The active configuration.",
+    u8("state", codes=ConfigurationState),
+    u8("peripheral_count"),
+    u32("fingerprint"),
+    *board_fields(),
     group=Group.CONFIGURATION,
 )
-PERIPHERAL_VALUE = Message(
-    id=0xA1,
-    name="PeripheralValue",
-    doc="One of its peripherals; of kind NONE if it has fewer.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
-        *peripheral_fields(),
-    ),
+PERIPHERAL_VALUE = answer(
+    0xA1,
+    "PeripheralValue",
+    "A peripheral; of kind NONE if it has fewer.",
+    u8("channel"),
+    *peripheral_fields(),
     group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the device: ids 0xb0 to 0xbf ---------------------------------------------
 
 
-def _count(name: str, doc: str) -> Field:
-    return field(name, Int32ul, Unit.NONE, doc)
+def _count(name: str, doc: str = "") -> Field:
+    return u32(name, doc)
 
 
-BOX_VALUE = Message(
-    id=0xB0,
-    name="BoxValue",
-    doc="What a stored black box is of. With number 0 there is none of this age.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("box_count", Int8ul, Unit.NONE, "How many boxes are stored."),
-        field("age", Int8ul, Unit.NONE, "As asked."),
-        field(
-            "is_current",
-            Int8ul,
-            Unit.NONE,
-            "1: what it ends with is how the device stands now, or the reset that began this boot.",
-        ),
-        field("number", Int32ul, Unit.NONE, "Counts up over all boxes of the device, from 1."),
-        field("size", Int32ul, Unit.NONE, "Size in bytes."),
-        field("cause", Int8ul, Unit.NONE, "Why it was stored.", BoxCause),
-        field(
-            "reset_reason",
-            Int8ul,
-            Unit.NONE,
-            "Reason for the reset before the boot in which it was stored.",
-            ResetReason,
-        ),
-        field("boot_id", Int32ul, Unit.NONE, "Number of the boot in which it was recorded."),
-        field("core", Int32ul, Unit.NONE, "Hash of the core that recorded it."),
-        field(
-            "release", Int32ul, Unit.NONE, "The firmware's version: major << 16, minor << 8, patch."
-        ),
-        field(
-            "git_hash",
-            Int32ul,
-            Unit.NONE,
-            "First 8 hex digits of the firmware's commit; 0: unknown.",
-        ),
-        field("board", Int32ul, Unit.NONE, "Fingerprint of the board; 0: none."),
-        field("faults", Int32ul, Unit.NONE, "Latched when it was stored.", Fault),
-        field("stored_us", Int64ul, Unit.MICROSECOND, "Device clock when it was stored."),
-    ),
+BOX_VALUE = answer(
+    0xB0,
+    "BoxValue",
+    "What a stored black box contains.",
+    u8("box_count"),
+    u8("age"),
+    u8("is_current", "1: it ends with the present latch, or the last reset."),
+    u32("number", "From 1; 0: no such box."),
+    u32("size", "In bytes."),
+    u8("cause", codes=BoxCause),
+    u8("reset_reason", "Before the boot that stored it.", ResetReason),
+    u32("boot_id", "Boot that recorded it."),
+    u32("core", "Hash of the firmware's core."),
+    u32("release", "Firmware: major << 16, minor << 8, patch."),
+    u32("git_hash", "First 8 hex digits of its commit; 0: unknown."),
+    u32("board", "Fingerprint; 0: none."),
+    u32("faults", codes=Fault),
+    u64("stored_us", unit=Unit.MICROSECOND),
     group=Group.RECORDER,
 )
-BOX_PART = Message(
-    id=0xB1,
-    name="BoxPart",
-    doc="A part of a black box. With size 0 the device has no such box, or it is not that long.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("number", Int32ul, Unit.NONE, "As asked."),
-        field("offset", Int32ul, Unit.NONE, "As asked."),
-        field("size", Int8ul, Unit.NONE, "Bytes of the data that count; less at the end alone."),
-        field("data", Bytes(BOX_PART_SIZE), Unit.NONE, "The bytes, filled up with zeros."),
-    ),
+BOX_PART = answer(
+    0xB1,
+    "BoxPart",
+    "A part of a black box.",
+    u32("number"),
+    u32("offset"),
+    u8("size", "Valid bytes; 0: no such box, or past its end."),
+    chars(BOX_PART_SIZE, "data"),
     group=Group.RECORDER,
 )
-LEDGER_VALUE = Message(
-    id=0xB2,
-    name="LedgerValue",
-    doc="What happened to the robot in its life, up to now. All counts wrap.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("uptime_s", Int32ul, Unit.SECOND, "In all."),
-        # In the order of ResetReason.
-        *(
-            _count(f"resets_{reason.name.lower()}", f"Starts for the reason {reason.name}.")
-            for reason in ResetReason
-        ),
-        _count("stops_session", "Drives that a new session ended."),
-        _count("stops_stop", "Drives that a stop ended."),
-        _count("stops_deadline", "Drives that ended because a setpoint ran out."),
-        _count("stops_estop", "Emergency stops."),
-        _count("stops_fault", "Faults."),
-    ),
+LEDGER_VALUE = answer(
+    0xB2,
+    "LedgerValue",
+    "Counts over the robot's life. All wrap.",
+    u32("uptime_s", unit=Unit.SECOND),
+    # In the order of ResetReason.
+    *(_count(f"resets_{reason.name.lower()}") for reason in ResetReason),
+    _count("stops_session", "Drives that it ended."),
+    _count("stops_stop", "Drives that it ended."),
+    _count("stops_deadline", "Drives that it ended."),
+    _count("stops_estop"),
+    _count("stops_fault"),
     group=Group.RECORDER,
 )
-UNSAVED_VALUE = Message(
-    id=0xC0,
-    name="UnsavedValue",
-    doc="The parameters whose active value is not the one that the next start would load.",
-    body=Struct(
-        _session(),
-        _request(),
-        field("parameters", Int64ul, Unit.NONE, "Bit n: the parameter with id n + 1."),
-    ),
+UNSAVED_VALUE = answer(
+    0xC0,
+    "UnsavedValue",
+    "Parameters whose active value is not saved.",
+    u64("parameters", "Bit n: parameter n + 1."),
     group=Group.STORE,
 )
 
@@ -905,127 +558,98 @@ UNSAVED_VALUE = Message(
 
 
 def _channel() -> Field:
-    return field("channel", Int8ul, Unit.NONE, "Index of the peripheral's entry.")
+    return u8("channel")
 
 
 def _taken() -> list[Field]:
     return [
         _boot(),
-        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock, as in WheelState."),
+        u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
         _channel(),
     ]
 
 
 def _axes(name: str, doc: str) -> list[Field]:
-    return [field(f"{name}_{axis}", Int16sl, Unit.COUNT, doc) for axis in "xyz"]
+    return [i16(f"{name}_{axis}", doc, unit=Unit.COUNT) for axis in "xyz"]
 
 
-SENSOR_INFO = Message(
-    id=0xD0,
-    name="SensorInfo",
-    doc="What a channel is, and in which units it measures.",
-    body=Struct(
-        _session(),
-        _channel(),
-        field("channel_count", Int8ul, Unit.NONE, "How many channels there are."),
-        field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
-        field("chip", Int8ul, Unit.NONE, "Which chip.", SensorChip),
-        field("place", Int8ul, Unit.NONE, "Where it is.", Place),
-        field("forward", Int8ul, Unit.NONE, "The IMU's axis that points forward.", Axis),
-        field("up", Int8ul, Unit.NONE, "The IMU's axis that points up.", Axis),
-        field("state", Int8ul, Unit.NONE, "Whether its samples can be used.", SensorState),
-        field("rate_hz", Int16ul, Unit.HERTZ, "At which samples are sent; 0: on a change."),
-        field("gyro_scale", Float32l, Unit.RADIAN_PER_SECOND, "One count."),
-        field("accelerometer_scale", Float32l, Unit.METRE_PER_SECOND_SQUARED, "One count."),
-        field("gyro_noise", Float32l, Unit.RADIAN_PER_SECOND, "Standard deviation."),
-        field(
-            "accelerometer_noise", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Standard deviation."
-        ),
-        *_axes(
-            "bias",
-            "As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue "
-            "input's divider and number.",
-        ),
-    ),
+SENSOR_INFO = message(
+    0xD0,
+    "SensorInfo",
+    "A sensor, and its units.",
+    _session(),
+    _channel(),
+    u8("channel_count"),
+    u8("kind", codes=PeripheralKind),
+    u8("chip", codes=SensorChip),
+    u8("place", codes=Place),
+    u8("forward", codes=Axis),
+    u8("up", codes=Axis),
+    u8("state", codes=SensorState),
+    u16("rate_hz", "Rate of samples; 0: on a change.", unit=Unit.HERTZ),
+    f32("gyro_scale", "One count.", unit=Unit.RADIAN_PER_SECOND),
+    f32("accelerometer_scale", "One count.", unit=Unit.METRE_PER_SECOND_SQUARED),
+    f32("gyro_noise", "Standard deviation.", unit=Unit.RADIAN_PER_SECOND),
+    f32("accelerometer_noise", "Standard deviation.", unit=Unit.METRE_PER_SECOND_SQUARED),
+    *_axes("bias", "value_a, value_b, value_c of the peripheral."),
     group=Group.SENSOR,
 )
-IMU = Message(
-    id=0xD1,
-    name="Imu",
-    doc="One sample of an IMU, in the axes of its chip. Never sent twice.",
-    body=Struct(
-        *_taken(),
-        field("sample", Int16ul, Unit.NONE, "Counts the samples that the chip gave. Wraps."),
-        field(
-            "bound_us",
-            Int16ul,
-            Unit.MICROSECOND,
-            "It was measured at t_us, give or take so much.",
-        ),
-        *_axes("gyro", "Times gyro_scale of SensorInfo."),
-        *_axes("accelerometer", "Times accelerometer_scale of SensorInfo."),
-        field("temperature_cdeg", Int16sl, Unit.CENTIDEGREE_CELSIUS, "Temperature of the chip."),
-    ),
+IMU = message(
+    0xD1,
+    "Imu",
+    "A sample of an IMU, in its chip's axes.",
+    *_taken(),
+    u16("sample", "Counts samples. Wraps."),
+    u16("bound_us", "Uncertainty of t_us.", unit=Unit.MICROSECOND),
+    *_axes("gyro", "Times gyro_scale of SensorInfo."),
+    *_axes("accelerometer", "Times accelerometer_scale of SensorInfo."),
+    i16("temperature_cdeg", unit=Unit.CENTIDEGREE_CELSIUS),
     group=Group.SENSOR,
 )
-POWER = Message(
-    id=0xD2,
-    name="Power",
-    doc="The supply: of a power sensor, or of the board's battery divider.",
-    body=Struct(
-        *_taken(),
-        field("voltage_mv", Int16ul, Unit.MILLIVOLT, "Measured."),
-        field("current_ma", Int32sl, Unit.MILLIAMPERE, "Drawn; 0 if nothing measures it."),
-        field("used_mah", Float32l, Unit.MILLIAMPERE_HOUR, "Drawn since the device started."),
-        field("level", Int8ul, Unit.NONE, "Level of the battery.", BatteryLevel),
-    ),
+POWER = message(
+    0xD2,
+    "Power",
+    "The supply, by power sensor or battery divider.",
+    *_taken(),
+    u16("voltage_mv", unit=Unit.MILLIVOLT),
+    i32("current_ma", "Drawn; 0: not measured.", unit=Unit.MILLIAMPERE),
+    f32("used_mah", "Since the start.", unit=Unit.MILLIAMPERE_HOUR),
+    u8("level", codes=BatteryLevel),
     group=Group.SENSOR,
 )
-INPUTS = Message(
-    id=0xD3,
-    name="Inputs",
-    doc="All digital inputs, and what the sensors forbid. Sent on a change, and each second.",
-    body=Struct(
-        _boot(),
-        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock, as in WheelState."),
-        field("levels", Int16ul, Unit.NONE, "Bit n: the level at the pin of channel n."),
-        field("triggered", Int16ul, Unit.NONE, "Bit n: channel n acts on the robot."),
-        field("stale", Int16ul, Unit.NONE, "Bit n: the samples of channel n cannot be used."),
-        field("reflexes", Int8ul, Unit.NONE, "What is forbidden now.", Reflex),
-        field("level", Int8ul, Unit.NONE, "Level of the battery.", BatteryLevel),
-        *(
-            field(f"edges_{n}", Int16ul, Unit.NONE, f"Edges at channel {n} since reset. Wraps.")
-            for n in range(MOST_PERIPHERALS)
-        ),
-        *(
-            field(f"analog_{n}_mv", Int16ul, Unit.MILLIVOLT, f"Analogue input {n}; 0: none.")
-            for n in range(1, MOST_ANALOG + 1)
-        ),
-    ),
+INPUTS = message(
+    0xD3,
+    "Inputs",
+    "All inputs, and what the sensors forbid.",
+    _boot(),
+    u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
+    u16("levels", "Bit n: level at the pin of channel n."),
+    u16("triggered", "Bit n: channel n has triggered."),
+    u16("stale", "Bit n: channel n has no valid samples."),
+    u8("reflexes", codes=Reflex),
+    u8("level", codes=BatteryLevel),
+    *(u16(f"edges_{n}", "Since reset. Wraps.") for n in range(MOST_PERIPHERALS)),
+    *(u16(f"analog_{n}_mv", "0: none.", unit=Unit.MILLIVOLT) for n in range(1, MOST_ANALOG + 1)),
     group=Group.SENSOR,
 )
-SENSOR_EVENT = Message(
-    id=0xD4,
-    name="SensorEvent",
-    doc="Something happened to a channel, or its reflex acted.",
-    body=Struct(
-        *_taken(),
-        field("code", Int8ul, Unit.NONE, "What.", SensorEventCode),
-        field("value", Int16ul, Unit.NONE, "By code."),
-    ),
+SENSOR_EVENT = message(
+    0xD4,
+    "SensorEvent",
+    "A sensor's change, or its reflex.",
+    *_taken(),
+    u8("code", codes=SensorEventCode),
+    u16("value", "See SensorEventCode."),
     group=Group.SENSOR,
 )
-RANGE = Message(
-    id=0xD6,
-    name="Range",
-    doc="One measurement of a range sensor. Never sent twice.",
-    body=Struct(
-        *_taken(),
-        field("sample", Int16ul, Unit.NONE, "Counts the measurements. Wraps."),
-        field("bound_us", Int16ul, Unit.MICROSECOND, "As in Imu."),
-        field("distance_mm", Int16ul, Unit.MILLIMETRE, "Has a meaning only if quality is GOOD."),
-        field("quality", Int8ul, Unit.NONE, "What the echo says.", RangeQuality),
-    ),
+RANGE = message(
+    0xD6,
+    "Range",
+    "A measurement of a range sensor.",
+    *_taken(),
+    u16("sample", "Counts samples. Wraps."),
+    u16("bound_us", "Uncertainty of t_us.", unit=Unit.MICROSECOND),
+    u16("distance_mm", "Only if quality is GOOD.", unit=Unit.MILLIMETRE),
+    u8("quality", codes=RangeQuality),
     group=Group.SENSOR,
 )
 
@@ -1033,28 +657,24 @@ RANGE = Message(
 
 
 def _bytes(name: str, doc: str) -> Field:
-    return field(name, Int32ul, Unit.NONE, doc)
+    return u32(name, doc)
 
 
-MEMORY_VALUE = Message(
-    id=0xE0,
-    name="MemoryValue",
-    doc="How much of the chip's memory is left, measured once a second.",
-    body=Struct(
-        _session(),
-        _request(),
-        _bytes("free_heap", "Bytes of heap that are free now."),
-        _bytes("least_free_heap", "Fewest bytes of heap that were free since the start."),
-        # Named as the firmware names its tasks.
-        _bytes("control_stack", "Fewest bytes that were left of the control task's stack."),
-        _bytes("housekeeping_stack", "The same of the housekeeping task."),
-        _bytes("sensors_stack", "The same of the task that reads sensors; 0: there is none."),
-    ),
+MEMORY_VALUE = answer(
+    0xE0,
+    "MemoryValue",
+    "Bytes of free memory, measured once a second.",
+    _bytes("free_heap", "Now."),
+    _bytes("least_free_heap", "Least since the start."),
+    # Named as the firmware names its tasks.
+    _bytes("control_stack", "Least since the start."),
+    _bytes("housekeeping_stack", "Least since the start."),
+    _bytes("sensors_stack", "Least since the start; 0: no such task."),
     group=Group.PLATFORM,
 )
 
 MESSAGES = tuple(defined for defined in list(globals().values()) if isinstance(defined, Message))
-"""In the order of their definitions, in which each group's hash covers their layouts."""
+"""In the order of definition, which is also the order of the layouts in each group's hash."""
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders
 # rely on that.

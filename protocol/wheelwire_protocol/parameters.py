@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from .codes import Chip, Unit
 
@@ -22,14 +22,13 @@ class Changes(enum.Enum):
     ALWAYS = "always"
     """Also while driving, from one control period to the next."""
     STOPPED = "stopped"
-    """Neither while driving nor while a wheel turns: safety depends on it, or the controller, and
-    whatever computes from ticks, would jump."""
+    """Not while driving or while a wheel turns: safety depends on it, or the controller and
+    everything computed from ticks would jump."""
     RELEASED = "released"
-    """Nor while an e-stop is latched: it decides whether that e-stop can be cleared."""
+    """Also not while an e-stop is latched: it decides whether that e-stop can be cleared."""
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """One parameter of the firmware. Bounds are inclusive."""
 
     id: int
@@ -88,46 +87,44 @@ _ALWAYS, _STOPPED, _RELEASED = Changes.ALWAYS, Changes.STOPPED, Changes.RELEASED
 PARAMETERS: tuple[Parameter, ...] = (
     _real(1, "wheel_radius", _STOPPED, Unit.METRE, 0.033, 0.005, 1, "Radius of the driven wheels."),
     _real(2, "wheel_separation", _STOPPED, Unit.METRE, 0.20, 0.02, 5,
-          "Between the contact points of the wheels. Stored on the device, with the robot."),
+          "Between the wheels' contact points."),
     _whole(3, "counts_per_revolution", _STOPPED, Unit.TICK, 360, 4, 200_000,
            "Ticks per wheel turn, after x4 decoding and the gearbox."),
     _whole(4, "control_rate_hz", _STOPPED, Unit.HERTZ, 1000, 100, 5000,
-           "Rate of the control loop. Above 1000 tested in simulation only."),
+           "Rate of the control loop; above 1000 tested in simulation only."),
     _whole(5, "pwm_frequency_hz", _ALWAYS, Unit.HERTZ, 20_000, 100, 40_000,
-           "PWM frequency on the bridge's enable inputs.", after_reset=True),
+           "Of the power stage's PWM.", after_reset=True),
     _real(6, "max_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
-          "Limit of each wheel; above it both setpoints are scaled by one factor."),
+          "Limit of each wheel; beyond it both are scaled alike."),
     _real(7, "max_acceleration_mps2", _ALWAYS, Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
-          "Slew limit of the velocity setpoints. A stop bypasses it."),
+          "Slew limit of velocity setpoints; a stop bypasses it."),
     _real(8, "max_duty", _ALWAYS, Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
     _real(9, "max_duty_rate_per_s", _ALWAYS, Unit.DUTY_PER_SECOND, 20, 0.5, 1000,
-          "Slew limit of duty setpoints. A stop bypasses it."),
-    _real(10, "proportional_gain", _ALWAYS, Unit.DUTY_PER_MPS, 1.2, 0, 50,
-          "Proportional gain of the velocity loop."),
-    _real(11, "integral_gain", _ALWAYS, Unit.DUTY_PER_METRE, 16.0, 0, 500,
-          "Integral gain of the velocity loop."),
+          "Slew limit of duty setpoints; a stop bypasses it."),
+    _real(10, "proportional_gain", _ALWAYS, Unit.DUTY_PER_MPS, 1.2, 0, 50, "Of the velocity loop."),
+    _real(11, "integral_gain", _ALWAYS, Unit.DUTY_PER_METRE, 16.0, 0, 500, "Of the velocity loop."),
     _real(12, "velocity_feedforward", _ALWAYS, Unit.DUTY_PER_MPS, 1.365, 0, 50,
-          "Duty per speed: (1 - static_feedforward) / no-load speed, at nominal_supply_v."),
+          "(1 - static_feedforward) / no-load speed, at nominal_supply_v."),
     _real(13, "acceleration_feedforward", _ALWAYS, Unit.DUTY_PER_MPS2, 0.143, 0, 10,
-          "Duty per acceleration: velocity_feedforward x the drive's mechanical time constant."),
+          "velocity_feedforward x the drive's mechanical time constant."),
     _real(14, "static_feedforward", _ALWAYS, Unit.DUTY, 0.055, 0, 0.5,
-          "Dead-band compensation: the duty that keeps a slow wheel turning."),
+          "Duty that keeps a slow wheel turning."),
     _whole(15, "velocity_window_us", _ALWAYS, Unit.MICROSECOND, 20_000, 1000, 200_000,
-           "Velocity is measured between ticks about this long apart."),
+           "Time over which velocity is measured."),
     _real(16, "ttl_max_s", _STOPPED, Unit.SECOND, 1.0, 0.02, 5,
-          "A setpoint expires at the latest this long after its arrival."),
+          "Longest life of a setpoint, from its arrival."),
     _whole(17, "stop_mode", _STOPPED, Unit.NONE, 2, 1, 3,
-           "1: coast. 2: brake for brake_time_s, then coast. 3: brake until driven, as on a slope; "
-           "the power stage then stays switched on."),
+           "1: coast. 2: brake for brake_time_s, then coast. 3: brake until the next drive, as "
+           "on a slope."),
     _real(18, "brake_time_s", _STOPPED, Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
     _real(19, "stall_duty", _STOPPED, Unit.DUTY, 0.45, 0.05, 1,
-          "At this duty or more a wheel must count, or NOT_COUNTING trips."),
+          "At this duty a wheel that does not count trips NOT_COUNTING."),
     _real(20, "stall_time_s", _STOPPED, Unit.SECOND, 0.5, 0.05, 10,
-          "For how long the wheel may fail to count."),
+          "How long it may fail to count."),
     _real(21, "reversal_duty", _STOPPED, Unit.DUTY, 0.3, 0.05, 1,
-          "At this duty or more speed must not grow against the drive, or REVERSED trips."),
+          "At this duty a speed that grows against the drive trips REVERSED."),
     _real(22, "reversal_velocity_mps", _STOPPED, Unit.METRE_PER_SECOND, 0.15, 0.01, 5,
-          "By how much the speed may grow."),
+          "How much it may grow."),
     _whole(23, "overrun_limit_us", _STOPPED, Unit.MICROSECOND, 20_000, 2000, 1_000_000,
            "A control step this late trips CONTROL_OVERRUN."),
     _switch(24, "left_motor_inverted", _STOPPED, False, "Forward is IN2 high."),
@@ -135,50 +132,44 @@ PARAMETERS: tuple[Parameter, ...] = (
     _switch(26, "left_encoder_inverted", _STOPPED, False, "Forward is B before A."),
     _switch(27, "right_encoder_inverted", _STOPPED, False, "Forward is B before A."),
     _switch(28, "estop_input_enabled", _RELEASED, True,
-            "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop. "
-            "If none is fitted, connect its pin to ground while you set this to 0."),
+            "A normally closed e-stop contact is fitted. Ground its pin before you set 0."),
     _whole(29, "glitch_filter_ns", _ALWAYS, Unit.NANOSECOND, 1000, 0, 12_787,
            "Shorter encoder pulses are ignored.", after_reset=True),
     _whole(30, "stream_rate_hz", _ALWAYS, Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
     _real(31, "path_gain", _ALWAYS, Unit.PER_SECOND, 2.0, 0, 20,
-          "Speed added for each metre that a wheel is behind the integral of its setpoint. "
-          "With this and heading_gain 0 the loop controls velocity alone."),
+          "Speed added per metre that a wheel lags. With both gains 0 only velocity is "
+          "controlled."),
     _real(32, "heading_gain", _ALWAYS, Unit.PER_SECOND, 10.0, 0, 50,
-          "Speed taken from one wheel and added to the other for each metre that the other is "
-          "further behind, to hold the heading."),
+          "Speed shifted between the wheels per metre that one lags more: holds the heading."),
     _real(33, "path_catch_up", _ALWAYS, Unit.NONE, 0.03, 0, 0.5,
-          "Fraction of its setpoint by which a wheel may turn faster to catch up."),
+          "How much faster than its setpoint a wheel may catch up, as a fraction."),
     _real(34, "path_error_limit_m", _ALWAYS, Unit.METRE, 0.05, 0.001, 1,
-          "A wheel never has more than this to catch up; the rest is dropped."),
+          "Largest lag that a wheel catches up."),
     _real(35, "plausibility_margin", _STOPPED, Unit.DUTY, 0.38, 0.05, 1,
-          "Duty beyond the feed-forward that a load may need, at nominal_supply_v. More than that "
-          "at the measured speed trips ENCODER_IMPLAUSIBLE; 1.25 times that limits the duty of "
-          "a velocity setpoint."),
+          "Duty beyond the feed-forward, at nominal_supply_v, that trips "
+          "ENCODER_IMPLAUSIBLE; 1.25 times this limits a velocity setpoint's duty."),
     _real(36, "plausibility_time_s", _STOPPED, Unit.SECOND, 0.3, 0.05, 10,
-          "For how long the duty may exceed plausibility_margin."),
+          "How long the duty may exceed it."),
     _real(37, "nominal_supply_v", _STOPPED, Unit.VOLT, 7.4, 1, 60,
           "Battery voltage at which the feed-forward holds."),
-    _real(38, "supply_drop_v", _STOPPED, Unit.VOLT, 1.3, 0, 10,
-          "Voltage drop of the bridge."),
+    _real(38, "supply_drop_v", _STOPPED, Unit.VOLT, 1.3, 0, 10, "Voltage drop of the power stage."),
     _real(39, "unmeasured_supply_v", _STOPPED, Unit.VOLT, 6.2, 1, 60,
-          "Battery voltage assumed if it is not measured; a lower value allows more duty."),
+          "Battery voltage assumed if not measured; lower allows more duty."),
     _switch(40, "motors_swapped", _STOPPED, False,
-            "The left bridge drives the right wheel's motor, and the right bridge the left one's. "
-            "left_motor_inverted is always of the left wheel's motor."),
+            "Each power stage drives the other side's motor. left_motor_inverted stays with "
+            "the left wheel."),
     _switch(41, "encoders_swapped", _STOPPED, False,
-            "The left encoder's pins have the right wheel's encoder, and the right ones the left "
-            "wheel's. left_encoder_inverted is always of the left wheel's encoder."),
+            "Each encoder is on the other side's pins. left_encoder_inverted stays with the "
+            "left wheel."),
     _real(42, "rearm_gap_s", _STOPPED, Unit.SECOND, 0.5, 0, 5,
-          "After a start, after an e-stop or a fault was cleared, and after a bumper held it off, "
-          "the robot drives once a zero setpoint came, or none for this long and for ttl_max_s."),
+          "A pause of this and of ttl_max_s arms an unarmed robot; a zero setpoint arms it "
+          "at once."),
     _real(43, "rolling_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.25, 0.02, 10,
-          "A wheel that turns this fast without drive, and does not slow down, is reported as "
-          "ROLLING."),
+          "A wheel this fast without drive, and not slowing down, is reported as ROLLING."),
     _whole(44, "estop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
-           "What an e-stop does, by message or by its contact. 1: coast, for a robot that falls "
-           "over when it brakes. 2: brake for brake_time_s and until the wheels are still, again "
-           "whenever they turn; until driven if stop_mode is 3."),
+           "1: an e-stop coasts. 2: it brakes for brake_time_s and until the wheels are still, "
+           "again whenever they turn; until the next drive if stop_mode is 3."),
 )
 # fmt: on
 
@@ -194,3 +185,9 @@ PLATFORM_DEFAULTS: dict[Chip, dict[str, float]] = {
     },
 }
 """Defaults that differ from those in `PARAMETERS`, by board."""
+
+
+def decimal_of_float32(value: float) -> float:
+    """The decimal number that was meant by a 32-bit float: 0.033, not 0.03299999982118607."""
+    # Seven digits: a 32-bit float holds 7 or 8, and what was written seldom has more.
+    return float(f"{value:.7g}")

@@ -1,17 +1,16 @@
 """Sensors, inputs and reflexes: what host and firmware must agree on about a board's peripherals.
 
 A board's *peripherals* are a list of entries of fixed size, stored beside the board and bound to
-its fingerprint. The packed entry is in `messages`. The rules that a list must obey are the core's,
-in `sensors/peripherals.hpp`; each has its sentence in `PeripheralFault`.
+its fingerprint. The packed entry is in `messages`. The firmware's `core/peripherals.hpp` has the
+rules for lists; each rule has its sentence in `PeripheralFault`.
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from .codes import DocumentedEnum, DocumentedFlag
 
@@ -117,7 +116,7 @@ class BatteryLevel(DocumentedEnum):
     UNKNOWN = 0, "Not judged: there is no entry for it, or no measurement yet."
     OK = 1, "Above the level of the warning."
     WARN = 2, "Below the level of the warning."
-    LIMIT = 3, "Below the level from which on the robot drives at half its speed at most."
+    LIMIT = 3, "Below the level at which the robot slows down to half its speed."
     STOP = 4, "Below the level at which it stops, until it is charged."
 
 
@@ -203,6 +202,25 @@ class PeripheralFault(DocumentedEnum):
     )
 
 
+DIGITAL_INPUTS = (PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT)
+INPUTS = (*DIGITAL_INPUTS, PeripheralKind.ANALOG)
+"""The kinds that share one sample."""
+
+
+def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
+    """What users call a channel: `imu`, `bumper.front_left`, `range.front`, `analog_1`.
+
+    Args:
+        kind: What is connected.
+        place: Place on the robot.
+        number: Number of an analogue input.
+    """
+    name = kind.name.lower()
+    if kind is PeripheralKind.ANALOG:
+        return f"{name}_{number}"
+    return name if place is Place.NONE else f"{name}.{place.name.lower()}"
+
+
 # Their names and values are part of the hashes of both groups.
 PERIPHERAL_CODES: tuple[type[DocumentedEnum], ...] = (
     PeripheralKind,
@@ -211,7 +229,7 @@ PERIPHERAL_CODES: tuple[type[DocumentedEnum], ...] = (
     Axis,
     PeripheralFault,
 )
-"""Those of a configuration's peripherals."""
+"""The codes of a configuration's peripherals."""
 CODES: tuple[type[DocumentedEnum], ...] = (
     *PERIPHERAL_CODES,
     SensorState,
@@ -219,7 +237,7 @@ CODES: tuple[type[DocumentedEnum], ...] = (
     BatteryLevel,
     SensorEventCode,
 )
-"""Those of the group SENSOR."""
+"""The codes of the group SENSOR."""
 FLAGS: tuple[type[DocumentedFlag], ...] = (PeripheralFlag, Reflex)
 MAX_SHUNT_UOHM = 6_553_500
 """The largest shunt that an entry can name: 65535 x 100 uOhm."""
@@ -232,8 +250,7 @@ class Order(enum.Enum):
     LITTLE = enum.auto()
 
 
-@dataclass(frozen=True)
-class ImuTable:
+class ImuTable(NamedTuple):
     """How to use one IMU. Figures are those of the chip's data sheet.
 
     Attributes:
@@ -357,8 +374,7 @@ IMUS: Mapping[SensorChip, ImuTable] = MappingProxyType(
 """The IMUs' tables by SensorChip."""
 
 
-@dataclass(frozen=True)
-class PowerTable:
+class PowerTable(NamedTuple):
     """How to use one power sensor. Figures are those of the chip's data sheet.
 
     Attributes:
@@ -411,8 +427,7 @@ POWERS: Mapping[SensorChip, PowerTable] = MappingProxyType(
 """The power sensors' tables by SensorChip."""
 
 
-@dataclass(frozen=True)
-class RangeTable:
+class RangeTable(NamedTuple):
     """How to use one range sensor. Figures are those of the part's data sheet.
 
     Attributes:

@@ -1,12 +1,12 @@
 """A robot's nodes: wheels, lidar, and the model that connects their frames.
 
-Several robots on one graph are told apart in one of two ways:
+There are two ways to distinguish several robots on one graph:
 
 - `namespace`: topics, services and /tf are below it, as Nav2 expects; the frames keep their names.
 - `namespace` and `frame_prefix`: the same, but all robots share one /tf, with frames of their own.
 
-Joints keep their names: robot_state_publisher finds them in the model by the names in joint_states,
-which is below the namespace.
+Joints keep their names: robot_state_publisher finds them in the model by their names in
+joint_states, and that topic is below the namespace.
 """
 
 from pathlib import Path
@@ -21,7 +21,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchContext, LaunchDescription
 
 SHARE = Path(__file__).parents[1]
-"""The other folders are beside this one, installed or not."""
+"""The other folders are next to this one, installed or not."""
 PARAMETERS = SHARE / "config" / "pi4b_params.yaml"
 MODEL = SHARE / "urdf" / "pi4b.urdf"
 

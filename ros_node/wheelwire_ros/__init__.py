@@ -5,5 +5,5 @@ commands.py     cmd_vel and its age; robot_connection.py: how it reaches the rob
 reader.py       the thread that reads samples; motion_estimator.py: odometry of them; publishers.py
 sensors.py      topics of IMU, ranges, bumpers and battery; gyro_bias.py
 robot_state.py  ~/state; diagnostics.py; services.py; pose_memory.py: the pose across restarts
-parameters.py   what they are; parameter_bridge.py: those of the node and those of the robot
+parameters.py   what they are; parameter_bridge.py: keeps the node's and the robot's consistent
 """

@@ -25,7 +25,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 one only reliable publishers. The next command replaces a lost one; DDS sends nothing again late."""
 LOG_PERIOD_S = 5.0
 LOOK_PERIOD_S = 0.2
-"""How often the node checks who publishes. rclpy does not report a new publisher."""
+"""How often the node looks for publishers. rclpy does not report new ones."""
 CHANCE_S = 1.0
 """While silent publishers of both types are there, the node listens to each type for this long."""
 PACKAGE = "geometry_msgs/msg/"
@@ -38,9 +38,9 @@ AUTO = "auto"
 class CommandType:
     """Decides which message type the node listens to. Pure: the time is an argument.
 
-    With `auto` the node listens to Twist, until a publisher of TwistStamped is there. The first
-    message decides, not the first publisher, which may be a joystick that nobody touches. When the
-    last publisher of the decided type is gone, the next message decides again.
+    With `auto` the node listens to Twist until a publisher of TwistStamped appears. The first
+    message decides, not the first publisher, which may be an idle joystick. When the last publisher
+    of the decided type is gone, the next message decides again.
 
     Args:
         wanted: `Twist`, `TwistStamped` or `auto`.
@@ -51,7 +51,7 @@ class CommandType:
         self.name = wanted if self._is_fixed else PLAIN
         """The type to subscribe to now."""
         self.is_decided = self._is_fixed
-        """Whether it stays, whatever else is published."""
+        """Whether the type is fixed, whatever else is published."""
         self._chance_ends_s = -math.inf
 
     def decide(self) -> bool:
@@ -64,7 +64,7 @@ class CommandType:
         """Note which publishers are there now; whether `name` has changed.
 
         Args:
-            published: The types that they publish, of those that the node can listen to.
+            published: The published types that the node can listen to.
             now_s: On a monotonic clock.
         """
         if self._is_fixed or (self.is_decided and self.name in published):
@@ -183,7 +183,7 @@ class CommandSubscriber:
         self._node.destroy_subscription(self._subscription)
 
     def _look(self) -> None:
-        """Find out who publishes on the topic."""
+        """Find the topic's publishers."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         types = {publisher.topic_type for publisher in publishers}
         known = {name for name in TYPES if PACKAGE + name in types}

@@ -18,8 +18,8 @@ from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK
 
 TWIN = (
-    "another node has this node's name: both publish, and chance decides which of them answers a "
-    "service, ~/estop among them; end one of them, or rename it (-r __node:=..., -r __ns:=...)"
+    "another node has this node's name: both publish, and either may answer a service such as "
+    "~/estop; end one of them, or rename it (-r __node:=..., -r __ns:=...)"
 )
 FORGOTTEN_S = 25.0
 """A node that was killed is on the graph until its lease ends, 20 s with Fast DDS: one that
@@ -110,9 +110,9 @@ def open_statuses(
 
 def identity_of(robot: BaseDriver) -> dict[str, str]:
     """What the driver knows about its device; empty for a driver without one."""
-    info = getattr(robot, "info", None)
-    if info is None:
+    if not robot.has_device:
         return {}
+    info = robot.info
     device = info.device
     identity = {
         "port": info.port,
@@ -132,8 +132,8 @@ def identity_of(robot: BaseDriver) -> dict[str, str]:
 def warnings_of(robot: BaseDriver) -> tuple[str, ...]:
     """What keeps the device from driving or makes it less safe, by its board."""
     try:
-        return tuple(getattr(robot, "warnings", ()))
-    except WheelwireError:  # out of reach, which is another status
+        return robot.warnings
+    except WheelwireError:  # out of reach, which is another status, or without a device
         return ()
 
 
@@ -154,7 +154,7 @@ def _robot(
         "faults": state.fault_names,
         "stop": state.stop,
         "held_by": "" if state.held_by is None else " ".join(state.held_by.names),
-        "last_stop": str(getattr(connection.robot, "last_stop", None) or ""),
+        "last_stop": str(connection.robot.last_stop or ""),
         "control_overruns": sample.overruns,
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
@@ -184,7 +184,7 @@ def _robot(
 
 def _warnings(robot: BaseDriver, state: RobotState) -> list[str]:
     warnings = list(state.held or warnings_of(robot))
-    rolling_mps = getattr(robot, "rolling_mps", None)
+    rolling_mps = robot.rolling_mps
     if rolling_mps is not None:
         text = f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it."
         warnings.insert(0, text)
@@ -195,9 +195,8 @@ def _warnings(robot: BaseDriver, state: RobotState) -> list[str]:
 
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:
     """The latest counters of the control loop and the encoders; empty for other drivers."""
-    latest = getattr(robot, "latest_control_counters", None)
     # Each call asks the robot without waiting, so this is the answer to the last report's call.
-    counters = latest() if latest is not None else None
+    counters = robot.latest_control_counters()
     if counters is None:
         return {}
     return {
@@ -211,8 +210,7 @@ def _control_counters(robot: BaseDriver) -> dict[str, Any]:
 
 def _memory(robot: BaseDriver) -> dict[str, int]:
     """How much of the chip's memory is left, as known from the last report; empty if it is not."""
-    latest = getattr(robot, "latest_memory", None)
-    memory = latest() if latest is not None else None
+    memory = robot.latest_memory()
     if memory is None:
         return {}
     stacks = (memory.control_stack, memory.housekeeping_stack, memory.sensors_stack)

@@ -18,8 +18,8 @@ SPREAD = 20.0
 """Standard deviations of the chip's noise within which all samples of a robot at rest lie: some 6
 by the noise, the rest for a lidar that spins. A hand that carries the robot turns it more."""
 LARGEST_RADPS = 0.06
-"""The most by which temperature and age change a bias since that in the board's file was measured:
-3.4 degrees a second. More is a turn, of a robot on a turntable, a lift or an arm."""
+"""The most by which temperature and age change a bias after it was measured for the board's file:
+3.4 degrees a second. More means a turning robot: on a turntable, a lift or an arm."""
 GRAVITY_MPS2 = 9.81
 OFF_GRAVITY_MPS2 = 1.5
 """By how much the accelerometer of a robot at rest may differ from it: sensors have an offset."""

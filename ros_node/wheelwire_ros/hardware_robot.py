@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from contextlib import closing
+import threading
 from inspect import signature
 from itertools import pairwise
 from typing import Any
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException
+from rclpy.signals import uninstall_signal_handlers
 
 from wheelwire import (
     BaseDriver,
@@ -27,7 +29,7 @@ from .parameters import Setting
 from .reader import sampling_rate_hz
 
 CONNECT_TIMEOUT_S = 2.0
-"""How long one attempt lasts: short, for a transition, or the node's end, may wait for it."""
+"""How long one attempt lasts: short, because a transition or the node's end may wait for it."""
 FILE_OPTION = "--params-file"
 NO_PIN = NO_CHIP = -1
 PINS = {
@@ -61,13 +63,13 @@ SETTINGS = (
             NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
     Setting("pigpio_port", 8888, "pigpio: the daemon's TCP port.", 1, 65_535),
-    Setting("tap", True, "serial, l298n, pigpio: whether other programs of this computer may look, "
-            "stop and e-stop meanwhile."),
+    Setting("tap", True, "serial, l298n, pigpio: other programs on this computer may look, stop "
+            "and e-stop beside the node."),
     Setting("replay_file", "", "replay: the recording."),
-    Setting("replay_speed", 1.0, "replay: how much faster than on the day; 0: as fast as the node "
+    Setting("replay_speed", 1.0, "replay: how much faster than recorded; 0: as fast as the node "
             "takes it, sample by sample.", 0.0, 1000.0),
-    Setting("record", "", "All that crosses the link is recorded to this file, or to a file in "
-            "this folder. Empty: to none."),
+    Setting("record", "", "Record the link to this file, or to a file in this folder. Empty: no "
+            "recording."),
     *(_pin(name, default) for name, default in PINS.items()),
 )
 # fmt: on
@@ -114,13 +116,13 @@ class HardwareRobot(BaseRobotNode):
         if given or self.setting("any_board") or self._first_board is None:
             return given or None
         port, board_id = self._first_board
-        # Whoever names another port means another robot.
+        # Another port means another robot.
         return board_id if port == self.setting("port") else None
 
     def _options(self) -> dict[str, Any]:
         rate_hz = sampling_rate_hz(self.setting("publish_rate"))
-        # A core on this computer gets them before it starts, so that those count as well which
-        # take effect at a start only. A board on a line is given its own by the connection.
+        # A core on this computer gets them before it starts, because some take effect only at a
+        # start. A board on a line gets its own from the connection.
         local: dict[str, Any] = {"parameters": {**self.bridge.given, "stream_rate_hz": rate_hz}}
         if self.driver_type == "serial":
             return {
@@ -157,20 +159,43 @@ class HardwareRobot(BaseRobotNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted; however it ends, the wheels stop first."""
-    problem = _init(args)
+    rclpy_has_signals = threading.Event()
+
+    def interrupt(*_: object) -> None:
+        # From then on rclpy ends its context. It calls this handler as well: an exception would
+        # have this thread destroy the executors before rclpy has woken them all.
+        if not rclpy_has_signals.is_set():
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     try:
-        with closing(HardwareRobot(problem)) as node:
-            node.spin()
+        problem = _init(args)
+        rclpy_has_signals.set()
+        _run(problem)
     except (KeyboardInterrupt, ExternalShutdownException, Finalized):
         return
     except ParameterException as error:
         sys.exit(f"hardware_robot: {error}")
-    except RuntimeError:
+    except (RuntimeError, NotInitializedException):
         if rclpy.ok():
             raise
         # A signal between two of its steps ends rclpy's context, and the next step then fails.
     finally:
         rclpy.try_shutdown()
+
+
+def _run(problem: str) -> None:
+    node = None
+    try:
+        node = HardwareRobot(problem)
+        node.spin()
+    finally:
+        # At a signal, a thread of rclpy wakes each executor, even one that is being destroyed
+        # here: a segmentation fault. This waits until that thread has ended.
+        uninstall_signal_handlers()
+        if node is not None:
+            node.close()
 
 
 def _init(args: list[str] | None) -> str:

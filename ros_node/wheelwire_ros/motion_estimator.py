@@ -43,7 +43,7 @@ class RobotMotion(NamedTuple):
     right: WheelMotion
     battery_v: float | None
     twist_variances: tuple[float, float] | None = None
-    """Of linear and angular velocity, if they are not those of a measurement."""
+    """Variances of linear and angular velocity, if they are not measured."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class PoseRecord:
 
 
 HELD_MPS, HELD_RADPS = 0.3, 0.3
-"""Assumed at least of a robot that nobody hears: somebody may push it."""
+"""The least that is assumed of a robot out of contact: somebody may push it."""
 DRIVEN = 10.0
 """While a command may still drive it, a velocity of zero says nothing: its standard deviation is
 that many times the last velocity. Otherwise a filter would take back the way of that time."""
@@ -130,7 +130,7 @@ class MotionEstimator:
                 self.unseen_m = max(abs(update.unseen_left_m), abs(update.unseen_right_m))
             last, self._last = self._last or sample, sample
             travel = sample.since(last)
-            # Summed up here, since the device's counters wrap, and begin anew after a reset.
+            # Summed up here, because the device's counters wrap, and restart after a reset.
             self._left_ticks += travel.left
             self._right_ticks += travel.right
             if sample.boot_id != last.boot_id:
@@ -149,10 +149,10 @@ class MotionEstimator:
             return self._motion
 
     def held(self, age_s: float, *, is_driven: bool) -> RobotMotion | None:
-        """What to say of a robot from which no sample comes; None before the first one.
+        """The estimate for a robot that sends no samples; None before the first one.
 
-        The last pose, a velocity of zero, and variances that say how little is known: the robot
-        may have gone on as it did, or somebody may have pushed it.
+        It has the last pose, a velocity of zero, and large variances: the robot may have driven on,
+        or somebody may have pushed it.
 
         Args:
             age_s: The time since the last sample.
@@ -265,5 +265,5 @@ class MotionEstimator:
 
 def _wheel(ticks: int, rim_mps: float, drive: DifferentialDrive) -> WheelMotion:
     turns = ticks / drive.counts_per_revolution
-    # By the nominal radius, without calibration: with it the robot computed the rim's velocity.
+    # By the nominal radius, without calibration: the robot computed the rim's velocity with it.
     return WheelMotion(turns * 2 * math.pi, rim_mps / drive.wheel_radius)

@@ -60,7 +60,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     Args:
         name: Name of the node.
-        settings: Parameters of the class, in addition to those of every robot.
+        settings: Parameters of the class, in addition to every robot's.
         problem: Why the node cannot read its parameter files, which keeps it unconfigured; empty if
             it can.
     """
@@ -154,7 +154,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         except WheelwireError as error:
             raise WheelwireError(
                 f"the stop is not confirmed: {error}. {ESTOP_WAITS[0].upper()}{ESTOP_WAITS[1:]}; "
-                "wheels that a lost robot still turns stop when their last command expires"
+                "a lost robot's wheels stop when their last command expires"
             ) from error
 
     def clear_estop(self) -> str:
@@ -167,14 +167,14 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is None:
             self._estopped = False
             return (
-                "no robot is open: this node sets no e-stop when it opens one, but an e-stop that "
-                "the robot itself holds stays set"
+                "no robot is open: this node will set no e-stop on it, but an e-stop that the "
+                "robot itself has latched stays set"
             )
         try:
             open_robot.connection.clear_estop()
         except LinkLost as error:
             raise LinkLost(f"nothing was cleared, the e-stop stays set: {error}") from error
-        self._estopped = open_robot.connection.estopped  # perhaps somebody set it again meanwhile
+        self._estopped = open_robot.connection.estopped  # somebody may have set it again
         return "the e-stop is cleared"
 
     def report(self) -> None:
@@ -208,7 +208,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             self._closed_because = str(error)
             return FAILURE  # what is refused has to be corrected first
         except Exception:
-            if self.context.ok():  # else the node is ending, and every step fails
+            if self.context.ok():  # otherwise the node is ending, and every step fails
                 self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
         robot = self.open_robot()
@@ -266,7 +266,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._end_autostart()
         self._close_robot()
         self._is_finalized, self._closed_because = True, FINALIZED
-        # Nothing leads out of this state: whoever started the process has to start it anew.
+        # Nothing leads out of this state: the process has to be restarted.
         end = threading.Timer(FINALIZED_S, self.threads.fail, [Finalized(FINALIZED)])
         end.daemon = True
         end.start()
@@ -291,7 +291,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     @contextmanager
     def one_try(self) -> Iterator[None]:
-        """Configuring fails meanwhile if the robot cannot be reached at once."""
+        """Until then, configuring fails if the robot cannot be reached at once."""
         self._tries_once = True
         try:
             yield
@@ -329,8 +329,8 @@ class Autostart:
     """Configures and activates a node as soon as it spins, and retries until that works.
 
     Args:
-        node: A lifecycle node. It calls `end` when it is configured or shut down, whoever asked
-            for that: from then on its state is the user's to change.
+        node: A lifecycle node. It calls `end` when anything configures it or shuts it down: from
+            then on, only the user changes its state.
     """
 
     def __init__(self, node: Any, threads: NodeThreads) -> None:
@@ -354,7 +354,7 @@ class Autostart:
 
     def _attempt(self) -> None:
         try:
-            if self._timer.is_canceled():  # meanwhile
+            if self._timer.is_canceled():  # by `end`, during the call
                 return
             with self._node.one_try():
                 configured = self._node.trigger_configure()
@@ -368,10 +368,10 @@ class Autostart:
 
 
 def defer_transitions(node: Any, threads: NodeThreads) -> None:
-    """Have a worker serve transitions, and refuse those that the current state does not have.
+    """Have a worker serve transitions, and refuse any that the current state does not have.
 
     rclpy lets the error of such a transition escape from the service's callback, which ends the
-    node; a lifecycle manager that configures a node which has started by itself would trigger that.
+    node; a lifecycle manager that configures a self-started node would cause that.
     """
     for service in node.services:
         if service.srv_type is ChangeState:

@@ -18,7 +18,8 @@ from wheelwire import (
     WheelwireError,
 )
 from wheelwire.link.sample_stream import Pacer
-from wheelwire.log.why import Stop
+from wheelwire.log.why.diagnosis import Stop
+from wheelwire.log.why.watch import StopWatch
 
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
@@ -67,6 +68,7 @@ class OpenRobot:
         """Whether odom has gone on without a sample since it last had one."""
         self._estopped_by_us = False
         self._stop = ""
+        self._watch: StopWatch | None = None
         self._resets = ResetWatch()
         self._logged_warnings: dict[str, int] = {}
         """The session in which each was logged last."""
@@ -76,7 +78,7 @@ class OpenRobot:
             lambda: int(node.get_clock().now().nanoseconds),
             node.get_logger(),
             is_simulated=lambda: bool(node.get_clock().ros_time_is_active),
-            note_offsets=lambda offsets: note(robot, OFFSET, offsets),
+            note_offsets=lambda offsets: robot.note(OFFSET, offsets),
             recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )
         self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
@@ -95,7 +97,7 @@ class OpenRobot:
 
     def close(self) -> None:
         """Stop the wheels, then release everything, in reverse order."""
-        # From here on the threads report errors of the closing, which are no failures.
+        # From here on, errors that threads report come from closing, and are not failures.
         self._closing = True
         self.connection.deactivate()
         self.connection.robot.shutdown()  # it stops first
@@ -105,7 +107,7 @@ class OpenRobot:
         """Have the session prepared if it is a new one, without waiting for it."""
         if self._preparing or self.connection.is_prepared:
             return
-        # Not locked: if two threads come here at once, the second preparation has nothing to do.
+        # Not locked: if two threads get here at once, the second preparation has nothing to do.
         self._preparing = True
         with suppress(RuntimeError):  # the worker is shut down, and so is the robot soon
             self._node.threads.requests.submit(self._prepare)
@@ -148,6 +150,8 @@ class OpenRobot:
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
         """The statuses for /diagnostics."""
+        if self._watch is not None and self._watch.error is not None:
+            self._stop = str(self._watch.error)
         self._node.update_state()  # how far it rolled after a stop comes behind the stop
         self._time_base.measure()
         self._log_warnings()
@@ -222,7 +226,8 @@ class OpenRobot:
             robot.on_held = self._on_held
             resources.callback(setattr, robot, "on_held", None)
             with suppress(InvalidCommand):  # a recording, or a robot in virtual time
-                resources.callback(robot.watch_stops(self._on_stop).close)
+                self._watch = robot.watch_stops(self._on_stop)
+                resources.callback(self._watch.close)
         # The last to begin and the first to end: its callbacks use all of the above.
         self._reader = SampleReader(
             robot,
@@ -241,19 +246,26 @@ class OpenRobot:
         """Called in a thread of its own."""
         if not self._closing:
             self._stop = f"{stop.sentence} Look first at {stop.look_at}."
-            self._node.update_state()
+            self._update_state()
 
     def _on_held(self, _held_by: HeldBy) -> None:
         """Called in a thread of the driver's."""
         if not self._closing:
+            self._update_state()
+
+    def _update_state(self) -> None:
+        """For threads of the driver's, which only log what is raised."""
+        try:
             self._node.update_state()
+        except Exception as error:
+            self._fail(error)
 
     def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:
         node = self._node
         self._resets.note(first, self.connection.robot)
         setting = node.setting("pose_file")
         if setting == pose_memory.AUTO and node.driver_type in ("mock", "replay"):
-            setting = ""  # each mock is another robot, at a place of its own; a replay is none
+            setting = ""  # each mock is a new robot, at its own place; a replay is not a robot
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
         path = pose_memory.path_of(setting, name, board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
@@ -273,7 +285,7 @@ class OpenRobot:
     def _note_pose(self, record: PoseRecord | None) -> None:
         if record is not None:
             self._poses.append(asdict(record))
-            note(self.connection.robot, POSE, list(self._poses))
+            self.connection.robot.note(POSE, list(self._poses))
 
     def _prepare(self) -> None:
         """Runs in the request worker."""
@@ -303,7 +315,7 @@ class OpenRobot:
         A filter that hears nothing goes on at the last velocity.
         """
         newest = self._newest
-        # A recording that pauses is none of a robot that is lost.
+        # A pause in a recording does not mean a lost robot.
         if newest is None or getattr(self.connection.robot, "noted", None) is not None:
             return
         if not self._is_held:
@@ -371,14 +383,7 @@ class OpenRobot:
         self._node.threads.fail(error)
 
 
-def note(robot: BaseDriver, name: str, value: Any) -> None:
-    """Add a note to a recording of the robot, if its driver can be recorded."""
-    say = getattr(robot, "note", None)
-    if say is not None:
-        say(name, value)
-
-
 def noted(robot: BaseDriver, name: str) -> Any:
-    """The note of this name in a recording; None for a robot that is no recording."""
+    """The note of this name in a recording; None for a real robot."""
     ask = getattr(robot, "noted", None)
     return None if ask is None else ask(name)

@@ -1,4 +1,4 @@
-"""Keeps the parameters of the node and those of the robot consistent."""
+"""Keeps the node's and the robot's parameters consistent."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ParameterBridge:
 
     Args:
         node: An rclpy node; its parameters are declared here.
-        own: Settings of its class, in addition to those of every node.
+        own: Settings of its class, in addition to every node's.
         on_change: Called after a change, except by `mirror`.
         problem: Why the parameter files cannot be read; empty if they can.
 
@@ -48,7 +48,8 @@ class ParameterBridge:
         self._node = node
         self._on_change = on_change
         self._mirroring_thread: int | None = None
-        """The thread in which `mirror` sets parameters; another one may set others meanwhile."""
+        """The thread in which `mirror` sets parameters; another thread may set others at the same
+        time."""
         self._refused: dict[str, str] = {"parameter file": problem} if problem else {}
         parameters.declare(node, self._settings.values())
         # Before the callbacks are added: values that agree only together are set one by one.
@@ -155,7 +156,7 @@ class ParameterBridge:
 
     def _is_late(self, name: str, value: Any) -> bool:
         setting = self._settings.get(name)
-        # The present value is not late: somebody may load a whole file once more.
+        # The present value is never too late: somebody may load a whole file again.
         return setting is not None and not setting.live and not same(value, self._value_of(name))
 
     def _value_of(self, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Values of parameters: those that the user gave at the start, and whether values are right.
+"""Values of parameters: the user's values at the start, and whether values are right.
 
 A check returns None, or what is wrong with a value and what to write instead.
 """
@@ -56,14 +56,14 @@ def frame(name: str) -> str | None:
 def wheel_names(names: Sequence[str]) -> str | None:
     """Refuses an empty list, and an empty name."""
     if not names or not all(name.strip() for name in names):
-        return "write at least one name, as in the URDF, and none that is empty"
+        return "write at least one name, as in the URDF, and no empty one"
     return None
 
 
 def command_timeout(seconds: float) -> str | None:
     """A command must end."""
     if seconds == 0:
-        return "a command without an end is not offered: write its life in seconds, 0.02 to 5.0"
+        return "every command must expire: write a time in seconds, 0.02 to 5.0"
     return None
 
 
@@ -89,7 +89,7 @@ def _limit(is_valid: bool, value: float, bound: str) -> str | None:
 
 
 def only(accepted: Any, instead: str) -> Check:
-    """A parameter of another package of which one value is accepted."""
+    """A parameter of another package, and the one value that is accepted."""
 
     def check(value: Any) -> str | None:
         return None if same(value, accepted) else instead
@@ -117,7 +117,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def _is_list(value: Any) -> bool:
-    return not isinstance(value, str) and hasattr(value, "__len__")  # an array is no Sequence
+    return not isinstance(value, str) and hasattr(value, "__len__")  # an array is not a Sequence
 
 
 def disagreements(get: Get) -> Iterator[Disagreement]:
@@ -147,7 +147,7 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
     if longest_s is not None and timeout_s > longest_s and not same(timeout_s, longest_s):
         yield Disagreement(
             ("cmd_vel_timeout", "ttl_max_s"),
-            f"a command of {timeout_s:g} s lives longer than the robot lets one, "
+            f"a command of {timeout_s:g} s is longer than the robot allows, "
             f"{longest_s:g} s: lower cmd_vel_timeout, or raise ttl_max_s",
         )
     if get("wheels_per_side") not in {0, len(left)}:
@@ -159,11 +159,11 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
 
 
 def start_values(node: Any, names: Collection[str]) -> tuple[dict[str, Parameter], dict[str, str]]:
-    """What the user gave to a node whose parameters are declared, with other names resolved.
+    """The user's values for a node with declared parameters, with other names resolved.
 
     Args:
         node: An rclpy node.
-        names: Its parameters, without those that rclpy declares and sets itself.
+        names: Its parameters, except those that rclpy declares and sets itself.
 
     Returns:
         The values by the parameters' own names, and what is wrong with each parameter that has two
@@ -178,7 +178,7 @@ def start_values(node: Any, names: Collection[str]) -> tuple[dict[str, Parameter
     for name, given_as in own + others:
         adapted = _adapt(name, given[given_as], _Type(node.describe_parameter(name).type))
         other = values.setdefault(name, adapted)
-        # Equal ones are no conflict: one file may serve this node and another package's.
+        # Equal ones do not conflict: one file may serve this node and another package's.
         if not (other.type_ == adapted.type_ and same(other.value, adapted.value)):
             conflicts[name] = (
                 f"{given_as} is another name of {name}, and they differ "
@@ -193,7 +193,7 @@ def start_values(node: Any, names: Collection[str]) -> tuple[dict[str, Parameter
 def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
     """The parameter with its value as the declared type; unchanged where that loses something."""
     type_, value = parameter.type_, parameter.value
-    # To YAML a number without a point is an integer, and rclpy never converts.
+    # YAML takes a number without a point for an integer, and rclpy never converts.
     if (type_, expected) == (_Type.INTEGER, _Type.DOUBLE):
         value = float(value)
     elif (type_, expected) == (_Type.DOUBLE, _Type.INTEGER) and value.is_integer():
@@ -208,9 +208,9 @@ def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
 
 
 def _warn_of_unknown(node: Any, given: dict[str, Parameter]) -> None:
-    """Warn of parameters that nobody declared: rclpy ignores them, so a typo would go unseen.
+    """Warn of undeclared parameters: rclpy ignores them, so a typo would go unnoticed.
 
-    No error, because a file for `/**` may have parameters of other nodes.
+    This is not an error, because a file for `/**` may have parameters of other nodes.
     """
     known = [*node._parameters, *ALIASES]
     unknown = [

@@ -1,7 +1,8 @@
 """The node's parameters: their names, aliases, types, ranges and descriptions.
 
-Two kinds. The node's own have a default. The robot's are the firmware's, by its names: one that is
-not given is not set, nor listed, until the robot is open, and then shows the value that it has.
+There are two kinds. The node's own have a default. The robot's are the firmware's, with the
+firmware's names. A robot's parameter that is not given is neither set nor listed until the robot is
+open, and then shows the robot's value.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("imu_frame_id", "imu_link", "Frame of the IMU: at its place, with the robot's axes.",
             check=checks.frame),
     Setting("imu_bias_at_rest", True,
-            "Measure the gyroscope's bias whenever the wheels stand for a second; take it off."),
+            "Measure the gyroscope's bias whenever the wheels stand for a second; subtract it."),
     Setting("bumper_radius", 0.2,
             "Bumpers and cliffs are published as points at this distance from the robot's centre, "
             "outside the body that Nav2 knows. [m]", 0, 10),
@@ -142,15 +143,12 @@ SETTINGS: tuple[Setting, ...] = (
     *_limits("linear.x", "m/s"),
     *_limits("angular.z", "rad/s"),
     Setting("velocity_rolling_window_size", 1,
-            "The twist in odom is the mean of this many samples, which come at publish_rate. "
-            "1: as the robot measures it, over velocity_window_us.", 1, 1000),
+            "The twist in odom is the mean of this many samples, at publish_rate. 1: as the robot "
+            "measures it, over velocity_window_us.", 1, 1000),
     Setting("publish_limited_velocity", False, "Publish the limited command on ~/cmd_vel_out."),
-    Setting("wheel_separation_multiplier", 1.0, "Real divided by nominal, from calibration.",
-            0.5, 2, live=True),
-    Setting("left_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
-            0.5, 2, live=True),
-    Setting("right_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
-            0.5, 2, live=True),
+    *(Setting(f"{name}_multiplier", 1.0, "Real divided by nominal, from calibration.",
+              0.5, 2, live=True)
+      for name in ("wheel_separation", "left_wheel_radius", "right_wheel_radius")),
     Setting("wheel_variance", 2.5e-5,
             "Variance of a wheel's travel per metre of it; the pose's covariance grows by it. "
             "[m^2/m]", 0, 1),
@@ -195,7 +193,7 @@ def declare(node: Any, settings: Iterable[Setting]) -> None:
         descriptor.additional_constraints = (
             "Stored on the robot: if not given, the robot's own value applies."
         )
-        # With a type in place of a default: before the robot is open nobody knows its value.
+        # With a type instead of a default: the value is unknown until the robot is open.
         node.declare_parameter(parameter.name, type_, descriptor, ignore_override=True)
 
 
@@ -213,7 +211,7 @@ def from_robot(name: str, value: float) -> RosParameter:
 
 
 def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescriptor:
-    """A descriptor; a range for a NaN, or for another type than a number, is none."""
+    """A descriptor; without a range if that is NaN, or if the type is not a number."""
     descriptor = ParameterDescriptor(description=doc)
     if not math.isnan(low) and type_ is RosParameter.Type.DOUBLE:
         limits = FloatingPointRange(from_value=float(low), to_value=float(high))
@@ -225,7 +223,7 @@ def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescrip
 
 
 GAPS = "rearm_gap_s", "ttl_max_s"
-"""Parameters of the robot, the longer one of which is the pause that ends a hold."""
+"""Parameters of the robot; the longer of the two is the pause that ends a hold."""
 
 
 def tuning(get: Get) -> Tuning:

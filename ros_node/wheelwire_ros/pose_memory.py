@@ -27,7 +27,7 @@ from .publishers import PLANAR
 from .threads import JOIN_S, NodeThreads
 
 AUTO = "auto"
-"""The value that stands for a file in ROS's own folder, by the names of node and board."""
+"""The value that means a file in ROS's own folder, named after node and board."""
 FORMAT = 1
 PERIOD_S = 1.0
 MOVED_M, MOVED_RAD = 0.1, 0.2
@@ -60,7 +60,7 @@ def read(path: Path) -> PoseRecord | None:
     """The file's record; None if there is no file.
 
     Raises:
-        PoseFileError: The file cannot be read, or is no pose file.
+        PoseFileError: The file cannot be read, or is not a pose file.
     """
     try:
         return _record(json.loads(path.read_text("utf-8")))
@@ -69,7 +69,7 @@ def read(path: Path) -> PoseRecord | None:
     except OSError as error:
         raise PoseFileError(f"{path}: {error}") from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise PoseFileError(f"{path}: it is no pose file of this release ({error})") from error
+        raise PoseFileError(f"{path}: it is not a pose file of this release ({error})") from error
 
 
 def write(path: Path, record: PoseRecord) -> None:
@@ -113,10 +113,10 @@ def _record(found: Any) -> PoseRecord:
 
 
 class RecordedPoses:
-    """Where the node of a recording's day began, or was set to, each at its sample.
+    """Poses at which the recorded node began or to which it was set, each with its sample.
 
     Args:
-        newest: The newest ones, as the recording has them; None if there is none.
+        newest: The newest ones in the recording; None if there are none.
     """
 
     def __init__(self, newest: Callable[[], list[dict[str, Any]] | None]) -> None:
@@ -200,7 +200,7 @@ class PoseMemory:
     def _run(self) -> None:
         while True:
             record, saved = self._present(), self._saved
-            # For a robot that stands there is nothing to write, though its clock advances.
+            # A standing robot has nothing to write, although its clock advances.
             if record is not None and (saved is None or replace(saved, t_us=record.t_us) != record):
                 self._save(record)
             if self._closing.wait(PERIOD_S):
@@ -260,7 +260,7 @@ class PoseMemory:
 def how_far_off(
     record: PoseRecord, drive: DifferentialDrive, longest_drive_s: float
 ) -> tuple[float, float]:
-    """How far a robot may be from its last known pose, in m and rad, if nobody moved it.
+    """How far a robot may be from its last known pose, in m and rad, unless somebody moved it.
 
     Args:
         record: The last known pose.
@@ -328,7 +328,7 @@ def planar_pose(pose: Any) -> Pose:
         raise ValueError("a number is not finite")
     if abs(x * x + y * y + z * z + w * w - 1) > LOOSE:
         raise ValueError(
-            "the orientation is no unit quaternion; for heading 0 give x, y, z = 0 and w = 1"
+            "the orientation is not a unit quaternion; for heading 0 give x, y, z = 0 and w = 1"
         )
     if max(abs(x), abs(y)) > LOOSE:
         raise ValueError("the pose rolls or pitches; give one on a level floor")
@@ -339,7 +339,7 @@ def planar_covariance(covariance: Sequence[float]) -> Any:
     """Covariance of (x, y, heading), 3 by 3, from ROS's 6 by 6.
 
     Raises:
-        ValueError: It is no covariance.
+        ValueError: It is not a covariance.
     """
     matrix = np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]
     if not np.all(np.isfinite(matrix)):

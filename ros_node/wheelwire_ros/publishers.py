@@ -7,7 +7,7 @@ twist in the robot's.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ NANOSECONDS = 1_000_000_000
 DEPTH = 10
 BATTERY_PERIOD_NS = NANOSECONDS
 LEAST_CURRENT_A = 0.02
-"""Below this a shunt's offset decides the sign, and nobody knows whether the battery charges."""
+"""Below this, a shunt's offset decides the sign, so it is unknown whether the battery charges."""
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
 PLANAR = (0, 1, 5)
@@ -78,13 +78,7 @@ class MotionPublisher:
             )
             topics = topics._replace(transform=False)
 
-        def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
-            return threads.entity(
-                resources,
-                lambda: node.create_lifecycle_publisher(type_, name, depth),
-                node.destroy_lifecycle_publisher,
-            )
-
+        publisher = lifecycle_publishers(node, threads, resources)
         self.topics = topics
         self.published = 0
         """Samples published."""
@@ -92,11 +86,12 @@ class MotionPublisher:
         self._publishers = [publisher(Odometry, "odom"), publisher(JointState, "joint_states")]
         if topics.transform:
             self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
-        self._battery = publisher(BatteryState, "battery_state") if topics.battery else None
-        self._battery_pace = BatteryPace()
+        self._battery: BatteryPublisher | None = None
+        if topics.battery:
+            self._battery = BatteryPublisher(publisher, topics.battery_range_v, topics.frames.base)
 
     def publish_held(self, motion: RobotMotion, stamp_ns: int) -> None:
-        """Publish odom alone, of a robot from which no sample comes: nothing else is known."""
+        """Publish only odom, for a robot that sends no samples: nothing else is known."""
         self._publishers[0].publish(self._messages.held(motion, stamp_ns))
 
     def publish(self, motion: RobotMotion, stamp_ns: int, *, odom: bool = True) -> None:
@@ -113,13 +108,47 @@ class MotionPublisher:
             if odom or publisher is not self._publishers[0]:
                 publisher.publish(message)
         self.published += 1
-        voltage_v = motion.battery_v
-        if self._battery and voltage_v is not None and self._battery_pace.is_due(stamp_ns):
-            # Once a second a message may be built the slow way, by ROS.
-            message = battery_message(voltage_v, *self.topics.battery_range_v)
-            message.header.stamp = time_message(stamp_ns)
-            message.header.frame_id = self.topics.frames.base
-            self._battery.publish(message)
+        if self._battery is not None and motion.battery_v is not None:
+            self._battery.publish(stamp_ns, motion.battery_v)
+
+
+MakePublisher = Callable[..., Any]
+"""Makes a lifecycle node's publisher of a type, by its name, with a depth of `DEPTH` or another."""
+
+
+def lifecycle_publishers(node: Any, threads: NodeThreads, resources: ExitStack) -> MakePublisher:
+    """What makes a node's publishers, which `resources` removes when it closes."""
+
+    def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
+        return threads.entity(
+            resources,
+            lambda: node.create_lifecycle_publisher(type_, name, depth),
+            node.destroy_lifecycle_publisher,
+        )
+
+    return publisher
+
+
+class BatteryPublisher:
+    """Publishes battery_state once a second; so a message may be built the slow way, by ROS.
+
+    Args:
+        publisher: Makes its publisher.
+        range_v: The voltages of an empty and of a full battery; NaN: unknown.
+        frame: The robot's.
+    """
+
+    def __init__(self, publisher: MakePublisher, range_v: tuple[float, float], frame: str) -> None:
+        self._publisher = publisher(BatteryState, "battery_state")
+        self._range_v = range_v
+        self._frame = frame
+        self._pace = BatteryPace()
+
+    def publish(self, stamp_ns: int, voltage_v: float, current_a: float | None = None) -> None:
+        """Publish what was measured, unless there was something within the second."""
+        if self._pace.is_due(stamp_ns):
+            message = battery_message(voltage_v, *self._range_v, current_a)
+            publish_stamped(self._publisher, message, stamp_ns, self._frame)
 
 
 class BatteryPace:
@@ -160,7 +189,7 @@ class MotionMessages:
         )
 
     def held(self, motion: RobotMotion, stamp_ns: int) -> bytes:
-        """The nav_msgs/Odometry of a robot from which no sample comes."""
+        """The nav_msgs/Odometry of a robot that sends no samples."""
         diagonal = list(self._twist_diagonal)
         if motion.twist_variances is not None:
             for index, variance in zip((0, 5), motion.twist_variances, strict=True):
@@ -193,6 +222,13 @@ def planar(pose: Pose) -> tuple[float, float, float, float]:
     # The heading need not be wrapped: a full turn changes both signs, which is the same rotation.
     half_rad = pose.heading_rad / 2
     return pose.x_m, pose.y_m, math.sin(half_rad), math.cos(half_rad)
+
+
+def publish_stamped(publisher: Any, message: Any, stamp_ns: int, frame: str) -> None:
+    """Publish a message with a header."""
+    message.header.stamp = time_message(stamp_ns)
+    message.header.frame_id = frame
+    publisher.publish(message)
 
 
 def time_message(stamp_ns: int) -> Time:

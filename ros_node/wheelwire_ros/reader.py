@@ -1,4 +1,4 @@
-"""Samples: the thread that reads them as they arrive, and the pace at which the node publishes."""
+"""Samples: the thread that reads them as they arrive, and the rate at which the node publishes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAUSE_S = 0.05
 LEAST_WAIT_S = 0.001
 JOIN_S = 2.0
 SLOWEST_HZ = 2 / SILENCE_S
-"""Lowest sampling rate: so that one lost sample does not count as silence."""
+"""Lowest sampling rate, at which one lost sample does not count as silence."""
 
 
 class SampleReader:

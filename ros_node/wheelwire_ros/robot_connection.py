@@ -88,8 +88,8 @@ class RobotConnection:
     Any thread may call `command`, `estop` and `stop`; one thread at a time calls the other methods,
     which wait for the robot. `command` never waits.
 
-    A device that was reset has lost its parameters, and its e-stop if the power failed, and nobody
-    knows what happened while the link was lost. So in a new session the connection latches the
+    A device that was reset has lost its parameters, and its e-stop too if the power failed. What
+    happened while the link was lost is unknown. So in a new session the connection latches the
     e-stop and sets the parameters before it sends anything else, and ignores older commands.
 
     Args:
@@ -127,7 +127,7 @@ class RobotConnection:
         self._boot_id: int | None = None
         """Boot id of the last session that was prepared."""
         self._is_restarted = False
-        """Whether the node waits for a zero command, because the device has started anew."""
+        """Whether the node waits for a zero command, because the device has restarted."""
         self._moving_s = -math.inf
         """When the last command for motion came while the node waited."""
         self._limiter = SpeedLimiter()
@@ -145,7 +145,7 @@ class RobotConnection:
         """How often the e-stop was set."""
         self._estop_unsent = False
         self._sets_values = False
-        """Whether several values are being set: no motion begins meanwhile."""
+        """Whether several values are being set. Until that is done, no motion begins."""
         self.driven_until_s = -math.inf
         """When the last command ends, on the monotonic clock."""
 
@@ -166,7 +166,7 @@ class RobotConnection:
         known, drive = self._calibrated
         if drive is None or basis != known:
             drive = self.tuning.calibrated(basis[0])
-            # Both in one assignment: no thread finds a new basis beside the old drive.
+            # Both in one assignment, so that no thread finds a new basis with the old drive.
             self._calibrated = basis, drive
         return drive
 
@@ -183,7 +183,7 @@ class RobotConnection:
             with self._clearing:
                 if self.estopped:
                     self._send_estop()  # first: nothing else may make the robot ready to drive
-            # A copy: another thread may add a value meanwhile.
+            # A copy: another thread may add a value at any time.
             for name, value in dict(self._given).items():
                 self.robot.parameters.set(name, value)
             self._on_session()
@@ -201,8 +201,8 @@ class RobotConnection:
         self._limiter.rest()
         boot_id = _boot_id(self.robot)
         if self._boot_id not in (None, boot_id):
-            # A sender that goes on commanding motion does not move a device that has started anew,
-            # or another one. Such a device holds by itself, but not for as long as this took.
+            # A sender that keeps commanding motion must not move a restarted or different device.
+            # The device holds by itself, but only for less time than this took.
             self._is_restarted, self._moving_s = True, self.connected_s
         self._boot_id = boot_id
         self._session = session
@@ -236,7 +236,7 @@ class RobotConnection:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.obeyed += 1
         # The robot says only later that it refused what was sent; until then nothing has changed.
-        if self.is_held and not getattr(self.robot, "is_unarmed", False):
+        if self.is_held and not self.robot.is_unarmed:
             self.is_held = False
         return obeyed
 
@@ -343,7 +343,7 @@ class RobotConnection:
         self.robot.stop()
 
     def note_standstill(self) -> None:
-        """Note that the robot stopped, for whatever reason: the next command starts from rest."""
+        """Note that the robot stopped, for any reason: the next command starts from rest."""
         self._limiter.rest()
 
     def estop(self) -> None:
@@ -366,7 +366,7 @@ class RobotConnection:
             if estops == self._estops:
                 self.estopped = self._estop_unsent = False
                 self._limiter.rest()
-            else:  # set again meanwhile, and nobody knows which of the two arrived first
+            else:  # it was set again, and which of the two arrived first is unknown
                 self._send_estop()
 
     def _send_estop(self) -> None:
@@ -376,5 +376,4 @@ class RobotConnection:
 
 
 def _boot_id(robot: BaseDriver) -> int:
-    info = getattr(robot, "info", None)
-    return 0 if info is None else int(info.device.boot_id)
+    return robot.info.device.boot_id if robot.has_device else 0

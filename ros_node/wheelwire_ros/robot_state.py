@@ -20,6 +20,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
+from wheelwire.holds import UNARMED
 
 from .sensors import Limits
 
@@ -32,15 +33,13 @@ ESTOP_BY_OTHERS = "the e-stop was set by its contact or by another program"
 ESTOPS = {
     EstopSource.CONTACT: "the e-stop was set by its contact",
     EstopSource.OTHER_PROGRAM: "the e-stop was set by another program",
-    EstopSource.BEFORE_POWER_ON: "the e-stop was set before the robot got its power",
-    EstopSource.DAMAGED_RECORD: "the record of what was latched is damaged: an e-stop",
+    EstopSource.BEFORE_POWER_ON: "the e-stop was set before the robot was powered on",
+    EstopSource.DAMAGED_RECORD: "the record of latched e-stops is damaged: an e-stop",
 }
 ACKNOWLEDGED_BY = "~/clear_fault acknowledges it"
 
 NO_LIMITS = Limits()
-_NO_NEWS = (Held.ESTOP | Held.CONTACT | Held.FAULT) | (
-    Held.UNARMED | Held.UNARMED_FORWARD | Held.UNARMED_REVERSE
-)
+_NO_NEWS = Held.ESTOP | Held.CONTACT | Held.FAULT | UNARMED
 """What the state says, or the status of the commands."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -79,7 +78,7 @@ class RobotState(NamedTuple):
 
     @property
     def held(self) -> tuple[str, ...]:
-        """What holds it beside a latch, in sentences; not that it is to be armed."""
+        """What holds it apart from a latch, in sentences; not that it must be armed."""
         if self.held_by is None:
             return ()
         return tuple(self.held_by.sentence(flag) for flag in self.held_by if flag not in _NO_NEWS)
@@ -139,14 +138,14 @@ class RobotState(NamedTuple):
 class ResetWatch:
     """Remembers that the device was reset or replaced, until somebody acknowledges it.
 
-    Otherwise a person who looks later would miss a chip that crashed for less than a second.
+    Otherwise a person who looks later would not notice a chip that crashed for less than a second.
     """
 
     def __init__(self) -> None:
         self.reason = ""
         """Why the device last started, by name; empty after no reset."""
         self.count = 0
-        """Resets that nobody has acknowledged."""
+        """Unacknowledged resets."""
         self.text = ""
         """One sentence for a person; empty after no reset."""
         self.board_id = ""
@@ -179,11 +178,11 @@ class ResetWatch:
 
 def _last_start(robot: BaseDriver) -> tuple[str, str, str]:
     """Why the device last started, by name and in words, and its board's identity."""
-    info = getattr(robot, "info", None)
-    if info is None:
+    if not robot.has_device:
         return "UNKNOWN", "the driver does not report why", ""
-    reason, doc = info.device.reset_reason.name, info.device.reset_reason.doc
-    return reason, doc[0].lower() + doc[1:].rstrip("."), info.device.board_id
+    device = robot.info.device
+    doc = device.reset_reason.doc
+    return device.reset_reason.name, doc[0].lower() + doc[1:].rstrip("."), device.board_id
 
 
 def of_robot(
@@ -214,10 +213,10 @@ def of_robot(
         stop: Why it stopped; empty while it drives.
         limits: What the sensors keep it from.
         odom_held: Whether odom goes on without samples.
-        held_by: What holds it, by its own report.
+        held_by: What holds it, as it reports.
         last_stop: What ended its last motion.
     """
-    # The first of these that applies hides the rest: behind a lost link nobody knows more.
+    # The first of these that applies hides the rest: for example, a lost link shows nothing else.
     if silence is not None:
         link, cause = "lost", f"the robot cannot be reached: {silence}"
     elif problem is not None:

@@ -1,7 +1,7 @@
 """What the robot's sensors measure: topics of IMU, ranges, bumpers and battery, words about them.
 
-Nothing here has a thread: the thread that reads the wheels' samples takes those of the sensors
-before each of them, so that a filter gets them in the order of their stamps.
+Nothing here has a thread: the thread that reads the wheels' samples takes the sensors' before each
+of them, so that a filter gets them in the order of their stamps.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, NamedTuple, TypeVar
 
-from sensor_msgs.msg import BatteryState, Imu, PointCloud2, PointField, Range
+from sensor_msgs.msg import Imu, PointCloud2, PointField, Range
 
 from wheelwire import (
     BaseDriver,
@@ -47,11 +47,11 @@ from wheelwire_protocol.sensors import (
 
 from .gyro_bias import GyroBias, Vector
 from .parameter_values import Get
-from .publishers import DEPTH, BatteryPace, battery_message, time_message
+from .publishers import BatteryPublisher, lifecycle_publishers, publish_stamped
 from .threads import NodeThreads
 
 IMU_DEPTH = 100
-"""The samples of half a second: they come with those of the wheels, several at once."""
+"""The samples of half a second: they come with the wheels', several at once."""
 PASSING = (SensorState.UNREAD, SensorState.MISSED)
 """States that a busy computer sees for a moment, too: /diagnostics has them, ~/state does not."""
 _POINT = struct.Struct("<3f")
@@ -77,7 +77,7 @@ class SensorTopics(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What the sensors keep the robot from. By default nothing."""
+    """What the sensors forbid. By default nothing."""
 
     triggered: tuple[str, ...] = ()
     """Channels of the inputs that act on the robot."""
@@ -102,22 +102,21 @@ def start(robot: BaseDriver, rate_hz: int) -> Sensors | None:
 
 
 EMPTY_CELL_V, FULL_CELL_V = 3.3, 4.2
-"""Of a lithium-ion cell: where the board's `cells` stop the robot, and charged."""
+"""Voltages of a lithium-ion cell: where the board's `cells` stop the robot, and when charged."""
 
 
 def with_battery_of_board(get: Get, robot: BaseDriver) -> Get:
-    """The settings; those of the battery that nobody gave by the board's number of cells, if any.
+    """The settings; the board's number of cells, if given, fills in the battery's missing ones.
 
     Args:
-        get: The settings as they were given.
+        get: The given settings.
         robot: Asked for the levels of its battery.
     """
     if not math.isnan(get("battery_empty_v")):
         return get
-    board = getattr(robot, "board", None)
     found = None
     with suppress(WheelwireError):  # what cannot be read is not known
-        found = None if board is None else board.read()[1]
+        found = robot.board.read()[1]
     known = battery_range_v(() if found is None else found.peripherals)
     if known is None:
         return get
@@ -162,7 +161,7 @@ class SensorPublisher:
         self._to_ros_ns = to_ros_ns
         self._imu: Any = None
         self._bumpers: Any = None
-        self._battery: Any = None
+        self._battery: BatteryPublisher | None = None
         self._imu_samples: SampleIterator[ImuSample] | None = None
         self._power_samples: SampleIterator[PowerSample] | None = None
         self._input_samples: SampleIterator[InputsSample] | None = None
@@ -171,17 +170,10 @@ class SensorPublisher:
         self._range_samples: SampleIterator[RangeSample] | None = None
         self._unstamped: list[InputsSample] = []
         self._is_turn_told = False
-        self._battery_pace = BatteryPace()
         if sensors is None:
             return
 
-        def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
-            return threads.entity(
-                resources,
-                lambda: node.create_lifecycle_publisher(type_, name, depth),
-                node.destroy_lifecycle_publisher,
-            )
-
+        publisher = lifecycle_publishers(node, threads, resources)
         self._events = sensors.events()
         imu = sensors.imu.info
         if imu is not None:
@@ -195,7 +187,7 @@ class SensorPublisher:
                 ros_messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
             )
         if sensors.power.info is not None:
-            self._battery = publisher(BatteryState, "battery_state")
+            self._battery = BatteryPublisher(publisher, topics.battery_range_v, topics.base_frame)
             self._power_samples = sensors.power.samples()
         if ranges := sensors.ranges.infos:
             self._ranges = {name: publisher(Range, f"range/{name}") for name in ranges}
@@ -218,7 +210,7 @@ class SensorPublisher:
         return ()
 
     def limits(self) -> Limits:
-        """What the sensors keep the robot from now."""
+        """What the sensors forbid now."""
         channels = self.channels
         if self._sensors is None or not channels:
             return Limits()
@@ -258,7 +250,7 @@ class SensorPublisher:
         told, self._is_turn_told = self._is_turn_told, bool(radps)
         if radps and not told:
             self._log.warning(
-                f"the gyroscope shows {radps:.3f} rad/s though wheels and accelerometer are at "
+                f"the gyroscope measures {radps:.3f} rad/s though wheels and accelerometer are at "
                 "rest. Either something turns the robot, or it is a bias: then have `wheelwire "
                 "setup` measure imu.bias"
             )
@@ -273,18 +265,15 @@ class SensorPublisher:
 
     def _publish_range(self, sample: RangeSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "ranges")
-        publisher = self._ranges.get(sample.name)  # None: its board was given it since
+        publisher = self._ranges.get(sample.name)  # None: it was added to its board since
         if stamp_ns is not None and publisher is not None:
             frame = f"{self._topics.frame_prefix}range_{sample.name}"
-            self._publish(publisher, range_message(sample), stamp_ns, frame)
+            publish_stamped(publisher, range_message(sample), stamp_ns, frame)
 
     def _publish_battery(self, sample: PowerSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "power")
-        if stamp_ns is not None and self._battery_pace.is_due(stamp_ns):
-            message = battery_message(
-                sample.voltage_v, *self._topics.battery_range_v, sample.current_a
-            )
-            self._publish(self._battery, message, stamp_ns)
+        if stamp_ns is not None and self._battery is not None:
+            self._battery.publish(stamp_ns, sample.voltage_v, sample.current_a)
 
     def _publish_bumpers(self, sample: InputsSample) -> bool:
         """Whether it had a stamp."""
@@ -293,19 +282,14 @@ class SensorPublisher:
             infos = [status.info for status in self.channels]
             topics = self._topics
             points = obstacles(infos, sample, topics.bumper_radius_m, topics.bumper_height_m)
-            self._publish(self._bumpers, cloud_message(points), stamp_ns)
+            publish_stamped(self._bumpers, cloud_message(points), stamp_ns, topics.base_frame)
         return stamp_ns is not None
-
-    def _publish(self, publisher: Any, message: Any, stamp_ns: int, frame: str = "") -> None:
-        message.header.stamp = time_message(stamp_ns)
-        message.header.frame_id = frame or self._topics.base_frame
-        publisher.publish(message)
 
 
 def taken(iterator: SampleIterator[Sample] | None) -> Iterator[Sample]:
-    """What waits in an iterator; nothing without one, nor once the driver is closed."""
+    """What waits in an iterator; nothing without an iterator, or once the driver is closed."""
     if iterator is not None:
-        # Whoever reads the wheels' samples learns of the end, too.
+        # The reader of the wheels' samples learns of the end, too.
         with suppress(StopIteration, WheelwireError):
             while (sample := iterator.poll()) is not None:
                 yield sample
@@ -315,11 +299,11 @@ def taken(iterator: SampleIterator[Sample] | None) -> Iterator[Sample]:
 
 
 def limits_of(channels: Sequence[SensorStatus], inputs: InputsSample | None) -> Limits:
-    """What the sensors keep the robot from.
+    """What the sensors forbid the robot.
 
     Args:
         channels: All of them.
-        inputs: The newest sample of the inputs; None: there is none.
+        inputs: The newest sample of the inputs, or None.
     """
     sentences = [
         f"{status.info.name}: {status.sentence}"

@@ -46,7 +46,7 @@ def create_services(node: Any, threads: NodeThreads) -> None:
         (Trigger, "stop", trigger(_stop), urgent, stops),
         (Trigger, "clear_fault", trigger(_clear_fault), None, requests),
         (Trigger, "save_parameters", trigger(_save_parameters), None, requests),
-        # In the general thread, since it does not ask the robot.
+        # In the general thread, because it does not ask the robot.
         (Trigger, "reset_odometry", trigger(_reset_odometry), None, None),
     ):
         service = node.create_service(type_, f"~/{name}", serve, callback_group=group)

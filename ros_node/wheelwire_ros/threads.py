@@ -70,12 +70,15 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         self._runs = runs
         self.spins = threading.Event()
         """Set while `spin` runs."""
+        self.started = threading.Event()
+        """Set once `spin` has begun, also when it has ended since."""
         self._thread: int | None = None
 
     def spin(self) -> None:
         """Run callbacks until the context or this executor is shut down."""
         self._thread = threading.get_ident()
         self.spins.set()
+        self.started.set()
         try:
             while self._context.ok() and not self._is_shutdown:
                 self.spin_once()
@@ -146,7 +149,7 @@ class NodeThreads:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._thread.start()
         # Before it spins, `run_urgently` would make its call in the caller's thread.
-        self._urgent.spins.wait()
+        self._urgent.started.wait()
         self._general.spin()
 
     def close(self) -> None:
@@ -228,7 +231,7 @@ class NodeThreads:
         done = RosFuture(executor=executor)
 
         def finish(_: object) -> None:
-            # Only a sign: the coroutine takes the result, or the error, from the call itself.
+            # Only a signal: the coroutine takes the result or the error from the call itself.
             done.set_result(None)
             executor.wake()  # rclpy looks at waiting coroutines only when something has come
 

@@ -15,7 +15,7 @@ SET_BACK_NS = 100_000_000
 """An offset that is smaller by more than this is one of a clock that was set back: what remains is
 the error of a measurement on a busy computer."""
 AHEAD_NS = 100_000_000
-"""How much later than it is measured an offset applies: no sample is stamped so long before."""
+"""How long after its measurement an offset applies: no sample is stamped that much earlier."""
 KEPT = 16
 """Offsets: a sample may be stamped some time after the newest is known."""
 RATE_WINDOW_NS = 4_000_000_000
@@ -43,19 +43,20 @@ def _offset_at(offsets: Sequence[Offset], stamp_ns: int) -> int:
 class TimeBase:
     """The offset between the two clocks, measured again from time to time.
 
-    Samples are stamped with the monotonic clock. NTP may step the ROS clock, but never that one,
-    so the offset does not stay the same. With `use_sim_time` the ROS clock reads 0 until the first
-    message on /clock: until then no time can be converted. Then it advances by steps, as messages
-    come, and at any speed: the speed is measured, too.
+    Samples are stamped with the monotonic clock. NTP may step the ROS clock, but never the
+    monotonic clock, so the offset changes. With `use_sim_time` the ROS clock reads 0 until the
+    first message on /clock: until then no time can be converted. Then it advances by steps, as
+    messages come, and at any speed: the speed is measured, too.
 
     Args:
         ros_ns: Reads the ROS clock. [ns]
-        is_simulated: Whether that is /clock.
+        is_simulated: Whether the ROS clock is /clock.
         log: The node's logger, for a clock that does not run yet, and for when it begins to.
         monotonic_ns: Reads the clock of the samples' stamps. [ns]
-        note_offsets: Called with the newest ones, before a sample can be stamped with the last.
-        recorded_offsets: For samples of a recording: those of their day, which are then the ones
-            that count; empty if there are none.
+        note_offsets: Called with the newest offsets, before a sample can be stamped with the last
+            one.
+        recorded_offsets: For samples of a recording: its own offsets, which are then used;
+            otherwise empty.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class TimeBase:
         """Measure the offset: of several readings the quickest, which was interrupted least.
 
         Args:
-            from_ns: Stamps from this one on get it; by default those of a moment later.
+            from_ns: Stamps from this one on get it; by default, from a moment later on.
         """
         self._note_whether_it_runs()
         if self.runs and self._is_simulated():
@@ -107,8 +108,8 @@ class TimeBase:
             if not self._offsets:
                 self._use(Offset(0, offset_ns))
             elif abs(offset_ns - self._offsets[-1].offset_ns) > width_ns / 2 + SAME_NS:
-                # Which samples get it depends on their stamps alone, so that a recording is stamped
-                # again in the same way: none of them has been stamped yet.
+                # None of the samples that get it has been stamped yet. So only their own stamps
+                # decide which get it, and a recording is stamped in the same way again.
                 soon_ns = self._monotonic_ns() + AHEAD_NS
                 self._use(Offset(soon_ns if from_ns is None else from_ns, offset_ns))
 
@@ -119,10 +120,10 @@ class TimeBase:
     def to_ros_ns(self, stamp_s: float, stream: str = "wheels") -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
 
-        Nor does time run backward in a stream: None if it would, unless somebody set the ROS clock
-        back. Also None if that was before the ROS clock's beginning, or if /clock has not advanced
-        since the stream's last conversion: of its samples between two steps only the first has a
-        time.
+        Within a stream, time never runs backward: None if it would, unless somebody set the ROS
+        clock back. Also None if the time is before the beginning of the ROS clock, or if /clock has
+        not advanced since the stream's last conversion: only the first of its samples between two
+        steps gets a time.
         """
         if not self.runs:
             self.measure()
@@ -143,7 +144,7 @@ class TimeBase:
             self.measure(from_ns=stamp_ns)
             offset_ns = _offset_at(self._offsets, stamp_ns)
             ros_ns = min(stamp_ns + offset_ns, self._ros_ns())
-        # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
+        # Simulations begin at 0. In a header, 0 means "no time", and a negative time is invalid.
         return self._later(stream, ros_ns, offset_ns) if ros_ns > 0 else None
 
     def _later(self, stream: str, ros_ns: int, offset_ns: int) -> int | None:
@@ -172,7 +173,7 @@ class TimeBase:
         """Read both clocks, and measure how fast the ROS clock runs."""
         with self._lock:
             now_ns, ros_ns = self._monotonic_ns(), self._ros_ns()
-            if self._seen and ros_ns < self._seen[-1][1]:  # a recording that begins anew
+            if self._seen and ros_ns < self._seen[-1][1]:  # a recording that restarts
                 self._seen.clear()
             if not self._seen or now_ns - self._seen[-1][0] >= RATE_STEP_NS:
                 self._seen.append((now_ns, ros_ns))

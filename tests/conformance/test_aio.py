@@ -16,7 +16,7 @@ from wheelwire_protocol.codes import Chip, SupervisorState
 
 PATIENCE_S = 30.0
 PARAMETERS = {"overrun_limit_us": 1e6, "brake_time_s": 0.2}
-"""A busy test machine is no fault of the robot's."""
+"""A busy test machine must not cause a fault."""
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ async def test_a_simulated_robot_and_its_loss() -> None:
         robot.plug()
         while robot.sessions == first:
             await robot.read(PATIENCE_S)
-        # The simulator was started anew, so its robot is held.
+        # The simulator was restarted, so its robot is held.
         with pytest.raises(errors.DeviceRefused):
             robot.set_velocity(0.2, 0.0, ttl=0.5)
         robot.set_velocity(0.0, 0.0)

@@ -16,7 +16,7 @@ class GpioBench(Bench):
         self.chip = chip
 
     def open(self) -> Robot:
-        # A busy test machine is no fault of the robot's.
+        # A busy test machine must not cause a fault.
         return L298NDriver(
             parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2, "stall_time_s": 2.0},
             pwm_directory=self.chip.pwm_directory,

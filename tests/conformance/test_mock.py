@@ -15,7 +15,7 @@ class MockBench(Bench):
         self.realtime = realtime
 
     def open(self) -> Robot:
-        # A busy test machine is no fault of the robot's.
+        # A busy test machine must not cause a fault.
         driver = MockDriver(
             realtime=self.realtime, parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2}
         )

@@ -15,7 +15,7 @@ class PigpioBench(Bench):
         self.daemon = daemon
 
     def open(self) -> Robot:
-        # A busy test machine is no fault of the robot's.
+        # A busy test machine must not cause a fault.
         return PigpioDriver(
             "127.0.0.1",
             self.daemon.port,

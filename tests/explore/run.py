@@ -57,7 +57,7 @@ def table(name: str, cells: dict[str, int]) -> Table:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("seconds", type=float)
+    parser.add_argument("seconds", type=float, help="of each of two processes' processor time")
     parser.add_argument("seed", type=int, nargs="?", help="the first; default: one by chance")
     parser.add_argument("--except", action="append", default=[], metavar="CODE", dest="excepted")
     parser.add_argument("--quiet", action="store_true", help="no tables of what was reached")

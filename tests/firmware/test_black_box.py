@@ -87,7 +87,7 @@ def test_a_file_is_read_and_re_run(image: bytes, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * BOX_SIZE, bytes(100)])
-def test_what_is_no_box_is_refused(content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_box_is_refused(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "other.bin"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="is no black box"):

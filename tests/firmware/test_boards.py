@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -11,15 +10,15 @@ import pytest
 
 from support.own_board import OWN_BOARD
 from support.virtual import VirtualRobot
-from wheelwire.board import BOARD, ENTRY, Configuration, packed_entry
+from wheelwire.board import Configuration, packed_entry
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
 from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
 from wheelwire.tools.files.board import load_board, shipped_boards
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codec import schema_hash
+from wheelwire_protocol.codec import BOARD, ENTRY, schema_hash
 from wheelwire_protocol.codes import (
     Chip,
+    ConfigurationState,
     Fault,
     Group,
     RefusalCode,
@@ -97,7 +96,7 @@ def with_board(name: str, store: Path) -> VirtualRobot:
 
 
 def unwritten(store: Path | None = None) -> VirtualRobot:
-    """A fresh chip: nobody has said which board it is on."""
+    """A fresh chip, whose board nobody has confirmed."""
     robot = VirtualRobot(1, store, wheels_free=1, board_unwritten=1)
     robot.sim.reset(ResetReason.POWER_ON)
     return robot.open()
@@ -232,7 +231,7 @@ def test_an_erased_flash_leaves_a_device_that_drives_nothing(tmp_path: Path) -> 
 def test_the_groups_of_a_device_have_their_hashes(robot: VirtualRobot) -> None:
     for group in Group:
         info = cast("GroupInfo", robot.request(GroupGet(0, 0, group)))
-        served = 0 if group is Group.PLATFORM else schema_hash(group)  # it is no chip
+        served = 0 if group is Group.PLATFORM else schema_hash(group)  # not a chip
         assert (info.group, info.hash) == (group, served)
     assert cast("GroupInfo", robot.request(GroupGet(0, 0, 200))).hash == 0
 
@@ -258,7 +257,7 @@ def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
 
 
-def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None:
+def test_without_a_confirmation_the_previous_board_returns(tmp_path: Path) -> None:
     robot = with_board("drv8833", tmp_path / "store")
     write(robot, load_board("tb6612"))
     restart(robot)
@@ -272,7 +271,7 @@ def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("reason", [ResetReason.PANIC, ResetReason.TASK_WATCHDOG])
-def test_a_chip_that_dies_on_trial_comes_back_with_the_former_board(
+def test_a_chip_that_dies_on_trial_comes_back_with_the_previous_board(
     tmp_path: Path, reason: ResetReason
 ) -> None:
     robot = with_board("drv8833", tmp_path / "store")
@@ -398,7 +397,7 @@ def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path)
         robot.run(0.1)
         with pytest.raises(LinkLost):
             robot.set_velocity(0.1, 0.1)
-    assert "TB6612FNG, which nobody confirmed, not L298N" in str(robot.session.error)
+    assert "TB6612FNG, which is not confirmed, not L298N" in str(robot.session.error)
     # It was only on trial: the expected one returns, and drives.
     robot.run_until(lambda: robot.session.phase is Phase.OPEN, timeout_s=15.0)
     robot.arm()
@@ -408,8 +407,8 @@ def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path)
 
 def test_the_session_knows_the_board_and_its_confirmation(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store").open()
-    robot.run_until(lambda: robot.session.board is not None)
-    before = robot.session.board
+    robot.run_until(lambda: robot.session.reported.board is not None)
+    before = robot.session.reported.board
     assert before is not None
     assert (before.name, before.state) == (OWN_BOARD.name, ConfigurationState.STORED)
     assert (before.peripheral_count, before.has_contact) == (4, True)
@@ -417,13 +416,13 @@ def test_the_session_knows_the_board_and_its_confirmation(tmp_path: Path) -> Non
     board = load_board("tb6612")
     write(robot, board)
     robot.request(Restart(0, 0))
-    robot.run_until(lambda: robot.session.board is None)  # of the session before
-    robot.run_until(lambda: robot.session.board is not None)
+    robot.run_until(lambda: robot.session.reported.board is None)  # of the session before
+    robot.run_until(lambda: robot.session.reported.board is not None)
     fingerprint = board.fingerprint()
     on_trial = ActiveBoard(
         board.name, ConfigurationState.TRIAL, fingerprint, True, 0, bare_fingerprint=fingerprint
     )
-    assert robot.session.board == on_trial
+    assert robot.session.reported.board == on_trial
     robot.run_until(lambda: robot.session.phase is Phase.OPEN)
     robot.request(confirmation(board))
-    assert robot.session.board == replace(on_trial, state=ConfigurationState.STORED)
+    assert robot.session.reported.board == on_trial._replace(state=ConfigurationState.STORED)

@@ -10,7 +10,8 @@ from support.library_robot import LibraryRobot
 from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import Chip, Fault, RefusalCode, StopMode, SupervisorState
-from wheelwire_protocol.native import Core, Identity, NativeMissingError, StageInputs
+from wheelwire_protocol.core import Core, Identity, StageInputs
+from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
     ClearEstop,
@@ -76,7 +77,7 @@ def test_a_duty_becomes_pins_until_the_deadline(robot: LibraryRobot) -> None:
     assert robot.outputs.left == robot.outputs.right == BRAKE
 
 
-def test_ticks_are_told_and_wrap() -> None:
+def test_ticks_are_reported_and_wrap() -> None:
     robot = LibraryRobot()
     robot.left_ticks, robot.right_ticks = 2**31 - 10, -(2**31) + 10
     robot.open()
@@ -160,7 +161,7 @@ def drive_against_the_limit(robot: LibraryRobot) -> None:
         robot.step()
 
 
-def test_the_values_in_force_can_be_read(robot: LibraryRobot) -> None:
+def test_the_active_values_can_be_read(robot: LibraryRobot) -> None:
     for name in ("control_rate_hz", "wheel_radius"):
         id_ = PARAMETER_BY_NAME[name].id
         assert robot.core.value(id_) == pytest.approx(parameter(robot, name))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.early
 BUILD = Path(__file__).parents[2] / "build"
 BUILDS = ["host", pytest.param("asan", marks=pytest.mark.whole)]
 

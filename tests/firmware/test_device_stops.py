@@ -9,13 +9,13 @@ import pytest
 
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused
-from wheelwire.link.info import Recorded
 from wheelwire.log.why.device import DatedStop, ledger_facts, stops_of_device
+from wheelwire.robot.black_boxes import Recorded
 from wheelwire_protocol.codes import Group, ResetReason, SupervisorState
 from wheelwire_protocol.types import GROUP_HASHES
 
 STORED_S = 15.0
-"""A box is in flash by then: not within ten seconds of a start, and then at rest."""
+"""By then a box is in flash: it is written at rest, ten seconds after a start."""
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_before_the_box_is_stored_the_flags_alone_speak(robot: VirtualMockDriver
     assert causes(robot) == ["encoder_dead or wheel_blocked"]
 
 
-def test_a_stop_behind_the_newest_box_is_not_taken_for_it(robot: VirtualMockDriver) -> None:
+def test_a_stop_after_the_newest_box_is_not_mistaken_for_it(robot: VirtualMockDriver) -> None:
     for _ in range(3):
         drive(robot, 0.5)
         robot.estop()
@@ -95,7 +95,7 @@ LEAVE_A_BOX = ResetReason.PANIC, ResetReason.TASK_WATCHDOG, ResetReason.INTERRUP
 
 @pytest.mark.parametrize("drives", [True, False])
 @pytest.mark.parametrize("reason", ResetReason)
-def test_a_reset_of_each_kind_is_told(
+def test_a_reset_of_each_kind_is_reported(
     robot: VirtualMockDriver, reason: ResetReason, *, drives: bool
 ) -> None:
     drive(robot, 1.0)
@@ -108,7 +108,7 @@ def test_a_reset_of_each_kind_is_told(
     robot.advance(STORED_S)
     found = stops(robot)
     assert [one.stop.cause for one in found] == RESET_CAUSES[reason]
-    # Its clock was the one before the reset, which nobody knows.
+    # Its clock was the one before the reset, which is unknown.
     assert not any(one.is_dated for one in found)
     evidence = " ".join(text for one in found for text in one.stop.evidence)
     assert ("before the reset" in evidence) == (reason in LEAVE_A_BOX)
@@ -158,7 +158,7 @@ def test_a_reset_while_an_estop_s_box_is_written_costs_neither(robot: VirtualMoc
 
 
 @pytest.mark.parametrize("latch", ["fault", "estop"])
-def test_what_a_box_of_an_earlier_boot_tells_is_not_guessed_anew(
+def test_a_cause_from_an_earlier_boots_box_is_not_guessed_again(
     robot: VirtualMockDriver, latch: str
 ) -> None:
     if latch == "fault":
@@ -174,7 +174,7 @@ def test_what_a_box_of_an_earlier_boot_tells_is_not_guessed_anew(
     found = stops(robot)
     assert [one.stop.cause for one in found] == [stopped, "panic", f"{latch}_before_reset"]
     assert "black box 1, of an earlier boot" in found[-1].stop.evidence[-1]
-    # What latches anew has a box of its own.
+    # A new latch has its own box.
     (robot.clear_fault if latch == "fault" else robot.clear_estop)()
     robot.estop()
     robot.advance(STORED_S)

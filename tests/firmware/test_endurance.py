@@ -18,7 +18,7 @@ from wheelwire.link.sample_stream import LatestSample
 from wheelwire.tools.files.bad_line import load_profile, shipped_profiles
 
 TICKS_A_STEP = 15_000
-"""Less than half of where the hardware's counters start anew."""
+"""Less than half of the hardware counters' range."""
 
 
 def check(account: Account) -> None:

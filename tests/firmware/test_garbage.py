@@ -1,4 +1,4 @@
-"""Bytes that are no good frame move nothing, and every one of them is accounted for."""
+"""Bytes that form no good frame move nothing, and all of them are counted."""
 
 from __future__ import annotations
 

@@ -25,6 +25,11 @@ def test_the_firmware_passes_every_row(measured: hil.Measured) -> None:
     assert list(dict.fromkeys(check.row for check in found)) == list(hil.ROWS)
 
 
+@pytest.mark.whole
+def test_it_passes_ten_times_as_often() -> None:
+    assert hil.failing_rows(hil.checks(hil.simulate(PROGRAM, 10))) == []
+
+
 def test_each_row_has_a_fault() -> None:
     rows = {mutant.name.partition("-")[0] for mutant in load(DATA / "hil.toml").mutants}
     assert rows == set(hil.ROWS)

@@ -11,10 +11,10 @@ import pytest
 
 from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
-from wheelwire.errors import WheelwireError
-from wheelwire.holds import HeldBy
-from wheelwire.link.info import Recorded
+from wheelwire.errors import DeviceRefused, WheelwireError
+from wheelwire.holds import UNARMED, HeldBy
 from wheelwire.log.why.device import stops_of_device
+from wheelwire.robot.black_boxes import Recorded
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import (
     Contradiction,
@@ -228,7 +228,7 @@ def renew(robot: VirtualMockDriver) -> None:
     raise AssertionError("no new session")
 
 
-def test_there_are_twenty() -> None:
+def test_at_least_twenty_states_are_staged() -> None:
     assert len(STAGED) >= 20
 
 
@@ -270,6 +270,55 @@ def test_the_program_that_drives_and_a_new_one_know(name: str) -> None:
             assert holding.last_stop.rolled_m < 0.2
 
 
+def is_unarmed(robot: VirtualMockDriver) -> bool:
+    assert robot.is_unarmed == bool(held_by(robot).flags & UNARMED)
+    return robot.is_unarmed
+
+
+def refused(robot: VirtualMockDriver) -> None:
+    """Ask for motion until the refusal has come."""
+    with pytest.raises(DeviceRefused):  # noqa: PT012 - it comes with the next setpoint
+        for _ in range(3):
+            robot.set_velocity(0.2, 0.0)
+            robot.advance(0.01)
+
+
+@pytest.mark.parametrize("ends", ["zero", "pause"])
+@pytest.mark.parametrize(
+    "play",
+    [clears, bumps_and_goes_on, lambda robot: robot.simulator.reset(ResetReason.PANIC)],
+    ids=["clear", "bumper", "reset"],
+)
+def test_it_is_unarmed_from_the_refusal_until_a_zero_or_a_pause(
+    play: Callable[[VirtualMockDriver], None], ends: str
+) -> None:
+    with MockDriver(realtime=False) as robot:
+        assert isinstance(robot, VirtualMockDriver)
+        drive(robot)
+        play(robot)
+        drive(robot, 1.0)
+        assert is_unarmed(robot)
+        refused(robot)
+        if ends == "zero":
+            robot.set_velocity(0.0, 0.0)
+            robot.advance(REPORTED_S)
+        else:
+            robot.advance(1.0 + REPORTED_S)
+        assert not is_unarmed(robot)
+        robot.set_velocity(0.2, 0.0)
+
+
+def test_a_refusal_unarms_at_once_and_no_motion_asked_for_does_not() -> None:
+    with MockDriver(realtime=False) as robot:
+        assert isinstance(robot, VirtualMockDriver)
+        robot.estop()
+        robot.clear_estop()
+        robot.advance(REPORTED_S)
+        assert not is_unarmed(robot)
+        refused(robot)
+        assert is_unarmed(robot)
+
+
 def test_a_stop_tells_when_it_was_and_how_far_the_robot_rolled() -> None:
     with MockDriver(realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
@@ -282,11 +331,11 @@ def test_a_stop_tells_when_it_was_and_how_far_the_robot_rolled() -> None:
     assert stop.t_us is not None
     assert stop.stamp == pytest.approx(sample.stamp - (sample.t_us - stop.t_us) / 1e6, abs=1e-3)
     assert stop.command_seq == sample.command_seq
-    assert "The setpoint of the program that drove ran out" in str(stop)
+    assert "The setpoint of the program that drove expired" in str(stop)
     assert "came to rest" in str(stop)
 
 
-def test_a_fault_is_told_with_its_flags() -> None:
+def test_a_fault_is_reported_with_its_flags() -> None:
     with MockDriver(realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
         drive(robot)
@@ -299,7 +348,7 @@ def test_a_fault_is_told_with_its_flags() -> None:
     assert stop.faults == Fault.LEFT_NOT_COUNTING
 
 
-def test_what_holds_it_is_not_known_out_of_reach() -> None:
+def test_the_cause_of_a_hold_is_unknown_out_of_reach() -> None:
     with MockDriver(realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
         robot.advance(0.1)

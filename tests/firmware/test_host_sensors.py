@@ -18,9 +18,8 @@ from wheelwire.board import (
 )
 from wheelwire.errors import DeviceRefused
 from wheelwire.pi.i2c import BusReader
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codes import Chip, Fault, RefusalCode, SupervisorState
-from wheelwire_protocol.native import Core, Identity, Sensors, TransferResult
+from wheelwire_protocol.codes import Chip, ConfigurationState, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.core import Core, Identity, Sensors, TransferResult
 from wheelwire_protocol.sensors import (
     PeripheralFault,
     PeripheralKind,
@@ -139,7 +138,7 @@ def test_a_chip_is_unplugged_and_plugged(robot: PiRobot, channel: int) -> None:
     assert robot.states(channel)[-1] is SensorState.OK
 
 
-def test_another_chip_is_none(robot: PiRobot) -> None:
+def test_another_chip_counts_as_absent(robot: PiRobot) -> None:
     robot.chips.imu.identity = 0x69
     robot.chips.imu.power_on()
     robot.run_ms(1000)
@@ -202,7 +201,7 @@ def test_a_transfer_that_does_not_end_delays_no_step(robot: PiRobot) -> None:
     assert robot.states(POWER_CHANNEL)[-1] is SensorState.OK
 
 
-def test_a_transfer_that_takes_its_time_is_not_yet_one_that_hangs(robot: PiRobot) -> None:
+def test_a_slow_transfer_does_not_count_as_hung(robot: PiRobot) -> None:
     def take_time() -> None:
         robot.in_transfer, robot.reads = lambda: None, False
         robot.run_ms(REPORTED_MS - 20)
@@ -213,7 +212,7 @@ def test_a_transfer_that_takes_its_time_is_not_yet_one_that_hangs(robot: PiRobot
     assert robot.states(IMU_CHANNEL) == [SensorState.MISSED, SensorState.OK]
 
 
-def test_a_transfer_that_began_after_the_step_did_is_none_that_hangs(robot: PiRobot) -> None:
+def test_a_transfer_that_began_after_the_step_does_not_count_as_hung(robot: PiRobot) -> None:
     def step_late() -> None:
         robot.in_transfer, robot.reads = lambda: None, False
         robot.bus_us += 50_000
@@ -227,7 +226,7 @@ def test_a_transfer_that_began_after_the_step_did_is_none_that_hangs(robot: PiRo
     assert SensorState.HUNG not in robot.states(IMU_CHANNEL)
 
 
-def test_what_was_read_too_slowly_is_not_used(robot: PiRobot) -> None:
+def test_a_slow_read_is_not_used(robot: PiRobot) -> None:
     def take_time() -> None:
         robot.bus_us += 25_000
 
@@ -268,7 +267,7 @@ def test_a_transfer_that_raises_counts_as_hung(
     assert "nobody thought of this" in capfd.readouterr().err
 
 
-def test_half_an_answer_is_none(robot: PiRobot) -> None:
+def test_half_an_answer_counts_as_no_answer(robot: PiRobot) -> None:
     robot.failure = TransferResult.DONE  # with no bytes
     robot.run_ms(300)
     assert robot.states(IMU_CHANNEL)[-1] is SensorState.HUNG

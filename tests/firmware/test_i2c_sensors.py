@@ -203,7 +203,7 @@ def test_a_chip_that_repeats_itself_is_frozen_within_one_sample_more_than_its_ta
         assert host.ms_until(SensorState.OK) <= RETRY_MS + SETTLE_MS + 10 * PERIOD_MS
 
 
-def test_a_chip_whose_plug_is_off_is_absent_within_two_periods_and_set_up_anew() -> None:
+def test_an_unplugged_chip_is_absent_within_two_periods_and_set_up_again() -> None:
     host = SensingHost()
     host.sim.set("imu.absent", 1)
     assert host.ms_until(SensorState.ABSENT) <= 2 * PERIOD_MS + 3

@@ -128,23 +128,23 @@ def test_a_magnet_that_is_missing_drops_out_over_whole_turns() -> None:
     assert found.left.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.02)
 
 
-def test_a_weak_motor_is_said() -> None:
+def test_a_weak_motor_is_reported() -> None:
     with plant_robot("25ga-1440", raised=True, settings={"left.motor_scale": 0.7}) as robot:
         found = identify(robot, quiet, on_the_floor=False)
     assert len(found.problems) == 1
     assert found.problems[0].startswith("the motors are unequal: left 0.5")
 
 
-def test_a_curve_that_no_line_fits_is_said_and_gets_no_gains() -> None:
+def test_a_curve_that_no_line_fits_is_reported_and_gets_no_gains() -> None:
     with plant_robot("tt-1-48", raised=True, settings={"bridge.chopped": 1}) as robot:
         found = identify(robot, quiet, on_the_floor=False)
         values = tuned(found, robot)
-    assert "speed over duty is no line" in found.left.nonlinearity
+    assert "speed over duty is not a straight line" in found.left.nonlinearity
     assert "pwm_frequency_hz" in found.problems[0]
     assert "proportional_gain" not in values
 
 
-def test_a_limit_that_the_supply_does_not_reach_is_said() -> None:
+def test_a_limit_that_the_supply_does_not_reach_is_reported() -> None:
     with plant_robot("tt-1-48", 4.5, raised=False) as robot:
         found = identify(robot, quiet, on_the_floor=True)
     assert found.problems[0].startswith("max_velocity_mps is 0.40, but at 0.90 of duty")
@@ -160,7 +160,7 @@ def test_a_limit_that_the_supply_does_not_reach_is_said() -> None:
         ({"estop_open": 1}, "the e-stop is latched"),
     ],
 )
-def test_what_prevents_it_is_said_and_the_wheels_stand(
+def test_what_prevents_measuring_is_reported_and_the_wheels_stand(
     settings: dict[str, float], reason: str
 ) -> None:
     with plant_robot("tt-1-48", raised=True, settings=settings) as robot:
@@ -171,7 +171,7 @@ def test_what_prevents_it_is_said_and_the_wheels_stand(
         assert robot.simulator.get("drive_on") == 0
 
 
-def test_a_fault_that_is_latched_is_said() -> None:
+def test_a_latched_fault_is_reported() -> None:
     with plant_robot("tt-1-48", raised=True, settings={"left.blocked": 1}) as robot:
         for _ in range(40):
             robot.set_duty(0.6, 0.6)
@@ -229,10 +229,10 @@ def test_what_was_measured_while_a_setpoint_ran_out_is_measured_again(
     assert rms_after_mps < 0.007
 
 
-def test_a_computer_that_is_always_busy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_always_busy_computer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     with plant_robot("25ga-1440", raised=True) as robot:
         busy(robot, monkeypatch, "set_duty", 40)
-        with pytest.raises(CommissioningFailed, match="setpoints reach the robot too late"):
+        with pytest.raises(CommissioningFailed, match="setpoints keep reaching the robot too late"):
             identify(robot, quiet, on_the_floor=False)
 
 
@@ -265,7 +265,7 @@ def test_the_robot_is_stopped_when_it_is_interrupted(
 
 
 @pytest.mark.parametrize("after", [200, 700, 1900])
-def test_an_interrupted_proof_leaves_the_former_parameters(
+def test_an_interrupted_proof_leaves_the_previous_parameters(
     monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
     before = {"velocity_feedforward": 1.365, "integral_gain": 16.0}
@@ -281,7 +281,7 @@ def test_an_interrupted_proof_leaves_the_former_parameters(
 
 @pytest.mark.parametrize("reopened", [True, False])
 @pytest.mark.parametrize("after", [200, 1900])
-def test_a_reset_with_values_on_trial_is_told_as_a_reset(
+def test_a_reset_with_values_on_trial_is_reported_as_a_reset(
     monkeypatch: pytest.MonkeyPatch, after: int, reopened: bool
 ) -> None:
     before = {"velocity_feedforward": 1.365, "integral_gain": 16.0}
@@ -369,9 +369,7 @@ def test_the_gains_are_those_of_the_rule() -> None:
         ),
     ],
 )
-def test_what_was_not_measured_is_left_out(
-    difference: dict[str, object], left_out: set[str]
-) -> None:
+def test_unmeasured_values_are_left_out(difference: dict[str, object], left_out: set[str]) -> None:
     with plant_robot("tt-1-48", raised=True) as robot:
         assert set(tuned(found_with(), robot)) - set(tuned(found_with(**difference), robot)) == (
             left_out

@@ -21,7 +21,7 @@ from wheelwire.tools.setup import imu as imu_setup
 from wheelwire.tools.setup.imu import set_up_imu
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
 from wheelwire.tools.setup.setup import CHANGED, Options, set_up
-from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codes import ConfigurationState
 from wheelwire_protocol.sensors import Axis, SensorChip
 
 BIAS_RADPS = 0.02
@@ -258,7 +258,7 @@ def test_without_a_yes_nothing_is_written(robot: MockDriver) -> None:
     assert robot.simulator.get("boot_id") == boot
 
 
-def test_a_robot_that_is_to_keep_nothing_is_told_what_to_write(robot: MockDriver) -> None:
+def test_with_keep_setup_prints_what_to_write(robot: MockDriver) -> None:
     mount(robot, Axis.X, Axis.Z)
     before = entry_of(robot)
     person = Hand(robot)
@@ -270,7 +270,7 @@ def test_a_robot_that_is_to_keep_nothing_is_told_what_to_write(robot: MockDriver
     assert entry_of(robot) == before
 
 
-def test_what_the_device_refuses_is_a_problem(
+def test_a_refusal_by_the_device_is_a_problem(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def take_up(*_: object) -> None:
@@ -299,7 +299,7 @@ def test_what_the_device_refuses_is_a_problem(
         ("imu_front", partial(tilt, pitch_rad=-1.3), "lift was 7. degrees: lift the robot by"),
     ],
 )
-def test_a_hand_that_does_something_else_is_told_and_asked_again(
+def test_a_wrong_movement_is_reported_and_the_question_repeated(
     robot: MockDriver, key: str, move: Callable[[MockDriver], None], sentence: str
 ) -> None:
     mount(robot, Axis.Y, Axis.Z)
@@ -338,9 +338,9 @@ def test_a_turn_to_the_right_contradicts_and_nothing_is_saved(robot: MockDriver)
 @pytest.mark.parametrize(
     ("key", "sentence"),
     [
-        ("imu_front", "nobody lifted the robot by 15 degrees or more"),
-        ("imu_left", "nobody lifted the robot by 15 degrees or more"),
-        ("imu_turn", "nobody turned the robot by 60 degrees within 3 s"),
+        ("imu_front", "the robot was not lifted by 15 degrees or more"),
+        ("imu_left", "the robot was not lifted by 15 degrees or more"),
+        ("imu_turn", "the robot was not turned by 60 degrees within 3 s"),
     ],
 )
 def test_nobody_does_anything(
@@ -405,7 +405,7 @@ def test_a_hand_that_lets_go_late_is_waited_for(robot: MockDriver) -> None:
 
 
 @pytest.mark.parametrize("key", ["imu_rest", "imu_left", "imu_turn"])
-def test_what_is_skipped_stays_as_it_is(robot: MockDriver, key: str) -> None:
+def test_a_skipped_question_leaves_the_imus_values(robot: MockDriver, key: str) -> None:
     mount(robot, Axis.X, Axis.Z)
     before = entry_of(robot)
     run = Run(robot, Hand(robot, answers={key: "skip"}))
@@ -425,7 +425,7 @@ def test_what_is_skipped_stays_as_it_is(robot: MockDriver, key: str) -> None:
         ("imu.freeze", "FROZEN", "its supply"),
     ],
 )
-def test_an_imu_that_is_stale_is_said_to_be_and_nobody_is_asked(
+def test_a_stale_imu_is_reported_and_nobody_is_asked(
     robot: MockDriver, variable: str, state: str, look_at: str
 ) -> None:
     settings(robot, {variable: 1})
@@ -497,7 +497,7 @@ def test_a_pulled_cable_leaves_the_robot_as_it_was(robot: MockDriver, key: str) 
     assert (again.forward, again.up, again.saved) == ("x", "z", True)
 
 
-def test_ctrl_c_before_the_confirmation_leaves_the_former_list(
+def test_ctrl_c_before_the_confirmation_leaves_the_previous_list(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def confirm(*_: object) -> None:

@@ -345,7 +345,7 @@ def test_a_stuck_channel_has_two_names() -> None:
 
 
 @pytest.mark.parametrize("channel", [1, 2])
-def test_a_stuck_channel_counts_to_and_fro(channel: int) -> None:
+def test_a_stuck_channel_counts_back_and_forth(channel: int) -> None:
     robot = by_hand(2.0, wheels_free=1, **{"left.stuck_channel": channel})
     assert truth(robot, "ticks")[0] == pytest.approx(2 * COUNTS, abs=1)
     assert abs(reported(robot)[0]) <= 1
@@ -412,7 +412,7 @@ def test_a_sagging_supply_is_slow() -> None:
     assert reported(soft)[0] < 0.9 * reported(stiff)[0]
 
 
-def test_what_the_motors_draw_empties_the_battery() -> None:
+def test_motor_current_empties_the_battery() -> None:
     robot = VirtualRobot(
         **{"battery.capacity_ah": 0.001, "battery.fall_v": 2, "left.blocked": 1, "right.blocked": 1}
     ).open()

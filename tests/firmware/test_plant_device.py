@@ -46,7 +46,7 @@ def test_the_devices_clock_does_not_jump_when_its_drift_changes(sim: FwSim) -> N
     assert sim.get("device_us") - before == pytest.approx(999_000, abs=1)
 
 
-def test_a_reset_cuts_the_drive_and_starts_anew(robot: VirtualRobot) -> None:
+def test_a_reset_cuts_the_drive_and_restarts(robot: VirtualRobot) -> None:
     robot.drive(0.3, 0.3, 1.0)
     boot_id = robot.sim.get("boot_id")
     robot.sim.reset(ResetReason.BROWNOUT)

@@ -60,7 +60,7 @@ def test_duty_setpoints_are_not_judged() -> None:
     assert robot.state() is SupervisorState.DRIVING
 
 
-def test_nor_are_they_after_a_velocity() -> None:
+def test_duty_setpoints_after_a_velocity_are_not_judged() -> None:
     robot = VirtualRobot(1).open()
     robot.drive(0.2, 0.2, 1.0)
     robot.sim.set("left.encoder_lost", 0.9)

@@ -116,7 +116,7 @@ def test_it_measures_what_is_ahead(host: RangingHost, distance_m: float) -> None
         (10, RangeQuality.FAR),
     ],
 )
-def test_what_it_cannot_measure_is_no_distance(
+def test_a_distance_out_of_range_is_zero_with_its_quality(
     host: RangingHost, distance_m: float, quality: RangeQuality
 ) -> None:
     host.sim.set("range.front_m", distance_m)
@@ -207,7 +207,7 @@ def test_they_are_sent_when_they_moved_by_50_mv_at_the_pin_and_each_second(
         assert last[-1].analog_1_mv == pytest.approx(1000 * volts, abs=DIVIDER)
 
 
-def test_no_volts_are_a_value_and_no_reading_is_none(host: RangingHost) -> None:
+def test_zero_volts_are_a_value_and_no_reading_is_missing(host: RangingHost) -> None:
     assert host.inputs(1100)[-1].stale == 0
     host.sim.set("analog.4_v", 2)
     assert host.inputs(1100)[-1].analog_4_mv == 2000

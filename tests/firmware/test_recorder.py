@@ -9,14 +9,13 @@ import pytest
 
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
-from wheelwire.link.info import StoredBox
 from wheelwire.link.requests import Answer, RequestMessage
-from wheelwire.robot.black_boxes import AwaitableRecorder
+from wheelwire.robot.black_boxes import AwaitableRecorder, StoredBox
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 
 STORED_S = 15.0
-"""A box is in flash by then: not within ten seconds of a start, and then at rest."""
+"""By then a box is in flash: it is written at rest, ten seconds after a start."""
 
 
 @pytest.fixture

@@ -173,7 +173,7 @@ def test_the_store_is_not_touched_while_driving(
     assert host.state().supervisor == SupervisorState.DRIVING
 
 
-def test_a_store_that_fails_is_told(host: RawHost) -> None:
+def test_a_failing_store_is_reported(host: RawHost) -> None:
     host.sim.set("store_failing", 1)
     assert refusal(host, ParameterSave(host.session_id, 1, 0)) is RefusalCode.STORE_FAILED
 
@@ -217,7 +217,7 @@ def robot_that_saved(store: Path, *radii: float) -> None:
 
 
 @pytest.mark.parametrize("slot", [0, 1])
-def test_a_slot_that_is_damaged_is_told_and_repaired_at_rest(tmp_path: Path, slot: int) -> None:
+def test_a_damaged_slot_is_reported_and_repaired_at_rest(tmp_path: Path, slot: int) -> None:
     store = tmp_path / "store"
     robot_that_saved(store, 0.05, 0.06)
     damage(store, (slot,))
@@ -260,7 +260,7 @@ DAMAGES: list[tuple[Callable[[Path], None], Fault]] = [
 
 @pytest.mark.parametrize("cure", [ParameterReset(0, 3), ParameterSave(0, 3, 0)])
 @pytest.mark.parametrize(("do_damage", "fault"), DAMAGES)
-def test_where_nothing_that_was_saved_is_whole_nothing_drives_until_it_is_written_anew(
+def test_if_no_saved_copy_is_whole_nothing_drives_until_it_is_written_again(
     tmp_path: Path,
     do_damage: Callable[[Path], None],
     fault: Fault,
@@ -275,7 +275,7 @@ def test_where_nothing_that_was_saved_is_whole_nothing_drives_until_it_is_writte
     assert host.state().faults == fault
     assert get(host, 1) == pytest.approx(0.033)
     assert refusal(host, ClearFault(host.session_id, 2)) is RefusalCode.CAUSE_PRESENT
-    # It would make defaults of all others, which nobody has seen.
+    # It would reset all others to defaults.
     one = ParameterSave(host.session_id, 5, 1)
     assert refusal(host, one) is RefusalCode.STORE_FAILED
     host.ask(cure._replace(session_id=host.session_id, request_id=6), Ack)
@@ -342,7 +342,7 @@ def test_clearing_what_is_not_latched_is_no_error(host: RawHost) -> None:
     assert host.state().supervisor == SupervisorState.IDLE
 
 
-def test_transitions_are_told_as_events(host: RawHost) -> None:
+def test_transitions_are_reported_as_events(host: RawHost) -> None:
     host.received.clear()
     host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 100_000, 0.2, 0.2))
     host.run_ms(200)

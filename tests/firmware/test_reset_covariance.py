@@ -66,7 +66,7 @@ def runs() -> list[Run]:
     return [Run(seed) for seed in range(RUNS)]
 
 
-def test_what_was_driven_unseen_is_within_the_covariance(runs: list[Run]) -> None:
+def test_an_unseen_drive_is_within_the_covariance(runs: list[Run]) -> None:
     assert max(run.normalised_error for run in runs) < CHI_SQUARED_99
 
 

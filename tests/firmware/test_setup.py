@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ from support.wiring_runs import (
 )
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
+from wheelwire.samples import WheelSample
 from wheelwire.tools.files.parameters import load_parameter_file
 from wheelwire.tools.files.plant import load_plant, shipped_plants
 from wheelwire.tools.setup import problems, setup
@@ -205,7 +207,7 @@ def test_a_fault_with_the_new_values_alone_is_no_success_either(
 
 
 @pytest.mark.whole
-def test_a_fault_with_the_previous_values_is_said_and_mended() -> None:
+def test_a_fault_with_the_previous_values_is_reported_and_corrected() -> None:
     said: list[str] = []
     with raised_robot({"left.motor_scale": 0.5, "right.motor_scale": 0.5}) as robot:
         robot.parameters.set("plausibility_margin", 0.1)
@@ -314,6 +316,32 @@ def test_gains_that_are_no_better_are_not_saved(
     assert any(verdict in line for line in said)
 
 
+@pytest.mark.parametrize("raised", [True, pytest.param(False, marks=pytest.mark.whole)])
+def test_late_setpoints_are_named_in_place_of_an_encoder(
+    monkeypatch: pytest.MonkeyPatch, *, raised: bool
+) -> None:
+    with plant_robot("tt-1-48", raised=raised) as robot:
+        read, reads = robot.read, count()
+
+        def late(timeout: float = 1.0) -> WheelSample:
+            sample = read(timeout)
+            if next(reads) % 10:
+                return sample
+            robot.advance(0.06)
+            return read(timeout)
+
+        monkeypatch.setattr(robot, "read", late)
+        before = {name: robot.parameters[name] for name in TUNED}
+        options = Options(on_the_floor=not raised)
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+        assert {name: robot.parameters[name] for name in TUNED} == before
+    (problem,) = findings.problems
+    assert problem.startswith("setpoints came late: up to 70 ms apart, ")
+    assert "repeat the set-up" in problem
+    # What was found before the test drives is still good.
+    assert (findings.is_complete, findings.saved) == (raised, raised)
+
+
 def test_a_motor_too_weak_for_the_loop_is_a_finding() -> None:
     with raised_robot({**WRONG, "left.winding_scale": 7}) as robot:
         findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
@@ -326,7 +354,7 @@ def test_a_motor_too_weak_for_the_loop_is_a_finding() -> None:
     assert "the loop cannot hold a weaker motor" in findings.problems[1]
 
 
-def test_what_is_about_to_be_saved_is_listed_before_and_after() -> None:
+def test_values_to_be_saved_are_listed_before_and_after() -> None:
     said: list[str] = []
     with raised_robot(WRONG) as robot:
         set_up(robot, SimulatedPerson(robot, {**UNTUNED, "save": "no"}), said.append)
@@ -433,7 +461,7 @@ def test_while_wheels_turn_for_long_it_says_how_long_they_still_do(raised: int) 
             assert seconds == pytest.approx(end_s - moment, rel=0.35, abs=3.0)
 
 
-def test_no_more_is_told_to_be_left_after_wheels_that_cannot_be_measured() -> None:
+def test_no_time_is_left_after_wheels_that_cannot_be_measured() -> None:
     told: list[float] = []
     with raised_robot({"left.winding_scale": 7}) as robot:
         options = Options(left=told.append)
@@ -599,7 +627,7 @@ def test_looking_again_and_again_turns_no_wheel_far() -> None:
     for answers in ({"first": "again"}, {"first": "again", "second": "again"}):
         with raised_robot({**load_plant("tt-1-48").settings, "supply_v": 12.6}) as robot:
             person = Watched(robot, answers)
-            with pytest.raises(ValueError, match="answer with"):  # it is no answer any more
+            with pytest.raises(ValueError, match="answer with"):  # no longer an answer
                 set_up(robot, person, lambda _: None)
             assert abs(robot.simulator.get("true.left_turns")) < 1.5
 

@@ -51,7 +51,7 @@ def silence(robot: VirtualRobot, seconds: float) -> None:
     robot.now_us += round(seconds * 1e6)
 
 
-def test_a_killed_host_leaves_a_stopped_robot_with_its_former_values(robot: VirtualRobot) -> None:
+def test_a_killed_host_leaves_a_stopped_robot_with_its_previous_values(robot: VirtualRobot) -> None:
     assert held(robot) == TRIED
     assert all(duties(robot.sim))
     silence(robot, TIMEOUT_S + 0.01)
@@ -152,7 +152,7 @@ def test_no_renewal_follows_a_request_to_keep_that_has_to_be_repeated(robot: Vir
 
 
 def test_an_expiry_is_heard_of_without_a_renewal(robot: VirtualRobot) -> None:
-    robot.session.release_trial()  # nobody renews it any more
+    robot.session.release_trial()  # the link no longer renews it
     robot.run(TIMEOUT_S + 0.1)
     assert robot.session.count == 2  # so all that was known is void
     robot.drive(0.1, 0.1, 0.2)
@@ -279,7 +279,7 @@ def pull_the_cable(mock: MockDriver) -> None:
         mock.stop()
 
 
-def test_after_a_pulled_cable_nothing_goes_on_with_the_former_values(mock: MockDriver) -> None:
+def test_after_a_pulled_cable_nothing_goes_on_with_the_previous_values(mock: MockDriver) -> None:
     pull_the_cable(mock)
     assert values(mock) == FORMER
     mock.set_duty(0.3, 0.3, ttl=0.1)
@@ -308,7 +308,7 @@ def leave_without_a_cable(mock: MockDriver) -> None:
         mock.unplug()
 
 
-def test_leaving_without_a_cable_is_told_and_the_device_reverts(mock: MockDriver) -> None:
+def test_leaving_without_a_cable_raises_and_the_device_reverts(mock: MockDriver) -> None:
     with pytest.raises(LinkLost):
         leave_without_a_cable(mock)
     mock.advance(2.1)

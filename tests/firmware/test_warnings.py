@@ -10,8 +10,7 @@ import pytest
 
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.robot.verbs import CONTACT_IGNORED
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.codes import ConfigurationState, RefusalCode
 
 
 @pytest.fixture

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
@@ -47,8 +49,12 @@ def fuzz_host_decoder(seconds: float) -> bool:
 
 def main() -> int:
     seconds = float(sys.argv[1])
-    results = [report(target, fuzzing.fuzz(target, seconds)) for target in fuzzing.TARGETS]
-    return 0 if all([*results, fuzz_host_decoder(seconds)]) else 1
+    # A fuzzer is one process: each processor has one at a time.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        runs = {target: pool.submit(fuzzing.fuzz, target, seconds) for target in fuzzing.TARGETS}
+        decoder = pool.submit(fuzz_host_decoder, seconds)
+        results = [report(target, run.result()) for target, run in runs.items()]
+        return 0 if all([*results, decoder.result()]) else 1
 
 
 if __name__ == "__main__":

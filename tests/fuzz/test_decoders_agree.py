@@ -15,7 +15,8 @@ from support.decoders import by_firmware, by_python
 from support.examples import examples
 from support.messages import corrupted_captures
 from wheelwire_protocol.decoder import NativeDecoder
-from wheelwire_protocol.framing import Counters, PythonDecoder
+from wheelwire_protocol.framing import Counters
+from wheelwire_protocol.python_decoder import PythonDecoder
 
 VECTORS = Path(__file__).parents[2] / "protocol" / "vectors"
 HANDMADE = json.loads((VECTORS / "handmade.json").read_text("utf-8"))

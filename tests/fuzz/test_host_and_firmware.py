@@ -47,7 +47,7 @@ PERIODS_US = 2 * STEP_US
 """One control period until the drive is removed, and one until that is looked at."""
 
 SETTLED_S = 0.5
-"""A host with nothing lost any more has by then noticed a reset."""
+"""By then a host that loses nothing any more has noticed a reset."""
 
 chances = st.sampled_from([0.0, 0.0, 0.05, 0.3])
 moments = st.sampled_from([0, 1, 3, 10, 30, 100, 300, 700])  # ms

@@ -1,5 +1,7 @@
 """The measurements of `make hil` on the simulated board: `make hil PORT=sim [LONG=1] [FAULT=name]`.
 
+It has the wires of LOOP=25:18,26:19, whether they are named or not.
+
 Ends with 1 if a row fails. A fault is a mutation of tests/mutants/hil.toml, tried in a private copy
 of the checkout; its name begins with the row that has to notice it.
 """
@@ -7,7 +9,6 @@ of the checkout; its name begins with the row that has to notice it.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -22,6 +23,7 @@ PROGRAM = "wheelwire-hil-sim"
 FAULTS = DATA / "hil.toml"
 BUILD = ROOT / "build" / "hil"
 TIMES_LONG = 10
+WIRES = "25:18,26:19"
 
 
 def fault_named(name: str) -> Mutant:
@@ -53,7 +55,11 @@ def main() -> int:
     parser.add_argument("--long", action="store_true", help="ten times as often")
     parser.add_argument("--fault", help="plant this fault; its row has to fail")
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "hil.json")
+    parser.add_argument("--loop", default=WIRES, help=f"its wires, {WIRES}; it has no others")
     options = parser.parse_args()
+    if options.loop != WIRES:
+        CONSOLE.print(f"make hil: the simulated board has the wires LOOP={WIRES}")
+        return 2
     times = TIMES_LONG if options.long else 1
     try:
         if options.fault:
@@ -63,13 +69,7 @@ def main() -> int:
     except MutantError as error:
         CONSOLE.print(f"make hil: {error}")
         return 2
-    found = hil.checks(measured)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(json.dumps(measured, indent=1), "utf-8")
-    CONSOLE.print(hil.markdown(found))
-    for row in hil.failing_rows(found):
-        CONSOLE.print(f"FAILED {row}")
-    return 1 if hil.failing_rows(found) else 0
+    return 0 if hil.report(measured, options.output, CONSOLE.print) else 1
 
 
 if __name__ == "__main__":

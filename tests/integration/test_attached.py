@@ -91,7 +91,7 @@ def refused_process(*arguments: str, **environment: str) -> str:
     )
 
 
-def test_what_only_looks_is_attached(robot: SerialDriver, simulator: Simulator) -> None:
+def test_commands_that_only_look_attach(robot: SerialDriver, simulator: Simulator) -> None:
     robot.parameters.set("max_duty", 0.5)
     port = simulator.port
     info = json.loads(attached("info", port, "--json"))
@@ -127,7 +127,7 @@ def test_a_stop_stops_until_the_holder_drives_again(
     wait_until(lambda: robot.read().state is SupervisorState.DRIVING)
 
 
-def test_an_estop_stops_whoever_drives(robot: SerialDriver, simulator: Simulator) -> None:
+def test_an_estop_stops_the_program_that_drives(robot: SerialDriver, simulator: Simulator) -> None:
     robot.set_velocity(0.1, 0.0, ttl=1.0)
     assert "stopped and latched; once" in attached("estop", simulator.port)
     wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
@@ -150,7 +150,7 @@ def test_an_estop_stops_whoever_drives(robot: SerialDriver, simulator: Simulator
     ],
     ids=" ".join,
 )
-def test_whoever_drives_sets_or_clears_needs_the_port(
+def test_driving_setting_and_clearing_need_the_port(
     command: tuple[str, ...],
 ) -> None:
     with simulator_on(GOOD) as simulator, SerialDriver(simulator.port) as robot:
@@ -202,7 +202,7 @@ def test_a_monitor_ends_with_whom_it_is_attached_to(simulator: Simulator) -> Non
         assert (
             f"process {holder.pid}, which held {Path(simulator.port).resolve()}, has ended" in said
         )
-    # It left its socket. The port is free: whoever comes opens it.
+    # It left its socket behind, but the port is free: the next program opens it.
     assert list(Path(os.environ[DIRECTORY_VARIABLE]).glob("*.tap"))
     result = run("monitor", simulator.port, "--seconds", "0.3")
     assert (result.returncode, result.stderr) == (0, "")
@@ -240,7 +240,7 @@ def test_pins_that_a_pigpiod_moves(tmp_path: Path) -> None:
             "parameters: {overrun_limit_us: 1000000}\n"
         )
         check_pins(open_driver("pigpio", host="127.0.0.1", port=daemon.port), config)
-        # Whoever holds another robot's pins is nobody to stop this one.
+        # The holder of another robot's pins cannot stop this one.
         with open_driver("pigpio", host="127.0.0.1", port=other.port) as robot:
             wait_for_holder("", robot.info.device.board_id)
             result = run("estop", str(config))

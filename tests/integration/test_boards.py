@@ -24,8 +24,14 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import board_mapping, load_board, parse_board, shipped_boards
 from wheelwire.tools.setup.questions import KEEP, Question
 from wheelwire.tools.setup.setup import choose_board
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codes import Chip, Contradiction, Fault, Group, RefusalCode
+from wheelwire_protocol.codes import (
+    Chip,
+    ConfigurationState,
+    Contradiction,
+    Fault,
+    Group,
+    RefusalCode,
+)
 from wheelwire_protocol.sensors import PeripheralKind, Place
 from wheelwire_protocol.types import GROUP_HASHES, Contradictions, ContradictionsGet, GroupGet
 
@@ -46,7 +52,7 @@ def simulator(tmp_path: Path) -> Iterator[Simulator]:
 
 
 def fresh_chip() -> Simulator:
-    """A chip whose board nobody confirmed; a new one also where a stall has cut a test off."""
+    """A chip with an unconfirmed board; a new one also after a stalled test."""
     return Simulator(settings={"board_unwritten": 1})
 
 
@@ -88,7 +94,7 @@ def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
         robot.board.take_up(board)
     with open_driver("serial", port=simulator.port, board=board) as robot:
         robot.set_velocity(0.1, 0.1)
-    # A file that names none is no reason to refuse a robot that has some.
+    # A robot with sensors is not refused because a file names none.
     with open_driver("serial", port=simulator.port, board=OWN_BOARD) as robot:
         robot.set_velocity(0.1, 0.1)
 
@@ -162,13 +168,13 @@ def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_p
             simulator.set("bumper.front_left", 1)
             wait_until(lambda: robot.inputs.read().triggered == ("bumper.front_left",))
             simulator.set("bumper.front_left", 0)
-            # A drive that begins before the robot knows is held off, and then has to begin anew.
+            # A drive that begins before the robot knows is refused, and must begin again.
             wait_until(lambda: robot.inputs.read().triggered == ())
             keep_driving(robot)
         simulator.reset()
 
 
-def test_a_number_that_is_kept_rounded_is_no_other_board(simulator: Simulator) -> None:
+def test_a_rounded_number_does_not_make_another_board(simulator: Simulator) -> None:
     measured = replace(load_board("tb6612"), battery=34, battery_divider=5.70049)
     with SerialDriver(simulator.port) as robot:
         robot.board.take_up(measured)
@@ -199,7 +205,7 @@ def test_a_board_of_another_chip_is_refused_by_name(simulator: Simulator) -> Non
     assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
 
 
-def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
+def test_a_host_that_dies_on_trial_leaves_the_previous_board(simulator: Simulator) -> None:
     with open_driver("serial", port=simulator.port) as robot:
         assert robot.has_device
         robot.board.write(load_board("drv8833"))
@@ -224,7 +230,7 @@ def test_a_board_that_the_device_is_not_on_is_not_confirmed(simulator: Simulator
     """As when its trial ended while somebody compared it with the picture."""
     with (
         SerialDriver(simulator.port) as robot,
-        pytest.raises(errors.BoardNotKept, match=f"is on {OWN_BOARD.name} by now"),
+        pytest.raises(errors.BoardNotKept, match=f"the device is now on {OWN_BOARD.name}"),
     ):
         robot.board.accept(load_board("tb6612"))
     assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
@@ -305,7 +311,7 @@ def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen() -> None:
         assert offer(fresh, person) == ["TB6612FNG: written, tried and confirmed"]
         (question,) = person.asked
         assert set(question.choices) == {*OF_ESP32, KEEP}
-        # By its picture: whoever keeps it confirms it.
+        # By its picture: keeping it confirms it.
         assert "keep: it is L298N, ESP32-DevKitC, docs/boards/l298n.svg" in question.text
         assert run_json("board", "read", fresh.port)["state"] == "STORED"
         assert offer(fresh, person) == ["board: TB6612FNG"]
@@ -403,7 +409,7 @@ def test_both_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> Non
         keep_driving(robot)
 
 
-def test_a_host_that_dies_before_the_list_is_confirmed_leaves_the_former_one(
+def test_a_host_that_dies_before_the_list_is_confirmed_leaves_the_previous_one(
     simulator: Simulator,
 ) -> None:
     without = replace(WITH_BUMPERS, peripherals=())

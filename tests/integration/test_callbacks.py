@@ -56,7 +56,7 @@ def drive_until(robot: MockDriver, condition: Callable[[], object]) -> None:
 # --- what is called, and in which order ------------------------------------------------------
 
 
-def test_each_loss_and_each_return_is_told_once_and_in_order(tmp_path: Path) -> None:
+def test_each_loss_and_return_is_reported_once_and_in_order(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device, wheelwire.connect(device.path) as robot:
         heard = Heard(robot)
         for number in range(PLUGGINGS):
@@ -91,7 +91,7 @@ def test_a_reset_is_a_loss_and_a_return(tmp_path: Path) -> None:
         assert heard.calls[1][1].boot_id == device.device.boot_id != before
 
 
-def test_a_slow_callback_loses_none_of_what_happens_meanwhile(tmp_path: Path) -> None:
+def test_a_slow_callback_misses_no_event(tmp_path: Path) -> None:
     heard: list[str] = []
     with PtyDevice(tmp_path / "port") as device, wheelwire.connect(device.path) as robot:
         goes_on = threading.Event()
@@ -139,7 +139,7 @@ async def test_a_slow_coroutine_loses_none_either(tmp_path: Path) -> None:
     assert heard == ["lost", "seen", "opened"] * 3
 
 
-def test_each_fault_is_told_once_also_the_same_one_after_a_clear() -> None:
+def test_each_fault_is_reported_once_and_again_after_a_clear() -> None:
     with MockDriver(realtime=False) as robot:
         heard = Heard(robot)
         for number in (1, 2):
@@ -158,7 +158,7 @@ def test_each_fault_is_told_once_also_the_same_one_after_a_clear() -> None:
         assert {told for _, told in heard.calls} == {Fault.LEFT_NOT_COUNTING}
 
 
-async def test_a_fault_is_told_in_real_time_by_both_apis() -> None:
+async def test_both_apis_report_a_fault_in_real_time() -> None:
     def blocked(robot: Any) -> bool:
         robot.simulator.set("left.encoder_dead", 1)
         with suppress(WheelwireError):
@@ -175,7 +175,7 @@ async def test_a_fault_is_told_in_real_time_by_both_apis() -> None:
         assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
 
 
-def test_what_is_so_already_when_a_callback_is_assigned_is_told() -> None:
+def test_a_callback_is_called_at_once_if_its_condition_already_holds() -> None:
     with MockDriver(realtime=False) as robot:
         robot.simulator.set("left.encoder_dead", 1)
         drive_until(robot, lambda: robot.health.faults)
@@ -187,7 +187,7 @@ def test_what_is_so_already_when_a_callback_is_assigned_is_told() -> None:
         assert again.names == ["lost", "fault"]
 
 
-def test_what_happens_while_a_callback_is_assigned_is_told_once() -> None:
+def test_an_event_while_a_callback_is_assigned_is_reported_once() -> None:
     """In a callback, so that the news waits: both are so still when that returns."""
     with MockDriver(realtime=False) as robot:
         heard = Heard(robot)
@@ -211,7 +211,7 @@ def test_what_happens_while_a_callback_is_assigned_is_told_once() -> None:
         assert heard.names == ["lost", "fault", "lost", "lost"]
 
 
-def test_a_loss_while_on_lost_is_assigned_is_told_once_by_the_thread() -> None:
+def test_the_thread_reports_a_loss_once_while_on_lost_is_assigned() -> None:
     heard: list[str] = []
     with MockDriver() as robot:
 
@@ -233,7 +233,7 @@ def test_a_loss_while_on_lost_is_assigned_is_told_once_by_the_thread() -> None:
     assert heard == ["assigned", "lost", "opened"]
 
 
-async def test_a_loss_while_on_lost_is_assigned_is_told_once_by_asyncio() -> None:
+async def test_asyncio_reports_a_loss_once_while_on_lost_is_assigned() -> None:
     heard: list[str] = []
     async with aio.open_driver("mock") as robot:
 
@@ -330,7 +330,7 @@ async def test_coroutines_may_call_the_robot() -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError, SystemExit])
-def test_what_a_callback_raises_is_logged_and_ends_nothing(
+def test_an_exception_in_a_callback_is_logged_and_ends_nothing(
     error: type[BaseException], caplog: pytest.LogCaptureFixture
 ) -> None:
     with MockDriver() as robot:
@@ -353,7 +353,7 @@ def test_what_a_callback_raises_is_logged_and_ends_nothing(
     assert texts.count("on_opened raised an exception; the link goes on") == 2
 
 
-async def test_what_a_coroutine_raises_is_logged_also_when_it_cancels_itself(
+async def test_an_exception_in_a_coroutine_is_logged_even_if_it_cancels_itself(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async with aio.open_driver("mock") as robot:
@@ -532,7 +532,7 @@ def test_a_robot_that_is_forgotten_ends_its_thread() -> None:
 
 @pytest.mark.parametrize("is_asked_for", ["set_velocity", "read", "contradictions", "warnings"])
 def test_a_robot_that_is_forgotten_after_an_error_ends_its_thread(is_asked_for: str) -> None:
-    """An error that the link raises again and again keeps nobody alive to whom it was raised."""
+    """An error that the link raises repeatedly keeps none of its receivers alive."""
 
     def use(robot: MockDriver) -> None:
         robot.unplug()

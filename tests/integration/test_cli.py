@@ -449,7 +449,7 @@ def test_sim_takes_a_plant_and_what_is_set_beside_it(tmp_path: Path, mass: tuple
     assert [answer.get("value") for answer in answers[:3]] == [3.0, 1.0, 1.0]
 
 
-def test_sim_of_a_plant_that_is_none(tmp_path: Path) -> None:
+def test_sim_refuses_an_invalid_plant(tmp_path: Path) -> None:
     line = check_error(run("sim", "--plant", "nothing"), errors.ConfigurationError)
     assert "jgb37-520" in line
     mine = tmp_path / "mine.yaml"

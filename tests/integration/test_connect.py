@@ -167,7 +167,7 @@ def test_the_environment_names_the_robot(
         (__file__, InvalidArgument, "neither a port nor a robot's file"),
     ],
 )
-def test_what_is_no_robot_is_told(
+def test_an_address_that_is_no_robot_is_refused(
     use: Callable[[Any], str], robot: Any, error: type[WheelwireError], said: str
 ) -> None:
     with pytest.raises(error, match=said):
@@ -206,7 +206,7 @@ def test_what_is_no_robot_is_told(
         ("driver: acme\nacme: 3", ConfigurationError, "acme = 3: it must be names with values"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told(
+def test_an_error_names_what_is_wrong_with_a_file(
     use: Callable[[Any], str], text: str, error: type[WheelwireError], said: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "robot.yaml"

@@ -128,11 +128,12 @@ def test_a_board_that_is_damaged(tmp_path: Path) -> None:
         assert info["link"]["board"]["state"] == "DAMAGED"
         write = f"wheelwire board write {simulator.port} FILE"
         assert any(write in warning for warning in info["warnings"])
-        assert "DAMAGED: What is stored cannot be used" in run("info", simulator.port).stdout
+        shown = run("info", simulator.port).stdout
+        assert "DAMAGED: The stored configuration cannot be used" in shown
         written = run("board", "write", simulator.port, "drv8833")
         assert written.returncode == 0, written.stderr
         run("clear", simulator.port)
-        simulator.reset()  # a power-on, which is no stop
+        simulator.reset()  # a power-on is not a stop
         assert examined(simulator) == {}
 
 

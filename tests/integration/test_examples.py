@@ -133,7 +133,7 @@ def test_the_e_stop_is_lived_through(simulator: Simulator) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
-def test_what_is_wrong_with_the_robot_is_one_line(name: str, tmp_path: Path) -> None:
+def test_an_unreachable_robot_gives_one_line(name: str, tmp_path: Path) -> None:
     before = [str(tmp_path / "run.csv")] if name == "log_csv.py" else []
     process = start(name, *before, "/dev/no-such-port")
     _, errors = process.communicate("", timeout=TIMEOUT_S)
@@ -184,7 +184,7 @@ def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
             os.write(keyboard, b"ei")
             wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED, TIMEOUT_S)
             os.write(keyboard, b"c")
-            # A zero setpoint follows the clear, so it is IDLE for a moment only.
+            # A zero setpoint follows the clear, so it is IDLE only for a moment.
             wait_until(lambda: simulator.get("state") != SupervisorState.ESTOPPED, TIMEOUT_S)
             os.write(keyboard, b"q")
             assert process.wait(TIMEOUT_S) == 0

@@ -55,7 +55,7 @@ def test_a_stream_that_nobody_asks_for_is_read_in_groups(
         wait_until(is_whole_in_few_reads)
 
 
-def test_who_asks_gets_samples_as_they_come() -> None:
+def test_read_returns_samples_as_they_come() -> None:
     with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
         wait_for_frames(robot, 100)
         times = [robot.read().t_us for _ in range(FRAMES)]

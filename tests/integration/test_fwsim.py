@@ -300,7 +300,7 @@ def test_simulated_time_keeps_pace_with_the_wall_clock(simulator: Simulator) -> 
     wait_until(lambda: abs(ahead_us() - begin_us) < 50_000)
 
 
-def test_a_named_simulator_that_is_none_is_an_error(
+def test_a_missing_named_simulator_is_an_error(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("WHEELWIRE_FWSIM", str(tmp_path / "missing"))

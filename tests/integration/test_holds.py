@@ -14,7 +14,7 @@ import wheelwire
 from support.command import run, run_json, run_process
 from support.waiting import wait_until
 from wheelwire.holds import HeldBy
-from wheelwire.log.why import Stop
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.timeout(120)
@@ -43,7 +43,7 @@ def test_after_a_kill_it_names_the_deadline_and_the_program_that_died(tmp_path: 
         (stop,) = run_json("why", simulator.port)
         assert stop["cause"] == "host_killed"
         evidence = " ".join(stop["evidence"])
-        assert "The setpoint of the program that drove ran out" in evidence
+        assert "The setpoint of the program that drove expired" in evidence
         assert f"process {program.pid}, which has ended" in evidence
         assert "wheelwire.connect" in evidence
         assert stop["time"] is not None

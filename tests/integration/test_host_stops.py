@@ -44,7 +44,7 @@ def check_stop(simulator: Simulator, name: str, *, watched: bool = False) -> Non
         stopping = stop(simulator, process, FAILURES[name])
         assert stopping.time.late_us is not None
         assert 0 <= stopping.time.late_us <= PERIOD_US
-        # What was on its way arrives; after that nothing may put the deadline off.
+        # Frames in flight arrive; after that nothing may extend the deadline.
         latest_us = stopping.at_failure.device_us + (TTL_S + ON_ITS_WAY_S) * 1e6
         assert stopping.end.deadline_us <= latest_us
 

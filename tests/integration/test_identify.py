@@ -90,7 +90,7 @@ def test_no_port_matches(tmp_path: Path) -> None:
         SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")
 
 
-def test_a_silent_port_is_told_from_an_absent_board(tmp_path: Path) -> None:
+def test_a_silent_port_is_distinguished_from_an_absent_board(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "tty0") as silent:
         silent.device.mute = True
         with pytest.raises(PortUnavailable, match=r"no board answers at .*tty0: .* power"):

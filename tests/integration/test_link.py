@@ -92,10 +92,10 @@ def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> Non
         wait_until(lambda: simulator.get("stands_still") == 1)
         plugged_s = time.monotonic()
         simulator.plug()
-        # One that was measured before, and that nobody has read, comes first.
+        # An earlier sample that no call has read comes first.
         while (sample := robot.read(TIMEOUT_S)).stamp < plugged_s:
             odometry.update(sample)
-        # The device counted on while nobody listened: nothing is lost, nothing jumps.
+        # The device went on counting: nothing is lost, nothing jumps.
         assert odometry.update(sample).pose.x_m == pytest.approx(
             simulator.get("true.x_m"), abs=0.002
         )

@@ -195,7 +195,7 @@ def test_firmware_without_sensors(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_line_without_room_for_the_imu(tmp_path: Path) -> None:
-    """The states and the other sensors are recorded all the same."""
+    """The states and the other sensors are still recorded."""
     path = tmp_path / "day.mcap"
     with simulator_on_board(baud_rate=115200, link=tmp_path / "port") as simulator:
         run("params", "set", simulator.port, "stream_rate_hz", "180", "--save")

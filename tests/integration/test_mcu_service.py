@@ -126,7 +126,7 @@ def test_an_estop_stays_latched_where_the_service_is_the_address(address: str) -
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
-def test_what_is_latched_outlives_the_service_until_it_is_cleared(
+def test_a_latch_outlives_the_service_until_it_is_cleared(
     daemon: PigpioProcess, tmp_path: Path, end: signal.Signals
 ) -> None:
     for command, state in (("estop", "ESTOPPED"), ("clear", "IDLE")):
@@ -156,7 +156,7 @@ def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path:
     assert not daemon.truth()["driven"]
 
 
-def test_what_is_saved_outlives_the_host(address: str) -> None:
+def test_saved_values_outlive_the_host(address: str) -> None:
     with SerialDriver(address) as driver:
         driver.parameters.set("integral_gain", 7.5)
         driver.parameters.save()
@@ -173,7 +173,7 @@ def test_what_is_saved_outlives_the_host(address: str) -> None:
         ("driver: pigpio", "/run/x", "it must be unix:PATH"),
     ],
 )
-def test_what_cannot_be_served_is_told(
+def test_a_robot_that_cannot_be_served_is_refused(
     tmp_path: Path, content: str, listen: str, told: str
 ) -> None:
     config = tmp_path / "robot.yaml"

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.timeout(60)
 
 
 class HeldStart:
-    """Holds the start of each simulator, before its process or behind it, until `go_on`."""
+    """Holds the start of each simulator, before or after its process starts, until `go_on`."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, before: bool) -> None:
         self.reached = threading.Event()

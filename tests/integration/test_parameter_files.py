@@ -177,7 +177,7 @@ def test_values_that_contradict_each_other_are_named_and_not_set(
     assert value(second, "wheel_radius") == 0.033
 
 
-def test_an_estop_that_the_import_latched_is_said(second: Simulator, tmp_path: Path) -> None:
+def test_the_import_reports_an_estop_that_it_latched(second: Simulator, tmp_path: Path) -> None:
     run("params", "set", second.port, "estop_input_enabled", "0")
     second.set("estop_open", 1)
     path = tmp_path / "some.yaml"

@@ -134,7 +134,7 @@ def test_the_command_shows_them(scene: Scene, robot: Robot) -> None:
         ("frozen", SensorState.FROZEN),
     ],
 )
-def test_a_fault_is_told_and_ends(
+def test_a_fault_is_reported_and_ends(
     scene: Scene, robot: Robot, fault: str, state: SensorState
 ) -> None:
     with scene.buses.wrong(fault):
@@ -146,7 +146,7 @@ def test_a_fault_is_told_and_ends(
     robot.imu.read(WAIT_S)
 
 
-def test_a_chip_that_lost_its_settings_is_told_of(scene: Scene, robot: Robot) -> None:
+def test_a_chip_that_lost_its_settings_is_reported(scene: Scene, robot: Robot) -> None:
     events = robot.sensors.events()
     scene.buses.set("reset-0x68")
     for event in events:
@@ -174,7 +174,7 @@ def test_closing_while_a_read_does_not_end(scene: Scene) -> None:
         scene.reaches(robot, SensorState.HUNG)
     assert not Path(f"/proc/{core}").exists()
     wait_until(lambda: not Path(f"/proc/{reader}").exists(), WAIT_S, what="the reader's end")
-    # The next one opens, with the bus as it is.
+    # The next one opens on the unchanged bus.
     with scene.open() as robot:
         robot.sensors.start()
         scene.reaches(robot, SensorState.HUNG)

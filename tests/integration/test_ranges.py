@@ -60,7 +60,7 @@ def test_each_range_sensor_has_its_name(robot: MockDriver) -> None:
 
 
 @pytest.mark.parametrize(("true_m", "distance_m"), [(10.0, math.inf), (0.01, -math.inf)])
-def test_what_cannot_be_measured_is_infinite(
+def test_a_distance_that_cannot_be_measured_is_infinite(
     robot: MockDriver, true_m: float, distance_m: float
 ) -> None:
     robot.simulator.set("range.front_m", true_m)
@@ -115,7 +115,7 @@ def test_a_robot_without_range_sensors_says_so() -> None:
         assert robot.inputs.read().analog == {}
 
 
-def test_a_name_that_is_none(robot: MockDriver) -> None:
+def test_an_unknown_name_is_refused(robot: MockDriver) -> None:
     with pytest.raises(errors.SensorMissing, match=r"sensor 'rear': choose one of front, left, or"):
         robot.ranges.read("rear")
     with pytest.raises(errors.SensorMissing, match="no range sensor"):

@@ -82,7 +82,7 @@ def test_a_serial_robot_by_the_environment(tmp_path: Path, monkeypatch: pytest.M
     (path,) = tmp_path.glob("wheelwire-*.mcap")
     assert set(seen[1:]) <= set(rerun(path)[0])
     assert metadata(path)["driver"] == "serial"
-    # What cannot be recorded is opened all the same: the wish is for all robots of a computer.
+    # A robot that cannot be recorded still opens: the variable is for all robots of a computer.
     with wheelwire.open_driver("mock", realtime=False) as robot:
         robot.read()
     assert len(list(tmp_path.glob("*.mcap"))) == 1
@@ -135,7 +135,7 @@ def imu_samples(path: Path) -> int:
     return sum(topic == "/imu/data_raw" for topic, _, _ in messages(path))
 
 
-def test_whoever_records_has_the_sensors_in_the_file(tmp_path: Path) -> None:
+def test_a_recording_contains_the_sensors(tmp_path: Path) -> None:
     with simulator_on_board() as simulator:
         asked: dict[str, Any] = {"port": simulator.port, "record": tmp_path / "asked.mcap"}
         with wheelwire.open_driver("serial", **asked) as robot:

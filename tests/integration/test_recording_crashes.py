@@ -15,6 +15,7 @@ import pytest
 
 from support.crashes import day, folder_in_memory, power_cuts, prefixes, short_file
 
+pytestmark = pytest.mark.early
 KILLS = CUTS = 200
 SEED = 20
 PROGRAM = """

@@ -81,7 +81,7 @@ def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
     assert "switch its power off" in said
 
 
-def test_two_at_once_are_told_apart_by_the_port(simulator: Simulator) -> None:
+def test_two_restarts_at_once_are_distinguished_by_port(simulator: Simulator) -> None:
     """The second one is refused by the name of the first, or finds the port free again."""
     with SerialDriver(simulator.port):
         line = check_error(run("restart", simulator.port), errors.PortUnavailable)

@@ -21,8 +21,8 @@ from wheelwire import aio, errors, open_driver
 from wheelwire.board import BatteryLevels, DigitalInput, PowerSensor, Pull
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link import session
-from wheelwire.log.why import Stop
+from wheelwire.link import preparation
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.robot import calls as requests
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach
@@ -228,7 +228,7 @@ def test_firmware_that_lost_its_sensors_is_named(
     robot.imu.read()
     robot.unplug()
     robot.advance(0.5)
-    for module in (requests, session):
+    for module in (requests, preparation):
         monkeypatch.setattr(module, "GroupGet", asks_for_no_sensors)
     robot.plug()
     robot.advance(1.0)
@@ -266,7 +266,7 @@ def test_a_battery_that_a_power_sensor_measures_is_not_missed(simulator: Simulat
 
 
 @pytest.mark.parametrize("rate_hz", [0, 1001, 0.5, "fast", True])
-def test_a_rate_that_is_none(robot: MockDriver, rate_hz: object) -> None:
+def test_an_invalid_rate_is_refused(robot: MockDriver, rate_hz: object) -> None:
     with pytest.raises(errors.InvalidArgument, match="rate_hz"):
         robot.sensors.start(rate_hz)  # type: ignore[arg-type]
 
@@ -378,7 +378,7 @@ async def test_the_same_on_asyncio(realtime: bool) -> None:
 
 
 def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> None:
-    """It asks for samples if nobody has, and both see them."""
+    """It starts the samples if no program has, and both see them."""
     options: dict[str, Any] = {"port": simulator.port}
     with open_driver("serial", tap=True, **options) as holder:
         beside = open_or_attach("serial", options)
@@ -407,7 +407,7 @@ def test_beside_a_program_the_rate_is_that_programs(simulator: Simulator) -> Non
             beside.sensors.start(50)
             with pytest.raises(errors.InvalidCommand, match="at 50 Hz: call") as raised:
                 beside.sensors.start(100)
-            assert f"process {os.getpid()} has asked for" in str(raised.value)
+            assert f"process {os.getpid()} has requested" in str(raised.value)
             assert "`robot.sensors.start(100)` there" in str(raised.value)
             holder.sensors.start(100)
             wait_until(lambda: beside.imu.info.rate_hz == 100)  # type: ignore[union-attr]
@@ -450,7 +450,7 @@ def test_a_recording_for_which_nobody_asked_for_them(
         recording = recorded(tmp_path, seconds, lambda robot: robot.read())
     with (
         open_driver("replay", file=recording, speed=0) as day,
-        pytest.raises(errors.InvalidCommand, match="no program had asked for the sensors"),
+        pytest.raises(errors.InvalidCommand, match="no program had requested the sensors"),
     ):
         day.imu.read()
 

@@ -20,7 +20,7 @@ from wheelwire.tools.setup.setup import set_up
 from wheelwire.tools.setup.wiring import Wiring
 
 PATIENT = {"overrun_limit_us": 1e6}
-"""A busy test machine is no fault of the robot's."""
+"""A busy test machine must not cause a fault."""
 WIRING = Wiring(encoders_swapped=True, left_motor_reversed=True, right_encoder_reversed=True)
 FIRST, SECOND = "left backward", "forward"
 

@@ -96,7 +96,7 @@ def test_a_simulator_that_ends_half_way(link: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("middle", "1"), "middle is no wheel: give left or right"),
+        (("middle", "1"), "middle is not a wheel: give left or right"),
         (("left", "0"), "0 turns: give a number from -1000 to 1000, and not 0"),
         (("left", "nan"), "nan turns"),
         (("right", "-1001"), "-1001 turns"),
@@ -123,7 +123,7 @@ def test_no_simulator_and_two(link: Path, tmp_path: Path) -> None:
     assert run(*turn).returncode == errors.SimulatorNotFound.exit_code
 
 
-def test_a_simulator_that_was_killed_is_none(link: Path) -> None:
+def test_a_killed_simulator_is_not_found(link: Path) -> None:
     command = [*PROGRAM, "sim", "--link", str(link)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as killed:
         assert killed.stdout
@@ -149,14 +149,14 @@ def test_several_signals_at_once_end_it_too(link: Path, options: tuple[str, ...]
     assert not link.exists()
 
 
-def test_what_is_typed_is_a_command(link: Path) -> None:
+def test_typed_keys_are_commands(link: Path) -> None:
     with sim(link) as told:
         told.press(b"set left.blocked 1\nnonsense\nreset\n")
         told.wait_for("left.blocked = 1")
         told.wait_for("the simulator refused `nonsense`: not a command; see --help")
 
 
-def test_a_variable_that_there_is_not(link: Path) -> None:
+def test_an_unknown_variable_is_refused(link: Path) -> None:
     result = run("sim", "--link", str(link), "--set", "colour=1")
     assert result.returncode == errors.WheelwireError.exit_code
     assert "cannot set colour; see --help for names and bounds" in result.stderr

@@ -8,7 +8,7 @@ MINUTES = 0.12
 LAP_S = 2.0
 
 
-def test_every_loss_is_told_and_every_incident_survived() -> None:
+def test_every_loss_is_reported_and_every_incident_survived() -> None:
     laps: list[Lap] = []
     run(MINUTES, laps.append, LAP_S)
     assert {lap.incident for lap in laps} == {"reset", "unplug"}

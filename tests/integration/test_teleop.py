@@ -210,7 +210,7 @@ def test_where_releases_are_reported_one_stops_at_once(simulator: Simulator) -> 
         assert terminal.attributes() == terminal.before
 
 
-def test_a_lost_robot_is_said_and_comes_back(tmp_path: Path) -> None:
+def test_a_lost_robot_is_reported_and_comes_back(tmp_path: Path) -> None:
     with Simulator(link=tmp_path / "robot") as robot, teleop(robot) as terminal:
         robot.unplug()
         terminal.press(b"w")

@@ -231,7 +231,7 @@ def test_twice_and_beside_another_program(simulator: Simulator) -> None:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else None,
 )
-def test_what_cannot_be_is_said_before_anything_moves(
+def test_an_impossible_request_is_refused_before_anything_moves(
     words: tuple[str, ...], error: type[errors.WheelwireError], reason: str
 ) -> None:
     assert reason in check_error(run("tune", "mock", "--yes", *words), error)

@@ -67,7 +67,7 @@ def test_q_ends_it_and_leaves_the_terminal_as_it_was(terminal: TypingTerminal) -
 
 
 def test_it_ends_although_the_kernel_continues_it_meanwhile(terminal: TypingTerminal) -> None:
-    """As when a window is closed while it ends: whoever loses its terminal gets SIGCONT."""
+    """As when a window is closed while it ends: a process that loses its terminal gets SIGCONT."""
     terminal.wait_for(SCREEN)
     terminal.process.send_signal(signal.SIGTERM)
     end_s = time.monotonic() + 20.0

@@ -1,4 +1,4 @@
-"""`wheelwire why`: of a recording, and of a robot that nobody watched."""
+"""`wheelwire why`, for a recording and for a robot that no program watched."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import wheelwire
 from support.command import PROGRAM, check_error, run, run_json
 from support.waiting import wait_until
 from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
-from wheelwire.log.why import Stop
 from wheelwire.log.why.black_box import read_box
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.robot.robot import Robot
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator
@@ -68,7 +68,7 @@ def test_a_robot_says_what_holds_it_now(tmp_path: Path) -> None:
         with wheelwire.connect(simulator.port) as robot:
             robot.estop()
         (stop,) = run_json("why", simulator.port)
-    # Its black box says more, if the machine is so slow that one is stored by then.
+    # Its black box says more, if a slow machine has stored one by then.
     assert "estop_by_session" in stop["cause"]
 
 
@@ -88,7 +88,7 @@ def test_what_it_cannot_read_or_draw_it_says(tmp_path: Path) -> None:
     assert "name FILE.mcap" in result.stderr
 
 
-def test_who_asked_for_an_estop_is_named(tmp_path: Path) -> None:
+def test_the_program_that_asked_for_an_estop_is_named(tmp_path: Path) -> None:
     stops: list[Stop] = []
     with (
         Simulator(link=tmp_path / "port") as simulator,
@@ -102,7 +102,7 @@ def test_who_asked_for_an_estop_is_named(tmp_path: Path) -> None:
             robot.clear_estop()
             robot.estop()
             wait_until(lambda: len(stops) == number)  # noqa: B023 - before the next
-            time.sleep(0.6)  # the next one is no copy of the first
+            time.sleep(0.6)  # so that the next one is not a copy of the first
         robot.clear_estop()
         run("estop", simulator.port)
         wait_until(lambda: len(stops) == 4)
@@ -162,7 +162,7 @@ def test_a_robot_that_nobody_watched_tells_of_its_stops(tmp_path: Path) -> None:
         assert "faults 1" in finding["problem"]
 
 
-def test_what_is_no_box_and_what_needs_a_robot_is_said(tmp_path: Path) -> None:
+def test_a_file_that_is_no_box_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "other.box"
     file.write_bytes(bytes(100))
     assert "is no black box" in check_error(run("why", str(file)), RecordingError)

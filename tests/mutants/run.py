@@ -63,6 +63,13 @@ def failures(tried: Sequence[Tried]) -> list[str]:
             found.append(f"{name} lives: write a test. {mutant.why}")
         elif verdict.outcome is Outcome.KILLED and mutant.lives:
             found.append(f"{name} is killed: take `lives` out of its data")
+        elif verdict.outcome is Outcome.KILLED and verdict.whole and not mutant.whole:
+            found.append(
+                f"{name} is killed by `make test-all` alone: write a test that `make test` runs, "
+                "or say `whole = true`"
+            )
+        elif verdict.outcome is Outcome.KILLED and mutant.whole and not verdict.whole:
+            found.append(f"{name} is killed by `make test`: take `whole` out of its data")
     return found
 
 
@@ -113,6 +120,8 @@ def line(group: Group, mutant: Mutant, verdict: Verdict) -> str:
     """One mutation's result."""
     lives = verdict.outcome is Outcome.LIVES
     detail = (mutant.lives or mutant.why) if lives else verdict.detail
+    if verdict.whole:
+        detail = f"by `make test-all` alone: {detail}"
     name = f"{group.name}/{mutant.name}"
     return f"{verdict.outcome.value:6} {name:48} {verdict.seconds:4.0f} s  {detail}"
 
@@ -122,7 +131,8 @@ def main() -> int:
     chosen = select(load_all(), options.only)
     if options.list:
         for group, mutant in chosen:
-            CONSOLE.print(f"{group.name}/{mutant.name}: {mutant.why}")
+            when = " (by `make test-all` alone)" if mutant.whole else ""
+            CONSOLE.print(f"{group.name}/{mutant.name}{when}: {mutant.why}")
         return 0
     if not chosen:
         CONSOLE.print(f"no mutation is called {' or '.join(options.only)}; LIST=1 lists them")

@@ -106,7 +106,7 @@ def test_a_lift_over_a_corner_is_refused_whatever_the_mounting(
 
 
 @given(robots, LIFTS_DEG, st.sampled_from([(180, 90), (0, 270), (90, 0), (0, 0), (90, 90)]))
-def test_sides_that_were_taken_for_each_other_are_never_a_mounting(
+def test_mixed_up_sides_never_yield_a_mounting(
     robot: Robot, angle_deg: float, sides_deg: tuple[float, float]
 ) -> None:
     rest = robot.measured((0.0, 0.0, 0.0))

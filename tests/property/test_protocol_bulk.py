@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of
 from wheelwire_protocol import bulk, codec, decode_capture, iter_capture, native, types
-from wheelwire_protocol.framing import MAX_ENCODED, PythonDecoder, encode_frame
+from wheelwire_protocol.framing import MAX_ENCODED, encode_frame
+from wheelwire_protocol.python_decoder import PythonDecoder
 from wheelwire_protocol.types import AnyMessage, ParameterGet, WheelState
 
 message_types = st.sampled_from(list(codec.BY_TYPE))

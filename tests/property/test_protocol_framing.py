@@ -7,14 +7,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of, seqs
-from wheelwire_protocol.framing import (
-    DELIMITER,
-    MAX_ENCODED,
-    Counters,
-    Encoder,
-    PythonDecoder,
-    encode_frame,
-)
+from wheelwire_protocol.framing import DELIMITER, MAX_ENCODED, Counters, Encoder, encode_frame
+from wheelwire_protocol.python_decoder import PythonDecoder
 from wheelwire_protocol.types import AnyMessage, Estop, WheelState
 
 
@@ -36,7 +30,7 @@ noise = st.one_of(
 
 
 @given(sent=st.lists(any_message, max_size=8), at=st.lists(st.integers(0, 10_000), max_size=8))
-def test_what_is_sent_arrives_in_any_chunking(sent: list[AnyMessage], at: list[int]) -> None:
+def test_messages_arrive_in_any_chunking(sent: list[AnyMessage], at: list[int]) -> None:
     encoder, decoder = Encoder(), PythonDecoder()
     stream = b"".join(map(encoder.encode, sent))
     received = [message for part in cut(stream, at) for message in decoder.feed(part)]

@@ -67,7 +67,7 @@ def a_day(line: VirtualLine, random: Random) -> None:
     """Drive, ask, stop, lose the cable, reset, in any order."""
     for _ in range(random.randrange(5, 30)):
         act = random.choice((drive, drive, drive, set_gain, give_up, stop, replug, reset))
-        with suppress(WheelwireError):  # out of reach, or refused: recorded all the same
+        with suppress(WheelwireError):  # out of reach, or refused: still recorded
             act(line, random)
         line.run(random.uniform(0, 0.3))
 
@@ -76,8 +76,8 @@ def assert_same(again: Session, session: Session, now_us: int) -> None:
     """Everything that a program can see of a session."""
     assert again.phase is session.phase
     assert again.device == session.device
-    assert again.values == session.values
-    assert again.watched_values == session.watched_values
+    assert again.reported.values == session.reported.values
+    assert again.reported.watched_values == session.reported.watched_values
     assert again.count == session.count
     ours, theirs = again.statistics(now_us), session.statistics(now_us)
     for field in fields(theirs):
@@ -120,7 +120,7 @@ def test_a_listener_that_comes_late_gets_the_same_from_there_on(seed: int) -> No
     assert len(line.samples) - known - len(samples) in (-1, 0, 1)
     assert again.session is not None
     assert again.session.phase is Phase.OPEN
-    assert again.session.watched_values == line.session.watched_values
+    assert again.session.reported.watched_values == line.session.reported.watched_values
 
 
 def test_a_listener_that_comes_late_knows_what_was_answered_since() -> None:
@@ -137,7 +137,7 @@ def test_a_listener_that_comes_late_knows_what_was_answered_since() -> None:
     again = Rerun()
     again.feed_all(reader.take())
     assert again.session is not None
-    assert again.session.values == line.session.values
+    assert again.session.reported.values == line.session.reported.values
 
 
 def without_questions(data: bytes) -> bytes:
@@ -171,8 +171,8 @@ def test_whenever_a_listener_comes_it_knows_board_and_sensors(after_ms: int) -> 
     again = Rerun()
     again.feed_all(reader.take())
     assert again.session is not None
-    assert session.board is not None
-    assert again.session.board == session.board
+    assert session.reported.board is not None
+    assert again.session.reported.board == session.reported.board
     assert again.session.sensors.rate_hz == 50
     assert again.session.sensors.infos == session.sensors.infos
 
@@ -222,7 +222,7 @@ def test_nothing_is_recorded_for_nobody() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b"{}", b'{"phase": "NOWHERE"}', b"\xff"])
-def test_a_start_that_is_none_is_refused(data: bytes) -> None:
+def test_an_invalid_start_state_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match=r".+"):
         Rerun().feed(Record(0, Kind.START, 0, data))
 

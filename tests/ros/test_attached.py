@@ -20,7 +20,7 @@ from support.ros_rig import NODE, open_rig
 from support.stand_in import StandIn
 from support.stop_host import stopped
 from wheelwire import errors
-from wheelwire.link.info import quantile
+from wheelwire.link.statistics import quantile
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 

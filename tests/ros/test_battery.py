@@ -26,7 +26,7 @@ VOLTS = 6.9
 POWER = PowerSensor(SensorChip.INA219, sda=16, scl=17, shunt_mohm=100.0)
 
 
-def test_a_measured_voltage_is_all_that_is_told(graph: Graph, simulator: Simulator) -> None:
+def test_only_the_measured_voltage_is_published(graph: Graph, simulator: Simulator) -> None:
     simulator.set("battery_v", VOLTS)
     with RobotNode(graph, port=simulator.port):
         message = graph.first(BatteryState, "battery_state")

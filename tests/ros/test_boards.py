@@ -30,7 +30,7 @@ def is_driven(device: CoreDevice) -> bool:
     return any(isinstance(one, SetWheelVelocity) and one.left_mps for one in obeyed)
 
 
-def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> None:
+def test_another_board_is_reported_and_not_driven(graph: Graph, tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=port.path):
@@ -73,7 +73,7 @@ def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Pa
             other = port.replace(CoreDevice(seed=2, board_id=OTHER))
             wait(lambda: "held: unarmed; waiting for a zero command" in node.errors(), "the line")
             time.sleep(2.0)
-            # Whoever goes on commanding motion does not move a robot that was not there before.
+            # A program that keeps commanding motion does not move a robot that appears later.
             assert not other.obeyed
             assert node.errors().count("waiting for a zero command") == 1
         with Repeater(commands, lambda: twist(0.0)):

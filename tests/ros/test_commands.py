@@ -84,7 +84,7 @@ def test_stale_and_good_commands_together_do_not_flood_the_log(rig: Rig) -> None
     assert rig.warnings("s old") <= before + 1 + periods
 
 
-def test_a_drive_that_ended_by_silence_is_no_warning(rig: Rig) -> None:
+def test_a_drive_that_ended_by_silence_causes_no_warning(rig: Rig) -> None:
     with rig.driving_stamped():
         rig.truth(lambda state: state.drive_on)
     values = rig.diagnostics.wait("robot", lambda _, v: v["state"] == "TIMED_OUT")

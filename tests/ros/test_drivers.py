@@ -24,7 +24,7 @@ from wheelwire.tools.files.board import to_yaml
 
 LONG_OVERRUN_LIMIT_US = 1_000_000
 LONG_STALL_TIME_S = 2.0
-"""A busy test machine is no fault of the robot's: what stands in for its motors waits, too."""
+"""A busy test machine must not cause a fault: what stands in for its motors waits, too."""
 
 
 def check_driving(graph: Graph, driver: str, **options: Any) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C while the node starts: whenever it comes, the node ends, and that is no failure."""
+"""Signals while the node starts or ends: it ends, whenever they come, and that is no failure."""
 
 from __future__ import annotations
 
@@ -23,8 +23,51 @@ DRIVERS: tuple[dict[str, Any], ...] = ({"driver_type": "mock"}, {"port": "/dev/n
 
 
 @pytest.mark.parametrize(("count", "delay_s"), list(enumerate(MOMENTS_S)))
-def test_it_ends_at_once_and_well(graph: Graph, count: int, delay_s: float) -> None:
+def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, delay_s: float) -> None:
     node = RobotNode(graph, CODE.format(delay_s=delay_s), **DRIVERS[count % 2])
+    with node:
+        assert node.process.wait(TIMEOUT_S) == 0
+    assert "Traceback" not in node.errors_at_end
+
+
+TWICE = """
+import os, signal, threading, time
+from rclpy.signals import (
+    SignalHandlerGuardCondition, SignalHandlerOptions, get_current_signal_handlers_options
+)
+from wheelwire_ros import hardware_robot
+
+destroy = SignalHandlerGuardCondition.destroy
+
+def checked_destroy(condition):
+    if get_current_signal_handlers_options() != SignalHandlerOptions.NO:
+        os._exit(3)  # rclpy's thread may be about to trigger it
+    destroy(condition)
+
+SignalHandlerGuardCondition.destroy = checked_destroy
+
+def interrupt_twice():
+    for number in (signal.SIGINT, signal.SIGTERM):
+        os.kill(os.getpid(), number)
+        time.sleep({pause_s})
+
+class Opening(hardware_robot.HardwareRobot):
+    def open_driver(self):
+        threading.Timer({delay_s}, interrupt_twice).start()
+        return super().open_driver()
+
+hardware_robot.HardwareRobot = Opening
+hardware_robot.main()
+"""
+"""Ctrl-C, then the signal of an impatient launch file."""
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.02])
+@pytest.mark.parametrize("delay_s", [0.0, 0.1, 0.4])
+def test_a_second_signal_does_not_disturb_its_end(
+    graph: Graph, delay_s: float, pause_s: float
+) -> None:
+    node = RobotNode(graph, TWICE.format(delay_s=delay_s, pause_s=pause_s), port="/dev/none")
     with node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "Traceback" not in node.errors_at_end

@@ -55,7 +55,7 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         odometry.clear()
         wait(lambda: odometry, "odom once more")
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-        # Nothing leads out of "finalized": the process ends, and whoever started it acts.
+        # Nothing leads out of "finalized": the process ends, and its parent acts.
         assert node.process.wait(TIMEOUT_S) == 0
         assert "finalized: restart the process" in node.errors()
 

@@ -20,7 +20,7 @@ def is_said(node: RobotNode) -> bool:
     return "another node has this node's name" in node.errors()
 
 
-def test_a_second_node_of_the_name_is_said_and_a_killed_one_is_none(graph: Graph) -> None:
+def test_a_second_node_of_the_name_is_reported_and_a_killed_one_is_not(graph: Graph) -> None:
     diagnostics = Diagnostics(graph)
     with Simulator() as simulator, Simulator() as other:
         with RobotNode(graph, port=simulator.port) as killed:

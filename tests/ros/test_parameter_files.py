@@ -149,14 +149,14 @@ def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
         limited.clear()
         commands.publish(twist(0.0))
         wait(lambda: limited and velocity(limited[-1])[0] == 0.0, "the stop")
-        # At once: what was on its way before is followed by no slower step.
+        # At once: no slower step follows the commands in flight.
         assert {velocity(message)[0] for message in tuple(limited)} <= {speeds[-1], 0.0}
 
 
 @pytest.mark.parametrize(
     ("name", "value", "words", "instead"),
     [
-        ("cmd_vel_timeout", 0.0, "a command without an end is not offered", 0.5),
+        ("cmd_vel_timeout", 0.0, "every command must expire", 0.5),
         ("cmd_vel_type", "Vector3", "one of Twist, TwistStamped, auto", "auto"),
         ("publish_rate", 0.0, "out of range", 50.0),
         ("wheel_base", 9.0, "wheel_separation out of range", 0.2),
@@ -250,7 +250,7 @@ def test_every_number_of_the_wiring_guide_is_taken(graph: Graph, tmp_path: Path)
             assert same(have[ALIASES.get(name, name)], value), name
 
 
-def test_whole_numbers_are_taken_for_real_ones_and_nan_for_no_limit(graph: Graph) -> None:
+def test_integers_are_accepted_as_floats_and_nan_as_no_limit(graph: Graph) -> None:
     given: dict[str, Any] = {
         "max_speed": 1,
         "publish_rate": 20,

@@ -57,7 +57,7 @@ def test_those_that_were_not_given_are_as_the_robot_has_them(rig: Rig) -> None:
     assert rig.graph.parameter(NODE, "max_velocity_mps") == 0.35
 
 
-def test_a_limit_of_the_node_is_in_force_at_once(rig: Rig) -> None:
+def test_a_limit_of_the_node_takes_effect_at_once(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 0.1).successful
     assert fastest_mps(rig, 0.3) == pytest.approx(0.1, abs=0.03)
     assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", math.nan).successful
@@ -70,11 +70,11 @@ def test_the_customers_max_rpm_limits_the_speed_of_each_wheel(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "max_rpm", math.nan).successful
 
 
-def test_a_value_that_stays_is_no_change(rig: Rig) -> None:
+def test_a_value_that_stays_does_not_count_as_a_change(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "odom_frame_id", "odom").successful
 
 
-def test_a_limit_of_the_robot_is_in_force_at_once(rig: Rig) -> None:
+def test_a_limit_of_the_robot_takes_effect_at_once(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "max_velocity_mps", 0.2).successful
     assert fastest_mps(rig, 0.4) == pytest.approx(0.2, abs=0.03)
 
@@ -102,7 +102,7 @@ def test_a_limit_of_the_robot_is_in_force_at_once(rig: Rig) -> None:
         ("open_loop", True, "does not drive without them"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_reason(
+def test_an_impossible_value_is_refused_with_the_reason(
     rig: Rig, name: str, value: Any, reason: str
 ) -> None:
     result = rig.graph.set_parameter(NODE, name, value)
@@ -138,7 +138,7 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
         )
 
 
-def test_parameters_that_there_are_not_are_named() -> None:
+def test_unknown_parameters_are_named() -> None:
     given: dict[str, Any] = {"driver_type": "mock", "wheelradius": 0.03, "lidar_model": "A1"}
     with open_graph() as graph, RobotNode(graph, **given) as node:
         graph.wait_active()
@@ -157,7 +157,7 @@ def test_a_robots_own_file_is_no_parameter_file(graph: Graph) -> None:
         graph.wait_state(NODE, "unconfigured")
 
 
-def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:
+def test_a_slow_odom_does_not_count_as_a_silence(graph: Graph, simulator: Simulator) -> None:
     odometry = graph.listen(Odometry, "odom")
     with RobotNode(graph, port=simulator.port, publish_rate=2.0) as node:
 

@@ -75,7 +75,9 @@ def test_each_value_of_a_request_is_refused_and_the_robot_drives_on(
     assert {name: rig.graph.parameter(NODE, name) for name in GEOMETRY} == before
 
 
-def test_all_or_none_of_a_request_and_the_robot_drives_on(rig: Rig, before: dict[str, Any]) -> None:
+def test_a_request_sets_all_values_or_none_and_the_robot_drives_on(
+    rig: Rig, before: dict[str, Any]
+) -> None:
     gain = rig.graph.parameter(NODE, "proportional_gain")
     values = {"proportional_gain": gain * 1.01, **GEOMETRY}
     with driving(rig):

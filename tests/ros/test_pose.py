@@ -176,7 +176,7 @@ def test_the_file_is_replaced_whole_and_not_more_than_once_a_second(home: Home) 
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"format": 1}', '{"format": 99}', "[]"])
-def test_a_file_that_is_none_is_said_and_replaced(home: Home, text: str) -> None:
+def test_an_invalid_file_is_reported_and_replaced(home: Home, text: str) -> None:
     with home.node():
         home.first()
         path = home.file()
@@ -188,7 +188,7 @@ def test_a_file_that_is_none_is_said_and_replaced(home: Home, text: str) -> None
     assert json.loads(path.read_text())["is_final"]
 
 
-def test_a_folder_that_cannot_be_written_is_said_once(home: Home, tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported_once(home: Home, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with home.node(pose_file=str(tmp_path / "file" / "pose.json")) as node:
         home.first()

@@ -63,7 +63,9 @@ def test_a_range_is_in_its_frame_and_comes_once(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize(("true_m", "distance_m"), [(10.0, math.inf), (0.01, -math.inf)])
-def test_what_cannot_be_measured_is_infinite(rig: Rig, true_m: float, distance_m: float) -> None:
+def test_a_distance_that_cannot_be_measured_is_infinite(
+    rig: Rig, true_m: float, distance_m: float
+) -> None:
     rig.simulator.set("range.front_m", true_m)
     wait(lambda: rig.front and rig.front[-1].range == distance_m, "an infinite range")
     rig.diagnostics.wait("sensor range.front", lambda s, _: s.level == DiagnosticStatus.OK)

@@ -84,7 +84,7 @@ def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: R
         rig.simulator.take_states()
         held = rig.diagnostics.wait("commands", lambda status, _: HELD in status.message)
         wait(lambda: HELD in rig.node.errors(), "the line")
-        # Longer than the pause, which starts anew with each command.
+        # Longer than the pause, which each command restarts.
         wait(lambda: rig.ignored("unarmed") > int(held["ignored_unarmed"]) + 30, "more of them")
         assert not any(state.drive_on for state in rig.simulator.take_states())
         assert rig.node.errors().count(HELD) == 1
@@ -107,7 +107,7 @@ def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: R
 
 
 def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
-    """The node stands still while the command waits for it, and the device starts anew.
+    """The node stands still while the command waits for it, and the device restarts.
 
     Which of the two refuses it depends on what the node sees first: the command (it goes out to the
     session of before, and the device refuses it) or the reset (the node ignores the command).

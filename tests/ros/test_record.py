@@ -46,7 +46,7 @@ def test_a_folder_gets_the_robots_day(graph: Graph, tmp_path: Path) -> None:
     again = Rerun()
     samples = [one.sample() for one in again.feed_all(records(file))]
     assert again.session is not None
-    poses = Poses(DifferentialDrive.of_device(again.session.values))
+    poses = Poses(DifferentialDrive.of_device(again.session.reported.values))
     for sample in samples:
         poses.update(sample)
     assert poses.pose.x_m == pytest.approx(driven_m, abs=0.002)

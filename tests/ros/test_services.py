@@ -41,7 +41,7 @@ def test_the_estop_stops_and_holds_until_it_is_ended(rig: Rig) -> None:
         assert rig.ignored("estopped") > 0
         assert not rig.simulator.get("drive_on")
         assert estop(rig, False).success
-        # Whoever goes on commanding motion over the clear does not drive.
+        # A program that keeps commanding motion during the clear does not drive.
         rig.ignored("unarmed")
         assert not rig.simulator.get("drive_on")
     rig.arm()
@@ -74,7 +74,7 @@ def test_a_fault_is_named_and_cleared(rig: Rig) -> None:
         rig.truth(lambda state: state.drive_on)
 
 
-def test_the_odometry_begins_anew_where_the_robot_is(rig: Rig) -> None:
+def test_the_odometry_restarts_where_the_robot_is(rig: Rig) -> None:
     with rig.driving():
         rig.truth(lambda state: state.drive_on)
         wait(lambda: rig.x_m() > 0.1, "10 cm")

@@ -1,4 +1,4 @@
-"""use_sim_time: the node waits for /clock, says so, and drives all the same."""
+"""use_sim_time: the node waits for /clock, says so, and still drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Acceleration and jerk of the commands; what stops the robot waits for none of them."""
+"""Acceleration and jerk of the commands; no stop waits for these limits."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> Non
 
 
 def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
-    """A command of the last motion may be on its way still: the zero comes after all of them."""
+    """A command of the last motion may still be in flight: the zero comes after all of them."""
     rig.commands.publish(twist(0.0))
     wait(lambda: obeyed and obeyed[-1].twist.linear.x == 0.0, "the end of the last motion")
     stop_by_estop(rig)  # from here on the next command starts a motion
@@ -118,9 +118,7 @@ def test_a_motion_after_one_that_was_refused_starts_from_rest(rig: Rig, obeyed: 
 
 
 @pytest.mark.parametrize("limit", ["max_acceleration", "max_jerk"])
-def test_a_limit_that_is_set_is_in_force_for_the_next_motion(
-    rig: Rig, obeyed: deque[Any], limit: str
-) -> None:
+def test_a_new_limit_applies_to_the_next_motion(rig: Rig, obeyed: deque[Any], limit: str) -> None:
     assert rig.graph.set_parameter(NODE, f"angular.z.{limit}", 1.0).successful
     # After a stall of the computer that outlasts a command, the next one would start from zero.
     assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful

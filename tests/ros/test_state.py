@@ -39,7 +39,7 @@ def state(rig: Rig) -> State:
     return State(rig.graph)
 
 
-def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:
+def test_a_late_subscriber_gets_the_present_state(rig: Rig) -> None:
     told = State(rig.graph).wait(lambda v: v["link"] == "connected")
     assert told.level == DiagnosticStatus.OK
     assert values(told)["state"] == "IDLE"
@@ -47,7 +47,9 @@ def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:
     assert int(values(told)["boot_id"], 16) == rig.truth(lambda _: True).boot_id
 
 
-def test_an_open_contact_and_its_end_are_told_logged_and_diagnosed(rig: Rig, state: State) -> None:
+def test_an_open_contact_and_its_end_are_published_logged_and_diagnosed(
+    rig: Rig, state: State
+) -> None:
     state.wait(lambda v: v["link"] == "connected")
     reports = rig.graph.listen(DiagnosticArray, "/diagnostics")
     wait(lambda: reports, "/diagnostics")
@@ -78,7 +80,7 @@ def test_the_nodes_own_estop_is_named_as_such(rig: Rig, state: State) -> None:
     assert "another program" not in rig.node.errors()
 
 
-def test_a_fault_is_told_in_words(rig: Rig, state: State) -> None:
+def test_a_fault_is_described_in_words(rig: Rig, state: State) -> None:
     rig.simulator.set("left.encoder_dead", 1)
     with rig.driving():
         told = state.wait(lambda v: v["state"] == "FAULT")
@@ -200,7 +202,7 @@ def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(
     rig.diagnostics.wait("robot", lambda s, _: s.level == DiagnosticStatus.OK)
 
 
-def test_an_estop_contact_that_is_ignored_is_said_and_diagnosed(rig: Rig) -> None:
+def test_a_disabled_estop_contact_is_logged_and_diagnosed(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "estop_input_enabled", False).successful
     rig.diagnostics.wait(
         "robot", lambda s, _: s.level == DiagnosticStatus.WARN and "e-stop input" in s.message
@@ -212,7 +214,7 @@ def test_an_estop_contact_that_is_ignored_is_said_and_diagnosed(rig: Rig) -> Non
     rig.diagnostics.wait("robot", lambda s, _: s.level == DiagnosticStatus.OK)
 
 
-def test_a_robot_that_rolls_away_is_said_and_diagnosed(rig: Rig) -> None:
+def test_a_robot_that_rolls_away_is_logged_and_diagnosed(rig: Rig) -> None:
     rig.simulator.set("slope_rad", 0.25)
     rig.diagnostics.wait(
         "robot", lambda s, _: s.level == DiagnosticStatus.WARN and "rolls at" in s.message
@@ -244,7 +246,7 @@ def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: P
         wait(lambda: "wheelwire board confirm" in node.errors(), "the line")
 
 
-def test_a_silent_port_is_told_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
+def test_a_silent_port_is_distinguished_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
     state, path = State(graph), tmp_path / "port"
     with RobotNode(graph, port=path):
         state.wait(lambda v: "there is no such port" in v["cause"])
@@ -284,3 +286,24 @@ def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: P
             answer = graph.call(SetBool, f"{NODE}/estop", data=False)
             assert not answer.success
             assert "stays set" in answer.message
+
+
+BROKEN_WATCH = """
+from wheelwire.log.why.diagnosis import Diagnosis
+from wheelwire_ros import hardware_robot
+
+def feed_all(self, records):
+    raise ZeroDivisionError("planted")
+
+Diagnosis.feed_all = feed_all
+hardware_robot.main()
+"""
+
+
+def test_a_watch_for_stops_that_failed_is_reported_while_the_robot_drives(tmp_path: Path) -> None:
+    with open_rig(tmp_path, code=BROKEN_WATCH) as rig:
+        state = State(rig.graph)
+        assert "planted" in values(state.wait(lambda v: "watch for stops" in v["stop"]))["stop"]
+        with rig.driving():
+            rig.truth(lambda truth: truth.state is SupervisorState.DRIVING)
+            state.wait(lambda v: v["state"] == "DRIVING" and "watch for stops" in v["stop"])

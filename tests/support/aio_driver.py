@@ -10,8 +10,8 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from wheelwire import aio
-from wheelwire.link.info import LinkStatistics
-from wheelwire.link.notices import Happening
+from wheelwire.link.statistics import LinkStatistics
+from wheelwire.link.traffic import Happening
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
 from wheelwire.parameters import ParameterInfo, Parameters, Trial
 from wheelwire.robot.robot import Robot

@@ -6,41 +6,24 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from wheelwire.board import Configuration
 from wheelwire.pi.gpio.base import HIGH_Q15
+from wheelwire.simulation import fwsim_abi as abi
 from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.board import OUTPUTS
 from wheelwire_protocol.native import declare
 
-EDGE = np.dtype([("t_ns", "<u8"), ("gpio", "<u4"), ("level", "<u4")])
+EDGE = np.dtype(abi.Edge)
 CATCH_UP_US = 100_000
 """After a longer gap, such as a stopped process, the robot's time continues from now."""
 GPIOS = 28
 COUNTS_PER_REVOLUTION = 360
 SHOWN = 20
 """The newest changes of the drive that an answer has."""
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "fwsim_robot_create": (
-        ctypes.c_void_p,
-        (ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int64),
-    ),
-    "fwsim_robot_set_pins": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint16), ctypes.c_size_t),
-    ),
-    "fwsim_robot_advance": (
-        ctypes.c_int,
-        (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p),
-    ),
-    "fwsim_robot_spin": (None, (ctypes.c_void_p, ctypes.c_double)),
-    "fwsim_robot_ticks": (ctypes.c_int64, (ctypes.c_void_p, ctypes.c_int)),
-    "fwsim_robot_kill_encoder": (None, (ctypes.c_void_p, ctypes.c_int)),
-}
 
 
 def clock_us() -> int:
@@ -63,11 +46,11 @@ class BareRobot:
         # It holds the interpreter's lock: a call takes microseconds, and to have the lock back
         # takes milliseconds while other threads are busy.
         self._library = library = ctypes.PyDLL(str(library_path()))
-        declare(library, _SIGNATURES)
+        declare(library, abi.SIGNATURES)
         packed, now_ns = board.packed(), time.monotonic_ns()
         self._robot = library.fwsim_robot_create(packed, len(packed), COUNTS_PER_REVOLUTION, now_ns)
         assert self._robot, "the board is damaged"
-        self._edges, self._count = ctypes.c_void_p(), ctypes.c_size_t()
+        self._edges, self._count = ctypes.POINTER(abi.Edge)(), ctypes.c_size_t()
         self._lock = threading.Lock()
         stage = [getattr(wheel, n) for wheel in (board.left, board.right) for n in OUTPUTS]
         self._inputs = [pin for pin in (*stage, board.standby) if pin is not None]
@@ -90,7 +73,7 @@ class BareRobot:
                 self.changes.append((now_us, driven, braked, writer))
 
     def advance(self) -> npt.NDArray[np.void]:
-        """Let time pass until now; the edges of EDGE that came meanwhile, in their order."""
+        """Let time pass until now; returns the edges of EDGE in their order."""
         edges, count = ctypes.byref(self._edges), ctypes.byref(self._count)
         now_ns, longest_ns = time.monotonic_ns(), CATCH_UP_US * 1000
         self._library.fwsim_robot_advance(self._robot, now_ns, longest_ns, edges, count)
@@ -113,7 +96,7 @@ class BareRobot:
         }
 
     def obey(self, command: str, *arguments: str) -> None:
-        """A stand-in's command; those that are none of the robot's are ignored."""
+        """A stand-in's command; the robot ignores those of others."""
         if command == "spin":
             self.spin(float(arguments[0]))
         elif command == "dead_left_encoder":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,7 +14,7 @@ from statistics import median
 from time import perf_counter, process_time
 from typing import NamedTuple
 
-from wheelwire.link.info import quantile
+from wheelwire.link.statistics import quantile
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,10 +52,15 @@ class Target(NamedTuple):
     reached: bool
 
 
-def table_of_targets(targets: Iterable[Target]) -> str:
-    """One row per target."""
-    rows = [[*target[:3], "reached" if target.reached else "**missed**"] for target in targets]
-    return table(("", "measured", "target", ""), rows)
+def summary_of_targets(targets: Sequence[Target]) -> str:
+    """A sentence with the missed targets, and one with the others."""
+    heads = {False: "**Missed**", True: "Reached"}
+    parts = []
+    for is_reached, head in heads.items():
+        found = [f"{t.what} {t.measured} ({t.limit})" for t in targets if t.reached == is_reached]
+        if found:
+            parts.append(f"{head}, with the target: {'; '.join(found)}.\n")
+    return "\n".join(parts)
 
 
 def seconds(work: Callable[[], object], clock: Callable[[], float] = perf_counter) -> float:
@@ -106,4 +112,7 @@ def import_ms(modules: Iterable[str], rounds: int) -> dict[str, float]:
 
 def _start_ms(statement: str) -> float:
     command = [sys.executable, "-c", statement]
-    return 1e3 * seconds(lambda: subprocess.run(command, check=True, capture_output=True))
+    # With the bytecode that an installed package has, which this variable would keep from disk.
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    run = partial(subprocess.run, command, check=True, capture_output=True, env=environment)
+    return 1e3 * seconds(run)

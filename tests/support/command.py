@@ -21,8 +21,10 @@ TIMEOUT_S = 60.0
 Result = subprocess.CompletedProcess[str]
 
 
-def run(*arguments: str, **environment: str) -> Result:
+def run(*arguments: str, typed: str = "", **environment: str) -> Result:
     """Run the command to its end in this process, which saves the start of an interpreter.
+
+    It reads what is `typed`, then the end of a file.
 
     What needs a process runs by `run_process`: signals, a link that this process itself holds,
     streams that are no files in memory.
@@ -34,7 +36,7 @@ def run(*arguments: str, **environment: str) -> Result:
         mock.patch.object(output_module.console, "_width", columns),
         mock.patch.object(output_module.error_console, "_width", columns),
         mock.patch.object(sys, "argv", ["wheelwire", *arguments]),
-        mock.patch.object(sys, "stdin", io.TextIOWrapper(io.BytesIO())),
+        mock.patch.object(sys, "stdin", io.TextIOWrapper(io.BytesIO(typed.encode()))),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
     ):

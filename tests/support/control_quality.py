@@ -135,7 +135,7 @@ LAWS: dict[str, dict[str, float]] = {
     "feed-forward and PI": {"path_gain": 0, "heading_gain": 0},
     "following the path": {},
 }
-"""Parameters of the loop's stages, the last one as it is by default."""
+"""Parameters of the loop's stages; the last one has the defaults."""
 
 
 class PathPoint(NamedTuple):

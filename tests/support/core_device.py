@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Chip, RefusalCode, ResetReason, SupervisorState
+from wheelwire_protocol.core import Core, Identity, Outputs, StageInputs
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Counters, Encoder
-from wheelwire_protocol.native import Core, Identity, Outputs, StageInputs
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     AnyMessage,

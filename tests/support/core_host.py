@@ -5,7 +5,7 @@ from __future__ import annotations
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
-from wheelwire_protocol.native import Core
+from wheelwire_protocol.core import Core
 
 PERIOD_US = 1000
 ANSWER_TIMEOUT_US = 10_000_000
@@ -17,7 +17,7 @@ class CoreHost:
     def __init__(self, core: Core) -> None:
         self._core = core
         self._now_us = 0
-        # Any nonce will do: nobody else is on this line.
+        # Any nonce will do: no other host is on this line.
         self._session = Session(lambda: 1)
         core.start(0, 0, 0)
         self._session.connect(0)

@@ -30,7 +30,7 @@ from wheelwire.log.repair import repair
 
 STEP_S = 0.05
 LONGEST_S = 2.6
-"""Until a kill: two syncs, ten chunks."""
+"""Until a kill, in time of the recorded robot: two syncs, ten chunks."""
 AT_ONCE = 10
 PAGE = 4096
 MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of its own is made there
@@ -56,7 +56,7 @@ class Killed:
     """What a kill left.
 
     Attributes:
-        after_s: Since the process began.
+        after_s: Of the recorded robot's time, since the process began.
         recorded: How many of the link's records can be read.
         lost_s: The age of the oldest one that cannot.
         problem: What is wrong, or nothing.
@@ -87,10 +87,12 @@ def kills(count: int, seed: int, folder: Path) -> Iterator[Killed]:
             (random.uniform(0.0, LONGEST_S), _started(place, random.getrandbits(32)), place)
             for place in places
         )
-        began = time.monotonic()
         killed = []
         for after_s, pid, place in running:
-            time.sleep(max(0.0, began + after_s - time.monotonic()))
+            # By what the process has done: a busy computer makes it slow.
+            while _steps(place) < after_s // STEP_S:
+                time.sleep(STEP_S / 10)
+            time.sleep(after_s % STEP_S)
             os.kill(pid, signal.SIGKILL)
             _, status = os.waitpid(pid, 0)
             killed.append((time.monotonic(), status, after_s, place))
@@ -102,6 +104,12 @@ def kills(count: int, seed: int, folder: Path) -> Iterator[Killed]:
                 found.problem = f"the process has ended by itself: {status}"
             yield found
             shutil.rmtree(place)
+
+
+def _steps(place: Path) -> int:
+    """How many steps of the robot a process has recorded."""
+    path = place / "steps"
+    return path.stat().st_size if path.exists() else 0
 
 
 def _started(place: Path, seed: int) -> int:
@@ -120,7 +128,7 @@ def _record_until_killed(place: Path, random: Random) -> None:
     witness = TrafficReader(limit=1_000_000)
     link.listen_to_traffic(witness)
     recorder_module.MAX_BYTES = random.choice((1, 1 << 30))
-    seen = os.open(place / "seen", os.O_CREAT | os.O_WRONLY)
+    seen, steps = (os.open(place / name, os.O_CREAT | os.O_WRONLY) for name in ("seen", "steps"))
     recorder = Recorder(link, place / "day.mcap", {})
     while recorder.error is None:
         time_s = time.monotonic()
@@ -128,6 +136,7 @@ def _record_until_killed(place: Path, random: Random) -> None:
         for number, kind, host_us, data in witness.take():
             head = _SEEN.pack(time_s, number, kind, host_us, len(data))
             os.write(seen, head + data)
+        os.write(steps, b".")
         time.sleep(STEP_S)
 
 
@@ -231,7 +240,7 @@ class Disk:
         return getattr(os, name)
 
     def write(self, descriptor: int, data: memoryview) -> int:
-        # In parts, between which the power may fail as well.
+        # In parts, between which the power may fail, too.
         written = os.write(descriptor, data[: 3 * PAGE])
         self.moments.append((self.moments[-1][0] + written, self.moments[-1][1]))
         return written

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.decoder import NativeDecoder
-from wheelwire_protocol.framing import Counters, PythonDecoder
+from wheelwire_protocol.framing import Counters
+from wheelwire_protocol.python_decoder import PythonDecoder
 from wheelwire_protocol.types import AnyMessage
 
 

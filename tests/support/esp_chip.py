@@ -58,7 +58,7 @@ class EspChip:
         self.flash_id = FLASH_BYTES.bit_length() - 1 << 16 | _WINBOND
         """What the flash says of itself: its size, as a power of two, and who made it."""
         self.answers_loader = True
-        """False: nobody pressed BOOT."""
+        """False: BOOT is not pressed."""
         self._loading = False
         self._stub = False
         self._frame: bytearray | None = None

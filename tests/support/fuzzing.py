@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import struct
 import subprocess
 from collections.abc import Iterator
@@ -16,29 +15,12 @@ BUILD = ROOT / "build" / "fuzz"
 CASES = ROOT / "firmware" / "esp32" / "fuzz" / "cases"
 VECTORS = ROOT / "protocol" / "vectors"
 TARGETS = ("decoder", "session", "parameters")
-INSTALL = "sudo apt install clang libclang-rt-dev"
 
 LONGEST = 4096
 """The longest input in bytes: some hundred messages."""
 
 _MESSAGE, _PLAUSIBLE, _STEPS = b"\x01", b"\x02", b"\x03"
 _HEADER_SIZE, _CRC_SIZE = 3, 4
-
-
-def available() -> bool:
-    """Whether clang is installed with its run-time libraries, including libFuzzer."""
-    if shutil.which("clang++") is None:
-        return False
-    command = ["clang++", "-print-resource-dir"]
-    resources = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    return any(Path(resources).glob("lib/*/libclang_rt.fuzzer*"))
-
-
-def build() -> None:
-    """Build the targets with libFuzzer and both sanitizers."""
-    command = ["make", "-C", str(ROOT), "--no-print-directory", "fuzzers"]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout + result.stderr
 
 
 def seed(target: str) -> Path:

@@ -1,4 +1,4 @@
-"""An MPU-6050 and an INA219 by their registers, on a bus with faults. Time is whoever's asks."""
+"""An MPU-6050 and an INA219 by their registers, on a bus with faults; the caller gives the time."""
 
 from __future__ import annotations
 

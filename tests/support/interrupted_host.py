@@ -22,7 +22,7 @@ from wheelwire.drivers.serial import SerialDriver
 LONGEST_S = 6.0
 """The longest time that any call may take."""
 TTL_S = 5.0
-"""Long enough that no setpoint expires on its way, even on a busy computer."""
+"""Long enough that no setpoint expires in flight, even on a busy computer."""
 
 
 class Host:

@@ -50,7 +50,7 @@ def interrupt_program(count: int, mode: str, seed: int = 1) -> Interruptions:
         try:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
-            # Read meanwhile: the report is longer than what a pipe holds.
+            # Read while it runs: the report is longer than a pipe holds.
             report = pool.submit(process.stdout.read)
             _shoot(process, random.Random(seed), report)
         finally:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from wheelwire_protocol.codes import Chip, ResetReason
-from wheelwire_protocol.native import Core, Identity, Outputs
+from wheelwire_protocol.core import Core, Identity, Outputs
 
 from .host_samples import received
 from .virtual_host import VirtualHost

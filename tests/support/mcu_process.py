@@ -1,4 +1,4 @@
-"""The process that moves a computer's pins, with nobody at its line but the test.
+"""The process that moves a computer's pins, with only the test at its line.
 
 A driver would start it again as soon as it ends, and hide what stopped the wheels.
 """

@@ -16,7 +16,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,7 @@ class Mutant:
         replace: Put in its place.
         why: What a robot would do.
         lives: Why no test can detect it; empty if one does.
+        whole: `make test` misses it, `make test-all` detects it.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Mutant:
     replace: str
     why: str
     lives: str = ""
+    whole: bool = False
 
     def apply(self, text: str) -> str:
         """The mutated text of the file.
@@ -155,6 +157,8 @@ class Verdict:
     detail: str
     """The test that failed, or what is wrong."""
     seconds: float = 0.0
+    whole: bool = False
+    """Every test of `make test` passes; one that only `make test-all` runs fails."""
 
 
 def judge(return_code: int, output: str) -> Verdict:
@@ -258,7 +262,7 @@ class Workspace:
             verdict = self._run([sys.executable, *group.command])
         else:
             verdict = self._run_stages(group, mutant)
-        return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
+        return replace(verdict, seconds=time.monotonic() - begin)
 
     def _run_stages(self, group: Group, mutant: Mutant | None) -> Verdict:
         for tests in group.stages(mutant):
@@ -268,9 +272,7 @@ class Workspace:
         if not group.whole:
             return verdict
         verdict = self._run_tests(group.whole, WHOLE)
-        if verdict.outcome is not Outcome.KILLED:
-            return verdict
-        return Verdict(Outcome.KILLED, f"by `make test-all` alone: {verdict.detail}")
+        return replace(verdict, whole=verdict.outcome is Outcome.KILLED)
 
     def _run_tests(self, tests: Sequence[str], kind: str) -> Verdict:
         options = ["-x", "-q", "-rfE", "--tb=no", "--no-header", "-p", "no:cacheprovider"]

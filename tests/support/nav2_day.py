@@ -41,7 +41,7 @@ ODOM_OFF_M, ODOM_OFF_SHARE = 0.02, 0.01
 GAP_S = 0.9
 """A pause that arms: the longer one of rearm_gap_s and ttl_max_s, less a busy computer's part."""
 LATE_S = 0.2
-"""For how long a command may be on its way on a busy computer."""
+"""How long a command may take on a busy computer."""
 SILENT_S = 3.0
 TURNS_MPS = 0.05
 WAIT_S = 60.0
@@ -279,12 +279,12 @@ class Day:
         self._wait(lambda: self._said(odom="measured", link="connected"), "the link")
 
     def _places(self) -> tuple[Place, Place]:
-        """x, y and heading, by the filter and in truth."""
+        """x, y and heading, by the filter and true."""
         get = self._simulator.get
         return self.filter.place, (get("true.x_m"), get("true.y_m"), get("true.heading_rad"))
 
     def reset(self) -> None:
-        """The device starts anew."""
+        """The device restarts."""
         boot_id = self._simulator.reset()
         self._hold("a reset")
         self._wait(lambda: self._newest().boot_id == boot_id, "a start")

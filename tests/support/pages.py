@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = tuple(
     page.relative_to(ROOT).as_posix()
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-    # The decisions and what is written elsewhere are no instructions.
+    # Decisions, and pages written elsewhere, contain no instructions.
     if page.parent.name not in {"adr", "project"}
 )
 REASONS = {
@@ -84,16 +85,33 @@ def blocks(page: str) -> list[Block]:
 CELL = re.compile(r"(?<!`)`((?:robot\b(?!\.[ch]pp)|wheelwire )[^`]*)`(?!`)")
 
 
-def code_in_tables(page: str) -> list[tuple[str, str]]:
-    """Place and text of each expression of a robot, or command, in the tables of a page."""
-    lines = enumerate((ROOT / page).read_text("utf-8").splitlines(), 1)
+def code_in_rows(page: str) -> list[tuple[str, str]]:
+    """Place and text of each expression of a robot in a page's tables, and command in its rows.
+
+    Rows are those of tables, and items of lists; a list may name what only one driver has.
+    """
     return [
         (f"{page}:{number}", code.replace("\\|", "|"))
-        for number, line in lines
-        if line.lstrip().startswith("|")
-        for code in CELL.findall(line)
-        if code.startswith(("robot.", "robot[", "wheelwire "))
+        for number, row in _rows((ROOT / page).read_text("utf-8"))
+        for code in CELL.findall(row)
+        if code.startswith("wheelwire ")
+        or (code.startswith(("robot.", "robot[")) and row.startswith("|"))
     ]
+
+
+def _rows(text: str) -> Iterator[tuple[int, str]]:
+    """The rows of tables, and the items of lists with all their lines, each with its number."""
+    number, row = 0, ""
+    for at, line in enumerate(text.splitlines(), 1):
+        words = line.strip()
+        if row.startswith("- ") and line.startswith("  ") and words[:2] not in {"- ", "``", "| "}:
+            row += " " + words
+            continue
+        if row:
+            yield number, row
+        number, row = at, words if words.startswith(("|", "- ")) else ""
+    if row:
+        yield number, row
 
 
 def count() -> Counter[str]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import struct
 
 from support.raw import RawHost
-from wheelwire.board import BOARD, assembled, fingerprint_of
-from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codec import BOARD, BY_TYPE, assembled, fingerprint_of
 from wheelwire_protocol.types import (
     LAYOUTS,
     Ack,

@@ -10,8 +10,8 @@ from wheelwire.board import BatteryLevels, Configuration, ImuSensor, Peripheral,
 from wheelwire.pi.i2c import BusReader
 from wheelwire.pi.pins import Pins
 from wheelwire_protocol.codes import Chip, ResetReason
+from wheelwire_protocol.core import Core, Identity, Outputs, Sensors, TransferResult
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.native import Core, Identity, Outputs, Sensors, TransferResult
 from wheelwire_protocol.sensors import Axis, PeripheralFault, SensorChip, SensorState
 from wheelwire_protocol.types import AnyMessage, SensorEvent
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 from typing import NamedTuple
 
-from wheelwire.log.why import Diagnosis
+from wheelwire.log.why.diagnosis import Diagnosis
 
 from .staged_stops import StagedRobot
 

@@ -25,8 +25,8 @@ from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.stand_in import StandIn
 from wheelwire.drivers.attached import AttachedDriver
-from wheelwire.link.info import quantile
 from wheelwire.link.sample_stream import LatestSample
+from wheelwire.link.statistics import quantile
 from wheelwire.log.share.attached_link import AttachedLink
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
@@ -37,7 +37,7 @@ COMMANDS_HZ = 100.0
 FIRST_MPS, STEP_MPS = 0.2, 0.0001
 """Velocities of commands that differ by a step each."""
 DRIVEN_S = 0.4
-"""A command that has not driven a motor by then was not obeyed: it is valid for half a second."""
+"""A command that has not driven a motor by then was refused: it is valid for half a second."""
 WATCH_S = 3.0
 
 BARE_NODE = """
@@ -138,7 +138,7 @@ except (KeyboardInterrupt, ExternalShutdownException):
 
 
 class RobotCommander:
-    """Publishes commands, no two alike, on their way through a node to a robot.
+    """Publishes commands, no two equal, through a node to a robot.
 
     Args:
         graph: Of the client.

@@ -113,7 +113,7 @@ class Rig:
 
     def arm_at_rest(self) -> None:
         """After a clear: arm by one zero command and end that, so that the next begins a motion."""
-        # One, and seen through: another that is still on its way would follow the stop.
+        # One, and awaited: another in flight would follow the stop.
         self.commands.publish(self.stamped(0.0) if self._is_stamped else twist(0.0))
         self.diagnostics.wait("robot", lambda _, values: values["state"] == "DRIVING")
         wait(lambda: self.graph.call(Trigger, f"{NODE}/stop").success, "the stop")

@@ -13,7 +13,7 @@ from unittest import mock
 
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import clock as synchroniser
-from wheelwire.link.info import quantile
+from wheelwire.link.statistics import quantile
 from wheelwire.simulation.simulator import Simulator
 
 from .bare_host import PING_SIZE, PONG_SIZE, BareHost, echo_process

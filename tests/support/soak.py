@@ -159,7 +159,7 @@ class Soak:
         )
         recovery_s = time.monotonic() - begin
         self._corrupt(0.0)
-        # A robot that started anew obeys nothing before it; on a good line it arrives.
+        # A restarted robot obeys nothing before it; on a good line it arrives.
         self._robot.set_velocity(0.0, 0.0, ttl=TTL_S)
         self._stand()
         if incident == "reset":

@@ -11,7 +11,7 @@ from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.port_loop import CLOSED
 from wheelwire.link.session import Phase
 from wheelwire.link.traffic import Kind, TrafficReader
-from wheelwire.log.why import Diagnosis, Stop
+from wheelwire.log.why.diagnosis import Diagnosis, Stop
 from wheelwire.robot.verbs import WATCHED
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import Fault, ResetReason, StopMode, TrialAction

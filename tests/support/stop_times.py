@@ -18,7 +18,7 @@ TTL_S = 0.3
 SPEED_MPS = 0.25
 COMMAND_MS = 20
 PERIOD_US = 1000
-"""The firmware's control period, as it is by default."""
+"""The firmware's default control period."""
 NOISE_BYTES_PER_S = 200_000
 LATE_MS = 150
 """Delay after which the buffered bytes of a frozen host arrive."""

@@ -82,7 +82,7 @@ class VirtualRobot(VirtualHost):
             self.run(0.02)
 
     def drive_held(self, left_mps: float, right_mps: float, seconds: float, random: Random) -> None:
-        """As `drive`, with one of the wheels, or both, held fast meanwhile."""
+        """As `drive`, with one wheel, or both, held fast."""
         held = random.choice((("left",), ("right",), ("left", "right")))
         for side in held:
             self.sim.set(f"{side}.blocked", 1)

@@ -43,7 +43,7 @@ class VirtualHost(ABC):
 
     @abstractmethod
     def write(self, setpoint: bytes = b"") -> None:
-        """Send the session's output, and a setpoint behind it."""
+        """Send the session's output, then a setpoint."""
 
     @property
     def sample(self) -> WheelSample:

@@ -68,7 +68,7 @@ class VirtualLine(VirtualHost):
         self.write()
 
     def write(self, setpoint: bytes = b"") -> None:
-        """Put the output of both sides on the line, and a setpoint behind it."""
+        """Put the output of both sides on the line, then a setpoint."""
         self.to_host.send(self.device.take_output(), self.now_us)
         output = self.session.take_output() + setpoint
         self.sent += self._tap.feed(output)

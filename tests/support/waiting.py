@@ -10,11 +10,12 @@ from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
 from wheelwire.robot.robot import Robot
 
 PERIOD_S = 0.002
-TIMEOUT_S = 30.0
+TIMEOUT_S = 90.0
+"""Even a process that starts on a computer with much else to do."""
 
 
 def keep_driving(robot: Robot) -> None:
-    """Drive for half a second, also where the chip was started anew before."""
+    """Drive for half a second, even if the chip has just restarted."""
     robot.set_velocity(0.0, 0.0)
     for _ in range(50):
         robot.set_velocity(0.1, 0.0)

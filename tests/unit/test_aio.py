@@ -468,7 +468,7 @@ async def test_a_stop_that_is_cancelled_does_not_stop_what_drives_later(
         assert place.state() is SupervisorState.DRIVING
 
 
-async def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
+async def test_a_request_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
     async with place.opening() as robot:
         await robot.estop()
         place.device.mute = True
@@ -482,7 +482,7 @@ async def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) ->
         assert place.state() is SupervisorState.ESTOPPED
 
 
-async def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
+async def test_a_cancelled_request_is_not_sent_again(place: Place) -> None:
     async with place.opening() as robot:
         await robot.estop()
         place.device.mute = True

@@ -130,7 +130,7 @@ def test_an_option_of_the_pins_with_it(driver: str, option: str, bad: Any) -> No
 
 
 @each("bad", [*NO_NUMBERS, 28, -1], ids=shown)
-def test_a_pin_that_is_none(bad: Any) -> None:
+def test_an_invalid_pin_is_refused(bad: Any) -> None:
     with pytest.raises(errors.ConfigurationError, match="GPIO"):
         wheelwire.Pins(left_enc_a=bad)
 
@@ -192,6 +192,6 @@ def test_odometry_of_something_else(bad: Any) -> None:
 
 
 @each("bad", [5, [], b"x", "no\0file", "/"])
-def test_a_file_that_is_none(bad: Any) -> None:
+def test_an_invalid_file_is_refused(bad: Any) -> None:
     with pytest.raises(errors.ConfigurationError):
         wheelwire.load_config(bad)

@@ -1,6 +1,6 @@
 """What all benchmarks rest on."""
 
-from support.benchmark import Target, import_ms, interleaved, ratio, table, table_of_targets
+from support.benchmark import Target, import_ms, interleaved, ratio, summary_of_targets, table
 
 
 def test_measures_take_turns_and_the_first_round_is_left_out() -> None:
@@ -34,7 +34,8 @@ def test_a_target_that_is_missed_stands_out() -> None:
         Target("speed", "9", ">= 12", reached=False),
         Target("wrong", "0", "0", reached=True),
     ]
-    assert table_of_targets(targets).splitlines()[2:] == [
-        "| speed | 9 | >= 12 | **missed** |",
-        "| wrong | 0 | 0 | reached |",
+    assert summary_of_targets(targets).splitlines() == [
+        "**Missed**, with the target: speed 9 (>= 12).",
+        "",
+        "Reached, with the target: wrong 0 (0).",
     ]

@@ -13,14 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.cases import each
-from wheelwire.board import (
-    Configuration,
-    DigitalInput,
-    Pull,
-    WheelPins,
-    channel_name,
-    unpacked,
-)
+from wheelwire.board import Configuration, DigitalInput, Pull, WheelPins, unpacked
 from wheelwire.errors import ConfigurationError
 from wheelwire.tools.files.board import (
     board_mapping,
@@ -43,9 +36,9 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
+from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
 from wheelwire_protocol.codes import Chip
-from wheelwire_protocol.messages import BOARD, BOARD_SIZE
-from wheelwire_protocol.sensors import PeripheralKind, Place
+from wheelwire_protocol.sensors import PeripheralKind, Place, channel_name
 
 PINS = st.none() | st.integers(0, 127)
 WHEELS = st.builds(WheelPins, PINS, PINS, PINS, PINS, PINS, PINS, PINS)
@@ -77,8 +70,8 @@ HELD_HIGH = r"{0} = {1}: GPIO {1} of .* is high while it starts, which may drive
 
 WRONG: list[tuple[str, dict[str, Any], str]] = [
     # The module
-    (ESP32, {"module": "s3-quad"}, r"module: there is no such module of the ESP32; leave it out"),
-    (C6, {"module": "wrover"}, r"module: there is no such module of the ESP32-C6"),
+    (ESP32, {"module": "s3-quad"}, r"module: the ESP32 has no such module; leave it out"),
+    (C6, {"module": "wrover"}, r"module: the ESP32-C6 has no such module"),
     (ESP32, {"module": "wrover", "right.encoder_a": 16}, r"GPIO 16 of the ESP32 leads to its"),
     (ESP32, {"module": "wroom-32", "left.in2": 6}, r"GPIO 6 of the ESP32 leads to its flash"),
     (S3, {"module": "s3-octal", "left.in2": 35}, r"GPIO 35 of the ESP32-S3 leads to its flash"),
@@ -137,7 +130,7 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
         {"pulldowns": [33]},
         r"left\.pwm = 25: the stage pwm_dir drives whenever this input",
     ),
-    ("drv8833", {"pulldowns": [25]}, r"pulldowns: GPIO 25 is no output of this board"),
+    ("drv8833", {"pulldowns": [25]}, r"pulldowns: GPIO 25 is not an output of this board"),
     # What is high while the chip starts
     ("tb6612", {"left.in1": 14, "estop.pin": 26}, PULLED_UP.format("left.in1", 14)),
     ("drv8833", {"standby": 14, "estop.pin": 21}, PULLED_UP.format("standby", 14)),
@@ -340,7 +333,7 @@ def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
 
 
 @each(("changes", "words"), NOT_A_BOARD)
-def test_what_is_no_board_is_refused_by_key_and_value(changes: dict[str, Any], words: str) -> None:
+def test_an_invalid_board_is_refused_by_key_and_value(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         parse_board(changed(ESP32, changes))
 

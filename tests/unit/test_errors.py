@@ -71,7 +71,7 @@ def test_an_error_is_pythons_of_the_same_meaning_too(
     assert issubclass(kind, base)
 
 
-def test_a_closed_link_is_no_lost_one() -> None:
+def test_a_closed_link_is_not_a_lost_link() -> None:
     """A loop that waits for a reconnection has to end on a closed driver."""
     assert not issubclass(errors.LinkClosed, (errors.LinkLost, OSError))
 

@@ -86,7 +86,7 @@ def check_refusal(result: subprocess.CompletedProcess[str], hint: str) -> None:
     assert hint in line
 
 
-def test_what_the_chip_saved_is_there_afterwards(chip: EspChip, port: str, image: Path) -> None:
+def test_saved_data_survives_flashing(chip: EspChip, port: str, image: Path) -> None:
     held = fill_data(chip)
     put(chip, 0x11000, OTA_1_IS_SELECTED)
     put(chip, 0x280000, b"\xe9 another application")
@@ -203,12 +203,12 @@ def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -
     assert chip.erased == []
 
 
-def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
+def test_firmware_of_another_board_is_reported(chip: EspChip, port: str, image: Path) -> None:
     chip.device.board = Chip.ESP32C6
     check_refusal(run(port, "--image", str(image), "--json"), "reports the board ESP32C6")
 
 
-def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_esptool_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(errors.FlashFailed, match=r"wheelwire\[tools\]"):
         flash.identify_chip("/dev/null")

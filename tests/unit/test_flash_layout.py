@@ -59,12 +59,12 @@ def test_an_image_is_taken_apart_to_the_byte(tmp_path: Path) -> None:
         merged_image().replace(b"\xaa\x50\x01\x02", b"\xaa\x50\x01\x03"),  # a damaged table
     ],
 )
-def test_anything_else_is_no_image(tmp_path: Path, content: bytes) -> None:
+def test_any_other_file_is_no_image(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(FlashFailed, match=r"use wheelwire-<board>\.bin from a release"):
         image_of(tmp_path, content)
 
 
-def test_a_missing_image_is_told(tmp_path: Path) -> None:
+def test_a_missing_image_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FlashFailed, match="No such file"):
         read_image(tmp_path / "none")
 
@@ -102,7 +102,7 @@ def test_a_chip_without_a_table_keeps_nothing(image: Image, raw: bytes) -> None:
     assert plan.erased[0].offset == 0x9000
 
 
-def test_a_damaged_table_is_none() -> None:
+def test_a_damaged_table_counts_as_absent() -> None:
     raw = bytearray(table_bytes(our_layout()))
     raw[5] ^= 1
     assert parse_table(bytes(raw)) == ()

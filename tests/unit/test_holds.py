@@ -38,7 +38,7 @@ def test_each_flag_has_its_code_and_its_sentence() -> None:
         assert flag.doc.endswith(".")
 
 
-def test_latch_fault_and_contradiction_are_told_in_full() -> None:
+def test_latch_fault_and_contradiction_are_described_in_full() -> None:
     hold = NOTHING._replace(
         held=Held.ESTOP | Held.FAULT | Held.CONTRADICTION,
         estop_source=EstopSource.CONTACT,
@@ -50,11 +50,11 @@ def test_latch_fault_and_contradiction_are_told_in_full() -> None:
     assert contradiction.endswith(Contradiction.SUPPLY_DROP.doc)
 
 
-def test_faults_that_are_latched_no_more_are_left_out() -> None:
+def test_cleared_faults_are_left_out() -> None:
     assert HeldBy.of(NOTHING, Fault.OVERSPEED) == HeldBy()
 
 
-def test_a_stop_that_nobody_knows() -> None:
+def test_an_unknown_stop() -> None:
     stop = LastStop.of(NOTHING, 1.0)
     assert stop == LastStop()
     assert str(stop) == UNKNOWN_STOP
@@ -94,7 +94,7 @@ def test_a_reset_has_its_reason_and_no_time() -> None:
     assert "PANIC" in str(stop)
 
 
-def test_a_code_of_a_later_firmware_is_none() -> None:
+def test_a_code_of_a_later_firmware_is_refused() -> None:
     with pytest.raises(ValueError, match="200"):
         LastStop.of(NOTHING._replace(stop_cause=200), None)
 

@@ -12,7 +12,9 @@ TOOL = Path(__file__).parents[2] / "tools" / "install_extra.py"
 
 @pytest.mark.whole
 @pytest.mark.parametrize("extra", ["bench", "fuzz"])
-def test_what_cannot_be_had_is_named_in_one_line(tmp_path: Path, extra: str) -> None:
+def test_a_package_that_cannot_be_installed_is_named_in_one_line(
+    tmp_path: Path, extra: str
+) -> None:
     nowhere = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(tmp_path), "PIP_CONFIG_FILE": os.devnull}
     result = subprocess.run(
         [sys.executable, str(TOOL), extra, "no-such-package-here>=1"],

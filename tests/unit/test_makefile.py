@@ -49,6 +49,16 @@ def test_the_demonstration_installs_no_tools_of_development() -> None:
     assert [re.findall(r"'\.\[(.*)\]'", line) for line in installs] == [["build"]]
 
 
+def test_each_long_step_of_the_demonstration_is_announced_with_how_long_it_takes() -> None:
+    lines = make("-n", "VENV=build/none", "HOST_BUILD=build/none", "demo").splitlines()
+    steps = ("-m venv", "-m pip install", "cmake --build")
+    for step, says in zip(steps, ("seconds", "half a minute, 200 MB", "a minute"), strict=True):
+        at = next(number for number, line in enumerate(lines) if step in line)
+        said = [line for line in lines[:at] if "echo" in line]
+        assert says in said[-1], step
+        assert "once" in said[-1], step
+
+
 def test_after_the_tools_of_development_the_demonstration_installs_nothing(tmp_path: Path) -> None:
     # As if `make test` had come first.
     (tmp_path / "made").touch()
@@ -57,3 +67,12 @@ def test_after_the_tools_of_development_the_demonstration_installs_nothing(tmp_p
     assert "pip" not in make("-n", f"VENV={tmp_path}", "demo")
     (tmp_path / "installed").unlink()
     assert "'.[dev]'" in make("-n", f"VENV={tmp_path}", "lint")
+
+
+def test_all_tests_are_those_of_make_test_and_the_others() -> None:
+    chosen = re.findall(r' -m "([^"]+)"', make("-n", "test-all", "ONLY=tests"))
+    assert chosen == ["whole or hypothesis", "not whole"]
+    # Which files pytest need not import, the configuration says for each of the two.
+    configuration = (ROOT / "tests" / "conftest.py").read_text("utf-8")
+    assert [words for words in chosen if f'"{words}"' not in configuration] == []
+    assert ' -m "' not in make("-n", "test-all", "ONLY=tests/unit/link")

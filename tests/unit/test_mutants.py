@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,7 @@ from support.mutants import (
     load_all,
 )
 
+PAGE = ROOT / "docs" / "testing.md"
 ALL = [(group, mutant) for group in load_all() for mutant in group.mutants]
 SIGN = Mutant("sign", "host/double.py", "2 * x", "-2 * x", "It drives backwards.")
 SPARE = Mutant("spare", "host/double.py", "# spare", "# free", "Nothing.")
@@ -123,6 +126,24 @@ def test_what_fails_a_run() -> None:
     assert not summary([(group, SIGN, killed)] * 18 + [(group, SIGN, lives)])[1]
 
 
+def test_what_make_test_misses_is_declared() -> None:
+    group = Group("core", (), ("tests/a.py",), (), whole=("tests/b.py",))
+    declared = replace(SIGN, whole=True)
+    early, late = Verdict(Outcome.KILLED, ""), Verdict(Outcome.KILLED, "", whole=True)
+    assert failures([(group, SIGN, early), (group, declared, late)]) == []
+    assert "by `make test-all` alone" in failures([(group, SIGN, late)])[0]
+    assert "take `whole` out" in failures([(group, declared, early)])[0]
+
+
+def test_the_page_lists_what_make_test_misses() -> None:
+    (text,) = re.findall(
+        r"^## What `make test` misses$(.*?)^## ", PAGE.read_text("utf-8"), re.M | re.S
+    )
+    missed = {f"{group.name}/{mutant.name}" for group, mutant in ALL if mutant.whole}
+    assert set(re.findall(r"^\| `(\S+/\S+)` \|", text, re.M)) == missed
+    assert len(missed) <= 40
+
+
 def test_a_name_or_a_group_selects() -> None:
     groups = [Group("core", (), (), (SIGN,)), Group("link", (), (), (SPARE,))]
     assert [m.name for _, m in select(groups, [])] == ["sign", "spare"]
@@ -149,7 +170,8 @@ def checkout(tmp_path: Path) -> Path:
         "host/double.py": "def double(x):\n    return 2 * x  # spare\n",
         "tests/test_double.py": "from double import double\n\n\n"
         "def test_double():\n    assert double(2) == 4\n",
-        "pyproject.toml": "[tool.pytest.ini_options]\n",
+        "tests/test_none.py": "def test_none():\n    pass\n",
+        "pyproject.toml": "[tool.pytest.ini_options]\nmarkers = ['whole']\n",
     }
     for name, text in files.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -174,10 +196,13 @@ def test_python_imports_the_copy_though_the_checkout_is_installed(
 def test_mutations_are_tried_in_a_copy(checkout: Path, tmp_path: Path) -> None:
     group = Group("link", (), ("tests/test_double.py",), ())
     workspace = Workspace(tmp_path / "copy", checkout)
-    assert workspace.try_mutant(group, SIGN).detail == "tests/test_double.py::test_double"
+    killed = workspace.try_mutant(group, SIGN)
+    assert (killed.detail, killed.whole) == ("tests/test_double.py::test_double", False)
     assert workspace.try_mutant(group, SPARE).outcome is Outcome.LIVES
     assert workspace.try_mutant(group, TYPO).outcome is Outcome.BROKEN
     assert workspace.test(group).outcome is Outcome.LIVES
+    late = Group("link", (), ("tests/test_none.py",), (), whole=("tests/test_double.py",))
+    assert workspace.try_mutant(late, SIGN).whole
     assert "2 * x" in (checkout / "host/double.py").read_text()
 
 
@@ -192,7 +217,10 @@ def test_a_copy_follows_the_checkout_and_keeps_what_is_equal(
     (copy / "build").mkdir(exist_ok=True)
     (copy / "build/kept.o").write_text("")
     Workspace(copy, checkout)
-    assert sorted(path.name for path in (copy / "tests").iterdir()) == ["test_other.py"]
+    assert sorted(path.name for path in (copy / "tests").iterdir()) == [
+        "test_none.py",
+        "test_other.py",
+    ]
     assert (copy / "host/double.py").stat().st_mtime_ns == before
     assert (copy / "build/kept.o").exists()
 

@@ -179,14 +179,14 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
         ("a: [", "values.yaml"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_said(text: str, hint: str, tmp_path: Path) -> None:
+def test_an_error_names_what_is_wrong_in_a_file(text: str, hint: str, tmp_path: Path) -> None:
     with pytest.raises(errors.ConfigurationError) as raised:
         load_parameter_file(written(text, tmp_path))
     assert hint in str(raised.value)
     assert re.search(r"values\.yaml(, line 1)?: ", str(raised.value))
 
 
-def test_a_file_that_is_none(tmp_path: Path) -> None:
+def test_an_invalid_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(errors.ConfigurationError, match="no such file"):
         load_parameter_file(tmp_path / "missing.yaml")
     with pytest.raises(errors.ConfigurationError, match="directory"):
@@ -319,7 +319,9 @@ def test_restoring_waits_for_the_link(robot: Robot) -> None:
     assert robot.held == before
 
 
-def test_what_could_not_be_restored_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_values_that_could_not_be_restored_are_named(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(parameters, "RESTORE_TIMEOUT_S", 0.0)
 
     def unplugged(_name: str, _value: float) -> None:

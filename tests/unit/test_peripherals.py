@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from support.cases import each
 from wheelwire.board import (
-    DIGITAL_INPUTS,
     AnalogInput,
     BatteryLevels,
     Configuration,
@@ -26,7 +25,6 @@ from wheelwire.board import (
     PowerSensor,
     Pull,
     RangeSensor,
-    channel_name,
     packed_entry,
     unpacked,
     unpacked_entry,
@@ -34,9 +32,10 @@ from wheelwire.board import (
 from wheelwire.errors import ConfigurationError
 from wheelwire.tools.files.board import load_board, parse_board, to_yaml
 from wheelwire.tools.files.robot import parse_config
-from wheelwire_protocol.messages import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
-from wheelwire_protocol.native import check_peripherals
+from wheelwire_protocol.board_layout import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
+from wheelwire_protocol.core import check_peripherals
 from wheelwire_protocol.sensors import (
+    DIGITAL_INPUTS,
     IMUS,
     MOST_PERIPHERALS,
     POWERS,
@@ -46,6 +45,7 @@ from wheelwire_protocol.sensors import (
     PeripheralKind,
     Place,
     SensorChip,
+    channel_name,
 )
 
 BOARD = """\
@@ -222,7 +222,7 @@ def test_a_bias_is_kept_in_counts_of_its_chip() -> None:
     assert isinstance(stored, ImuSensor)
     half_a_count = IMUS[imu.chip].gyro_radps / 2
     assert stored.bias == pytest.approx(imu.bias, abs=half_a_count)
-    # What a device says is written to it again as it is.
+    # What a device reports is written back to it unchanged.
     assert packed_entry(stored) == packed_entry(imu)
     assert b"\x26\x00\xb5\xff\x00\x00" in packed_entry(imu)  # 38, -75 and 0 counts
 
@@ -289,7 +289,7 @@ def test_an_entry_with_an_unknown_code_is_not_read(at: int) -> None:
         unpacked_entry(bytes(data))
 
 
-def test_what_does_not_fit_is_not_packed() -> None:
+def test_values_that_do_not_fit_are_not_packed() -> None:
     with pytest.raises(ConfigurationError, match="imu cannot be packed"):
         packed_entry(ImuSensor(SensorChip.MPU6050, 200, 17))
     with pytest.raises(ConfigurationError, match=r"imu.bias = \(0, 9, 0\): choose -8.73 to 8.73"):
@@ -321,7 +321,7 @@ NAN, INF = float("nan"), float("inf")
         (AnalogInput(1, 32, NAN), "inputs.analog_1 cannot be packed"),
     ],
 )
-def test_numbers_that_are_none_are_not_packed(entry: Peripheral, words: str) -> None:
+def test_invalid_numbers_are_not_packed(entry: Peripheral, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         packed_entry(entry)
 
@@ -613,7 +613,7 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
 
 
 @each(("sections", "words"), NOT_PERIPHERALS)
-def test_what_is_no_peripheral_is_refused_by_file_line_key_and_value(
+def test_an_invalid_peripheral_is_refused_by_file_line_key_and_value(
     sections: str, words: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "board.yaml"

@@ -23,6 +23,7 @@ from wheelwire.tools.files import robot as robot_file
 from wheelwire_protocol.codes import Fault
 
 DOCS = Path(__file__).parents[2] / "docs"
+ROBOT_FILE = (DOCS / "robot-file.md").read_text()
 
 
 def rows(page: str) -> list[list[str]]:
@@ -32,7 +33,7 @@ def rows(page: str) -> list[list[str]]:
     return [row for row in cells if not set(row[0]) <= {"-"}]
 
 
-def test_every_public_name_has_its_place_in_the_api_reference() -> None:
+def test_the_api_reference_lists_every_public_name() -> None:
     page = (DOCS / "api.md").read_text()
     shown = re.findall(r"^\.\. auto(?:function|class|exception):: wheelwire\.(\w+)$", page, re.M)
     assert sorted(shown) == sorted(set(wheelwire.__all__) - {"__version__", "aio"})
@@ -42,7 +43,7 @@ def test_every_public_name_has_its_place_in_the_api_reference() -> None:
         assert [name for name, thing in things.items() if not inspect.getdoc(thing)] == []
 
 
-def test_every_error_has_its_row_among_the_exit_codes() -> None:
+def test_the_exit_codes_list_every_error() -> None:
     told = {row[1].strip("`"): (row[0], row[2]) for row in rows("exit-codes.md")}
     for name, kind in vars(errors).items():
         if isinstance(kind, type) and issubclass(kind, errors.WheelwireError):
@@ -53,13 +54,18 @@ def test_every_error_has_its_row_among_the_exit_codes() -> None:
     assert set(told) == {"error", "", "UsageError"}
 
 
-def test_no_exit_code_is_there_twice() -> None:
+def test_the_exit_codes_list_no_code_twice() -> None:
     codes = [row[0] for row in rows("exit-codes.md") if re.fullmatch(r"\d+", row[0])]
     assert len(codes) == len(set(codes))
 
 
-def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
-    told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
+def test_the_page_lists_every_key_of_a_robots_file_with_its_default() -> None:
+    keys_and_defaults = re.findall(r"^- (`.+?`)(?: \(`(.+?)`\))?: ", ROBOT_FILE, re.M)
+    listed = {
+        key: default or "none"
+        for names, default in keys_and_defaults
+        for key in re.findall(r"`(.+?)`", names)
+    }
     robot = config.RobotConfig()
     sections: dict[str, Any] = {
         "pigpio": robot.pigpio,
@@ -74,8 +80,7 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
             value = getattr(settings, field.name)
             written = str(value).lower() if isinstance(value, bool) else str(value)
             expected[f"{section}.{field.name}"] = "none" if value is None else written
-    keys = {key: default for key, default in told.items() if key in expected}
-    assert keys == expected
+    assert {key: default for key, default in listed.items() if key in expected} == expected
     assert {*robot_file.TOP, *config.SECTIONS_OF_DRIVERS, "pins", "parameters"} == {
         key.partition(".")[0] for key in expected
     }
@@ -95,23 +100,22 @@ def test_the_pis_pins_are_those_of_the_default_robot() -> None:
     }
 
 
-def test_every_other_name_in_a_robots_file_has_its_row() -> None:
-    told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
-    for name, key in {
+def test_the_page_lists_every_other_name_in_a_robots_file() -> None:
+    listed = dict(re.findall(r"^- `(\w+)`: `(\S+)`$", ROBOT_FILE, re.M))
+    assert listed == {
         **robot_file.ALIASES,
         robot_file.MAX_RPM: "parameters.velocity_feedforward",
-    }.items():
-        assert told[name] == key
+    }
 
 
-def test_the_file_that_the_page_shows_is_taken() -> None:
-    (text,) = re.findall(r"```yaml\n(.*?)```", (DOCS / "robot-file.md").read_text(), re.S)
+def test_the_file_on_the_page_is_accepted() -> None:
+    (text,) = re.findall(r"```yaml\n(.*?)```", ROBOT_FILE, re.S)
     robot = config.parse_config(yaml.safe_load(text))
     assert robot.driver == "serial"
     assert robot.parameters["wheel_radius"] == 0.033
 
 
-def test_every_fault_is_in_the_troubleshooting() -> None:
+def test_troubleshooting_names_every_fault() -> None:
     text = (DOCS / "troubleshooting.md").read_text()
     assert [fault.name for fault in Fault if f"`{fault.name}`" not in text] == []
 
@@ -120,7 +124,7 @@ PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("*/*.md"), DOCS.parent / "README.
 
 
 @each("page", PAGES, ids=lambda page: page.name)
-def test_commands_on_a_page_are_those_that_there_are(page: Path) -> None:
+def test_commands_on_a_page_exist(page: Path) -> None:
     command = typer.main.get_command(app)
     for line in re.findall(
         r"(?:^|[`$;&] ?|bin/)wheelwire ([a-z][^`\n#;&|]*)", page.read_text(), re.M
@@ -136,15 +140,15 @@ def test_commands_on_a_page_are_those_that_there_are(page: Path) -> None:
         assert given <= {*options, "--help"}, line
 
 
-def test_every_decision_has_a_status_and_its_row_in_the_index() -> None:
-    index = (DOCS / "adr" / "README.md").read_text()
-    titles = {}
+def test_the_index_lists_every_decision() -> None:
+    index = (DOCS / "adr" / "README.md").read_text().replace("\n  ", " ")
+    listed = re.findall(r"^- (\d+): (.+)$", index, re.M)
+    titles = []
     for page in sorted(DOCS.glob("adr/0*.md")):
-        number, title = re.findall(r"\A# (\d+)\. (.+)\n\nStatus: ", page.read_text())[0]
-        titles[int(number)] = f"[{title}]({page.name})"
-    rows = dict(re.findall(r"^\| (\d+) \| (.+?) \| .+ \|$", index, re.M))
-    assert list(map(int, rows)) == list(range(1, max(titles) + 1))
-    assert {int(number): rows[number] for number in rows if int(number) in titles} == titles
+        number, title = re.findall(r"\A# (\d+)\. (.+)\n", page.read_text())[0]
+        assert page.name.startswith(f"{int(number):04}-")
+        titles.append((number, f"[{title}]({page.name})"))
+    assert listed == titles
 
 
 @each("page", PAGES, ids=lambda page: page.name)
@@ -175,7 +179,7 @@ def test_the_files_that_answer_a_question_about_the_code_exist() -> None:
     assert [file for file in files if not (DOCS.parent / file).exists()] == []
 
 
-def test_the_page_of_the_commands_closes_what_it_opens() -> None:
+def test_the_page_of_commands_closes_its_brackets() -> None:
     usages = re.findall(r"`([^`]+)`", (DOCS / "cli.md").read_text())
     assert [usage for usage in usages if usage.count("[") != usage.count("]")] == []
 

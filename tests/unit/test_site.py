@@ -16,13 +16,12 @@ APP = SimpleNamespace(builder=SimpleNamespace(get_relative_uri=lambda _page, to:
 WORDS = """
 ## Stopping
 
-| term | meaning |
-| -- | -- |
-| stop | end the drive |
-| e-stop | a stop that is [latched](x.md) |
-| `ttl` | time |
-| latch | (of counters) to read |
-| EN | the enable input |
+- **stop**: end
+  the drive
+- **e-stop**: a stop that is [latched](x.md)
+- `ttl`: time
+- **latch**: (of counters) to read
+- **EN**: the enable input
 """
 
 
@@ -101,6 +100,31 @@ def test_the_sidebar_has_at_most_forty_links() -> None:
     )
     assert len(entries) + pages <= 40
     assert pages >= 10
+
+
+PICTURES = sorted(CONF.parent.rglob("*.svg"))
+
+
+@pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.name)
+def test_a_drawing_has_colours_for_the_dark(file: Path) -> None:
+    text = file.read_text("utf-8")
+    papers = re.findall(r'<rect class="paper"[^>]*>', text)
+    # A terminal is dark, and the icon has no ground.
+    assert len(papers) == (file.name not in ("monitor.svg", "favicon.svg"))
+    assert not papers or "prefers-color-scheme: dark) { .paper { fill: #131416 }" in text
+
+
+@pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.name)
+def test_labels_of_a_drawing_can_be_read_on_a_phone(file: Path) -> None:
+    text = file.read_text("utf-8")
+    css = (CONF.parent / "static" / "site.css").read_text("utf-8")
+    narrow, wide_px = re.findall(r"a\.picture img:not\((.*?)\) {\s*width: (\d+)px;", css)[0]
+    scrolls = not any(f"/{part}" in f"/{file.name}" for part in re.findall(r'"/(.*?)"', narrow))
+    sizes = [float(size) for size in re.findall(r"font-size[=:] ?\"?([\d.]+)", text)]
+    width = float(re.findall(r'viewBox="\S+ \S+ ([\d.]+)', text)[0])
+    # A phone of 390 px leaves 358 to the text.
+    shown_px = float(wide_px) if scrolls else 358.0
+    assert min(sizes, default=width) * shown_px / width >= 9
 
 
 def test_the_search_ranks_no_page_that_is_not_there() -> None:

@@ -31,7 +31,7 @@ export interface Break {
   readonly tick?: (world: World, elapsedUs: number) => void;
   /** Whether what should happen did. */
   readonly isMet: (seen: Observation) => boolean;
-  /** What else there is to say. */
+  /** Further remarks. */
   readonly note?: (seen: Observation) => string;
 }
 

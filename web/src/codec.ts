@@ -1,6 +1,6 @@
 // Messages to and from payload bytes, by the generated layouts: `id u8, seq u16, body, crc u32`,
 // little-endian and packed.
-import { LAYOUTS, MAX_PAYLOAD, type Messages } from "./generated/protocol.js";
+import { LAYOUTS, type Messages } from "./generated/protocol.js";
 
 export type Name = keyof Messages;
 
@@ -121,6 +121,17 @@ const CRC_TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
   return value >>> 0;
 });
 
+/** Some bytes after each other. */
+export function joined(parts: readonly Uint8Array[]): Uint8Array {
+  const bytes = new Uint8Array(parts.reduce((total, part) => total + part.length, 0));
+  let at = 0;
+  for (const part of parts) {
+    bytes.set(part, at);
+    at += part.length;
+  }
+  return bytes;
+}
+
 /** CRC-32 as in zlib. */
 export function crc32(data: Uint8Array): number {
   let register = 0xffffffff;
@@ -165,5 +176,3 @@ export function decodePayload(payload: Uint8Array): Message | Problem {
   }
   return { name: known.name, fields: fields as unknown } as Message;
 }
-
-export { MAX_PAYLOAD };

@@ -1,5 +1,6 @@
 // The two canvases: the floor from above with the robot's trail, and the wheels' speeds.
 import { SupervisorState } from "./generated/protocol.js";
+import type { Robot } from "./robot.js";
 import type { World } from "./world.js";
 
 const TRAIL_POINTS = 3000;
@@ -214,17 +215,16 @@ export class SpeedPlot {
   }
 
   /** To be called after each slice. */
-  take(world: World): void {
+  take({ nowUs, program, speeds }: Robot): void {
     const newest = this.#history.at(-1);
-    if (newest !== undefined && world.nowUs < newest.tUs + SAMPLE_US) return;
-    const commanded = world.program.commanded(world.nowUs);
-    const measured = world.said.state;
+    if (newest !== undefined && nowUs < newest.tUs + SAMPLE_US) return;
+    const commanded = program.commanded(nowUs);
     this.#history.push({
-      tUs: world.nowUs,
+      tUs: nowUs,
       commanded: [commanded.leftMps, commanded.rightMps],
-      measured: [measured?.left_mps ?? 0, measured?.right_mps ?? 0],
+      measured: [speeds.leftMps, speeds.rightMps],
     });
-    if ((this.#history[0]?.tUs ?? 0) < world.nowUs - HISTORY_US) this.#history.shift();
+    if ((this.#history[0]?.tUs ?? 0) < nowUs - HISTORY_US) this.#history.shift();
   }
 
   get newest(): Speeds | undefined {

@@ -1,31 +1,16 @@
 // Frames on the wire: a delimiter on both sides, COBS between them, a CRC-32 inside. Sans-IO.
-import {
-  CRC_RESIDUE,
-  MAX_PAYLOAD,
-  MIN_PAYLOAD,
-  crc32,
-  decodePayload,
-  encodePayload,
-  type Message,
-  type Name,
-} from "./codec.js";
-import type { Messages } from "./generated/protocol.js";
+import { CRC_RESIDUE, MIN_PAYLOAD, crc32, decodePayload, encodePayload, type Message, type Name } from "./codec.js";
+import { MAX_PAYLOAD, type Messages } from "./generated/protocol.js";
 
 const MAX_ENCODED = MAX_PAYLOAD + 1;
 const SEQ_MODULUS = 1 << 16;
 /** A frame at most this far behind is late or a repeat; further behind, the sender restarted. */
 const REPEAT_WINDOW = 64;
 
+const COUNTED = { frames: 0, bad_crc: 0, bad_cobs: 0, unknown_id: 0, wrong_length: 0, seq_lost: 0, repeated: 0 };
+
 /** What a decoder has seen. Every chunk that is dropped is counted here. */
-export interface Counters {
-  frames: number;
-  bad_crc: number;
-  bad_cobs: number;
-  unknown_id: number;
-  wrong_length: number;
-  seq_lost: number;
-  repeated: number;
-}
+export type Counters = typeof COUNTED;
 
 /** COBS of a payload of at most 253 bytes, with its delimiters. */
 export function frameOf(payload: Uint8Array): Uint8Array {
@@ -72,20 +57,12 @@ export class Encoder {
 
 /** Decodes bytes, cut anywhere, to messages. */
 export class Decoder {
-  readonly counters: Counters = {
-    frames: 0,
-    bad_crc: 0,
-    bad_cobs: 0,
-    unknown_id: 0,
-    wrong_length: 0,
-    seq_lost: 0,
-    repeated: 0,
-  };
+  readonly counters: Counters = { ...COUNTED };
   readonly #partial = new Uint8Array(MAX_ENCODED);
   #size = 0;
   #overlong = false;
   #expected: number | undefined;
-  /** Frames so far, those that are missing included: `#missing` counts in it. */
+  /** Frames so far, including missing ones: `#missing` counts in it. */
   #position = 0;
   #missing = new Set<number>();
 
@@ -113,7 +90,7 @@ export class Decoder {
   restart(): void {
     this.#size = 0;
     this.#overlong = false;
-    this.#expected = undefined;
+    this.restartSequence();
   }
 
   #add(byte: number): void {
@@ -156,7 +133,7 @@ export class Decoder {
       return;
     }
     if (expected === undefined || ahead >= SEQ_MODULUS / 2) {
-      // The sender started anew: nothing that was missing before can come late any more.
+      // The sender restarted: frames that were missing before can no longer arrive late.
       this.#missing.clear();
     } else {
       this.counters.seq_lost += ahead;

@@ -31,7 +31,7 @@ export class Observation {
     };
   }
 
-  /** Look once more; to be called after each slice. */
+  /** Take the next look; call this after each slice. */
   look(): void {
     const { world } = this;
     this.held |= world.said.hold?.held ?? 0;

@@ -1,19 +1,25 @@
-// The page: the simulated robot in real time, what a person sees of it, and what they ask for.
+// The page: the simulated robot in real time or a connected one, what a person sees of it, and what
+// they ask for.
+import { ABSENCE_US, PageClock, pageUs } from "./absence.js";
 import { Floor, SpeedPlot } from "./drawing.js";
+import { FlashPanel } from "./flash/panel.js";
 import { Banner, Breaks, Log, element } from "./panel.js";
 import { Recorder } from "./recorder.js";
+import type { Robot } from "./robot.js";
+import { Connection } from "./serial/connection.js";
+import { Own } from "./serial/own.js";
+import { SetupPanel } from "./setup/panel.js";
 import { loadSimulator, type Simulator } from "./simulator.js";
 import { Steering } from "./steering.js";
 import { World } from "./world.js";
 
-/** A page that did not run for so long was frozen, hidden, or asleep with its computer. */
-const ABSENCE_US = 250_000;
 const AWAKE_US = 20_000;
 const DEFAULT_SEED = 1;
 
 /** For a person at the browser's console, and for tests. */
 interface Tools {
   world: World;
+  connection: Connection;
   /** The calls on the simulator so far, if the address has `?record`. */
   calls: () => readonly string[];
   /** How many pictures were begun. */
@@ -34,6 +40,15 @@ async function start(): Promise<void> {
   const banner = new Banner();
   const floor = new Floor(element("floor") as HTMLCanvasElement);
   const plot = new SpeedPlot(element("speeds") as HTMLCanvasElement);
+  const connection = new Connection(
+    (text) => {
+      log.say(text, pageUs());
+      own.note(text);
+    },
+    () => {
+      own.show();
+    },
+  );
   let world = await newWorld();
   const breaks = new Breaks(
     () => world,
@@ -56,18 +71,24 @@ async function start(): Promise<void> {
       plot.take(made);
       breaks.look();
     });
-    globalThis.wheelwire = { world: made, calls: () => calls, frames: 0, drawnMs: performance.now() };
+    globalThis.wheelwire = { world: made, connection, calls: () => calls, frames: 0, drawnMs: performance.now() };
     return made;
   }
 
+  /** The one that is shown, and driven. */
+  const robot = (): Robot => (connection.isConnected ? connection : world);
+  const say = (text: string): void => {
+    log.say(text, robot().nowUs);
+  };
   const steering = new Steering(
     element("stick"),
     element("knob"),
     (twist) => {
-      world.program.drive(twist);
+      if (connection.isConnected && !connection.isEnabled) say("nothing moves before you press enable driving");
+      else robot().program.drive(twist);
     },
     () => {
-      world.program.stop(world.nowUs);
+      robot().program.stop(robot().nowUs);
     },
   );
   const onClick = (id: string, act: () => void): void => {
@@ -79,11 +100,16 @@ async function start(): Promise<void> {
   onClick("eight", () => {
     world.program.figureEight(world.nowUs);
   });
-  onClick("estop", () => {
-    world.program.estop(world.nowUs);
+  const estop = (): void => {
+    steering.letGo();
+    robot().program.estop(robot().nowUs);
+  };
+  onClick("estop", estop);
+  addEventListener("keydown", ({ key }) => {
+    if (key === "Escape") estop();
   });
   onClick("clear", () => {
-    world.program.clear(world.nowUs);
+    robot().program.clear(robot().nowUs);
   });
   onClick("again", () => {
     steering.letGo();
@@ -94,9 +120,18 @@ async function start(): Promise<void> {
     });
   });
 
+  const own = new Own(connection, () => {
+    steering.letGo();
+    world.program.stop(world.nowUs);
+    plot.restart();
+  });
+  new FlashPanel(connection, () => own.choose());
+  new SetupPanel(connection);
+
   // A page that is about to be hidden or frozen stops the robot while it still can.
   const leave = (): void => {
     steering.letGo();
+    connection.leave();
     if (!world.program.isDriving) return;
     world.program.stop(world.nowUs);
     world.flush();
@@ -108,7 +143,7 @@ async function start(): Promise<void> {
   document.addEventListener("freeze", leave);
   addEventListener("pagehide", leave);
 
-  const clock = new Clock();
+  const clock = new PageClock();
   const draw = (): void => {
     const tools = globalThis.wheelwire;
     if (tools !== undefined) {
@@ -116,51 +151,42 @@ async function start(): Promise<void> {
       tools.drawnMs = performance.now();
     }
     const elapsedUs = clock.elapsedUs();
-    if (elapsedUs > ABSENCE_US) {
-      steering.letGo();
+    if (elapsedUs > ABSENCE_US) steering.letGo();
+    if (connection.isConnected) {
+      plot.take(connection); // the simulated one waits
+    } else if (elapsedUs > ABSENCE_US) {
       world.wake(elapsedUs - AWAKE_US);
-      // Else a program on a computer that is this slow would never say hello.
+      // Otherwise a program on a computer this slow would never say hello.
       world.run(AWAKE_US);
     } else {
       world.run(elapsedUs);
     }
-    banner.show(world);
-    floor.draw(world);
-    plot.draw(world.nowUs);
-    showNumbers(world, plot);
+    banner.show(robot());
+    if (!connection.isConnected) showFloor(world, floor);
+    plot.draw(robot().nowUs);
+    showNumbers(robot(), plot);
     if (tools?.frames === 1) performance.mark("first picture");
     requestAnimationFrame(draw);
   };
   requestAnimationFrame(draw);
 }
 
-/** How much time has passed, also while the page or its computer was asleep. */
-class Clock {
-  #pageMs = performance.now();
-  #wallMs = Date.now();
-
-  elapsedUs(): number {
-    const [pageMs, wallMs] = [performance.now(), Date.now()];
-    // The page's clock may stand still while the computer sleeps; the other one may be set.
-    const byPage = pageMs - this.#pageMs;
-    const byWall = wallMs - this.#wallMs;
-    [this.#pageMs, this.#wallMs] = [pageMs, wallMs];
-    return Math.round(1000 * (byWall * 1000 > byPage * 1000 + ABSENCE_US ? byWall : byPage));
-  }
+function showFloor(world: World, floor: Floor): void {
+  floor.draw(world);
+  const { simulator } = world;
+  const [x, y] = [simulator.get("true.x_m"), simulator.get("true.y_m")];
+  const side = y < 0 ? "right" : "left";
+  const ahead = x < 0 ? "behind" : "ahead of";
+  element("floor-text").textContent = `It is ${mmps(Math.abs(x))} mm ${ahead} and ${mmps(Math.abs(y))} mm to the ${side} of its start.`;
 }
 
-function showNumbers(world: World, plot: SpeedPlot): void {
+function showNumbers({ program }: Robot, plot: SpeedPlot): void {
   const speeds = plot.newest;
   if (speeds === undefined) return;
   const text = (wheel: 0 | 1): string =>
     `${mmps(speeds.measured[wheel])} of ${mmps(speeds.commanded[wheel])}`;
   element("left").textContent = text(0);
   element("right").textContent = text(1);
-  const { simulator, program } = world;
-  const [x, y] = [simulator.get("true.x_m"), simulator.get("true.y_m")];
-  const side = y < 0 ? "right" : "left";
-  const ahead = x < 0 ? "behind" : "ahead of";
-  element("floor-text").textContent = `It is ${mmps(Math.abs(x))} mm ${ahead} and ${mmps(Math.abs(y))} mm to the ${side} of its start.`;
   const { phase, counters, error } = program.session;
   const damaged = counters.bad_cobs + counters.bad_crc;
   const link = phase === "OPEN" ? "open" : `not open: ${error.message}`;

@@ -2,7 +2,8 @@
 import { BREAKS, type Break } from "./breaks.js";
 import { nameOf } from "./errors.js";
 import { SupervisorState } from "./generated/protocol.js";
-import { Observation, textOf } from "./observation.js";
+import { Observation } from "./observation.js";
+import type { Robot } from "./robot.js";
 import { heldNames, why } from "./why.js";
 import type { World } from "./world.js";
 
@@ -15,12 +16,13 @@ export function element(id: string): HTMLElement {
   return found;
 }
 
-function put(target: HTMLElement, text: string): void {
+/** Change an element's text. */
+export function put(target: HTMLElement, text: string): void {
   // Only when it changes: a live region is read aloud at each change.
   if (target.textContent !== text) target.textContent = text;
 }
 
-/** A log with the time of the run beside each line. */
+/** A log; each line begins with the time of the run. */
 export class Log {
   readonly #list = element("log");
 
@@ -49,24 +51,26 @@ export class Banner {
   readonly #stopped = element("stopped");
   #shown = "";
 
-  show(world: World): void {
-    const state = nameOf(SupervisorState, world.state) ?? "BOOT";
-    const { hold } = world.said;
+  show(robot: Robot): void {
+    const { state, hold, stopped, program } = robot;
+    const name = state === undefined ? "not known" : (nameOf(SupervisorState, state) ?? "BOOT");
     const held = heldNames(hold);
-    const shown = [state, ...held].join(" ");
+    const shown = [name, ...held].join(" ");
     if (shown !== this.#shown) {
       this.#shown = shown;
-      this.#frame.dataset["state"] = state;
-      const parts: (string | Node)[] = [strong(state)];
+      this.#frame.dataset["state"] = name;
+      const parts: (string | Node)[] = [strong(name)];
       if (held.length > 0) parts.push(", held by ", strong(held.join(", ")));
       this.#status.replaceChildren(...parts);
     }
-    const faults = world.simulator.get("faults");
-    const hostCause = world.isHung ? "host_frozen" : world.cable.pulled ? "cable_pulled" : undefined;
-    const { sentence, lookAt } = why({ state: world.state, faults, hold, hostCause });
-    put(this.#why, lookAt === "" ? sentence : `${sentence} Look first at ${lookAt}.`);
-    const { stop } = world;
-    put(this.#stopped, stop === undefined ? "" : `Its newest stop: ${textOf(stop)}.`);
+    if (state === undefined) {
+      put(this.#why, program.session.error.message);
+    } else {
+      const { faults, hostCause } = robot;
+      const { sentence, lookAt } = why({ state, faults, hold, hostCause });
+      put(this.#why, lookAt === "" ? sentence : `${sentence} Look first at ${lookAt}.`);
+    }
+    put(this.#stopped, stopped === "" ? "" : `Its newest stop: ${stopped}.`);
   }
 }
 

@@ -1,17 +1,17 @@
 // The program that drives: what a person asks for, as setpoints that expire. Sans-IO.
 //
-// It drives only on a fresh wish. Whatever ends a drive (a stop, a latch, a robot that is not heard,
-// a time in which it did not run) ends the wish as well, and nothing brings it back but the person.
+// It drives only on a fresh request. Everything that ends a drive (a stop, a latch, a silent robot, a pause of this
+// program) ends the request as well, and only the person can make a new one.
 import { DeviceRefused, WheelwireError } from "./errors.js";
 import { DEFAULTS, Parameter } from "./generated/protocol.js";
-import type { Done } from "./requests.js";
+import type { Answer, Asked, Done, RequestName } from "./requests.js";
+import type { Transport } from "./serial/port.js";
 import { Session, type Sample } from "./session.js";
 
 export const STREAM_RATE_HZ = 100;
 /** Life of each setpoint. */
 export const TTL_US = 300_000;
 const PERIOD_US = 50_000;
-const WHEEL_SEPARATION_M = 0.2;
 const FIGURE_EIGHT_MPS = 0.2;
 const FIGURE_EIGHT_RADPS = 0.8;
 /** The speed limits that it saves alternately. */
@@ -30,12 +30,19 @@ export interface WheelSpeeds {
   readonly rightMps: number;
 }
 
+/** A measurement, called for each sample, and each time that the program runs. */
+export interface Observer {
+  onSample: (sample: Sample) => void;
+  onAdvance: (nowUs: number) => void;
+}
+
 const STANDSTILL: WheelSpeeds = { leftMps: 0, rightMps: 0 };
 
 export class Program {
   readonly session: Session;
   /** The newest sample that it received. */
   sample: Sample | undefined;
+  observer: Observer | undefined;
   #wish: ((nowUs: number) => Twist | undefined) | undefined;
   #isArmed = false;
   #dueUs = 0;
@@ -47,16 +54,19 @@ export class Program {
   #heardUs = 0;
   /** The robot's speed limit, once it said so in this session. [m/s] */
   limitMps: number | undefined;
+  #separationM: number | undefined;
 
   /**
    * @param drawNonce Draws 32 random bits.
    * @param say Takes what a person should know.
+   * @param resolutionUs The clock of `run` goes in steps of at most this.
    */
   constructor(
     drawNonce: () => number,
     readonly say: (text: string) => void,
+    resolutionUs = 1,
   ) {
-    this.session = new Session(drawNonce, STREAM_RATE_HZ);
+    this.session = new Session(drawNonce, STREAM_RATE_HZ, resolutionUs);
   }
 
   /** Whether it sends setpoints. */
@@ -85,16 +95,26 @@ export class Program {
     });
   }
 
-  stop(nowUs: number): void {
+  /** @param done Called once the robot says that it stops, or does not answer. */
+  stop(nowUs: number, done: () => void = () => undefined): void {
     this.#end();
-    this.session.stop(() => undefined, nowUs);
+    this.session.stop(done, nowUs);
   }
 
   estop(nowUs: number): void {
     this.#end();
+    const isSent = this.session.phase === "HELLO" || this.session.phase === "PREPARING";
     this.session.estop((result) => {
-      this.#sayFailure("e-stop", result);
+      if (isSent) this.say("e-stop: sent, but no session confirms it; press it again if the robot still moves");
+      else this.#sayFailure("e-stop", result);
     }, nowUs);
+  }
+
+  /** Drive the bridges with duties, -1 to 1, once, for this long; any other drive ends. */
+  setDuty(left: number, right: number, ttlUs: number, nowUs: number): void {
+    this.#end();
+    this.session.setDuty(left, right, nowUs + ttlUs, nowUs);
+    this.#expiryUs = nowUs + ttlUs; // and so an absence ends it
   }
 
   /** Clear what is latched; it moves nothing. */
@@ -137,24 +157,50 @@ export class Program {
     this.#end();
   }
 
-  receive(bytes: Uint8Array, nowUs: number): void {
+  /** Take what came over a line, do what is due, and send. */
+  run(line: Transport, nowUs: number): void {
+    this.#receive(line.take(), nowUs);
+    this.#advance(nowUs);
+    line.write(this.session.takeOutput());
+  }
+
+  /**
+   * Send a request, and wait for its answer.
+   *
+   * @throws WheelwireError No session is open, the device refuses, or no answer comes.
+   */
+  ask<R extends Exclude<RequestName, "Stop" | "Estop">>(
+    name: R,
+    fields: Omit<Asked<R>, "session_id">,
+  ): Promise<Answer<R>> {
+    return new Promise((resolve, reject) => {
+      const done: Done<R> = (result) => {
+        if (result instanceof WheelwireError) reject(result);
+        else resolve(result);
+      };
+      this.session.request(name, fields, done, this.#nowUs);
+    });
+  }
+
+  #receive(bytes: Uint8Array, nowUs: number): void {
     this.#nowUs = nowUs;
     const samples = this.session.receive(bytes, nowUs);
     if (samples.length === 0) return;
     this.sample = samples.at(-1);
     this.#heardUs = nowUs;
+    for (const sample of samples) this.observer?.onSample(sample);
   }
 
-  advance(nowUs: number): void {
-    this.#nowUs = nowUs;
+  #advance(nowUs: number): void {
     this.session.advance(nowUs);
     const isOpen = this.session.phase === "OPEN";
     if (this.#wasOpen && !isOpen) {
       this.#end(); // the next session begins at rest
-      this.limitMps = undefined;
+      this.limitMps = this.#separationM = undefined;
     }
-    if (!this.#wasOpen && isOpen) this.#readLimit(nowUs);
+    if (!this.#wasOpen && isOpen) this.#readParameters(nowUs);
     this.#wasOpen = isOpen;
+    this.observer?.onAdvance(nowUs);
     if (this.#wish === undefined || nowUs < this.#dueUs) return;
     if (nowUs > this.#heardUs + TTL_US) {
       this.stop(nowUs);
@@ -175,12 +221,15 @@ export class Program {
     }
   }
 
-  #readLimit(nowUs: number): void {
-    const parameter = Parameter.max_velocity_mps;
-    const take: Done<"ParameterGet"> = (result) => {
-      if (!(result instanceof WheelwireError)) this.limitMps = result.value;
+  #readParameters(nowUs: number): void {
+    const read = (name: "max_velocity_mps" | "wheel_separation", take: (value: number) => void): void => {
+      const done: Done<"ParameterGet"> = (result) => {
+        if (!(result instanceof WheelwireError)) take(result.value);
+      };
+      this.session.request("ParameterGet", { parameter: Parameter[name] }, done, nowUs);
     };
-    this.session.request("ParameterGet", { parameter }, take, nowUs);
+    read("max_velocity_mps", (value) => { this.limitMps = value; });
+    read("wheel_separation", (value) => { this.#separationM = value; });
   }
 
   #begin(wish: (nowUs: number) => Twist | undefined): void {
@@ -194,13 +243,14 @@ export class Program {
     this.#wish = undefined;
     this.#isArmed = false;
     this.#expiryUs = 0;
+    this.#commanded = STANDSTILL;
   }
 
   #send(twist: Twist, nowUs: number): void {
-    const half = (twist.radps * WHEEL_SEPARATION_M) / 2;
+    const half = (twist.radps * (this.#separationM ?? DEFAULTS.wheel_separation)) / 2;
     const speeds = { leftMps: twist.mps - half, rightMps: twist.mps + half };
     const expiryUs = nowUs + TTL_US;
-    // A person pressed anew: the zero before says that this is no program that went on.
+    // A person pressed again: the zero before it shows that no program just kept sending.
     if (!this.#isArmed) this.session.drive(0, 0, expiryUs, nowUs);
     this.#isArmed = true;
     this.session.drive(speeds.leftMps, speeds.rightMps, expiryUs, nowUs);

@@ -13,36 +13,44 @@ const ATTEMPTS = 12;
 const URGENT_ATTEMPTS = 40;
 const ID_MODULUS = 1 << 16;
 
-/** The requests that this client sends, and what answers each of them. */
-export interface Answers {
-  Stop: "Ack";
-  Estop: "Ack";
-  ClearEstop: "Ack";
-  ClearFault: "Ack";
-  SetStreamRate: "Ack";
-  ParameterGet: "ParameterValue";
-  ParameterSet: "ParameterValue";
-  ParameterSave: "Ack";
-  HoldGet: "Hold";
-  LinkCountersGet: "LinkCounters";
-}
-export type RequestName = keyof Answers & Name;
-export type AnswerName = Answers[RequestName];
-export type Answer<R extends RequestName = RequestName> = Messages[Answers[R]];
-export type Done<R extends RequestName = RequestName> = (result: Answer<R> | WheelwireError) => void;
-
-const ANSWERS: Answers = {
-  Stop: "Ack",
-  Estop: "Ack",
-  ClearEstop: "Ack",
-  ClearFault: "Ack",
-  SetStreamRate: "Ack",
+/** What answers the requests that an Ack does not answer. */
+const ANSWERS = {
   ParameterGet: "ParameterValue",
   ParameterSet: "ParameterValue",
-  ParameterSave: "Ack",
+  ParameterList: "ParameterEntry",
   HoldGet: "Hold",
   LinkCountersGet: "LinkCounters",
-};
+  GroupGet: "GroupInfo",
+  ContradictionsGet: "Contradictions",
+  ConfigurationGet: "ConfigurationValue",
+  PeripheralGet: "PeripheralValue",
+  BoxGet: "BoxValue",
+  BoxRead: "BoxPart",
+  UnsavedGet: "UnsavedValue",
+} as const satisfies Partial<Record<Name, Name>>;
+type Answers = typeof ANSWERS;
+export type RequestName =
+  | keyof Answers
+  | "Stop"
+  | "Estop"
+  | "ClearEstop"
+  | "ClearFault"
+  | "SetStreamRate"
+  | "ParameterSave"
+  | "ParameterReset"
+  | "ParameterTrial"
+  | "BoardSet"
+  | "PeripheralSet"
+  | "ConfigurationWrite"
+  | "ConfigurationConfirm"
+  | "Restart";
+type AnswerOf<R> = R extends keyof Answers ? Answers[R] : "Ack";
+export type AnswerName = AnswerOf<RequestName>;
+export type Answer<R extends RequestName = RequestName> = Messages[AnswerOf<R>];
+export type Done<R extends RequestName = RequestName> = (result: Answer<R> | WheelwireError) => void;
+
+/** The messages that answer a request, and no other. */
+export const ANSWER_NAMES: ReadonlySet<Name> = new Set<Name>(["Ack", ...Object.values(ANSWERS)]);
 
 /** The fields of a request but its id, which the queue draws. */
 export type Asked<R extends RequestName> = Omit<Messages[R], "request_id">;
@@ -56,42 +64,27 @@ interface Request {
   deadlineUs: number;
 }
 
-function isUrgent(name: RequestName): boolean {
-  return name === "Stop" || name === "Estop";
-}
-
 const URGENT_IDS = new Set([idOf("Stop"), idOf("Estop")]);
 
 /** The requests of one session after the other. */
 export class RequestQueue {
-  repeated = 0;
   #waiting: Request[] = [];
   readonly #open = new Map<string, Request>();
-  readonly #lastIds = { urgent: 0, other: 0 };
+  #lastIds = { urgent: 0, other: 0 };
 
   constructor(readonly send: <R extends RequestName>(name: R, fields: Messages[R]) => void) {}
 
-  /** When `advance` has something to do; infinite if never. */
-  get nextDeadlineUs(): number {
-    return Math.min(...[...this.#open.values()].map((request) => request.deadlineUs));
-  }
-
   /** Count ids from the start: the device has forgotten the previous session's. */
   beginSession(): void {
-    this.#lastIds.urgent = this.#lastIds.other = 0;
+    this.#lastIds = { urgent: 0, other: 0 };
   }
 
   /** Send a request, now or after those before it. `done` is called exactly once. */
   submit<R extends RequestName>(name: R, asked: Asked<R>, done: Done<R>, nowUs: number): void {
-    const request: Request = {
-      name,
-      fields: { ...asked, request_id: 0 },
-      done: done as Done,
-      urgent: isUrgent(name),
-      attempts: 0,
-      deadlineUs: 0,
-    };
-    if (request.urgent) {
+    const fields = { ...asked, request_id: 0 } as Messages[RequestName];
+    const urgent = URGENT_IDS.has(idOf(name));
+    const request = { name, fields, done: done as Done, urgent, attempts: 0, deadlineUs: 0 };
+    if (urgent) {
       this.#begin(request, nowUs);
     } else {
       this.#waiting.push(request);
@@ -104,7 +97,6 @@ export class RequestQueue {
     for (const [key, request] of [...this.#open]) {
       if (request.deadlineUs > nowUs || this.#open.get(key) !== request) continue;
       if (request.attempts < (request.urgent ? URGENT_ATTEMPTS : ATTEMPTS)) {
-        this.repeated++;
         this.#send(request, nowUs);
       } else {
         const text = `no answer to ${request.name} after ${request.attempts} attempts`;
@@ -113,16 +105,16 @@ export class RequestQueue {
     }
   }
 
-  /** Take an answer of this session; the request it answers, or undefined if it answers none. */
-  onAnswer(name: AnswerName, answer: Answer, nowUs: number): RequestName | undefined {
+  /** Take an answer of this session; whether it answers a request. */
+  onAnswer(name: Name, answer: Answer, nowUs: number): boolean {
     const ackOf = "message_id" in answer ? answer.message_id : undefined;
     const key = keyOf(ackOf !== undefined && URGENT_IDS.has(ackOf), answer.request_id);
     const request = this.#open.get(key);
     // An id alone is not enough: a previous host's answer may carry the same one.
-    if (request === undefined || ANSWERS[request.name] !== name) return undefined;
-    if (ackOf !== undefined && ackOf !== idOf(request.name)) return undefined;
+    if (request === undefined || answerOf(request.name) !== name) return false;
+    if (ackOf !== undefined && ackOf !== idOf(request.name)) return false;
     this.#finish(key, answer, nowUs);
-    return request.name;
+    return true;
   }
 
   /** Take a refusal of this session; false when it refuses no open request. */
@@ -144,7 +136,7 @@ export class RequestQueue {
   }
 
   #beginNext(nowUs: number): void {
-    // Only stops may be open beside it: the order of all others matters to the device.
+    // Only stops may be open at the same time: the order of all others matters to the device.
     if ([...this.#open.values()].some((request) => !request.urgent)) return;
     const next = this.#waiting.shift();
     if (next !== undefined) this.#begin(next, nowUs);
@@ -154,8 +146,7 @@ export class RequestQueue {
     const kind = request.urgent ? "urgent" : "other";
     let id = (this.#lastIds[kind] + 1) % ID_MODULUS;
     if (request.urgent && id === 0) id = 1;
-    this.#lastIds[kind] = id;
-    request.fields.request_id = id;
+    this.#lastIds[kind] = request.fields.request_id = id;
     this.#send(request, nowUs);
     this.#open.set(keyOf(request.urgent, id), request);
   }
@@ -173,6 +164,10 @@ export class RequestQueue {
     this.#beginNext(nowUs);
     request?.done(result);
   }
+}
+
+function answerOf(name: RequestName): Name {
+  return (ANSWERS as Partial<Record<Name, Name>>)[name] ?? "Ack";
 }
 
 function keyOf(urgent: boolean, id: number): string {

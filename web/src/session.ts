@@ -2,10 +2,10 @@
 //
 //   CLOSED -> HELLO -> PREPARING -> OPEN      and from any of them back to HELLO or CLOSED
 //
-// As host/wheelwire/link/session.py, for a page: bytes and times in; bytes, samples and the next
-// deadline out. All times are microseconds of one monotonic host clock.
+// As host/wheelwire/link/session.py, for a page: bytes and times in; bytes and samples out. All times are
+// microseconds of one monotonic host clock.
 import { Synchroniser } from "./clock.js";
-import { idOf, type Message, type Name } from "./codec.js";
+import { idOf, joined, type Message, type Name } from "./codec.js";
 import { LinkLost, ProtocolMismatch, WheelwireError, nameOf } from "./errors.js";
 import { Decoder, Encoder, type Counters } from "./framing.js";
 import {
@@ -16,16 +16,10 @@ import {
   StopMode,
   SupervisorState,
   type Messages,
+  type WheelState,
 } from "./generated/protocol.js";
-import {
-  RequestQueue,
-  type Answer,
-  type AnswerName,
-  type Asked,
-  type Done,
-  type RequestName,
-} from "./requests.js";
-import { SetpointSender } from "./setpoints.js";
+import { ANSWER_NAMES, RequestQueue, type Answer, type Asked, type Done, type RequestName } from "./requests.js";
+import { SetpointSender, dutyAim } from "./setpoints.js";
 
 const HELLO_PERIOD_US = 30_000;
 const RETRY_US = 1_000_000;
@@ -34,41 +28,15 @@ const SILENCE_US = 2_000_000;
 /** Nothing was received for this long: ping, because a device that was reset sends nothing. */
 const QUIET_US = 100_000;
 const QUIET_PERIOD_US = 25_000;
-const DUTY_SCALE = 32_767;
-const UNWRAP_US = 60_000_000;
 
 export type Phase = "CLOSED" | "HELLO" | "PREPARING" | "OPEN";
 
 /** What was measured at one instant. */
-export interface Sample {
-  readonly bootId: number;
+export interface Sample extends WheelState {
   /** The device's clock at the latch, 64 bits. [us] */
   readonly tUs: number;
-  /** The same moment by the host's clock, and the bound of its error. [us] */
-  readonly stampUs: number;
-  readonly stampErrorUs: number;
-  readonly leftTicks: number;
-  readonly rightTicks: number;
-  readonly leftMps: number;
-  readonly rightMps: number;
-  /** -1 to 1. */
-  readonly leftDuty: number;
-  readonly rightDuty: number;
-  readonly commandSeq: number;
-  /** As in SupervisorState. */
-  readonly state: number;
-  readonly faults: number;
-  /** Undefined if it is not measured. */
-  readonly batteryV: number | undefined;
 }
 
-/** The messages that answer a request, and no other. */
-const ANSWER_NAMES: ReadonlySet<Name> = new Set<AnswerName>([
-  "Ack",
-  "ParameterValue",
-  "Hold",
-  "LinkCounters",
-]);
 const SETPOINT_IDS = new Set([idOf("SetWheelVelocity"), idOf("SetDuty")]);
 const STATES: ReadonlySet<number> = new Set(Object.values(SupervisorState));
 
@@ -79,19 +47,19 @@ export class Session {
   id = 0;
   /** The reason why no session is open; meaningless while one is. */
   error: WheelwireError = new LinkLost("the port was not opened yet");
-  /** Of the newest session. */
+  /** What the device said last of itself. */
   device: Messages["DeviceHello"] | undefined;
-  /** What the device said last of what holds it, and of its last stop. */
+  /** The device's last report of what holds it and of its last stop. */
   hold: Messages["Hold"] | undefined;
   /** As in SupervisorState; undefined when it is about to change, or no session is open. */
   state: number | undefined;
   faults = 0;
   /** Number of sessions so far. */
   count = 0;
-  refused = 0;
-  /** Messages of other sessions, or that nobody asked for. */
+  /** Answers to hellos so far, even if they opened no session: a Wheelwire device is there. */
+  answers = 0;
+  /** Messages of other sessions, or that were not asked for. */
   foreign = 0;
-  staleStates = 0;
   setpoints: SetpointSender | undefined;
 
   readonly #decoder = new Decoder();
@@ -105,26 +73,22 @@ export class Session {
   #unprepared = 0;
   #preparationFailure: WheelwireError | undefined;
   #newestUs: number | undefined;
-  #synchroniser = new Synchroniser(0, () => undefined, 0);
-  readonly #requests = new RequestQueue((name, fields) => {
-    this.#send(name, fields);
-  });
+  #synchroniser = new Synchroniser(0, () => undefined, 0, 1);
+  readonly #requests = new RequestQueue((name, fields) => { this.#send(name, fields); });
 
   /**
    * @param drawNonce Draws 32 random bits for each session.
    * @param streamRateHz Rate of the state frames.
+   * @param resolutionUs The host's clock goes in steps of at most this.
    */
   constructor(
     readonly drawNonce: () => number,
     readonly streamRateHz: number,
+    readonly resolutionUs = 1,
   ) {}
 
   get counters(): Readonly<Counters> {
     return this.#decoder.counters;
-  }
-
-  get requestsRepeated(): number {
-    return this.#requests.repeated;
   }
 
   // --- the port ----------------------------------------------------------------------------------
@@ -137,7 +101,14 @@ export class Session {
     this.#beginHello(new LinkLost("the device has not answered yet"), nowUs);
   }
 
-  /** Process bytes, whatever they are; returns what was measured anew. */
+  /** The port is closed, or gone. */
+  disconnect(error: LinkLost, nowUs: number): void {
+    this.#beginHello(error, nowUs);
+    this.phase = "CLOSED";
+    this.#output = [];
+  }
+
+  /** Process any bytes; returns the new measurement. */
   receive(data: Uint8Array, nowUs: number): Sample[] {
     const samples: Sample[] = [];
     for (const message of this.#decoder.feed(data)) {
@@ -164,29 +135,11 @@ export class Session {
     this.#openWhenPrepared(nowUs);
   }
 
-  /** When `advance` is due next; infinite while there is no port. */
-  get nextDeadlineUs(): number {
-    if (this.phase === "CLOSED") return Infinity;
-    if (this.phase === "HELLO") return this.#helloDueUs;
-    return Math.min(
-      this.#heardUs + SILENCE_US,
-      this.#pingDueUs,
-      this.#requests.nextDeadlineUs,
-      this.setpoints?.repeatDueUs ?? Infinity,
-    );
-  }
-
   /** Return the bytes to send, and forget them. */
   takeOutput(): Uint8Array {
-    const size = this.#output.reduce((total, frame) => total + frame.length, 0);
-    const bytes = new Uint8Array(size);
-    let at = 0;
-    for (const frame of this.#output) {
-      bytes.set(frame, at);
-      at += frame.length;
-    }
+    const frames = this.#output;
     this.#output = [];
-    return bytes;
+    return joined(frames);
   }
 
   // --- what the program asks for -----------------------------------------------------------------
@@ -198,9 +151,12 @@ export class Session {
    * @throws DeviceRefused, Expired As SetpointSender.drive.
    */
   drive(leftMps: number, rightMps: number, expiryUs: number, nowUs: number): void {
-    const setpoints = this.setpoints;
-    if (this.phase !== "OPEN" || setpoints === undefined) throw this.error;
-    setpoints.drive(leftMps, rightMps, expiryUs, nowUs, this.state, this.faults);
+    this.#opened.drive({ left_mps: leftMps, right_mps: rightMps }, expiryUs, nowUs, this.state, this.faults);
+  }
+
+  /** The same for a duty of each bridge, -1 to 1, in place of a speed. */
+  setDuty(left: number, right: number, expiryUs: number, nowUs: number): void {
+    this.#opened.drive(dutyAim(left, right), expiryUs, nowUs, this.state, this.faults);
   }
 
   /** Void the setpoint and stop. Without a session it is sent, but not acknowledged. */
@@ -251,6 +207,11 @@ export class Session {
     done(this.error);
   }
 
+  get #opened(): SetpointSender {
+    if (this.phase !== "OPEN" || this.setpoints === undefined) throw this.error;
+    return this.setpoints;
+  }
+
   // --- hello, and the end of a session -----------------------------------------------------------
 
   get #inSession(): boolean {
@@ -275,11 +236,7 @@ export class Session {
   #sayHello(nowUs: number): void {
     if (nowUs < this.#helloDueUs) return;
     this.#helloDueUs = nowUs + HELLO_PERIOD_US;
-    this.#send("Hello", {
-      nonce: this.#nonce,
-      protocol_version: PROTOCOL_VERSION,
-      schema_hash: SCHEMA_HASH,
-    });
+    this.#send("Hello", { nonce: this.#nonce, protocol_version: PROTOCOL_VERSION, schema_hash: SCHEMA_HASH });
   }
 
   #onHello(hello: Messages["DeviceHello"], nowUs: number): void {
@@ -287,16 +244,17 @@ export class Session {
       this.foreign++;
       return;
     }
+    this.answers++;
+    this.device = hello;
     if (this.#inSession) {
       this.#beginAnewIfReset(hello.boot_id, nowUs);
       return;
     }
     const refusal = refusalOf(hello);
     if (refusal !== undefined) {
-      this.error = refusal; // hellos go on: the device may be flashed meanwhile
+      this.error = refusal; // hellos go on: the device may be flashed at any time
       return;
     }
-    this.device = hello;
     this.phase = "PREPARING";
     this.count++;
     this.id = (this.#nonce ^ hello.boot_id) >>> 0;
@@ -307,13 +265,8 @@ export class Session {
     this.faults = 0;
     this.#decoder.restartSequence();
     this.#requests.beginSession();
-    this.#synchroniser = new Synchroniser(
-      this.id,
-      (ping) => {
-        this.#send("Ping", ping);
-      },
-      nowUs,
-    );
+    const ping = (fields: Messages["Ping"]): void => { this.#send("Ping", fields); };
+    this.#synchroniser = new Synchroniser(this.id, ping, nowUs, this.resolutionUs);
     this.#synchroniser.ping(nowUs);
     this.#unprepared = 1;
     this.#preparationFailure = undefined;
@@ -332,7 +285,8 @@ export class Session {
       this.#beginHello(failure, nowUs, RETRY_US);
     } else if (this.#unprepared === 0 && this.#synchroniser.ready) {
       this.setpoints = new SetpointSender(this.id, this.#synchroniser.clock, (setpoint) => {
-        this.#send("SetWheelVelocity", setpoint);
+        if ("left_mps" in setpoint) this.#send("SetWheelVelocity", setpoint);
+        else this.#send("SetDuty", setpoint);
       });
       this.phase = "OPEN";
     }
@@ -347,7 +301,7 @@ export class Session {
     else if (name === "Pong") this.#onPong(fields, nowUs);
     else if (name === "Refuse") this.#onRefuse(fields, nowUs);
     else if (name === "Event") this.#onEvent(fields, nowUs);
-    else if (ANSWER_NAMES.has(name)) this.#onAnswer(name as AnswerName, fields as Answer, nowUs);
+    else if (ANSWER_NAMES.has(name)) this.#onAnswer(name, fields as Answer, nowUs);
     else this.foreign++; // of a group that was not asked for, or an echo
     return undefined;
   }
@@ -374,51 +328,20 @@ export class Session {
     this.#beginHello(new LinkLost("the device was reset; a new session is being opened"), nowUs);
   }
 
-  #onState(state: Messages["WheelState"], nowUs: number): Sample | undefined {
+  #onState(state: WheelState, nowUs: number): Sample | undefined {
     if (!this.#isThisBoot(state.boot_id, nowUs) || this.phase !== "OPEN") return undefined;
     if (!STATES.has(state.supervisor)) return undefined;
-    const tUs = this.#unwrapped(state.t_us, nowUs);
-    if (this.#newestUs !== undefined && tUs <= this.#newestUs) {
-      this.staleStates++;
-      return undefined;
-    }
+    const tUs = this.#synchroniser.clock.unwrap(state.t_us, nowUs);
+    if (this.#newestUs !== undefined && tUs <= this.#newestUs) return undefined;
     this.#newestUs = tUs;
     this.state = state.supervisor;
     this.faults = state.faults;
     this.setpoints?.onObeyed(state.command_seq);
-    const stamp = this.#synchroniser.clock.deviceToHost(tUs);
-    return {
-      bootId: state.boot_id,
-      tUs,
-      stampUs: stamp.us,
-      stampErrorUs: stamp.errorUs,
-      leftTicks: state.left_ticks,
-      rightTicks: state.right_ticks,
-      leftMps: state.left_mps,
-      rightMps: state.right_mps,
-      leftDuty: state.left_duty_q15 / DUTY_SCALE,
-      rightDuty: state.right_duty_q15 / DUTY_SCALE,
-      commandSeq: state.command_seq,
-      state: state.supervisor,
-      faults: state.faults,
-      batteryV: state.battery_mv === 0 ? undefined : state.battery_mv / 1000,
-    };
-  }
-
-  /** The 64-bit time of a state frame: relative to the newest one, if that is not long ago. */
-  #unwrapped(tUs: number, nowUs: number): number {
-    const newestUs = this.#newestUs;
-    const clock = this.#synchroniser.clock;
-    if (newestUs === undefined || nowUs >= clock.deviceToHost(newestUs).us + UNWRAP_US) {
-      return clock.unwrap(tUs, nowUs);
-    }
-    return newestUs + ((tUs - newestUs) | 0);
+    return { ...state, tUs };
   }
 
   #onPong(pong: Messages["Pong"], nowUs: number): void {
-    if (this.#isOurs(pong.session_id, nowUs) && !this.#synchroniser.onPong(pong, nowUs)) {
-      this.foreign++;
-    }
+    if (this.#isOurs(pong.session_id, nowUs) && !this.#synchroniser.onPong(pong, nowUs)) this.foreign++;
   }
 
   #onEvent(event: Messages["Event"], nowUs: number): void {
@@ -429,7 +352,6 @@ export class Session {
 
   #onRefuse(refuse: Messages["Refuse"], nowUs: number): void {
     if (!this.#isOurs(refuse.session_id, nowUs)) return;
-    this.refused++;
     if (refuse.code === RefusalCode.NO_SESSION) {
       const text = "the device no longer knows this session; opening a new one";
       this.#beginHello(new LinkLost(text), nowUs);
@@ -440,13 +362,13 @@ export class Session {
     }
   }
 
-  #onAnswer(name: AnswerName, answer: Answer, nowUs: number): void {
+  #onAnswer(name: Name, answer: Answer, nowUs: number): void {
     if (!this.#isOurs(answer.session_id, nowUs)) return;
     if (name === "Hold") {
       this.hold = answer as Messages["Hold"];
       if (answer.request_id === 0) return; // the device says it by itself
     }
-    if (this.#requests.onAnswer(name, answer, nowUs) === undefined) this.foreign++;
+    if (!this.#requests.onAnswer(name, answer, nowUs)) this.foreign++;
   }
 
   // --- sending -----------------------------------------------------------------------------------

@@ -8,7 +8,13 @@ import { RefusalCode, SupervisorState, type Messages } from "./generated/protoco
 /** Time for a state frame to show that the setpoint arrived, at 100 frames a second. */
 const REPEAT_AFTER_US = 20_000;
 
-type Setpoint = Messages["SetWheelVelocity"];
+const DUTY_SCALE = 32_767;
+
+type Aim =
+  | Pick<Messages["SetWheelVelocity"], "left_mps" | "right_mps">
+  | Pick<Messages["SetDuty"], "left_duty_q15" | "right_duty_q15">;
+/** Of either message: its fields tell which. */
+export type Setpoint = Messages["SetWheelVelocity"] | Messages["SetDuty"];
 
 interface Unseen {
   readonly setpoint: Setpoint;
@@ -17,11 +23,14 @@ interface Unseen {
   readonly repeatUs: number;
 }
 
+/** The aim of a duty of each bridge, -1 to 1. */
+export function dutyAim(left: number, right: number): Aim {
+  const q15 = (duty: number): number => Math.round(duty * DUTY_SCALE);
+  return { left_duty_q15: q15(left), right_duty_q15: q15(right) };
+}
+
 /** The setpoints of one open session. */
 export class SetpointSender {
-  repeated = 0;
-  /** How many the device refused because they came too late. */
-  expired = 0;
   /** Why the device refused the newest one that was not merely late; undefined once reported. */
   refusal: number | undefined;
   #seq = 0;
@@ -33,30 +42,18 @@ export class SetpointSender {
     readonly send: (setpoint: Setpoint) => void,
   ) {}
 
-  /** When `advance` has something to do; infinite if never. */
-  get repeatDueUs(): number {
-    return this.#unseen?.repeatUs ?? Infinity;
-  }
-
-  /** The number of a stop: above those of all setpoints before it, so that they are void. */
+  /** The number of a stop: higher than all earlier setpoints', so that they become void. */
   nextSeq(): number {
     return ++this.#seq;
   }
 
   /**
-   * Send a velocity setpoint that expires at the host's `expiryUs`.
+   * Send a setpoint that expires at the host's `expiryUs`.
    *
    * @throws DeviceRefused The last one was refused (reported once), or the device is latched.
    * @throws Expired It expires within the error bound of the device's clock.
    */
-  drive(
-    leftMps: number,
-    rightMps: number,
-    expiryUs: number,
-    nowUs: number,
-    state: number | undefined,
-    faults: number,
-  ): void {
+  drive(aim: Aim, expiryUs: number, nowUs: number, state: number | undefined, faults: number): void {
     this.#check(state, faults);
     // Subtract the bound from the expiry, or the setpoint could live longer than its ttl.
     const device = this.clock.hostToDevice(expiryUs);
@@ -71,23 +68,19 @@ export class SetpointSender {
       session_id: this.sessionId,
       command_seq: this.nextSeq(),
       expiry_us: BigInt(Math.floor(device.us) - boundUs),
-      left_mps: leftMps,
-      right_mps: rightMps,
+      ...aim,
     };
     const repeatUs = nowUs + REPEAT_AFTER_US;
     this.#unseen = { setpoint, expiryUs: expiryUs - boundUs, repeatUs };
     this.send(setpoint);
   }
 
-  /** Send an unseen setpoint once more, with the same number and expiry, while it is valid. */
+  /** Repeat an unseen setpoint, with the same number and expiry, while it is valid. */
   advance(nowUs: number): void {
     const unseen = this.#unseen;
     if (unseen === undefined || nowUs < unseen.repeatUs) return;
     this.#unseen = undefined;
-    if (nowUs < unseen.expiryUs) {
-      this.repeated++;
-      this.send(unseen.setpoint);
-    }
+    if (nowUs < unseen.expiryUs) this.send(unseen.setpoint);
   }
 
   /** What was sent before is not to be sent again, and what was refused is past. */
@@ -103,8 +96,7 @@ export class SetpointSender {
 
   /** The device refused one. */
   onRefused(refuse: Messages["Refuse"]): void {
-    if (refuse.code === RefusalCode.EXPIRED) this.expired++;
-    else this.refusal = refuse.code;
+    if (refuse.code !== RefusalCode.EXPIRED) this.refusal = refuse.code;
     this.onObeyed(refuse.reference);
   }
 

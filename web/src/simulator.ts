@@ -4,7 +4,7 @@
 export interface Simulator {
   /** How much time has passed since the device was powered on. [us] */
   readonly nowUs: number;
-  /** Run device and world for so long, a whole number. [us] */
+  /** Run device and world for this long, a whole number. [us] */
   advance(us: number): void;
   /** Send bytes from the host to the device. */
   write(bytes: Uint8Array): void;
@@ -12,14 +12,12 @@ export interface Simulator {
   read(): Uint8Array;
   /**
    * Set a variable of docs/simulator.md, in its unit. `reset` resets the chip.
-   *
-   * @throws RangeError if there is none of this name, or if it does not take the value.
+   * @throws RangeError if no variable has this name, or it does not accept the value.
    */
   set(name: string, value: number): void;
   /**
    * Read a variable of docs/simulator.md, in its unit.
-   *
-   * @throws RangeError if there is none of this name.
+   * @throws RangeError if no variable has this name.
    */
   get(name: string): number;
 }
@@ -46,7 +44,7 @@ const STATUS: Readonly<Record<number, string>> = {
 const BUFFER_SIZE = 1 << 16;
 const WASI_ENOSYS = 52;
 
-/** What the C++ library would ask of a system. It has none here; only a failure ends the program. */
+/** The system calls of the C++ library. There is no system here; only a failure ends the program. */
 function systemOf(module: WebAssembly.Module): WebAssembly.Imports {
   const functions: Record<string, (...values: number[]) => number> = {};
   for (const { name } of WebAssembly.Module.imports(module)) functions[name] = () => WASI_ENOSYS;
@@ -122,7 +120,7 @@ class WasmSimulator implements Simulator {
     return at;
   }
 
-  /** Made anew each time: when the memory grows, an older view loses it. */
+  /** New each time: when the memory grows, older views become invalid. */
   #view(): DataView {
     return new DataView(this.#exports.memory.buffer);
   }

@@ -45,7 +45,7 @@ export class Steering {
     });
   }
 
-  /** Nothing is held any more, whatever the browser says. */
+  /** Treat all keys as released, whatever the browser says. */
   letGo(): void {
     const wasHeld = this.#held.size > 0 || this.#pointer !== undefined;
     this.#held.clear();
@@ -55,10 +55,10 @@ export class Steering {
   }
 
   #onKey(event: KeyboardEvent): void {
-    const scrolls = event.target instanceof Element && event.target.closest("#log") !== null;
-    if (!(event.key in KEYS) || scrolls || event.ctrlKey || event.altKey || event.metaKey) return;
+    const isTheirs = event.target instanceof Element && event.target.closest("#log, input, select") !== null;
+    if (!(event.key in KEYS) || isTheirs || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault(); // the page must not scroll
-    // A repeat is no fresh wish: after a fault the key has to be pressed anew.
+    // A repeat is not a fresh request: after a fault the key has to be pressed again.
     if (event.repeat || this.#held.has(event.key)) return;
     this.#held.add(event.key);
     this.#steer();

@@ -19,16 +19,10 @@ import {
   SupervisorStateDocs,
   type Messages,
 } from "./generated/protocol.js";
+import type { Robot } from "./robot.js";
 
 /** What is known of a robot. */
-export interface Known {
-  /** As in SupervisorState. */
-  readonly state: number;
-  readonly faults: number;
-  readonly hold: Messages["Hold"] | undefined;
-  /** What the host knows of setpoints that stopped coming; a name of WHY_HOST. */
-  readonly hostCause: "host_frozen" | "cable_pulled" | undefined;
-}
+type Known = Pick<Robot, "faults" | "hold" | "hostCause"> & { readonly state: number };
 
 const NOTHING_TO_LOOK_AT = "";
 const ESTOPS: Readonly<Record<number, string>> = {

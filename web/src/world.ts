@@ -2,14 +2,14 @@
 import { Cable } from "./cable.js";
 import { Decoder } from "./framing.js";
 import { SupervisorState, type Messages } from "./generated/protocol.js";
-import { Program } from "./program.js";
+import { textOf } from "./observation.js";
+import { Program, type WheelSpeeds } from "./program.js";
 import { Random } from "./random.js";
+import type { Robot } from "./robot.js";
 import type { Simulator } from "./simulator.js";
 
 /** How often program and cable get their share of the time. */
 export const SLICE_US = 1000;
-/** What waits for a program that hangs, as in a computer's buffer. */
-const BUFFER_SIZE = 1 << 16;
 /** So much of an absence the robot lives through: long before its end it stands. */
 const LONGEST_ABSENCE_US = 30_000_000;
 
@@ -19,7 +19,7 @@ export interface Stop {
   readonly state: number;
   /** When the state changed. [us] */
   readonly atUs: number;
-  /** From the setpoint's deadline to the end of the drive; undefined if something else ended it. */
+  /** Time from the setpoint's deadline to the end of the drive; undefined if something else ended it. */
   readonly lateUs: number | undefined;
   /** From the end of the drive to standstill; undefined while it rolls. */
   rolledUs: number | undefined;
@@ -27,7 +27,7 @@ export interface Stop {
   rolledM: number;
 }
 
-export class World {
+export class World implements Robot {
   readonly program: Program;
   readonly cable: Cable;
   /** The program does not run. */
@@ -41,8 +41,6 @@ export class World {
   /** Called after each slice. */
   readonly watchers = new Set<() => void>();
   readonly #decoder = new Decoder();
-  #waiting: Uint8Array[] = [];
-  #waitingSize = 0;
   #state: number = SupervisorState.BOOT;
   #stopAtM = 0;
   #spareUs = 0;
@@ -54,7 +52,7 @@ export class World {
     readonly say: (text: string) => void,
   ) {
     const random = new Random(seed);
-    this.cable = new Cable(new Random(seed ^ 0x5eed));
+    this.cable = new Cable(simulator, new Random(seed ^ 0x5eed));
     this.program = new Program(() => random.bits(), say);
     this.program.session.connect(this.nowUs);
   }
@@ -66,6 +64,27 @@ export class World {
   /** The supervisor's state, by what is true. */
   get state(): number {
     return this.#state;
+  }
+
+  get faults(): number {
+    return this.simulator.get("faults");
+  }
+
+  get hold(): Messages["Hold"] | undefined {
+    return this.said.hold;
+  }
+
+  get hostCause(): "host_frozen" | "cable_pulled" | undefined {
+    return this.isHung ? "host_frozen" : this.cable.pulled ? "cable_pulled" : undefined;
+  }
+
+  get speeds(): WheelSpeeds {
+    const { left_mps = 0, right_mps = 0 } = this.said.state ?? {};
+    return { leftMps: left_mps, rightMps: right_mps };
+  }
+
+  get stopped(): string {
+    return this.stop === undefined ? "" : textOf(this.stop);
   }
 
   /** Let this much time pass. */
@@ -101,25 +120,10 @@ export class World {
 
   #slice(programRuns: boolean): void {
     this.simulator.advance(SLICE_US);
-    const sent = this.simulator.read();
-    this.#listen(sent);
-    this.#buffer(this.cable.carry(sent));
-    if (programRuns && !this.isHung) {
-      for (const bytes of this.#waiting) this.program.receive(bytes, this.nowUs);
-      this.#waiting = [];
-      this.#waitingSize = 0;
-      this.program.advance(this.nowUs);
-      const bytes = this.cable.carry(this.program.session.takeOutput());
-      if (bytes.length > 0) this.simulator.write(bytes);
-    }
+    this.#listen(this.cable.advance());
+    if (programRuns && !this.isHung) this.program.run(this.cable, this.nowUs);
     this.#watchStop();
     for (const watch of this.watchers) watch();
-  }
-
-  #buffer(bytes: Uint8Array): void {
-    if (bytes.length === 0 || this.#waitingSize + bytes.length > BUFFER_SIZE) return;
-    this.#waiting.push(bytes);
-    this.#waitingSize += bytes.length;
   }
 
   #listen(bytes: Uint8Array): void {

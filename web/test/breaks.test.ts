@@ -1,10 +1,8 @@
 // What becomes of a robot that is broken, in virtual time: as each button says beforehand.
 import { describe, expect, test } from "vitest";
 import { BREAKS, type Break } from "../src/breaks.js";
-import { Decoder, Encoder } from "../src/framing.js";
-import { SupervisorState, type Messages } from "../src/generated/protocol.js";
+import { SupervisorState } from "../src/generated/protocol.js";
 import { Observation } from "../src/observation.js";
-import type { Simulator } from "../src/simulator.js";
 import type { World } from "../src/world.js";
 import { driving, opened } from "./world.js";
 
@@ -58,62 +56,6 @@ describe.each(BREAKS)("$name", (one) => {
     expect(wasDriving || world.state !== DRIVING).toBe(true);
   });
 });
-
-/** A robot that renews its newest setpoint by itself, as a core would that ignores the ttl. */
-class IgnoresTtl implements Simulator {
-  readonly #decoder = new Decoder();
-  readonly #encoder = new Encoder();
-  #newest: Messages["SetWheelVelocity"] | undefined;
-
-  constructor(readonly simulator: Simulator) {}
-
-  get nowUs(): number {
-    return this.simulator.nowUs;
-  }
-
-  advance(us: number): void {
-    const newest = this.#newest;
-    const nowUs = this.simulator.get("device_us");
-    if (newest !== undefined && Number(newest.expiry_us) < nowUs + 50_000) {
-      newest.command_seq++;
-      newest.expiry_us = BigInt(Math.round(nowUs) + 300_000);
-      this.simulator.write(this.#encoder.encode("SetWheelVelocity", newest));
-    }
-    this.simulator.advance(us);
-  }
-
-  write(bytes: Uint8Array): void {
-    for (const { name, fields } of this.#decoder.feed(bytes)) {
-      if (name === "SetWheelVelocity") this.#newest = { ...fields };
-      else if (name === "Stop") this.#newest = undefined;
-    }
-    this.simulator.write(bytes);
-  }
-
-  read(): Uint8Array {
-    return this.simulator.read();
-  }
-
-  set(name: string, value: number): void {
-    this.simulator.set(name, value);
-  }
-
-  get(name: string): number {
-    return this.simulator.get(name);
-  }
-}
-
-test.each(["hang the program", "pull the cable"])(
-  "a robot that ignores the ttl is noticed by: %s",
-  async (name) => {
-    const one = BREAKS.find((each) => each.name === name);
-    if (one === undefined) throw new Error("there is none");
-    const world = await driving(1, (simulator) => new IgnoresTtl(simulator));
-    const seen = broken(world, one);
-    expect(one.isMet(seen), seen.text).toBe(false);
-    expect(world.state).toBe(DRIVING);
-  },
-);
 
 test("a button that is pressed at rest waits until the robot drives", async () => {
   const world = await opened();

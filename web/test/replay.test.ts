@@ -1,5 +1,4 @@
 // The robot in the page is the robot of a computer: ticks, states and bytes, step by step.
-import { readFileSync } from "node:fs";
 import { gzipSync } from "node:zlib";
 import { describe, expect, test } from "vitest";
 import { BREAKS, type Break } from "../src/breaks.js";
@@ -9,10 +8,10 @@ import { Recorder } from "../src/recorder.js";
 import { loadSimulator, type Simulator } from "../src/simulator.js";
 import { World } from "../src/world.js";
 import { difference, replay } from "./replay.js";
+import { WASM } from "./wasm.js";
 
 const BUDGET = 400_000;
 const SHARE_OF_A_CORE = 0.05;
-const WASM = readFileSync(new URL("../../build/web/robot.wasm", import.meta.url));
 
 type Fault = Pick<Break, "name" | "apply" | "tick" | "repair">;
 

@@ -13,11 +13,12 @@ namespace wheelwire::capi {
 /// A bus of the computer, reached through its kernel.
 class HostBus final : public I2cBus {
  public:
-  /// A transfer that lasts so long has not ended.
+  /// A transfer that takes longer than this hangs.
   static constexpr int32_t kStuckUs = 100'000;
 
-  /// What it does until the next call is done by `transfer`. A time that is not read is that of the
-  /// poll, or of the last transfer's end: a moment too early, which widens a bound.
+  /// Until the next call, `transfer` makes its transfers. Between transfers, now_us() is the time
+  /// of the poll or of the last transfer's end. That is a moment too early, which only widens a
+  /// bound.
   void begin(uint64_t now_us, wheelwire_transfer transfer, void* context) {
     now_us_ = now_us;
     transfer_ = transfer;
@@ -33,7 +34,7 @@ class HostBus final : public I2cBus {
   void recover() override {}  // The kernel's driver does what can be done.
   uint64_t now_us() override { return now_us_; }
 
-  /// From the other process, whose step may have begun before the transfer.
+  /// Called by the other process, whose step may have begun before the transfer.
   bool is_stuck(uint64_t now_us) const {
     const uint32_t since_us = __atomic_load_n(&since_us_, __ATOMIC_ACQUIRE);
     const auto age_us = static_cast<int32_t>(static_cast<uint32_t>(now_us) - since_us);
@@ -84,7 +85,7 @@ class HostSensors final : public SensorPort {
   void begin_step(uint64_t now_us, uint16_t levels) {
     now_us_ = now_us;
     levels_ = levels;
-    // Not before: what was measured before the core's first step is nobody's.
+    // Only now: nothing uses measurements from before the core's first step.
     __atomic_store_n(&is_asked_, true, __ATOMIC_RELEASE);
   }
 

@@ -219,7 +219,7 @@ class RecorderFlash final : public FlashRegion {
   uint8_t bytes_[WHEELWIRE_RECORDER_SIZE];
 };
 
-/// The caller's record is enough: it survives whatever the process survives.
+/// Stores nothing: the caller's record is enough.
 class NoStore final : public BlockStore {
  public:
   size_t load(uint8_t*, size_t) override { return 0; }

@@ -10,7 +10,7 @@ namespace wheelwire::capi {
 template <typename Value, uint32_t kCapacity>
 class ReadingQueue {
  public:
-  /// When it is full, which means that nobody takes them, the value is lost.
+  /// If it is full because nothing takes the values, this one is lost.
   void push(const Value& value) {
     const uint32_t end = __atomic_load_n(&end_, __ATOMIC_RELAXED);
     if (end - __atomic_load_n(&begin_, __ATOMIC_ACQUIRE) == kCapacity) return;

@@ -19,12 +19,12 @@ extern "C" {
 #define WHEELWIRE_ABI 12
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
-/* Of the message definitions, as in DeviceHello. */
+/* Hash of the message definitions, as in DeviceHello. */
 WHEELWIRE_EXPORT uint32_t wheelwire_schema_hash(void);
 
 typedef struct wheelwire_core wheelwire_core;
 
-/* What DeviceHello reports; the codes are those of protocol/MESSAGES.md. */
+/* What DeviceHello reports; protocol/MESSAGES.md has the codes. */
 typedef struct wheelwire_identity {
   uint64_t board_id;
   uint32_t boot_id; /* Random. */
@@ -45,12 +45,12 @@ typedef struct wheelwire_inputs {
   uint32_t left_illegal; /* Transitions that imply a lost edge, cumulative; 0 where not detected. */
   uint32_t right_illegal;
   uint8_t contact_open; /* The e-stop contact, normally closed. */
-  uint16_t levels;      /* Of the peripherals that are digital inputs: bit n is that of entry n. */
+  uint16_t levels;      /* Of the peripherals that are digital inputs: bit n is entry n. */
 } wheelwire_inputs;
 
 /* The inputs of one wheel's power stage: the duty of the PWM on each, 0 to 32767; 0 is low, 32767
- * is high. Those that the stage does not have are 0. Of several that change, set first what falls,
- * then what rises, from the last to the first: directions before enables. */
+ * is high. Inputs that the stage does not have are 0. If several change, first set the falling
+ * ones, then the rising ones, from the last to the first: directions before enables. */
 typedef struct wheelwire_stage {
   uint16_t enable_q15;
   uint16_t in1_q15;
@@ -85,29 +85,29 @@ WHEELWIRE_EXPORT uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_
 WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter,
                                                float value);
 
-/* What is latched survives the process: `save` is called with each change, also while driving, and
- * must not block; its result is ignored. `record`: what it was called with last, copied; NULL and
- * size 0 if that is not known to exist. A record that is damaged counts as a latched e-stop. Call
- * it before the start; without it nothing survives. */
+/* Lets latches survive the process. `save` is called at each change, also while driving, and must
+ * not block; its result is ignored. `record`: its last argument, copied; NULL and size 0 if none is
+ * known. A damaged record counts as a latched e-stop. Call this before the start; otherwise nothing
+ * survives. */
 WHEELWIRE_EXPORT void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record,
                                              size_t size, wheelwire_save save, void* context);
 
-/* Of the recorder's content, in bytes. */
+/* Size of the recorder's content, in bytes. */
 #define WHEELWIRE_RECORDER_SIZE 327680
 
 /* Stores a part of the recorder's content. Returns 1, or 0 on failure. */
 typedef int (*wheelwire_write)(void* context, uint32_t offset, const uint8_t* data, size_t size);
 
-/* A black box and a ledger, which hosts read by the messages of the group RECORDER. `content`: what
- * was written last, WHEELWIRE_RECORDER_SIZE bytes, copied; NULL if nothing was. `write` is called
- * for each part that changes, only while the wheels stand, once a step at most, and may wait: the
- * step after it may be late. Call it before the start; without it there is none. Returns 1, or 0
- * when out of memory. */
+/* Adds a black box and a ledger, which hosts read by the messages of the group RECORDER. `content`:
+ * the content written last, WHEELWIRE_RECORDER_SIZE bytes, copied; NULL if none was written.
+ * `write` is called for each part that changes, only while the wheels stand, and at most once a
+ * step. It may wait: the next step may be late. Call this before the start. Returns 1, or 0 when
+ * out of memory. */
 WHEELWIRE_EXPORT int wheelwire_core_recorder(wheelwire_core* core, const uint8_t* content,
                                              wheelwire_write write, void* context);
 
-/* The peripherals of a robot on a computer's own pins. Those on an I2C bus are read by a process of
- * their own, or a thread, which a bus that hangs holds up alone. */
+/* The peripherals of a robot on a computer's own pins. A separate process or thread reads each I2C
+ * bus, so a hung bus holds up nothing else. */
 typedef struct wheelwire_sensors wheelwire_sensors;
 
 enum wheelwire_transfer_result {
@@ -121,11 +121,11 @@ enum wheelwire_transfer_result {
 typedef int (*wheelwire_transfer)(void* context, uint8_t address, const uint8_t* out,
                                   size_t out_size, uint8_t* in, size_t in_size, uint64_t* now_us);
 
-/* Of the memory that they need, in bytes. */
+/* Size of the memory that they need, in bytes. */
 WHEELWIRE_EXPORT size_t wheelwire_sensors_size(void);
-/* Makes those of a packed configuration in this memory, which begins as a page does and holds all
- * of them. If it is shared, a process that was forked later may poll them. NULL if the list cannot
- * be read; its rules are checked by wheelwire_core_sense. */
+/* Makes the peripherals of a packed configuration in this memory, which must be large enough and
+ * aligned to a page. If it is shared, a process that is forked later may poll them. NULL if the
+ * list cannot be read; wheelwire_core_sense checks its rules. */
 WHEELWIRE_EXPORT wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* packed,
                                                              size_t size);
 /* Does what is due on the bus of this number. Returns when there will be something to do. Each bus
@@ -157,22 +157,22 @@ WHEELWIRE_EXPORT void wheelwire_core_fail(wheelwire_core* core);
 
 /* Bytes from the host; returns how many there was room for. A step or service reads up to 600. */
 WHEELWIRE_EXPORT size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t* data, size_t size);
-/* Bytes for the host; returns how many were written to `out`. When they are not taken, frames are
+/* Bytes for the host; returns how many were written to `out`. If they are not taken, frames are
  * dropped, and counted in LinkCounters. */
 WHEELWIRE_EXPORT size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity);
 
-/* What is wrong with a board; the codes are those of protocol/wheelwire_protocol/board.py. */
+/* What is wrong with a board; protocol/wheelwire_protocol/board.py has the codes. */
 typedef struct wheelwire_board_issue {
   uint32_t value;
   uint32_t limit;
-  int16_t pin;      /* GPIO; -1: the fault is of no pin. */
+  int16_t pin;      /* GPIO; -1: no pin is concerned. */
   uint8_t fault;    /* BoardFault */
   uint8_t function; /* BoardPin: what the pin is used for. */
-  uint8_t other;    /* BoardPin: what else it is used for. */
+  uint8_t other;    /* BoardPin: its other use. */
 } wheelwire_board_issue;
 
-/* Checks the board of a packed configuration. Returns how many issues there are, 0 for a board that
- * can be used, and writes the first `capacity` of them to `issues`. */
+/* Checks the board of a packed configuration. Returns the number of issues, 0 for a usable board,
+ * and writes the first `capacity` of them to `issues`. */
 WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* packed, size_t size,
                                               wheelwire_board_issue* issues, size_t capacity);
 
@@ -181,8 +181,8 @@ WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* packed, size_t size
 typedef struct wheelwire_peripheral_issue {
   uint32_t value;
   uint32_t limit;
-  int16_t channel; /* Index of the entry; -1: the fault is of none. */
-  int16_t pin;     /* GPIO; -1: of none. */
+  int16_t channel; /* Index of the entry; -1: no entry. */
+  int16_t pin;     /* GPIO; -1: no pin. */
   uint8_t fault;   /* PeripheralFault */
 } wheelwire_peripheral_issue;
 
@@ -194,13 +194,13 @@ WHEELWIRE_EXPORT size_t wheelwire_peripherals_check(const uint8_t* packed, size_
 /* A black box: what a robot was given in the last second or two, and what it did. */
 typedef struct wheelwire_box wheelwire_box;
 
-/* A box is that long, in bytes. */
+/* Size of a box, in bytes. */
 #define WHEELWIRE_BOX_SIZE 32768
 
 enum wheelwire_box_status {
   WHEELWIRE_BOX_OPENED = 0,
-  WHEELWIRE_BOX_NONE = 1,    /* These bytes are no box. */
-  WHEELWIRE_BOX_DAMAGED = 2, /* They were one. */
+  WHEELWIRE_BOX_NONE = 1,    /* These bytes are not a box. */
+  WHEELWIRE_BOX_DAMAGED = 2, /* They were a box. */
   WHEELWIRE_BOX_NO_MEMORY = 3
 };
 
@@ -218,10 +218,10 @@ typedef struct wheelwire_box_head {
   uint8_t missing; /* Quarters of it that cannot be read: a reset damaged them. */
 } wheelwire_box_head;
 
-/* One record; which fields have a meaning depends on its kind, that of recorder/box_format.hpp. */
+/* One record. Its kind, see recorder/box_format.hpp, decides which fields are valid. */
 typedef struct wheelwire_box_entry {
-  uint64_t t_us;        /* Of the step or message, or of the one that it came of. */
-  int16_t left_counter; /* Those of the newest step: raw, before inversion and swapping. */
+  uint64_t t_us;        /* Of the step or message, or of its cause. */
+  int16_t left_counter; /* At the newest step: raw, before inversion and swapping. */
   int16_t right_counter;
   int16_t left_duty_q15; /* On the outputs until that step. */
   int16_t right_duty_q15;
@@ -238,7 +238,7 @@ typedef struct wheelwire_box_entry {
   uint8_t body[80];
 } wheelwire_box_entry;
 
-/* What came of a re-run. */
+/* Result of a re-run. */
 enum wheelwire_rerun_outcome {
   WHEELWIRE_RERUN_SAME = 0,
   WHEELWIRE_RERUN_DIFFERS = 1,
@@ -259,21 +259,21 @@ typedef struct wheelwire_rerun {
   char field[120]; /* "left_duty_q15", "robot.drive.left.velocity_umps"; "record": another kind. */
 } wheelwire_rerun;
 
-/* Of the core's sources. */
+/* Hash of the core's sources. */
 WHEELWIRE_EXPORT uint32_t wheelwire_core_hash(void);
 /* Returns a wheelwire_box_status. */
 WHEELWIRE_EXPORT int wheelwire_box_open(const uint8_t* image, size_t size, wheelwire_box** box,
                                         wheelwire_box_head* head);
 WHEELWIRE_EXPORT void wheelwire_box_close(wheelwire_box* box);
-/* The next record, from the oldest on; 0: there is none. */
+/* The next record, oldest first; 0: no more. */
 WHEELWIRE_EXPORT int wheelwire_box_next(wheelwire_box* box, wheelwire_box_entry* entry);
-/* Gives the inputs to this core again, in virtual time. Returns a wheelwire_rerun_outcome. Of
- * another core's box it compares what the robot did, not its duties and state; `any_core` 0: it
- * runs none. */
+/* Gives the inputs to this core again, in virtual time. Returns a wheelwire_rerun_outcome. For
+ * another core's box it compares what the robot did, not its duties and state; with `any_core` 0 it
+ * does not run it. */
 WHEELWIRE_EXPORT int wheelwire_box_rerun(const wheelwire_box* box, int any_core,
                                          wheelwire_rerun* result);
 
-/* The core's decoder, for a host: it knows every message, not only those that a device receives. */
+/* The core's decoder, for a host: it knows every message, also those that only devices send. */
 typedef struct wheelwire_decoder wheelwire_decoder;
 
 /* Consecutive frames of the same message. */

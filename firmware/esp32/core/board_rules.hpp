@@ -10,8 +10,8 @@ namespace wheelwire {
 struct BoardIssue {
   BoardFault fault = BoardFault::kNone;
   BoardPin function = BoardPin::kLed;  ///< What the pin is used for.
-  int pin = -1;                        ///< GPIO; -1: the fault is of no pin.
-  BoardPin other = BoardPin::kLed;     ///< What else it is used for.
+  int pin = -1;                        ///< GPIO; -1: the fault does not concern a pin.
+  BoardPin other = BoardPin::kLed;     ///< Its other use.
   uint32_t value = 0;
   uint32_t limit = 0;
 };
@@ -48,8 +48,8 @@ constexpr PinMask stage_pins(const BoardDescription& board) {
   return pins;
 }
 
-/// The pins that hold both motors off when they are low, whatever the others do: on every stage the
-/// inputs that are low while it coasts, and standby.
+/// The pins that, when low, hold both motors off, whatever the others do. On every stage these are
+/// the inputs that are low while it coasts, and standby.
 constexpr PinMask release_pins(const BoardDescription& board) {
   const StageTable* stage = table_of(board.stage);
   PinMask pins = mask_of(board.standby);
@@ -68,7 +68,7 @@ constexpr const ModuleTable* table_of(Module module) {
   return nullptr;
 }
 
-/// The GPIOs of flash and PSRAM: those of the board's module; of any, if it names none.
+/// The GPIOs of flash and PSRAM on the board's module, or on any module if it names none.
 constexpr PinMask memory_pins(const ChipTable& chip, Module module) {
   const ModuleTable* table = table_of(module);
   return table != nullptr && table->chip == chip.chip ? table->memory : chip.memory;
@@ -229,7 +229,7 @@ class BoardCheck {
     if (outputs > chip_.pwm_outputs) tell(BoardFault::kPwmOutputs, outputs, chip_.pwm_outputs);
   }
 
-  /// Whether the chip has the pin to spare, for whatever it is used.
+  /// Whether the pin is free on this chip, for any use.
   constexpr void check_place(BoardPin function) {
     const int pin = board_.pin(function);
     if (pin == -1) return;
@@ -261,7 +261,7 @@ class BoardCheck {
   Report& report_;
 };
 
-/// Calls `report` with each BoardIssue; with none, or only warnings, for a board that can be used.
+/// Calls `report` with each BoardIssue. A usable board has none, or only warnings.
 template <typename Report>
 constexpr void check_board(const BoardDescription& board, Report&& report) {
   if (board.version != kBoardVersion) {

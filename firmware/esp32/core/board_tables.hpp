@@ -14,36 +14,36 @@ constexpr size_t kBoardPinCount = 18;
 struct BoardDescription {
   static constexpr size_t kSize = 63;
 
-  uint8_t version{};                    ///< Version of this struct.
-  Chip chip{};                          ///< The chip whose pins these are.
-  Module module{};                      ///< What carries the chip.
-  Stage stage{};                        ///< The power stage of both wheels.
-  BoardLine line{};                     ///< The line to the host.
-  char name[24]{};                      ///< ASCII, filled up with zeros.
-  int8_t left_enable{-1};               ///< GPIO; -1: none.
-  int8_t left_in1{-1};                  ///< GPIO; -1: none.
-  int8_t left_in2{-1};                  ///< GPIO; -1: none.
-  int8_t left_pwm{-1};                  ///< GPIO; -1: none.
-  int8_t left_dir{-1};                  ///< GPIO; -1: none.
-  int8_t left_encoder_a{-1};            ///< GPIO; -1: none.
-  int8_t left_encoder_b{-1};            ///< GPIO; -1: none.
-  int8_t right_enable{-1};              ///< GPIO; -1: none.
-  int8_t right_in1{-1};                 ///< GPIO; -1: none.
-  int8_t right_in2{-1};                 ///< GPIO; -1: none.
-  int8_t right_pwm{-1};                 ///< GPIO; -1: none.
-  int8_t right_dir{-1};                 ///< GPIO; -1: none.
-  int8_t right_encoder_a{-1};           ///< GPIO; -1: none.
-  int8_t right_encoder_b{-1};           ///< GPIO; -1: none.
-  int8_t standby{-1};                   ///< GPIO; -1: none.
-  int8_t estop{-1};                     ///< GPIO; -1: none.
-  int8_t battery{-1};                   ///< GPIO; -1: none.
-  int8_t led{-1};                       ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
-  ContactKind estop_contact{};          ///< What a press does.
-  uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
+  uint8_t version{};  ///< Of this layout.
+  Chip chip{};
+  Module module{};
+  Stage stage{};  ///< Of both wheels.
+  BoardLine line{};
+  char name[24]{};             ///< ASCII.
+  int8_t left_enable{-1};      ///< GPIO; -1: none.
+  int8_t left_in1{-1};         ///< GPIO; -1: none.
+  int8_t left_in2{-1};         ///< GPIO; -1: none.
+  int8_t left_pwm{-1};         ///< GPIO; -1: none.
+  int8_t left_dir{-1};         ///< GPIO; -1: none.
+  int8_t left_encoder_a{-1};   ///< GPIO; -1: none.
+  int8_t left_encoder_b{-1};   ///< GPIO; -1: none.
+  int8_t right_enable{-1};     ///< GPIO; -1: none.
+  int8_t right_in1{-1};        ///< GPIO; -1: none.
+  int8_t right_in2{-1};        ///< GPIO; -1: none.
+  int8_t right_pwm{-1};        ///< GPIO; -1: none.
+  int8_t right_dir{-1};        ///< GPIO; -1: none.
+  int8_t right_encoder_a{-1};  ///< GPIO; -1: none.
+  int8_t right_encoder_b{-1};  ///< GPIO; -1: none.
+  int8_t standby{-1};          ///< GPIO; -1: none.
+  int8_t estop{-1};            ///< GPIO; -1: none.
+  int8_t battery{-1};          ///< GPIO; -1: none.
+  int8_t led{-1};              ///< GPIO; -1: none.
+  EncoderPulls encoder_pulls{};
+  ContactKind estop_contact{};
+  uint16_t pwm_frequency_hz{};          ///< Default of this parameter. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
-  uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
-  uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
+  uint16_t battery_divider_permille{};  ///< Battery voltage / pin voltage x 1000.
+  uint64_t pulldowns{};                 ///< Bit n: GPIO n has an external pull-down.
 
   /// The GPIO of a function; -1: none.
   constexpr int pin(BoardPin function) const {

@@ -8,7 +8,7 @@
 namespace wheelwire {
 
 /// Whether a stage with these inputs neither drives nor chops: all of them are at the levels of its
-/// row "coast" or "brake". A full duty alone is no sign of a brake: it may drive.
+/// row "coast" or "brake". A full duty alone does not mean a brake: it may drive.
 constexpr bool stands_still(const StageTable& stage, const StageOutputs& outputs) {
   const auto shows = [&](StageAction action) {
     const StageLevel* const row = stage.rows[static_cast<size_t>(action)];

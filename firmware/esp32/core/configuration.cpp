@@ -84,8 +84,8 @@ bool ActiveConfiguration::load() {
   if (size == 0 && faults_ == 0) return true;
   if (size != sizeof bytes) {
     if (faults_ == 0) faults_ = fault::kStoreUnreadable;
-    // Nobody knows what was confirmed. A block that says so is saved with the next configuration
-    // that is written: one without a confirmed one would say that there never was any.
+    // What was confirmed is unknown. The block saved with the next configuration must say so:
+    // without a confirmed configuration it would mean that none was ever confirmed.
     block_.has_confirmed = true;
     return false;
   }

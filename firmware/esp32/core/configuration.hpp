@@ -1,4 +1,4 @@
-// What an owner says about a robot: the board and the peripherals on it. Stored as one block, tried
+// The owner's description of a robot: the board and its peripherals. Stored as one block, tried
 // before it is confirmed.
 #pragma once
 
@@ -38,17 +38,17 @@ constexpr bool is_confirmed(ConfigurationState state) {
   return state == ConfigurationState::kStored || state == ConfigurationState::kTrial;
 }
 
-/// Which configuration is active, from one start of the device to the next. What was written is
-/// tried once the host restarts the device, and saved only if the host then confirms it; otherwise
-/// the previous one returns. Nothing is driven by one that nobody confirmed.
+/// Which configuration is active, from one start of the device to the next. A written one is tried
+/// once the host restarts the device, and saved only if the host then confirms it; otherwise the
+/// previous one returns. Nothing drives on an unconfirmed one.
 class ActiveConfiguration {
  public:
-  /// What becomes of the image's own configuration while none is stored.
+  /// How the image's own configuration is used while none is stored.
   enum class BuiltIn : uint8_t { kUnconfirmed, kConfirmed };
 
   /// `store`: nullptr where a host cannot change it. `chip`: a board for another one is refused.
-  /// `built_in`: active while none is stored; nullptr: there is none. A simulated robot has the
-  /// board that it says, so that one is confirmed from the start.
+  /// `built_in`: active while none is stored, or nullptr. A simulated robot really has its built-in
+  /// board, so that one is confirmed from the start.
   ActiveConfiguration(BlockStore* store, Chip chip, const Configuration* built_in,
                       BuiltIn confirmation = BuiltIn::kUnconfirmed)
       : store_(store), chip_(chip), built_in_(built_in), confirmation_(confirmation) {}
@@ -61,13 +61,13 @@ class ActiveConfiguration {
   /// Whether a host cannot change it.
   bool is_fixed() const { return store_ == nullptr; }
   bool on_trial() const { return state_ == ConfigurationState::kTrial; }
-  /// Why none could be loaded, as flags of `fault`.
+  /// Why no configuration could be loaded, as flags of `fault`.
   uint32_t faults() const { return faults_; }
-  /// Of the active one; 0 if there is none.
+  /// Fingerprint of the active one; 0 if there is none.
   uint32_t fingerprint() const { return fingerprint_; }
-  /// Of ConfigurationState::kDamaged it has no meaning.
+  /// Meaningless in ConfigurationState::kDamaged.
   const BoardDescription& board() const { return active_.board; }
-  /// Those that are read, and whose reflexes act.
+  /// The peripherals that are read, and whose reflexes act.
   const PeripheralList& peripherals() const { return active_.peripherals; }
   /// Why nothing may drive; kNone if it may.
   RefusalCode refusal() const;

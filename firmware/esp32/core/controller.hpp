@@ -13,7 +13,7 @@ struct ControllerGains {
   int32_t delay_steps;       ///< Latency of the measured velocity, in control steps.
   int32_t static_q15;        ///< Duty that just overcomes friction.
   int32_t margin_q15;        ///< Duty beyond the feed-forward, for loads.
-  int32_t limit_q15;         ///< Of the output, in either direction.
+  int32_t limit_q15;         ///< Limit of the output, in either direction.
   int32_t slew_umps;         ///< Largest change of a setpoint per control step.
   int32_t memory_shift;      ///< Log2 of the control steps that ObstacleMemory averages over.
 };
@@ -56,9 +56,9 @@ class Controller {
     saturated_ = false;
     obstacle_.reset();
   }
-  /// Call when a wheel that stands is to go the other way. Otherwise the loop would drive it the
-  /// old way until the integral is undone. At a low speed that takes seconds, by which a fault of
-  /// the wheel would be noticed later.
+  /// Call when a standing wheel is to go the other way. Otherwise the loop would drive it the old
+  /// way until the integral is undone. At a low speed that takes seconds, and delays detection of a
+  /// wheel fault by as much.
   void turn_back() { integral_q32_ = obstacle_.turn_back(); }
   /// The limit of the last step's output, without what a change of the target adds to it.
   int32_t steady_limit_q15() const { return steady_limit_q15_; }

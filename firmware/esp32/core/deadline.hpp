@@ -1,11 +1,11 @@
-// Until when a setpoint drives the robot, in the device's clock.
+// The time until which a setpoint drives the robot, on the device's clock.
 #pragma once
 
 #include <stdint.h>
 
 namespace wheelwire {
 
-/// Of a setpoint that arrives now: it lives until its expiry, and for ttl_max at most.
+/// Deadline of a setpoint that arrives now: its expiry, but at most ttl_max from now.
 constexpr uint64_t deadline_of(uint64_t expiry_us, uint64_t now_us, uint32_t ttl_max_us) {
   const uint64_t latest_us = now_us + ttl_max_us;
   return expiry_us < latest_us ? expiry_us : latest_us;

@@ -26,7 +26,7 @@ class Device {
   void start(uint64_t now_us);
   /// From now on all is recorded. Call it after the start; the recorder must outlive the device.
   void record(Recorder& recorder) { robot_.record(recorder); }
-  /// From now on hosts may read what it has stored; the archive must outlive the device.
+  /// From now on hosts may read the archive's records; it must outlive the device.
   void offer(BoxArchive& archive) { server_.offer(archive); }
   /// From now on hosts may ask about what this runs on; it must outlive the device.
   void offer(PlatformMessages& platform) { server_.offer(platform); }
@@ -40,7 +40,7 @@ class Device {
   /// A motor or encoder peripheral did not start: FAULT until the next reset.
   void report_driver_failure() { robot_.report_failure(fault::kDriverFailed); }
 
-  // A control step in its parts, for a re-run: it has messages instead of a line.
+  // The parts of a control step, for a re-run, which has messages instead of a line.
   void note_reflexes(uint8_t reflexes) { robot_.note_reflexes(reflexes); }
   void begin_step(uint64_t now_us) { robot_.begin_step(now_us); }
   void serve(const Frame& frame, uint64_t now_us) { server_.serve(frame, now_us); }
@@ -72,7 +72,7 @@ class Device {
   Recorder* recorder() const { return robot_.recorder(); }
   void prepare_recorder();
 
-  SensorMessages* sensors_ = nullptr;  // First, as those of Robot that each step uses.
+  SensorMessages* sensors_ = nullptr;  // First, because each step uses it, as in Robot.
   MessageServer server_;
   Robot robot_;
 };

@@ -69,7 +69,7 @@ void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
 }
 
 void Drive::note_parameters(const ControlConfig& config) {
-  // At once, not at the next reading of the battery: a setpoint may follow within the same step.
+  // Now, not at the next battery reading: a setpoint may follow within the same step.
   supply_q12_ = supply_ratio_q12(battery_mv_, config.supply);
   if (config.motors_swapped != motors_swapped_) {
     motors_swapped_ = config.motors_swapped;
@@ -91,7 +91,7 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     slewed_ = mode == ControlMode::kVelocity
                   ? WheelPair{plausible(left_.velocity_umps()), plausible(right_.velocity_umps())}
                   : WheelPair{left_.driven_q15(), right_.driven_q15()};
-    // Not from a speed in the direction that is forbidden: the wheels would be driven at it.
+    // Not from a speed in the forbidden direction: the wheels would be driven at it.
     if (forbids(reflexes_, slewed_)) slewed_ = {};
     command_ = slewed_;
     direction_ = {};
@@ -116,8 +116,8 @@ void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
   slewed_ = approach(slewed_, target, slew);
   WheelPair wanted = config.path.follows() ? corrected(config) : slewed_;
   if (reflexes_ != 0 && forbids(reflexes_, wanted)) wanted = slewed_;
-  // Slewed once more, and last: a correction may jump, for example when one wheel is released, or
-  // when it is switched off.
+  // Slewed again, at the end: a correction may jump, for example when one wheel is released, or
+  // when corrections are switched off.
   command_ = {step_towards(command_.left, wanted.left, slew),
               step_towards(command_.right, wanted.right, slew)};
   left_.drive_velocity(slewed_.left, command_.left, config.left_motor_inverted, supply_q12_,

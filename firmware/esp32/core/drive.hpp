@@ -58,7 +58,7 @@ class Drive {
   }
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
-  /// Of the faster wheel, at least 0.
+  /// Speed of the faster wheel, at least 0.
   int32_t speed_umps() const;
   /// Both wheels, as far as their encoders show.
   bool is_still() const { return left_.is_still() && right_.is_still(); }

@@ -1,4 +1,4 @@
-// From the chip's counter register to a running total of ticks.
+// Turns the chip's counter register into a running total of ticks.
 #pragma once
 
 #include "hal.hpp"
@@ -29,7 +29,7 @@ class TickTotal {
     return forward;
   }
 
-  /// From now on each counts by the other's register. Neither total changes.
+  /// From now on each counts from the other's register. The totals do not change.
   void exchange_registers(TickTotal& other) {
     const int16_t counter = counter_;
     counter_ = other.counter_;

@@ -15,7 +15,7 @@ class Evidence {
     calm_us_ = 0;
     return us_ += us;
   }
-  /// Nothing was seen, or it could not be.
+  /// Nothing was seen, or could be seen.
   void leak(uint32_t us) {
     if (us_ != 0) lose(us / 10);
   }

@@ -62,8 +62,8 @@ bool FaultMonitor::not_counting(int32_t duty_q15, int32_t most_q15, int32_t tick
 }
 
 /// A decelerating wheel is driven against its motion, too, but its speed falls. With inverted
-/// feedback it grows; or it stays, at a limit at which the wheel turns slowly. A loop that brakes
-/// the wheel downhill drives against its setpoint as well.
+/// feedback its speed grows, or stays constant at a limit at which the wheel turns slowly. A loop
+/// that brakes the wheel downhill drives against its setpoint as well.
 bool FaultMonitor::reversed(const WheelOutput& output, int32_t most_q15, int32_t measured_umps,
                             uint32_t period_us, const FaultThresholds& thresholds) {
   const bool opposed = measured_umps != 0 && (output.duty_q15 ^ measured_umps) < 0;

@@ -39,7 +39,7 @@ class FollowingError {
   int64_t trimmed_q10_ = 0;
   int32_t held_um_ = 0;
   int32_t setpoint_umps_ = 0;
-  int32_t direction_ = 0;  // Of the last tick; 0: none since rest().
+  int32_t direction_ = 0;  // Direction of the last tick; 0: no tick since rest().
   bool following_ = false;
   uint64_t now_us_ = 0;
   uint64_t tick_us_ = 0;

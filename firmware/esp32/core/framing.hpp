@@ -37,7 +37,7 @@ struct ReceiveCounters {
   uint32_t repeated;
 };
 
-/// Bytes in, good frames out. Buffers at most one encoded payload, whatever comes in.
+/// Bytes in, good frames out. Never buffers more than one encoded payload.
 class FrameDecoder {
  public:
   using BodySize = int (*)(uint8_t id);

@@ -26,7 +26,7 @@ class MotorPort {
 constexpr uint16_t kHigh_q15 = INT16_MAX;
 
 /// The duty of the PWM on each input of a power stage, by StageInput: 0 is low, kHigh_q15 is high.
-/// Those that the stage does not have are 0.
+/// Inputs that the stage does not have are 0.
 struct StageOutputs {
   uint16_t duty_q15[kStageInputs]{};
 
@@ -155,7 +155,7 @@ struct Hal {
   ByteStream& line;
   BlockStore& store;
   LatchMemory& latches;
-  BlockStore& latch_store;  ///< Of an e-stop that is latched.
+  BlockStore& latch_store;  ///< For a latched e-stop.
   EstopInput& estop;
   BatterySense& battery;
   BlockStore* configuration = nullptr;  ///< nullptr: it is not stored.

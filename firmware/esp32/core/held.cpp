@@ -26,7 +26,7 @@ uint32_t Robot::held(uint64_t now_us) const {
   if ((reflexes_ & reflex::kUnread) != 0) flags |= held::kSensorsUnread;
   if (contradictions_ != 0) flags |= held::kContradiction;
   if (trial_.refusal() != RefusalCode::kNone) flags |= held::kTrialOver;
-  // Who sends nothing that turns a wheel is not held by that. A clear is to arm it anew.
+  // A program that sends no motion is not held by this. While latched, a clear comes first.
   const bool is_gap = now_us - quiet_since_us_ >= config_.rearm_gap_us;
   if (unarmed_ == 0 || !is_refused_ || is_latched() || is_gap) return flags;
   if ((unarmed_ & kUnarmed) != 0) flags |= held::kUnarmed;

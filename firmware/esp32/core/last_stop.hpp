@@ -1,4 +1,4 @@
-// What ended the last motion, as far as it outlives a reset.
+// What ended the last motion: the part that outlasts a reset.
 #pragma once
 
 #include <string.h>
@@ -7,7 +7,7 @@
 
 namespace wheelwire {
 
-/// Kept as it lies in memory, for the same chip: without padding.
+/// Saved as its bytes in memory, for the same chip: so it has no padding.
 struct LastStop {
   uint32_t held = 0;       ///< The sensors that held the robot, as flags of `held`.
   uint32_t session = 0;    ///< Whose setpoint drove until then,

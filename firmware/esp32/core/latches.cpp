@@ -59,8 +59,7 @@ Latches LatchKeeper::start() {
   // Without one the power was off: only flash knows.
   if (size == 0 && is_stored_) latches_ = {.estop = true, .source = EstopSource::kBeforePowerOn};
   const bool is_whole = size == 0 || Latches::decode(record, size, latches_, &stop_);
-  // What is damaged may be an e-stop, until somebody clears it, also where the other one says that
-  // there is none.
+  // A damaged record may be an e-stop until somebody clears it, even if the other record has none.
   if ((is_damaged_ || !is_whole) && !latches_.estop) {
     latches_.estop = true;
     latches_.source = EstopSource::kDamagedRecord;

@@ -7,11 +7,12 @@
 
 namespace wheelwire {
 
-/// Beside the flags of `reflex`: the battery was at STOP, and was not charged since. It forbids
-/// nothing by itself, but outlives a reset.
+/// In addition to the flags of `reflex`: the battery was at STOP, and was not charged since. By
+/// itself it forbids nothing, but it outlasts a reset.
 constexpr uint8_t kBatteryAtStop = 0x80;
 
-/// Beside the flags of `reflex`: a power stage reports a fault, and nothing else stops the robot.
+/// In addition to the flags of `reflex`: a power stage reports a fault, and nothing else stops the
+/// robot.
 constexpr uint8_t kStageTripped = 0x40;
 
 struct Latches {

@@ -6,7 +6,7 @@
 
 namespace wheelwire {
 
-/// Messages from this id on are those that only devices send.
+/// Only devices send messages from this id on.
 constexpr uint8_t kFirstDeviceId = 0x80;
 
 class Link {
@@ -30,8 +30,8 @@ class Link {
 
   /// True if the line can carry `rate_hz` frames of this body size with a fifth to spare.
   bool carries(uint32_t rate_hz, size_t body_size) const;
-  /// How many frames a second of this body size the line carries beside `taken` bytes a second, at
-  /// most `wanted_hz`, with a fifth to spare.
+  /// How many frames a second of this body size the line carries in addition to `taken` bytes a
+  /// second, with a fifth to spare; at most `wanted_hz`.
   uint32_t rate_beside(uint32_t taken, size_t body_size, uint32_t wanted_hz) const;
 
   const ReceiveCounters& received() const { return decoder_.counters(); }

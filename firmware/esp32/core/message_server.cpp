@@ -28,7 +28,7 @@ void MessageServer::note_message(const Frame& frame, uint64_t now_us) {
   recorder.note_message(frame.id, frame.body, static_cast<size_t>(body_size(frame.id)), now_us);
 }
 
-/// Hands a frame to its request; false: it is none of these.
+/// Hands a frame to its request; false: it is not one of these requests.
 template <typename... Requests>
 bool MessageServer::serve_once(const Frame& frame, uint64_t now_us) {
   return ((frame.id == Requests::kId && (once(Requests::decode(frame.body), now_us), true)) || ...);
@@ -104,8 +104,9 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
   report_stores();
 }
 
-/// A host learns once, when its session opens, that no parameters are saved, and of which blocks
-/// the start found only one copy. Not of those that cannot be read: that is a fault, or an e-stop.
+/// A host learns once, when its session opens, if no parameters are saved, and which blocks had
+/// only one copy at the start. Unreadable blocks are not reported here: they are a fault or an
+/// e-stop.
 void MessageServer::report_stores() {
   constexpr EventCode kLost[kStoredBlocks] = {EventCode::kConfigurationCopyLost,
                                               EventCode::kParametersCopyLost,
@@ -168,7 +169,7 @@ void MessageServer::obey(const Message& message, ControlMode mode, WheelPair whe
                          uint64_t now_us) {
   RefusalCode refusal = configuration_ != nullptr ? configuration_->refusal() : RefusalCode::kNone;
   if (refusal != RefusalCode::kNone) {
-    // Nobody knows what is wired to the pins.
+    // What is wired to the pins is unknown.
   } else if (restart_us_ != 0) {
     refusal = RefusalCode::kBooting;
   } else if (!session_.clock_synchronised()) {
@@ -331,8 +332,8 @@ void MessageServer::answer(uint16_t request_id, const Message& message) {
   link_.send_body(record.id, record.body, record.size);
 }
 
-/// Not kept for a repeat, which is carried out once more: the longest answers would take four times
-/// their size.
+/// The answer is not stored: a repeated request is carried out again. Storing the longest answers
+/// would take four times their size.
 void MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body,
                                   size_t size) {
   session_.pass(request_id);
@@ -488,7 +489,7 @@ void MessageServer::on(const ConfigurationConfirm& request, uint64_t now_us) {
     note_configuration_write(refusal);
   }
   if (refusal == RefusalCode::kNone) robot_.note_board_confirmed();
-  // Its pins are started as those of any board: when the device starts.
+  // A board's pins are only set up when the device starts, so restart.
   if (refusal == RefusalCode::kNone && !configuration_->is_confirmed())
     restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);

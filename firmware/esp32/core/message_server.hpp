@@ -54,7 +54,7 @@ class SensorMessages {
   ~SensorMessages() = default;
 };
 
-/// What answers the requests about what the firmware runs on, of which this code knows nothing.
+/// Answers requests about the platform, of which this code knows nothing.
 class PlatformMessages {
  public:
   /// Answers a request that is new in this session.
@@ -67,7 +67,7 @@ class PlatformMessages {
 class MessageServer final : public RobotObserver {
  public:
   /// `robot` is not used before the first message: it may be constructed later. `configuration`:
-  /// nullptr where there is none.
+  /// may be nullptr.
   MessageServer(Robot& robot, ByteStream& line, const Identity& identity,
                 ActiveConfiguration* configuration)
       : robot_(robot), link_(line), identity_(identity), configuration_(configuration) {}

@@ -21,7 +21,7 @@ class OverspeedMonitor {
   }
   /// Call it instead while no loop drives the wheels at a velocity.
   void rest(uint32_t period_us) { excess_.leak(period_us); }
-  /// Whether nothing would come of an update with this sum and `allowed_umps` or more.
+  /// Whether an update with this sum, and `allowed_umps` or more, would change nothing.
   bool is_quiet(uint32_t sum_umps, uint32_t allowed_umps) const {
     return excess_.is_none() && sum_umps <= 3 * allowed_umps;
   }

@@ -106,7 +106,7 @@ bool Parameters::save_none(BlockStore& store) {
 
 bool Parameters::save_one(BlockStore& store, ParameterId id) const {
   Parameters stored(specs_, board_);
-  // It would overwrite values that nobody has seen.
+  // It would overwrite values that were never read.
   if (stored.load(store) == Load::kDamaged) return false;
   stored.values_[static_cast<size_t>(id) - 1] = get(id);
   return stored.save(store);

@@ -6,7 +6,7 @@
 
 namespace wheelwire {
 
-/// Largest saved block. Has room for that of a later release with more parameters.
+/// Largest saved block. Has room for a later release with more parameters.
 constexpr size_t kMaxParameterBlock = 329;
 
 class Parameters {
@@ -34,9 +34,9 @@ class Parameters {
   /// it has its default: that board had no contact, or a different one.
   Load load(BlockStore& store);
   bool save(BlockStore& store) const;
-  /// Saves none of them: the next start has the defaults of the board that it is on.
+  /// Deletes the saved values: the next start has the defaults of its board.
   static bool save_none(BlockStore& store);
-  /// Saves this one. The others keep their stored values, or their defaults if there are none.
+  /// Saves this one. The others keep their stored values, or otherwise their defaults.
   bool save_one(BlockStore& store, ParameterId id) const;
 
   /// Which values a start would load otherwise: bit n is the parameter with id n + 1.

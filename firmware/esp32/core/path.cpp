@@ -3,7 +3,7 @@
 namespace wheelwire {
 namespace {
 
-/// Bounded so that a correction never reverses a wheel, nor makes it much faster than its setpoint.
+/// Bounded so that a correction never reverses a wheel, or makes it much faster than its setpoint.
 int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) {
   const int32_t most = scale(magnitude(setpoint), gains.catch_up_q15, 15);
   return setpoint >= 0 ? setpoint + clamp(correction, -setpoint, most)

@@ -1,5 +1,5 @@
-// The peripherals on a board, and the rules that they must obey: the only check, on the chip for
-// those that are written to it, and on a computer through the C interface.
+// The peripherals on a board, and their rules. Nothing else checks them: the chip uses this for
+// lists written to it, and computers use it through the C interface.
 #pragma once
 
 #include "board_rules.hpp"
@@ -15,7 +15,7 @@ struct PeripheralList {
   constexpr const Peripheral* end() const { return entries + count; }
 };
 
-/// Of Place, NONE included.
+/// Number of values of Place, with NONE.
 constexpr size_t kPlaces = static_cast<size_t>(Place::kRight) + 1;
 
 /// What an analogue input's divider divides by at most, in thousandths.
@@ -30,21 +30,21 @@ struct PeripheralIssue {
   uint32_t limit = 0;
 };
 
-/// nullptr if it is no IMU that is known.
+/// nullptr if it is not a known IMU.
 constexpr const ImuTable* imu_table_of(SensorChip chip) {
   for (const ImuTable& table : kImuTables)
     if (table.chip == chip) return &table;
   return nullptr;
 }
 
-/// nullptr if it is no power sensor that is known.
+/// nullptr if it is not a known power sensor.
 constexpr const PowerTable* power_table_of(SensorChip chip) {
   for (const PowerTable& table : kPowerTables)
     if (table.chip == chip) return &table;
   return nullptr;
 }
 
-/// nullptr if it is no range sensor that is known.
+/// nullptr if it is not a known range sensor.
 constexpr const RangeTable* range_table_of(SensorChip chip) {
   for (const RangeTable& table : kRangeTables)
     if (table.chip == chip) return &table;
@@ -60,8 +60,8 @@ constexpr bool is_on_bus(PeripheralKind kind) {
   return kind == PeripheralKind::kImu || kind == PeripheralKind::kPower;
 }
 
-/// Range sensors measure in turn, so that none hears another's sound: from one measurement of a
-/// sensor to its next; 0: there is none.
+/// Time between measurements of one sensor; 0 without sensors. Range sensors measure in turn, so
+/// that none hears another's sound.
 constexpr uint32_t range_round_us(const PeripheralList& list) {
   uint32_t round_us = 0;
   for (const Peripheral& entry : list)
@@ -75,7 +75,8 @@ constexpr size_t analog_index(const Peripheral& entry) { return entry.value_b - 
 /// A computer's buses are its kernel's. A chip names one by its number, in place of its first pin.
 constexpr bool has_numbered_buses(Chip chip) { return chip == Chip::kLinux; }
 
-/// Where a computer has none of what reads it: neither a timer that captures edges nor an ADC.
+/// Types that a computer cannot read, because it has neither a timer that captures edges nor an
+/// ADC.
 constexpr bool needs_microcontroller(PeripheralKind kind) {
   return kind == PeripheralKind::kRange || kind == PeripheralKind::kAnalog;
 }
@@ -140,7 +141,7 @@ class PeripheralCheck {
         return check_battery(entry);
       case PeripheralKind::kBumper:
         if (!is_front(entry.place) && !is_rear(entry.place)) tell(PeripheralFault::kPlace);
-        // To ground: open, as with a broken wire, the pull-up makes it high.
+        // It closes to ground: when open, or with a broken wire, the pull-up makes it high.
         if ((entry.flags & peripheralflag::kTriggeredLow) != 0)
           tell(PeripheralFault::kNormallyOpen);
         return check_input(entry, true);

@@ -7,8 +7,7 @@ namespace {
 // does not count here: a wheel that is blocked for a moment is not a fault.
 constexpr uint32_t kStandstill_us = 180'000;
 
-// The low-pass filter from which the speed's growth is taken has a quarter of ObstacleMemory's
-// time.
+// The low-pass filter that measures the growth of the speed has a quarter of ObstacleMemory's time.
 constexpr int32_t kFilter_bits = 2;
 
 // Faster than any wheel, and small enough for the sums below to stay within 32 bits.
@@ -18,7 +17,7 @@ constexpr int32_t kMaxSpeed_umps = 12'000'000;
 // behind its setpoint, too, but it grows for as long as it is driven that hard.
 constexpr int32_t kHeavy = 8;
 
-// A wheel that loses this much speed has met an obstacle or reversed, and begins anew. Less may be
+// A wheel that loses this much speed has met an obstacle or reversed, and starts again. Less may be
 // the noise of an encoder that loses edges.
 constexpr int32_t kSetback_q4 = 75'000 * 16;
 
@@ -38,7 +37,7 @@ int32_t supply_ratio_q12(uint16_t battery_mv, const Supply& supply) {
 }
 
 int32_t duty_limit(int32_t target_umps, int32_t supply_q12, const ControllerGains& gains) {
-  // More than is plausible: else the limit would hide a wheel whose encoder loses edges.
+  // More than is plausible: otherwise the limit would hide a wheel whose encoder loses edges.
   const int32_t margin_q15 = gains.margin_q15 + (gains.margin_q15 >> 2);
   const int32_t limit = duty_for(target_umps, margin_q15, supply_q12, gains);
   return limit < gains.limit_q15 ? limit : gains.limit_q15;
@@ -111,7 +110,7 @@ bool PlausibilityMonitor::gains_speed_like_a_heavy_robot(int32_t excess_q15, int
   if (excess_.us() == 0 || slow_q4 < earlier_q4_ - kSetback_q4) begin_anew(slow_q4, time_us);
   impulse_q15_ += excess_q15 - (impulse_q15_ >> memory_shift);
   earlier_q4_ += (slow_q4 - earlier_q4_) >> memory_shift;
-  // Ticks are overdue: perhaps an obstacle, of which the filtered speed does not know yet.
+  // Ticks are overdue: perhaps an obstacle that the filtered speed does not show yet.
   if (speed_umps * 16 < slow_q4 / 2) return true;
   // The filtered speed lags while it grows, and the measured speed falls first.
   const int32_t present_q4 = speed_umps * 16 > slow_q4 ? speed_umps * 16 : slow_q4;

@@ -56,8 +56,8 @@ class PlausibilityMonitor {
   int32_t slow_umps_q4_ = 0;  // The speed, low-pass filtered.
   uint32_t silence_us_ = 0;
   Evidence excess_;
-  // While there is excess: the speed in the direction of the drive, low-pass filtered once more,
-  // and the sum of the recent excess.
+  // While there is excess: the speed in the direction of the drive, low-pass filtered again, and
+  // the sum of the recent excess.
   int32_t earlier_q4_ = 0;
   int64_t impulse_q15_ = 0;
 };

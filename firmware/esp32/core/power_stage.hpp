@@ -28,7 +28,7 @@ class PowerStage final : public MotorPort {
   const StageTable& table_;
   StageOutputs outputs_;
   size_t pwm_ = 0;                          ///< The input that takes the duty.
-  StageAction last_ = StageAction::kCoast;  ///< What the inputs were set for last, beside coasting.
+  StageAction last_ = StageAction::kCoast;  ///< The last action but coasting.
   bool coasting_ = true;
 };
 

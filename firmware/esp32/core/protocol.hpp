@@ -112,12 +112,12 @@ enum class ResetReason : uint8_t {
 enum class EventCode : uint8_t {
   kSupervisor = 0,             ///< The supervisor changed its state.
   kConfigurationCopyLost = 1,  ///< One of the two stored copies of the configuration was lost; it
-                               ///< is written anew from the other one as soon as the robot stands.
+                               ///< is rewritten from the other one once the robot stands.
   kStoreEmpty = 2,             ///< No parameters were saved yet; the defaults are active.
   kTrialExpired = 3,  ///< A trial was not renewed in time: stopped, with the previous parameters.
   kRolling = 4,  ///< The robot rolls although it is not driven: a slope, or somebody pushes it.
   kParametersCopyLost = 5,  ///< As CONFIGURATION_COPY_LOST, of the saved parameters.
-  kLatchesCopyLost = 6,  ///< As CONFIGURATION_COPY_LOST, of the note whether an e-stop is latched.
+  kLatchesCopyLost = 6,     ///< As CONFIGURATION_COPY_LOST, of the record of a latched e-stop.
 };
 
 enum class Chip : uint8_t {
@@ -134,14 +134,14 @@ enum class EstopSource : uint8_t {
   kSession = 2,        ///< The program whose session was open.
   kOtherProgram = 3,   ///< A program beside the one whose session was open.
   kBeforePowerOn = 4,  ///< Not known: it was latched before the power came on.
-  kDamagedRecord = 5,  ///< The record of what was latched is damaged, which counts as an e-stop.
+  kDamagedRecord = 5,  ///< The record of latched e-stops is damaged, which counts as an e-stop.
 };
 
 enum class StopCause : uint8_t {
-  kUnknown = 0,       ///< It is not known what ended the last motion: the robot has lost its power
-                      ///< since, or has not moved.
-  kDeadline = 1,      ///< The setpoint of the program that drove ran out, and no newer one came.
-  kStop = 2,          ///< The program that drove stopped it.
+  kUnknown = 0,   ///< What ended the last motion is unknown: the robot has lost power since, or has
+                  ///< not moved.
+  kDeadline = 1,  ///< The setpoint of the program that drove expired, and no newer one came.
+  kStop = 2,      ///< The program that drove stopped it.
   kStopOther = 3,     ///< A program beside the one that drove stopped it.
   kEstopContact = 4,  ///< The e-stop contact opened.
   kEstopSession = 5,  ///< The program that drove called for an e-stop.
@@ -268,8 +268,8 @@ constexpr uint32_t kContact = 4096;
 constexpr uint32_t kEstop = 8192;
 /// A fault is latched: remove its cause, then clear it with `wheelwire clear`.
 constexpr uint32_t kFault = 16384;
-/// It started, or was cleared, and its program went on with a speed at once: it waits for a zero
-/// setpoint or a pause.
+/// It started, or was cleared, and its program sent a speed at once: it waits for a zero setpoint
+/// or a pause.
 constexpr uint32_t kUnarmed = 32768;
 /// A bumper held it off: it waits for a zero setpoint or a pause before it goes forward.
 constexpr uint32_t kUnarmedForward = 65536;
@@ -290,7 +290,7 @@ constexpr uint32_t kTrialOver = 4194304;
 }  // namespace held
 
 namespace stopflag {
-/// The wheels stand since: rolled_mm is final.
+/// The wheels have come to rest: rolled_mm is final.
 constexpr uint32_t kAtRest = 1;
 /// It was before the device last started.
 constexpr uint32_t kEarlierStart = 2;
@@ -339,8 +339,8 @@ enum class BoardLine : uint8_t {
 };
 
 enum class ConfigurationState : uint8_t {
-  kDamaged = 0,  ///< What is stored cannot be used, so there is none: nothing is driven.
-  kBuiltIn = 1,  ///< It is the image's own, which nobody confirmed: nothing is driven.
+  kDamaged = 0,  ///< The stored configuration cannot be used: nothing is driven.
+  kBuiltIn = 1,  ///< It is the firmware's own, which nobody confirmed: nothing is driven.
   kStored = 2,   ///< It was confirmed.
   kTrial = 3,    ///< It was written, and waits for its confirmation: nothing drives.
 };
@@ -405,8 +405,8 @@ enum class BoardFault : uint8_t {
   kNoPullDown =
       19,  ///< {function} = {pin}: the stage {stage} drives whenever this input floats, as it does
            ///< while {chip} is in reset; fit some 10 kOhm to ground and add {pin} to pulldowns
-  kPullDownWithoutUse =
-      20,  ///< pulldowns: GPIO {pin} is no output of this board; leave it out, or mend the number
+  kPullDownWithoutUse = 20,  ///< pulldowns: GPIO {pin} is not an output of this board; leave it
+                             ///< out, or correct the number
   kFrequencyHigh = 21,  ///< pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most
   kFrequencyLow = 22,   ///< pwm_frequency_hz = {value}: choose {limit} at least
   kCounters = 23,       ///< {chip} has {limit} pulse counters, two wheels need {value}
@@ -422,7 +422,7 @@ enum class BoardFault : uint8_t {
   kPinPulledUp =
       30,  ///< {function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a
            ///< motor; choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns
-  kModule = 31,      ///< module: there is no such module of {chip}; leave it out, or name another
+  kModule = 31,      ///< module: {chip} has no such module; leave it out, or name another
   kLedOnStrap = 32,  ///< {function} = {pin}: the level of GPIO {pin} at reset selects how {chip}
                      ///< starts, and the LED pulls on it; if the chip does not start, or takes no
                      ///< firmware, choose another
@@ -538,7 +538,7 @@ enum class BatteryLevel : uint8_t {
   kUnknown = 0,  ///< Not judged: there is no entry for it, or no measurement yet.
   kOk = 1,       ///< Above the level of the warning.
   kWarn = 2,     ///< Below the level of the warning.
-  kLimit = 3,    ///< Below the level from which on the robot drives at half its speed at most.
+  kLimit = 3,    ///< Below the level at which the robot slows down to half its speed.
   kStop = 4,     ///< Below the level at which it stops, until it is charged.
 };
 
@@ -573,14 +573,14 @@ constexpr uint32_t kLimit = 8;
 constexpr uint32_t kUnread = 16;
 }  // namespace reflex
 
-/// Opens a session. Repeating it with the same nonce changes nothing.
+/// Opens a session.
 struct Hello {
   static constexpr uint8_t kId = 0x01;
   static constexpr size_t kSize = 10;
 
-  uint32_t nonce{};             ///< Random; with boot_id it names the session.
-  uint16_t protocol_version{};  ///< The host's protocol version.
-  uint32_t schema_hash{};       ///< Hash of the host's message definitions.
+  uint32_t nonce{};  ///< Random; names the session, with boot_id.
+  uint16_t protocol_version{};
+  uint32_t schema_hash{};
 
   bool operator==(const Hello&) const = default;
 
@@ -601,15 +601,15 @@ struct Hello {
   }
 };
 
-/// Stops both wheels at once, bypassing the slew limit. Needs no session.
+/// Stops both wheels at once. Needs no session.
 struct Stop {
   static constexpr uint8_t kId = 0x02;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
-  uint32_t command_seq{};  ///< Setpoints of this session up to this number are void.
-  StopMode mode{};         ///< How to stop.
+  uint32_t session_id{};
+  uint16_t request_id{};   ///< Counts up; the answer repeats it.
+  uint32_t command_seq{};  ///< Setpoints up to this one are void.
+  StopMode mode{};
 
   bool operator==(const Stop&) const = default;
 
@@ -632,13 +632,13 @@ struct Stop {
   }
 };
 
-/// Stops both wheels and latches until cleared. Needs no session.
+/// Stops both wheels until cleared. Needs no session.
 struct Estop {
   static constexpr uint8_t kId = 0x03;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const Estop&) const = default;
 
@@ -657,16 +657,16 @@ struct Estop {
   }
 };
 
-/// Velocity setpoint of both wheels, closed loop. The latest wins.
+/// Wheel velocities, closed loop.
 struct SetWheelVelocity {
   static constexpr uint8_t kId = 0x04;
   static constexpr size_t kSize = 24;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
-  uint32_t command_seq{};  ///< Counts up; only a newer one is obeyed.
-  uint64_t expiry_us{};    ///< Device clock at which it expires. [us]
-  float left_mps{};        ///< At the rim, forward positive. [m/s]
-  float right_mps{};       ///< At the rim, forward positive. [m/s]
+  uint32_t session_id{};
+  uint32_t command_seq{};  ///< Counts up; older ones are ignored.
+  uint64_t expiry_us{};    ///< Device clock when it expires. [us]
+  float left_mps{};        ///< Forward positive. [m/s]
+  float right_mps{};       ///< Forward positive. [m/s]
 
   bool operator==(const SetWheelVelocity&) const = default;
 
@@ -691,14 +691,14 @@ struct SetWheelVelocity {
   }
 };
 
-/// Duty setpoint of both wheels, open loop. The latest wins.
+/// Duties, open loop.
 struct SetDuty {
   static constexpr uint8_t kId = 0x05;
   static constexpr size_t kSize = 20;
 
-  uint32_t session_id{};     ///< Nonce XOR boot_id of the session.
-  uint32_t command_seq{};    ///< Counts up; only a newer one is obeyed.
-  uint64_t expiry_us{};      ///< Device clock at which it expires. [us]
+  uint32_t session_id{};
+  uint32_t command_seq{};    ///< Counts up; older ones are ignored.
+  uint64_t expiry_us{};      ///< Device clock when it expires. [us]
   int16_t left_duty_q15{};   ///< Forward positive. [duty x 32767]
   int16_t right_duty_q15{};  ///< Forward positive. [duty x 32767]
 
@@ -725,14 +725,14 @@ struct SetDuty {
   }
 };
 
-/// One exchange of the clock synchronisation. Never repeated: a lost one stays lost.
+/// Synchronises the clocks. Never repeated.
 struct Ping {
   static constexpr uint8_t kId = 0x06;
   static constexpr size_t kSize = 14;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint64_t host_us{};     ///< Host clock at sending. [us]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint64_t host_us{};     ///< Host clock when sent. [us]
 
   bool operator==(const Ping&) const = default;
 
@@ -753,13 +753,13 @@ struct Ping {
   }
 };
 
-/// Ends the emergency stop; refused while its cause lasts.
+/// Ends the e-stop, if its cause is gone.
 struct ClearEstop {
   static constexpr uint8_t kId = 0x07;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ClearEstop&) const = default;
 
@@ -778,13 +778,13 @@ struct ClearEstop {
   }
 };
 
-/// Clears all latched faults; refused while their cause lasts.
+/// Ends all faults, if their causes are gone.
 struct ClearFault {
   static constexpr uint8_t kId = 0x08;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ClearFault&) const = default;
 
@@ -803,14 +803,14 @@ struct ClearFault {
   }
 };
 
-/// Sets how often WheelState is sent in this session.
+/// Sets the rate of WheelState for this session.
 struct SetStreamRate {
   static constexpr uint8_t kId = 0x09;
   static constexpr size_t kSize = 8;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint16_t rate_hz{};     ///< 0 is off. [Hz]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint16_t rate_hz{};     ///< 0: off. [Hz]
 
   bool operator==(const SetStreamRate&) const = default;
 
@@ -831,14 +831,14 @@ struct SetStreamRate {
   }
 };
 
-/// Asks for one parameter; the answer is ParameterValue.
+/// Asks for one parameter.
 struct ParameterGet {
   static constexpr uint8_t kId = 0x0a;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t parameter{};    ///< Parameter id, from the table of parameters.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t parameter{};
 
   bool operator==(const ParameterGet&) const = default;
 
@@ -859,15 +859,15 @@ struct ParameterGet {
   }
 };
 
-/// Sets one parameter until the next reset; the answer is ParameterValue.
+/// Sets one parameter until the next reset.
 struct ParameterSet {
   static constexpr uint8_t kId = 0x0b;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t parameter{};    ///< Parameter id, from the table of parameters.
-  float value{};          ///< In the parameter's unit.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t parameter{};
+  float value{};
 
   bool operator==(const ParameterSet&) const = default;
 
@@ -890,15 +890,14 @@ struct ParameterSet {
   }
 };
 
-/// Writes parameters to the store. Only while stopped: flash writes stall the chip.
+/// Saves parameters in flash. Only while stopped.
 struct ParameterSave {
   static constexpr uint8_t kId = 0x0c;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t parameter{};    ///< Id of the one to save; the others stay as they are in the store. 0:
-                          ///< save all.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t parameter{};    ///< 0: all.
 
   bool operator==(const ParameterSave&) const = default;
 
@@ -919,13 +918,13 @@ struct ParameterSave {
   }
 };
 
-/// Sets all parameters to their defaults and empties the store. Only while stopped.
+/// Restores and saves all defaults. Only while stopped.
 struct ParameterReset {
   static constexpr uint8_t kId = 0x0d;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ParameterReset&) const = default;
 
@@ -944,13 +943,13 @@ struct ParameterReset {
   }
 };
 
-/// Asks for the parameter at an index; the answer is ParameterEntry.
+/// Asks for the parameter at an index.
 struct ParameterList {
   static constexpr uint8_t kId = 0x0e;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};      ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};      ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};      ///< Counts up; the answer repeats it.
   uint8_t parameter_index{};  ///< 0 to parameter_count - 1.
 
   bool operator==(const ParameterList&) const = default;
@@ -972,13 +971,13 @@ struct ParameterList {
   }
 };
 
-/// Asks for the device's link counters; the answer is LinkCounters.
+/// Asks for LinkCounters.
 struct LinkCountersGet {
   static constexpr uint8_t kId = 0x0f;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const LinkCountersGet&) const = default;
 
@@ -997,13 +996,13 @@ struct LinkCountersGet {
   }
 };
 
-/// Asks for the control loop's counters; the answer is ControlCounters.
+/// Asks for ControlCounters.
 struct ControlCountersGet {
   static constexpr uint8_t kId = 0x10;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ControlCountersGet&) const = default;
 
@@ -1022,15 +1021,15 @@ struct ControlCountersGet {
   }
 };
 
-/// Begins, renews or ends a trial of parameters, which the session's end reverts.
+/// Begins, renews or ends a trial of parameters.
 struct ParameterTrial {
   static constexpr uint8_t kId = 0x11;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  TrialAction action{};   ///< What to do.
-  float timeout_s{};      ///< Life of the trial after BEGIN or RENEW: 0.2 to 60. [s]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  TrialAction action{};
+  float timeout_s{};  ///< Of BEGIN and RENEW: 0.2 to 60. [s]
 
   bool operator==(const ParameterTrial&) const = default;
 
@@ -1053,14 +1052,14 @@ struct ParameterTrial {
   }
 };
 
-/// Asks for the hash of a group of messages; the answer is GroupInfo.
+/// Asks for the hash of a group of messages.
 struct GroupGet {
   static constexpr uint8_t kId = 0x12;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  Group group{};          ///< Which.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  Group group{};
 
   bool operator==(const GroupGet&) const = default;
 
@@ -1081,13 +1080,13 @@ struct GroupGet {
   }
 };
 
-/// Restarts the device, shortly after the Ack. Only while stopped.
+/// Restarts the device. Only while stopped.
 struct Restart {
   static constexpr uint8_t kId = 0x13;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const Restart&) const = default;
 
@@ -1106,13 +1105,13 @@ struct Restart {
   }
 };
 
-/// Asks which parameters contradict each other; the answer is Contradictions.
+/// Asks for Contradictions.
 struct ContradictionsGet {
   static constexpr uint8_t kId = 0x14;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ContradictionsGet&) const = default;
 
@@ -1131,13 +1130,13 @@ struct ContradictionsGet {
   }
 };
 
-/// Asks what holds the robot, and what ended its last motion; the answer is Hold.
+/// Asks for Hold.
 struct HoldGet {
   static constexpr uint8_t kId = 0x15;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const HoldGet&) const = default;
 
@@ -1156,13 +1155,13 @@ struct HoldGet {
   }
 };
 
-/// Asks for the active configuration; the answer is ConfigurationValue.
+/// Asks for the active configuration.
 struct ConfigurationGet {
   static constexpr uint8_t kId = 0x20;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const ConfigurationGet&) const = default;
 
@@ -1181,14 +1180,14 @@ struct ConfigurationGet {
   }
 };
 
-/// Asks for one of its peripherals; the answer is PeripheralValue.
+/// Asks for one of its peripherals.
 struct PeripheralGet {
   static constexpr uint8_t kId = 0x21;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};      ///< Index of the entry, from 0.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t channel{};
 
   bool operator==(const PeripheralGet&) const = default;
 
@@ -1209,43 +1208,43 @@ struct PeripheralGet {
   }
 };
 
-/// Sets the board that ConfigurationWrite stores. Nothing changes before that.
+/// Prepares the board for ConfigurationWrite.
 struct BoardSet {
   static constexpr uint8_t kId = 0x22;
   static constexpr size_t kSize = 69;
 
-  uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
-  uint8_t version{};                    ///< Version of this struct.
-  Chip chip{};                          ///< The chip whose pins these are.
-  Module module{};                      ///< What carries the chip.
-  Stage stage{};                        ///< The power stage of both wheels.
-  BoardLine line{};                     ///< The line to the host.
-  char name[24]{};                      ///< ASCII, filled up with zeros.
-  int8_t left_enable{};                 ///< GPIO; -1: none.
-  int8_t left_in1{};                    ///< GPIO; -1: none.
-  int8_t left_in2{};                    ///< GPIO; -1: none.
-  int8_t left_pwm{};                    ///< GPIO; -1: none.
-  int8_t left_dir{};                    ///< GPIO; -1: none.
-  int8_t left_encoder_a{};              ///< GPIO; -1: none.
-  int8_t left_encoder_b{};              ///< GPIO; -1: none.
-  int8_t right_enable{};                ///< GPIO; -1: none.
-  int8_t right_in1{};                   ///< GPIO; -1: none.
-  int8_t right_in2{};                   ///< GPIO; -1: none.
-  int8_t right_pwm{};                   ///< GPIO; -1: none.
-  int8_t right_dir{};                   ///< GPIO; -1: none.
-  int8_t right_encoder_a{};             ///< GPIO; -1: none.
-  int8_t right_encoder_b{};             ///< GPIO; -1: none.
-  int8_t standby{};                     ///< GPIO; -1: none.
-  int8_t estop{};                       ///< GPIO; -1: none.
-  int8_t battery{};                     ///< GPIO; -1: none.
-  int8_t led{};                         ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
-  ContactKind estop_contact{};          ///< What a press does.
-  uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t version{};      ///< Of this layout.
+  Chip chip{};
+  Module module{};
+  Stage stage{};  ///< Of both wheels.
+  BoardLine line{};
+  char name[24]{};           ///< ASCII.
+  int8_t left_enable{};      ///< GPIO; -1: none.
+  int8_t left_in1{};         ///< GPIO; -1: none.
+  int8_t left_in2{};         ///< GPIO; -1: none.
+  int8_t left_pwm{};         ///< GPIO; -1: none.
+  int8_t left_dir{};         ///< GPIO; -1: none.
+  int8_t left_encoder_a{};   ///< GPIO; -1: none.
+  int8_t left_encoder_b{};   ///< GPIO; -1: none.
+  int8_t right_enable{};     ///< GPIO; -1: none.
+  int8_t right_in1{};        ///< GPIO; -1: none.
+  int8_t right_in2{};        ///< GPIO; -1: none.
+  int8_t right_pwm{};        ///< GPIO; -1: none.
+  int8_t right_dir{};        ///< GPIO; -1: none.
+  int8_t right_encoder_a{};  ///< GPIO; -1: none.
+  int8_t right_encoder_b{};  ///< GPIO; -1: none.
+  int8_t standby{};          ///< GPIO; -1: none.
+  int8_t estop{};            ///< GPIO; -1: none.
+  int8_t battery{};          ///< GPIO; -1: none.
+  int8_t led{};              ///< GPIO; -1: none.
+  EncoderPulls encoder_pulls{};
+  ContactKind estop_contact{};
+  uint16_t pwm_frequency_hz{};          ///< Default of this parameter. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
-  uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
-  uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
+  uint16_t battery_divider_permille{};  ///< Battery voltage / pin voltage x 1000.
+  uint64_t pulldowns{};                 ///< Bit n: GPIO n has an external pull-down.
 
   bool operator==(const BoardSet&) const = default;
 
@@ -1324,27 +1323,27 @@ struct BoardSet {
   }
 };
 
-/// As BoardSet, one of its peripherals.
+/// Prepares a peripheral for ConfigurationWrite.
 struct PeripheralSet {
   static constexpr uint8_t kId = 0x23;
   static constexpr size_t kSize = 23;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};      ///< Index of the entry, from 0.
-  PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
-  Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Properties of its pin.
-  int8_t pin_a{};         ///< GPIO; -1: none.
-  int8_t pin_b{};         ///< GPIO; -1: none.
-  int8_t pin_c{};         ///< GPIO; -1: none.
-  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< The IMU's axis that points forward.
-  Axis up{};              ///< The IMU's axis that points up.
-  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
-  uint16_t value_b{};     ///< Depends on the kind.
-  uint16_t value_c{};     ///< Depends on the kind.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t channel{};
+  PeripheralKind kind{};
+  SensorChip chip{};  ///< Of an IMU, POWER or RANGE.
+  Place place{};
+  uint8_t flags{};
+  int8_t pin_a{};     ///< GPIO; -1: none.
+  int8_t pin_b{};     ///< GPIO; -1: none.
+  int8_t pin_c{};     ///< GPIO; -1: none.
+  uint8_t address{};  ///< On the I2C bus; 0: the chip's default.
+  Axis forward{};
+  Axis up{};
+  uint16_t value_a{};  ///< By kind: see SPEC.md.
+  uint16_t value_b{};  ///< By kind: see SPEC.md.
+  uint16_t value_c{};  ///< By kind: see SPEC.md.
 
   bool operator==(const PeripheralSet&) const = default;
 
@@ -1391,15 +1390,15 @@ struct PeripheralSet {
   }
 };
 
-/// Stores what was set, to be tried from the next restart on. Only while stopped.
+/// Stores the prepared configuration on trial. Only while stopped.
 struct ConfigurationWrite {
   static constexpr uint8_t kId = 0x24;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
-  uint8_t peripheral_count{};  ///< How many peripherals count; 0: there is none.
-  uint32_t fingerprint{};      ///< Of the configuration that is meant: see SPEC.md.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t peripheral_count{};
+  uint32_t fingerprint{};
 
   bool operator==(const ConfigurationWrite&) const = default;
 
@@ -1422,14 +1421,14 @@ struct ConfigurationWrite {
   }
 };
 
-/// Confirms the configuration on trial, or the image's own. Only while stopped.
+/// Confirms the configuration. Only while stopped.
 struct ConfigurationConfirm {
   static constexpr uint8_t kId = 0x25;
   static constexpr size_t kSize = 10;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
-  uint32_t fingerprint{};  ///< Of the configuration that is meant.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t fingerprint{};
 
   bool operator==(const ConfigurationConfirm&) const = default;
 
@@ -1450,14 +1449,14 @@ struct ConfigurationConfirm {
   }
 };
 
-/// Asks for what one of the stored black boxes is of; the answer is BoxValue.
+/// Asks what a stored black box contains.
 struct BoxGet {
   static constexpr uint8_t kId = 0x30;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t age{};          ///< How many were stored after it; 0: the newest.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t age{};          ///< 0: the newest box.
 
   bool operator==(const BoxGet&) const = default;
 
@@ -1478,15 +1477,15 @@ struct BoxGet {
   }
 };
 
-/// Asks for a part of a black box; the answer is BoxPart. Not while driving.
+/// Asks for a part of a black box. Only while stopped.
 struct BoxRead {
   static constexpr uint8_t kId = 0x31;
   static constexpr size_t kSize = 14;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t number{};      ///< Number of the box.
-  uint32_t offset{};      ///< Offset from its beginning, in bytes.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t number{};
+  uint32_t offset{};  ///< In bytes.
 
   bool operator==(const BoxRead&) const = default;
 
@@ -1509,13 +1508,13 @@ struct BoxRead {
   }
 };
 
-/// Asks for the counts that outlive a reset; the answer is LedgerValue.
+/// Asks for the counts that survive a reset.
 struct LedgerGet {
   static constexpr uint8_t kId = 0x32;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const LedgerGet&) const = default;
 
@@ -1534,13 +1533,13 @@ struct LedgerGet {
   }
 };
 
-/// Asks which parameters a reset would change; the answer is UnsavedValue.
+/// Asks which parameters are not saved.
 struct UnsavedGet {
   static constexpr uint8_t kId = 0x40;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const UnsavedGet&) const = default;
 
@@ -1559,15 +1558,14 @@ struct UnsavedGet {
   }
 };
 
-/// Asks for a SensorInfo of each channel, and for samples in this session.
+/// Asks for SensorInfo and samples, for this session.
 struct SensorStream {
   static constexpr uint8_t kId = 0x50;
   static constexpr size_t kSize = 8;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint16_t
-      rate_hz{};  ///< Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint16_t rate_hz{};     ///< Highest rate of the IMU; 0: no samples. [Hz]
 
   bool operator==(const SensorStream&) const = default;
 
@@ -1588,13 +1586,13 @@ struct SensorStream {
   }
 };
 
-/// Asks how much of the chip's memory is left; the answer is MemoryValue.
+/// Asks how much memory is free.
 struct MemoryGet {
   static constexpr uint8_t kId = 0x60;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
 
   bool operator==(const MemoryGet&) const = default;
 
@@ -1613,25 +1611,25 @@ struct MemoryGet {
   }
 };
 
-/// Answers Hello: who this is, and whether the session is open.
+/// Answers Hello: identity, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
   static constexpr size_t kSize = 44;
 
-  uint32_t nonce{};             ///< The host's, repeated.
-  uint16_t protocol_version{};  ///< The device's protocol version.
-  uint32_t schema_hash{};       ///< Hash of the device's message definitions.
-  RefusalCode refusal{};        ///< NONE: the session is open.
-  uint32_t boot_id{};           ///< Random at reset. A new value voids all earlier ticks.
-  uint64_t device_us{};         ///< Device clock, from reset. [us]
-  ResetReason reset_reason{};   ///< Why the device last started.
-  Chip board{};                 ///< What the firmware runs on.
-  uint64_t board_id{};          ///< The chip's MAC address.
-  uint32_t capabilities{};      ///< What this device can do.
-  uint8_t version_major{};      ///< The firmware's major version.
-  uint8_t version_minor{};      ///< The firmware's minor version.
-  uint8_t version_patch{};      ///< The firmware's patch version.
-  uint32_t git_hash{};          ///< First 8 hex digits of the firmware's commit; 0: unknown.
+  uint32_t nonce{};  ///< From Hello.
+  uint16_t protocol_version{};
+  uint32_t schema_hash{};
+  RefusalCode refusal{};  ///< NONE: the session is open.
+  uint32_t boot_id{};     ///< Random at each reset, which zeroes the ticks.
+  uint64_t device_us{};   ///< [us]
+  ResetReason reset_reason{};
+  Chip board{};
+  uint64_t board_id{};  ///< The chip's MAC address.
+  uint32_t capabilities{};
+  uint8_t version_major{};  ///< Of the firmware.
+  uint8_t version_minor{};  ///< Of the firmware.
+  uint8_t version_patch{};  ///< Of the firmware.
+  uint32_t git_hash{};      ///< First 8 hex digits of its commit; 0: unknown.
 
   bool operator==(const DeviceHello&) const = default;
 
@@ -1674,24 +1672,24 @@ struct DeviceHello {
   }
 };
 
-/// Both encoders, latched at the same instant, and the state of the controller.
+/// Both encoders, read at one instant, and the controller's state.
 struct WheelState {
   static constexpr uint8_t kId = 0x81;
   static constexpr size_t kSize = 39;
 
-  uint32_t boot_id{};            ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};               ///< Device clock at the latch. Wraps after 71.6 min. [us]
-  int32_t left_ticks{};          ///< Cumulative, forward positive. Wraps at 2^32. [tick]
-  int32_t right_ticks{};         ///< Cumulative, forward positive. Wraps at 2^32. [tick]
-  float left_mps{};              ///< Measured at the rim. [m/s]
-  float right_mps{};             ///< Measured at the rim. [m/s]
-  int16_t left_duty_q15{};       ///< On the output now; 0 when not driving. [duty x 32767]
-  int16_t right_duty_q15{};      ///< On the output now; 0 when not driving. [duty x 32767]
-  uint32_t command_seq{};        ///< Setpoint obeyed, or last obeyed; 0: none yet.
-  SupervisorState supervisor{};  ///< The safety supervisor's state.
-  uint16_t faults{};             ///< Latched fault flags.
-  uint16_t overruns{};           ///< Control steps that came late, since reset. Wraps.
-  uint16_t battery_mv{};         ///< Battery voltage; 0: not measured. [mV]
+  uint32_t boot_id{};
+  uint32_t t_us{};           ///< Device clock. Wraps after 71.6 min. [us]
+  int32_t left_ticks{};      ///< Forward positive. Wraps. [tick]
+  int32_t right_ticks{};     ///< Forward positive. Wraps. [tick]
+  float left_mps{};          ///< Measured at the rim. [m/s]
+  float right_mps{};         ///< Measured at the rim. [m/s]
+  int16_t left_duty_q15{};   ///< Applied; 0 when not driving. [duty x 32767]
+  int16_t right_duty_q15{};  ///< Applied; 0 when not driving. [duty x 32767]
+  uint32_t command_seq{};    ///< Setpoint obeyed last; 0: none yet.
+  SupervisorState supervisor{};
+  uint16_t faults{};
+  uint16_t overruns{};    ///< Late control steps since reset. Wraps.
+  uint16_t battery_mv{};  ///< 0: not measured. [mV]
 
   bool operator==(const WheelState&) const = default;
 
@@ -1732,15 +1730,15 @@ struct WheelState {
   }
 };
 
-/// A request or setpoint was not obeyed. Nothing moved or changed because of it.
+/// Refuses a request or setpoint: nothing moved or changed.
 struct Refuse {
   static constexpr uint8_t kId = 0x82;
   static constexpr size_t kSize = 10;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint8_t message_id{};   ///< Id of the message refused.
-  RefusalCode code{};     ///< Why.
-  uint32_t reference{};   ///< Its request_id, or its command_seq.
+  uint32_t session_id{};
+  uint8_t message_id{};  ///< Of the refused message.
+  RefusalCode code{};
+  uint32_t reference{};  ///< Its request_id or command_seq.
 
   bool operator==(const Refuse&) const = default;
 
@@ -1763,14 +1761,14 @@ struct Refuse {
   }
 };
 
-/// The request was carried out.
+/// Confirms that a request was carried out.
 struct Ack {
   static constexpr uint8_t kId = 0x83;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t message_id{};   ///< Id of the message carried out.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t message_id{};   ///< Of the request.
 
   bool operator==(const Ack&) const = default;
 
@@ -1791,16 +1789,16 @@ struct Ack {
   }
 };
 
-/// Answers Ping.
+/// Answers Ping, with the device clock.
 struct Pong {
   static constexpr uint8_t kId = 0x84;
   static constexpr size_t kSize = 30;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
-  uint64_t host_us{};      ///< From the Ping. [us]
-  uint64_t received_us{};  ///< Device clock when the Ping was read. [us]
-  uint64_t sent_us{};      ///< Device clock when this was written. [us]
+  uint32_t session_id{};
+  uint16_t request_id{};   ///< Counts up; the answer repeats it.
+  uint64_t host_us{};      ///< From Ping. [us]
+  uint64_t received_us{};  ///< [us]
+  uint64_t sent_us{};      ///< [us]
 
   bool operator==(const Pong&) const = default;
 
@@ -1825,15 +1823,15 @@ struct Pong {
   }
 };
 
-/// The active value.
+/// A parameter's active value.
 struct ParameterValue {
   static constexpr uint8_t kId = 0x85;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t parameter{};    ///< Parameter id, from the table of parameters.
-  float value{};          ///< In the parameter's unit.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t parameter{};
+  float value{};
 
   bool operator==(const ParameterValue&) const = default;
 
@@ -1856,20 +1854,20 @@ struct ParameterValue {
   }
 };
 
-/// One parameter with this device's bounds.
+/// One parameter, with its bounds.
 struct ParameterEntry {
   static constexpr uint8_t kId = 0x86;
   static constexpr size_t kSize = 25;
 
-  uint32_t session_id{};      ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};      ///< Counts up in a session; the answer returns it.
-  uint8_t parameter_index{};  ///< As asked.
-  uint8_t parameter_count{};  ///< How many parameters there are.
-  uint8_t parameter{};        ///< Parameter id, from the table of parameters.
-  float value{};              ///< The active value.
-  float default_value{};      ///< After a ParameterReset.
-  float minimum{};            ///< Smallest value allowed.
-  float maximum{};            ///< Largest value allowed.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t parameter_index{};
+  uint8_t parameter_count{};
+  uint8_t parameter{};
+  float value{};
+  float default_value{};
+  float minimum{};
+  float maximum{};
 
   bool operator==(const ParameterEntry&) const = default;
 
@@ -1902,19 +1900,19 @@ struct ParameterEntry {
   }
 };
 
-/// Reports what a state frame may show too late or not at all.
+/// Reports a change of state, or another incident.
 struct Event {
   static constexpr uint8_t kId = 0x87;
   static constexpr size_t kSize = 18;
 
-  uint32_t boot_id{};        ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};           ///< Device clock when it happened. [us]
-  EventCode code{};          ///< What.
-  SupervisorEvent cause{};   ///< What moved the supervisor.
-  SupervisorState before{};  ///< State left.
-  SupervisorState after{};   ///< State entered.
-  uint16_t faults{};         ///< Latched fault flags.
-  float speed_mps{};         ///< With ROLLING, the speed of the faster wheel; otherwise 0. [m/s]
+  uint32_t boot_id{};
+  uint32_t t_us{};  ///< Device clock. [us]
+  EventCode code{};
+  SupervisorEvent cause{};
+  SupervisorState before{};
+  SupervisorState after{};
+  uint16_t faults{};
+  float speed_mps{};  ///< With ROLLING: of the faster wheel. [m/s]
 
   bool operator==(const Event&) const = default;
 
@@ -1945,23 +1943,23 @@ struct Event {
   }
 };
 
-/// Counts of the device's receiver, sender and supervisor since reset. All wrap.
+/// Counts of the link since reset. All wrap.
 struct LinkCounters {
   static constexpr uint8_t kId = 0x88;
   static constexpr size_t kSize = 44;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
-  uint32_t frames_received{};  ///< Good frames.
-  uint32_t frames_sent{};      ///< Frames handed to the line.
-  uint32_t bad_crc{};          ///< Frames with a wrong CRC.
-  uint32_t bad_cobs{};         ///< Frames that are not COBS, or too short or long.
-  uint32_t unknown_id{};       ///< Good frames with an unknown id.
-  uint32_t wrong_length{};     ///< Good frames with the wrong length for their id.
-  uint32_t seq_lost{};  ///< Frames missing by their sequence numbers, less those that came late.
-  uint32_t send_dropped{};    ///< Frames not sent because the line was full.
-  uint32_t refused{};         ///< Requests and setpoints refused.
-  uint16_t faults_tripped{};  ///< Faults tripped, including those cleared at once.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t frames_received{};
+  uint32_t frames_sent{};
+  uint32_t bad_crc{};
+  uint32_t bad_cobs{};  ///< Not COBS, too short or too long.
+  uint32_t unknown_id{};
+  uint32_t wrong_length{};
+  uint32_t seq_lost{};      ///< Frames missing by seq.
+  uint32_t send_dropped{};  ///< The line was full.
+  uint32_t refused{};       ///< Requests and setpoints.
+  uint16_t faults_tripped{};
 
   bool operator==(const LinkCounters&) const = default;
 
@@ -2000,20 +1998,18 @@ struct LinkCounters {
   }
 };
 
-/// Counts of the control loop and the encoders since reset. All wrap.
+/// Counts of the control loop since reset. All wrap.
 struct ControlCounters {
   static constexpr uint8_t kId = 0x89;
   static constexpr size_t kSize = 26;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
-  uint32_t late_steps{};       ///< Steps more than half a period late.
-  uint32_t latest_step_us{};   ///< Longest time between two steps. [us]
-  uint32_t saturated_steps{};  ///< Steps in which a wheel's velocity loop needed more than its
-                               ///< output can give.
-  uint32_t left_illegal{};     ///< Impossible transitions of the left encoder: lost edges. A chip's
-                               ///< counter sees none.
-  uint32_t right_illegal{};    ///< As left_illegal.
+  uint32_t session_id{};
+  uint16_t request_id{};       ///< Counts up; the answer repeats it.
+  uint32_t late_steps{};       ///< More than half a period late.
+  uint32_t latest_step_us{};   ///< Longest time between steps. [us]
+  uint32_t saturated_steps{};  ///< Steps in which a wheel needed more duty than there is.
+  uint32_t left_illegal{};     ///< Lost edges; always 0 on a chip.
+  uint32_t right_illegal{};    ///< Lost edges; always 0 on a chip.
 
   bool operator==(const ControlCounters&) const = default;
 
@@ -2047,10 +2043,10 @@ struct GroupInfo {
   static constexpr uint8_t kId = 0x8a;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  Group group{};          ///< As asked.
-  uint32_t hash{};        ///< 0: this device has no such group.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  Group group{};
+  uint32_t hash{};  ///< 0: no such group.
 
   bool operator==(const GroupInfo&) const = default;
 
@@ -2073,15 +2069,15 @@ struct GroupInfo {
   }
 };
 
-/// Which parameters contradict each other, or the board.
+/// Parameters that contradict each other or the board.
 struct Contradictions {
   static constexpr uint8_t kId = 0x8b;
   static constexpr size_t kSize = 14;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t active{};      ///< Contradictions of the active values: nothing drives.
-  uint32_t refused{};     ///< Contradictions of the values that this session was last refused.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t active{};
+  uint32_t refused{};  ///< Of the values refused last.
 
   bool operator==(const Contradictions&) const = default;
 
@@ -2104,27 +2100,26 @@ struct Contradictions {
   }
 };
 
-/// What holds the robot, and what ended its last motion. Sent unasked, too, when a session opens,
-/// when one of them changes, and each second.
+/// What holds the robot, and what ended its last motion.
 struct Hold {
   static constexpr uint8_t kId = 0x8c;
   static constexpr size_t kSize = 44;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};       ///< As asked; 0: nobody asked.
-  uint32_t held{};             ///< What holds it now; 0: nothing.
-  EstopSource estop_source{};  ///< Who latched the e-stop.
-  uint32_t contradictions{};   ///< Contradictions of the active parameters.
-  StopCause stop_cause{};      ///< What ended the last motion.
-  uint8_t stop_flags{};        ///< More about that stop.
-  ResetReason stop_reset{};    ///< With RESET: why.
-  uint32_t stop_held{};        ///< What held the robot once it had stopped.
-  uint16_t stop_faults{};      ///< Faults latched at it.
-  uint32_t stop_session{};     ///< Session whose setpoint drove until then.
-  uint32_t stop_command{};     ///< Number of that setpoint.
-  uint64_t stop_us{};          ///< Device clock at it; 0: before the last start. [us]
-  uint16_t stop_mmps{};        ///< Speed of the faster wheel at it. [mm/s]
-  uint16_t rolled_mm{};        ///< How far that wheel has turned since. [mm]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< 0: sent unasked.
+  uint32_t held{};        ///< 0: nothing.
+  EstopSource estop_source{};
+  uint32_t contradictions{};
+  StopCause stop_cause{};
+  uint8_t stop_flags{};
+  ResetReason stop_reset{};  ///< With RESET.
+  uint32_t stop_held{};
+  uint16_t stop_faults{};
+  uint32_t stop_session{};
+  uint32_t stop_command{};  ///< Its last setpoint.
+  uint64_t stop_us{};       ///< Device clock; 0: before this start. [us]
+  uint16_t stop_mmps{};     ///< Of the faster wheel. [mm/s]
+  uint16_t rolled_mm{};     ///< How far that wheel turned since. [mm]
 
   bool operator==(const Hold&) const = default;
 
@@ -2169,46 +2164,46 @@ struct Hold {
   }
 };
 
-/// The active configuration, without its peripherals.
+/// The active configuration.
 struct ConfigurationValue {
   static constexpr uint8_t kId = 0xa0;
   static constexpr size_t kSize = 75;
 
-  uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
-  ConfigurationState state{};           ///< Where it is from.
-  uint8_t peripheral_count{};           ///< How many peripherals it has.
-  uint32_t fingerprint{};               ///< Its checksum: see SPEC.md.
-  uint8_t version{};                    ///< Version of this struct.
-  Chip chip{};                          ///< The chip whose pins these are.
-  Module module{};                      ///< What carries the chip.
-  Stage stage{};                        ///< The power stage of both wheels.
-  BoardLine line{};                     ///< The line to the host.
-  char name[24]{};                      ///< ASCII, filled up with zeros.
-  int8_t left_enable{};                 ///< GPIO; -1: none.
-  int8_t left_in1{};                    ///< GPIO; -1: none.
-  int8_t left_in2{};                    ///< GPIO; -1: none.
-  int8_t left_pwm{};                    ///< GPIO; -1: none.
-  int8_t left_dir{};                    ///< GPIO; -1: none.
-  int8_t left_encoder_a{};              ///< GPIO; -1: none.
-  int8_t left_encoder_b{};              ///< GPIO; -1: none.
-  int8_t right_enable{};                ///< GPIO; -1: none.
-  int8_t right_in1{};                   ///< GPIO; -1: none.
-  int8_t right_in2{};                   ///< GPIO; -1: none.
-  int8_t right_pwm{};                   ///< GPIO; -1: none.
-  int8_t right_dir{};                   ///< GPIO; -1: none.
-  int8_t right_encoder_a{};             ///< GPIO; -1: none.
-  int8_t right_encoder_b{};             ///< GPIO; -1: none.
-  int8_t standby{};                     ///< GPIO; -1: none.
-  int8_t estop{};                       ///< GPIO; -1: none.
-  int8_t battery{};                     ///< GPIO; -1: none.
-  int8_t led{};                         ///< GPIO; -1: none.
-  EncoderPulls encoder_pulls{};         ///< Pulls of all four encoder inputs.
-  ContactKind estop_contact{};          ///< What a press does.
-  uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  ConfigurationState state{};
+  uint8_t peripheral_count{};
+  uint32_t fingerprint{};
+  uint8_t version{};  ///< Of this layout.
+  Chip chip{};
+  Module module{};
+  Stage stage{};  ///< Of both wheels.
+  BoardLine line{};
+  char name[24]{};           ///< ASCII.
+  int8_t left_enable{};      ///< GPIO; -1: none.
+  int8_t left_in1{};         ///< GPIO; -1: none.
+  int8_t left_in2{};         ///< GPIO; -1: none.
+  int8_t left_pwm{};         ///< GPIO; -1: none.
+  int8_t left_dir{};         ///< GPIO; -1: none.
+  int8_t left_encoder_a{};   ///< GPIO; -1: none.
+  int8_t left_encoder_b{};   ///< GPIO; -1: none.
+  int8_t right_enable{};     ///< GPIO; -1: none.
+  int8_t right_in1{};        ///< GPIO; -1: none.
+  int8_t right_in2{};        ///< GPIO; -1: none.
+  int8_t right_pwm{};        ///< GPIO; -1: none.
+  int8_t right_dir{};        ///< GPIO; -1: none.
+  int8_t right_encoder_a{};  ///< GPIO; -1: none.
+  int8_t right_encoder_b{};  ///< GPIO; -1: none.
+  int8_t standby{};          ///< GPIO; -1: none.
+  int8_t estop{};            ///< GPIO; -1: none.
+  int8_t battery{};          ///< GPIO; -1: none.
+  int8_t led{};              ///< GPIO; -1: none.
+  EncoderPulls encoder_pulls{};
+  ContactKind estop_contact{};
+  uint16_t pwm_frequency_hz{};          ///< Default of this parameter. [Hz]
   uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
-  uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
-  uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
+  uint16_t battery_divider_permille{};  ///< Battery voltage / pin voltage x 1000.
+  uint64_t pulldowns{};                 ///< Bit n: GPIO n has an external pull-down.
 
   bool operator==(const ConfigurationValue&) const = default;
 
@@ -2293,27 +2288,27 @@ struct ConfigurationValue {
   }
 };
 
-/// One of its peripherals; of kind NONE if it has fewer.
+/// A peripheral; of kind NONE if it has fewer.
 struct PeripheralValue {
   static constexpr uint8_t kId = 0xa1;
   static constexpr size_t kSize = 23;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t channel{};      ///< Index of the entry, from 0.
-  PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
-  Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Properties of its pin.
-  int8_t pin_a{};         ///< GPIO; -1: none.
-  int8_t pin_b{};         ///< GPIO; -1: none.
-  int8_t pin_c{};         ///< GPIO; -1: none.
-  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< The IMU's axis that points forward.
-  Axis up{};              ///< The IMU's axis that points up.
-  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
-  uint16_t value_b{};     ///< Depends on the kind.
-  uint16_t value_c{};     ///< Depends on the kind.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t channel{};
+  PeripheralKind kind{};
+  SensorChip chip{};  ///< Of an IMU, POWER or RANGE.
+  Place place{};
+  uint8_t flags{};
+  int8_t pin_a{};     ///< GPIO; -1: none.
+  int8_t pin_b{};     ///< GPIO; -1: none.
+  int8_t pin_c{};     ///< GPIO; -1: none.
+  uint8_t address{};  ///< On the I2C bus; 0: the chip's default.
+  Axis forward{};
+  Axis up{};
+  uint16_t value_a{};  ///< By kind: see SPEC.md.
+  uint16_t value_b{};  ///< By kind: see SPEC.md.
+  uint16_t value_c{};  ///< By kind: see SPEC.md.
 
   bool operator==(const PeripheralValue&) const = default;
 
@@ -2360,28 +2355,27 @@ struct PeripheralValue {
   }
 };
 
-/// What a stored black box is of. With number 0 there is none of this age.
+/// What a stored black box contains.
 struct BoxValue {
   static constexpr uint8_t kId = 0xb0;
   static constexpr size_t kSize = 51;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint8_t box_count{};    ///< How many boxes are stored.
-  uint8_t age{};          ///< As asked.
-  uint8_t is_current{};   ///< 1: what it ends with is how the device stands now, or the reset that
-                          ///< began this boot.
-  uint32_t number{};      ///< Counts up over all boxes of the device, from 1.
-  uint32_t size{};        ///< Size in bytes.
-  BoxCause cause{};       ///< Why it was stored.
-  ResetReason reset_reason{};  ///< Reason for the reset before the boot in which it was stored.
-  uint32_t boot_id{};          ///< Number of the boot in which it was recorded.
-  uint32_t core{};             ///< Hash of the core that recorded it.
-  uint32_t release{};          ///< The firmware's version: major << 16, minor << 8, patch.
-  uint32_t git_hash{};         ///< First 8 hex digits of the firmware's commit; 0: unknown.
-  uint32_t board{};            ///< Fingerprint of the board; 0: none.
-  uint32_t faults{};           ///< Latched when it was stored.
-  uint64_t stored_us{};        ///< Device clock when it was stored. [us]
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint8_t box_count{};
+  uint8_t age{};
+  uint8_t is_current{};  ///< 1: it ends with the present latch, or the last reset.
+  uint32_t number{};     ///< From 1; 0: no such box.
+  uint32_t size{};       ///< In bytes.
+  BoxCause cause{};
+  ResetReason reset_reason{};  ///< Before the boot that stored it.
+  uint32_t boot_id{};          ///< Boot that recorded it.
+  uint32_t core{};             ///< Hash of the firmware's core.
+  uint32_t release{};          ///< Firmware: major << 16, minor << 8, patch.
+  uint32_t git_hash{};         ///< First 8 hex digits of its commit; 0: unknown.
+  uint32_t board{};            ///< Fingerprint; 0: none.
+  uint32_t faults{};
+  uint64_t stored_us{};  ///< [us]
 
   bool operator==(const BoxValue&) const = default;
 
@@ -2428,17 +2422,17 @@ struct BoxValue {
   }
 };
 
-/// A part of a black box. With size 0 the device has no such box, or it is not that long.
+/// A part of a black box.
 struct BoxPart {
   static constexpr uint8_t kId = 0xb1;
   static constexpr size_t kSize = 71;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint32_t number{};      ///< As asked.
-  uint32_t offset{};      ///< As asked.
-  uint8_t size{};         ///< Bytes of the data that count; less at the end alone.
-  char data[56]{};        ///< The bytes, filled up with zeros.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t number{};
+  uint32_t offset{};
+  uint8_t size{};  ///< Valid bytes; 0: no such box, or past its end.
+  char data[56]{};
 
   bool operator==(const BoxPart&) const = default;
 
@@ -2465,27 +2459,27 @@ struct BoxPart {
   }
 };
 
-/// What happened to the robot in its life, up to now. All counts wrap.
+/// Counts over the robot's life. All wrap.
 struct LedgerValue {
   static constexpr uint8_t kId = 0xb2;
   static constexpr size_t kSize = 62;
 
-  uint32_t session_id{};                 ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};                 ///< Counts up in a session; the answer returns it.
-  uint32_t uptime_s{};                   ///< In all. [s]
-  uint32_t resets_unknown{};             ///< Starts for the reason UNKNOWN.
-  uint32_t resets_power_on{};            ///< Starts for the reason POWER_ON.
-  uint32_t resets_external{};            ///< Starts for the reason EXTERNAL.
-  uint32_t resets_software{};            ///< Starts for the reason SOFTWARE.
-  uint32_t resets_panic{};               ///< Starts for the reason PANIC.
-  uint32_t resets_task_watchdog{};       ///< Starts for the reason TASK_WATCHDOG.
-  uint32_t resets_interrupt_watchdog{};  ///< Starts for the reason INTERRUPT_WATCHDOG.
-  uint32_t resets_brownout{};            ///< Starts for the reason BROWNOUT.
-  uint32_t stops_session{};              ///< Drives that a new session ended.
-  uint32_t stops_stop{};                 ///< Drives that a stop ended.
-  uint32_t stops_deadline{};             ///< Drives that ended because a setpoint ran out.
-  uint32_t stops_estop{};                ///< Emergency stops.
-  uint32_t stops_fault{};                ///< Faults.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint32_t uptime_s{};    ///< [s]
+  uint32_t resets_unknown{};
+  uint32_t resets_power_on{};
+  uint32_t resets_external{};
+  uint32_t resets_software{};
+  uint32_t resets_panic{};
+  uint32_t resets_task_watchdog{};
+  uint32_t resets_interrupt_watchdog{};
+  uint32_t resets_brownout{};
+  uint32_t stops_session{};   ///< Drives that it ended.
+  uint32_t stops_stop{};      ///< Drives that it ended.
+  uint32_t stops_deadline{};  ///< Drives that it ended.
+  uint32_t stops_estop{};
+  uint32_t stops_fault{};
 
   bool operator==(const LedgerValue&) const = default;
 
@@ -2532,14 +2526,14 @@ struct LedgerValue {
   }
 };
 
-/// The parameters whose active value is not the one that the next start would load.
+/// Parameters whose active value is not saved.
 struct UnsavedValue {
   static constexpr uint8_t kId = 0xc0;
   static constexpr size_t kSize = 14;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
-  uint64_t parameters{};  ///< Bit n: the parameter with id n + 1.
+  uint32_t session_id{};
+  uint16_t request_id{};  ///< Counts up; the answer repeats it.
+  uint64_t parameters{};  ///< Bit n: parameter n + 1.
 
   bool operator==(const UnsavedValue&) const = default;
 
@@ -2560,31 +2554,28 @@ struct UnsavedValue {
   }
 };
 
-/// What a channel is, and in which units it measures.
+/// A sensor, and its units.
 struct SensorInfo {
   static constexpr uint8_t kId = 0xd0;
   static constexpr size_t kSize = 36;
 
-  uint32_t session_id{};        ///< Nonce XOR boot_id of the session.
-  uint8_t channel{};            ///< Index of the peripheral's entry.
-  uint8_t channel_count{};      ///< How many channels there are.
-  PeripheralKind kind{};        ///< What it is.
-  SensorChip chip{};            ///< Which chip.
-  Place place{};                ///< Where it is.
-  Axis forward{};               ///< The IMU's axis that points forward.
-  Axis up{};                    ///< The IMU's axis that points up.
-  SensorState state{};          ///< Whether its samples can be used.
-  uint16_t rate_hz{};           ///< At which samples are sent; 0: on a change. [Hz]
+  uint32_t session_id{};
+  uint8_t channel{};
+  uint8_t channel_count{};
+  PeripheralKind kind{};
+  SensorChip chip{};
+  Place place{};
+  Axis forward{};
+  Axis up{};
+  SensorState state{};
+  uint16_t rate_hz{};           ///< Rate of samples; 0: on a change. [Hz]
   float gyro_scale{};           ///< One count. [rad/s]
   float accelerometer_scale{};  ///< One count. [m/s^2]
   float gyro_noise{};           ///< Standard deviation. [rad/s]
   float accelerometer_noise{};  ///< Standard deviation. [m/s^2]
-  int16_t bias_x{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
-                     ///< an analogue input's divider and number. [count]
-  int16_t bias_y{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
-                     ///< an analogue input's divider and number. [count]
-  int16_t bias_z{};  ///< As its entry says: an IMU's bias at rest, in counts of its gyroscope, or
-                     ///< an analogue input's divider and number. [count]
+  int16_t bias_x{};             ///< value_a, value_b, value_c of the peripheral. [count]
+  int16_t bias_y{};             ///< value_a, value_b, value_c of the peripheral. [count]
+  int16_t bias_z{};             ///< value_a, value_b, value_c of the peripheral. [count]
 
   bool operator==(const SensorInfo&) const = default;
 
@@ -2633,23 +2624,23 @@ struct SensorInfo {
   }
 };
 
-/// One sample of an IMU, in the axes of its chip. Never sent twice.
+/// A sample of an IMU, in its chip's axes.
 struct Imu {
   static constexpr uint8_t kId = 0xd1;
   static constexpr size_t kSize = 27;
 
-  uint32_t boot_id{};          ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};             ///< Device clock, as in WheelState. [us]
-  uint8_t channel{};           ///< Index of the peripheral's entry.
-  uint16_t sample{};           ///< Counts the samples that the chip gave. Wraps.
-  uint16_t bound_us{};         ///< It was measured at t_us, give or take so much. [us]
+  uint32_t boot_id{};
+  uint32_t t_us{};  ///< Device clock. [us]
+  uint8_t channel{};
+  uint16_t sample{};           ///< Counts samples. Wraps.
+  uint16_t bound_us{};         ///< Uncertainty of t_us. [us]
   int16_t gyro_x{};            ///< Times gyro_scale of SensorInfo. [count]
   int16_t gyro_y{};            ///< Times gyro_scale of SensorInfo. [count]
   int16_t gyro_z{};            ///< Times gyro_scale of SensorInfo. [count]
   int16_t accelerometer_x{};   ///< Times accelerometer_scale of SensorInfo. [count]
   int16_t accelerometer_y{};   ///< Times accelerometer_scale of SensorInfo. [count]
   int16_t accelerometer_z{};   ///< Times accelerometer_scale of SensorInfo. [count]
-  int16_t temperature_cdeg{};  ///< Temperature of the chip. [0.01 degC]
+  int16_t temperature_cdeg{};  ///< [0.01 degC]
 
   bool operator==(const Imu&) const = default;
 
@@ -2688,18 +2679,18 @@ struct Imu {
   }
 };
 
-/// The supply: of a power sensor, or of the board's battery divider.
+/// The supply, by power sensor or battery divider.
 struct Power {
   static constexpr uint8_t kId = 0xd2;
   static constexpr size_t kSize = 20;
 
-  uint32_t boot_id{};     ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};        ///< Device clock, as in WheelState. [us]
-  uint8_t channel{};      ///< Index of the peripheral's entry.
-  uint16_t voltage_mv{};  ///< Measured. [mV]
-  int32_t current_ma{};   ///< Drawn; 0 if nothing measures it. [mA]
-  float used_mah{};       ///< Drawn since the device started. [mAh]
-  BatteryLevel level{};   ///< Level of the battery.
+  uint32_t boot_id{};
+  uint32_t t_us{};  ///< Device clock. [us]
+  uint8_t channel{};
+  uint16_t voltage_mv{};  ///< [mV]
+  int32_t current_ma{};   ///< Drawn; 0: not measured. [mA]
+  float used_mah{};       ///< Since the start. [mAh]
+  BatteryLevel level{};
 
   bool operator==(const Power&) const = default;
 
@@ -2728,32 +2719,32 @@ struct Power {
   }
 };
 
-/// All digital inputs, and what the sensors forbid. Sent on a change, and each second.
+/// All inputs, and what the sensors forbid.
 struct Inputs {
   static constexpr uint8_t kId = 0xd3;
   static constexpr size_t kSize = 44;
 
-  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
-  uint16_t levels{};       ///< Bit n: the level at the pin of channel n.
-  uint16_t triggered{};    ///< Bit n: channel n acts on the robot.
-  uint16_t stale{};        ///< Bit n: the samples of channel n cannot be used.
-  uint8_t reflexes{};      ///< What is forbidden now.
-  BatteryLevel level{};    ///< Level of the battery.
-  uint16_t edges_0{};      ///< Edges at channel 0 since reset. Wraps.
-  uint16_t edges_1{};      ///< Edges at channel 1 since reset. Wraps.
-  uint16_t edges_2{};      ///< Edges at channel 2 since reset. Wraps.
-  uint16_t edges_3{};      ///< Edges at channel 3 since reset. Wraps.
-  uint16_t edges_4{};      ///< Edges at channel 4 since reset. Wraps.
-  uint16_t edges_5{};      ///< Edges at channel 5 since reset. Wraps.
-  uint16_t edges_6{};      ///< Edges at channel 6 since reset. Wraps.
-  uint16_t edges_7{};      ///< Edges at channel 7 since reset. Wraps.
-  uint16_t edges_8{};      ///< Edges at channel 8 since reset. Wraps.
-  uint16_t edges_9{};      ///< Edges at channel 9 since reset. Wraps.
-  uint16_t analog_1_mv{};  ///< Analogue input 1; 0: none. [mV]
-  uint16_t analog_2_mv{};  ///< Analogue input 2; 0: none. [mV]
-  uint16_t analog_3_mv{};  ///< Analogue input 3; 0: none. [mV]
-  uint16_t analog_4_mv{};  ///< Analogue input 4; 0: none. [mV]
+  uint32_t boot_id{};
+  uint32_t t_us{};       ///< Device clock. [us]
+  uint16_t levels{};     ///< Bit n: level at the pin of channel n.
+  uint16_t triggered{};  ///< Bit n: channel n has triggered.
+  uint16_t stale{};      ///< Bit n: channel n has no valid samples.
+  uint8_t reflexes{};
+  BatteryLevel level{};
+  uint16_t edges_0{};      ///< Since reset. Wraps.
+  uint16_t edges_1{};      ///< Since reset. Wraps.
+  uint16_t edges_2{};      ///< Since reset. Wraps.
+  uint16_t edges_3{};      ///< Since reset. Wraps.
+  uint16_t edges_4{};      ///< Since reset. Wraps.
+  uint16_t edges_5{};      ///< Since reset. Wraps.
+  uint16_t edges_6{};      ///< Since reset. Wraps.
+  uint16_t edges_7{};      ///< Since reset. Wraps.
+  uint16_t edges_8{};      ///< Since reset. Wraps.
+  uint16_t edges_9{};      ///< Since reset. Wraps.
+  uint16_t analog_1_mv{};  ///< 0: none. [mV]
+  uint16_t analog_2_mv{};  ///< 0: none. [mV]
+  uint16_t analog_3_mv{};  ///< 0: none. [mV]
+  uint16_t analog_4_mv{};  ///< 0: none. [mV]
 
   bool operator==(const Inputs&) const = default;
 
@@ -2810,16 +2801,16 @@ struct Inputs {
   }
 };
 
-/// Something happened to a channel, or its reflex acted.
+/// A sensor's change, or its reflex.
 struct SensorEvent {
   static constexpr uint8_t kId = 0xd4;
   static constexpr size_t kSize = 12;
 
-  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
-  uint8_t channel{};       ///< Index of the peripheral's entry.
-  SensorEventCode code{};  ///< What.
-  uint16_t value{};        ///< By code.
+  uint32_t boot_id{};
+  uint32_t t_us{};  ///< Device clock. [us]
+  uint8_t channel{};
+  SensorEventCode code{};
+  uint16_t value{};  ///< See SensorEventCode.
 
   bool operator==(const SensorEvent&) const = default;
 
@@ -2844,18 +2835,18 @@ struct SensorEvent {
   }
 };
 
-/// One measurement of a range sensor. Never sent twice.
+/// A measurement of a range sensor.
 struct Range {
   static constexpr uint8_t kId = 0xd6;
   static constexpr size_t kSize = 16;
 
-  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
-  uint8_t channel{};       ///< Index of the peripheral's entry.
-  uint16_t sample{};       ///< Counts the measurements. Wraps.
-  uint16_t bound_us{};     ///< As in Imu. [us]
-  uint16_t distance_mm{};  ///< Has a meaning only if quality is GOOD. [mm]
-  RangeQuality quality{};  ///< What the echo says.
+  uint32_t boot_id{};
+  uint32_t t_us{};  ///< Device clock. [us]
+  uint8_t channel{};
+  uint16_t sample{};       ///< Counts samples. Wraps.
+  uint16_t bound_us{};     ///< Uncertainty of t_us. [us]
+  uint16_t distance_mm{};  ///< Only if quality is GOOD. [mm]
+  RangeQuality quality{};
 
   bool operator==(const Range&) const = default;
 
@@ -2884,18 +2875,18 @@ struct Range {
   }
 };
 
-/// How much of the chip's memory is left, measured once a second.
+/// Bytes of free memory, measured once a second.
 struct MemoryValue {
   static constexpr uint8_t kId = 0xe0;
   static constexpr size_t kSize = 26;
 
-  uint32_t session_id{};          ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};          ///< Counts up in a session; the answer returns it.
-  uint32_t free_heap{};           ///< Bytes of heap that are free now.
-  uint32_t least_free_heap{};     ///< Fewest bytes of heap that were free since the start.
-  uint32_t control_stack{};       ///< Fewest bytes that were left of the control task's stack.
-  uint32_t housekeeping_stack{};  ///< The same of the housekeeping task.
-  uint32_t sensors_stack{};       ///< The same of the task that reads sensors; 0: there is none.
+  uint32_t session_id{};
+  uint16_t request_id{};          ///< Counts up; the answer repeats it.
+  uint32_t free_heap{};           ///< Now.
+  uint32_t least_free_heap{};     ///< Least since the start.
+  uint32_t control_stack{};       ///< Least since the start.
+  uint32_t housekeeping_stack{};  ///< Least since the start.
+  uint32_t sensors_stack{};       ///< Least since the start; 0: no such task.
 
   bool operator==(const MemoryValue&) const = default;
 
@@ -3109,78 +3100,65 @@ constexpr Group group_of(uint8_t id) {
 }
 
 enum class ParameterId : uint8_t {
-  kWheelRadius = 1,  ///< Radius of the driven wheels. [m]
-  kWheelSeparation =
-      2,  ///< Between the contact points of the wheels. Stored on the device, with the robot. [m]
+  kWheelRadius = 1,          ///< Radius of the driven wheels. [m]
+  kWheelSeparation = 2,      ///< Between the wheels' contact points. [m]
   kCountsPerRevolution = 3,  ///< Ticks per wheel turn, after x4 decoding and the gearbox. [tick]
-  kControlRateHz = 4,  ///< Rate of the control loop. Above 1000 tested in simulation only. [Hz]
-  kPwmFrequencyHz =
-      5,  ///< PWM frequency on the bridge's enable inputs. Takes effect after a reset. [Hz]
-  kMaxVelocityMps =
-      6,  ///< Limit of each wheel; above it both setpoints are scaled by one factor. [m/s]
-  kMaxAccelerationMps2 = 7,   ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
-  kMaxDuty = 8,               ///< Limit of either output. [duty (-1..1)]
-  kMaxDutyRatePerS = 9,       ///< Slew limit of duty setpoints. A stop bypasses it. [duty/s]
-  kProportionalGain = 10,     ///< Proportional gain of the velocity loop. [duty/(m/s)]
-  kIntegralGain = 11,         ///< Integral gain of the velocity loop. [duty/m]
-  kVelocityFeedforward = 12,  ///< Duty per speed: (1 - static_feedforward) / no-load speed, at
-                              ///< nominal_supply_v. [duty/(m/s)]
-  kAccelerationFeedforward = 13,  ///< Duty per acceleration: velocity_feedforward x the drive's
-                                  ///< mechanical time constant. [duty/(m/s^2)]
-  kStaticFeedforward =
-      14,  ///< Dead-band compensation: the duty that keeps a slow wheel turning. [duty (-1..1)]
-  kVelocityWindowUs = 15,  ///< Velocity is measured between ticks about this long apart. [us]
-  kTtlMaxS = 16,           ///< A setpoint expires at the latest this long after its arrival. [s]
-  kStopMode = 17,    ///< 1: coast. 2: brake for brake_time_s, then coast. 3: brake until driven, as
-                     ///< on a slope; the power stage then stays switched on.
+  kControlRateHz = 4,   ///< Rate of the control loop; above 1000 tested in simulation only. [Hz]
+  kPwmFrequencyHz = 5,  ///< Of the power stage's PWM. Takes effect after a reset. [Hz]
+  kMaxVelocityMps = 6,  ///< Limit of each wheel; beyond it both are scaled alike. [m/s]
+  kMaxAccelerationMps2 = 7,  ///< Slew limit of velocity setpoints; a stop bypasses it. [m/s^2]
+  kMaxDuty = 8,              ///< Limit of either output. [duty (-1..1)]
+  kMaxDutyRatePerS = 9,      ///< Slew limit of duty setpoints; a stop bypasses it. [duty/s]
+  kProportionalGain = 10,    ///< Of the velocity loop. [duty/(m/s)]
+  kIntegralGain = 11,        ///< Of the velocity loop. [duty/m]
+  kVelocityFeedforward =
+      12,  ///< (1 - static_feedforward) / no-load speed, at nominal_supply_v. [duty/(m/s)]
+  kAccelerationFeedforward =
+      13,  ///< velocity_feedforward x the drive's mechanical time constant. [duty/(m/s^2)]
+  kStaticFeedforward = 14,  ///< Duty that keeps a slow wheel turning. [duty (-1..1)]
+  kVelocityWindowUs = 15,   ///< Time over which velocity is measured. [us]
+  kTtlMaxS = 16,            ///< Longest life of a setpoint, from its arrival. [s]
+  kStopMode = 17,    ///< 1: coast. 2: brake for brake_time_s, then coast. 3: brake until the next
+                     ///< drive, as on a slope.
   kBrakeTimeS = 18,  ///< How long a stop brakes. [s]
-  kStallDuty =
-      19,  ///< At this duty or more a wheel must count, or NOT_COUNTING trips. [duty (-1..1)]
-  kStallTimeS = 20,    ///< For how long the wheel may fail to count. [s]
-  kReversalDuty = 21,  ///< At this duty or more speed must not grow against the drive, or REVERSED
-                       ///< trips. [duty (-1..1)]
-  kReversalVelocityMps = 22,   ///< By how much the speed may grow. [m/s]
+  kStallDuty = 19,  ///< At this duty a wheel that does not count trips NOT_COUNTING. [duty (-1..1)]
+  kStallTimeS = 20,  ///< How long it may fail to count. [s]
+  kReversalDuty =
+      21,  ///< At this duty a speed that grows against the drive trips REVERSED. [duty (-1..1)]
+  kReversalVelocityMps = 22,   ///< How much it may grow. [m/s]
   kOverrunLimitUs = 23,        ///< A control step this late trips CONTROL_OVERRUN. [us]
   kLeftMotorInverted = 24,     ///< Forward is IN2 high.
   kRightMotorInverted = 25,    ///< Forward is IN2 high.
   kLeftEncoderInverted = 26,   ///< Forward is B before A.
   kRightEncoderInverted = 27,  ///< Forward is B before A.
   kEstopInputEnabled =
-      28,  ///< The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop.
-           ///< If none is fitted, connect its pin to ground while you set this to 0.
+      28,  ///< A normally closed e-stop contact is fitted. Ground its pin before you set 0.
   kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. Takes effect after a reset. [ns]
   kStreamRateHz = 30,    ///< Rate of WheelState when a session opens. [Hz]
-  kPathGain =
-      31,  ///< Speed added for each metre that a wheel is behind the integral of its setpoint. With
-           ///< this and heading_gain 0 the loop controls velocity alone. [1/s]
-  kHeadingGain = 32,  ///< Speed taken from one wheel and added to the other for each metre that the
-                      ///< other is further behind, to hold the heading. [1/s]
-  kPathCatchUp = 33,  ///< Fraction of its setpoint by which a wheel may turn faster to catch up.
-  kPathErrorLimitM =
-      34,  ///< A wheel never has more than this to catch up; the rest is dropped. [m]
-  kPlausibilityMargin =
-      35,  ///< Duty beyond the feed-forward that a load may need, at nominal_supply_v. More than
-           ///< that at the measured speed trips ENCODER_IMPLAUSIBLE; 1.25 times that limits the
-           ///< duty of a velocity setpoint. [duty (-1..1)]
-  kPlausibilityTimeS = 36,  ///< For how long the duty may exceed plausibility_margin. [s]
-  kNominalSupplyV = 37,     ///< Battery voltage at which the feed-forward holds. [V]
-  kSupplyDropV = 38,        ///< Voltage drop of the bridge. [V]
+  kPathGain = 31,  ///< Speed added per metre that a wheel lags. With both gains 0 only velocity is
+                   ///< controlled. [1/s]
+  kHeadingGain = 32,  ///< Speed shifted between the wheels per metre that one lags more: holds the
+                      ///< heading. [1/s]
+  kPathCatchUp = 33,  ///< How much faster than its setpoint a wheel may catch up, as a fraction.
+  kPathErrorLimitM = 34,     ///< Largest lag that a wheel catches up. [m]
+  kPlausibilityMargin = 35,  ///< Duty beyond the feed-forward, at nominal_supply_v, that trips
+                             ///< ENCODER_IMPLAUSIBLE; 1.25 times this limits a velocity setpoint's
+                             ///< duty. [duty (-1..1)]
+  kPlausibilityTimeS = 36,   ///< How long the duty may exceed it. [s]
+  kNominalSupplyV = 37,      ///< Battery voltage at which the feed-forward holds. [V]
+  kSupplyDropV = 38,         ///< Voltage drop of the power stage. [V]
   kUnmeasuredSupplyV =
-      39,  ///< Battery voltage assumed if it is not measured; a lower value allows more duty. [V]
-  kMotorsSwapped =
-      40,  ///< The left bridge drives the right wheel's motor, and the right bridge the left one's.
-           ///< left_motor_inverted is always of the left wheel's motor.
-  kEncodersSwapped =
-      41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
-           ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
-  kRearmGapS = 42,  ///< After a start, after an e-stop or a fault was cleared, and after a bumper
-                    ///< held it off, the robot drives once a zero setpoint came, or none for this
-                    ///< long and for ttl_max_s. [s]
-  kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
-                             ///< down, is reported as ROLLING. [m/s]
-  kEstopMode = 44,  ///< What an e-stop does, by message or by its contact. 1: coast, for a robot
-                    ///< that falls over when it brakes. 2: brake for brake_time_s and until the
-                    ///< wheels are still, again whenever they turn; until driven if stop_mode is 3.
+      39,                 ///< Battery voltage assumed if not measured; lower allows more duty. [V]
+  kMotorsSwapped = 40,    ///< Each power stage drives the other side's motor. left_motor_inverted
+                          ///< stays with the left wheel.
+  kEncodersSwapped = 41,  ///< Each encoder is on the other side's pins. left_encoder_inverted stays
+                          ///< with the left wheel.
+  kRearmGapS = 42,  ///< A pause of this and of ttl_max_s arms an unarmed robot; a zero setpoint
+                    ///< arms it at once. [s]
+  kRollingVelocityMps =
+      43,  ///< A wheel this fast without drive, and not slowing down, is reported as ROLLING. [m/s]
+  kEstopMode = 44,  ///< 1: an e-stop coasts. 2: it brakes for brake_time_s and until the wheels are
+                    ///< still, again whenever they turn; until the next drive if stop_mode is 3.
 };
 
 enum class ParameterKind : uint8_t {

@@ -1,5 +1,5 @@
-// What a recorder learns of a running device: all inputs of the core, and what came of them; and
-// what it has stored, for the host. Without a recorder nothing of this is called.
+// What a recorder learns of a running device: all inputs of the core and their results. It also
+// reads its stored records for the host. Without a recorder, none of this is called.
 #pragma once
 
 #include <stddef.h>
@@ -49,7 +49,7 @@ class Recorder {
   virtual void note_contact(bool open) = 0;
   /// What the sensors forbid from the step on that follows, as flags of `reflex`.
   virtual void note_reflexes(uint8_t reflexes) = 0;
-  /// The processor was held up: a late step is no fault.
+  /// The processor was held up, so a late step is not a fault.
   virtual void note_stall() = 0;
   /// Something was to be written to flash, or removed from it.
   virtual void note_store(bool done, uint32_t faults) = 0;
@@ -76,8 +76,8 @@ class BoxArchive {
  public:
   /// Fills in all but the ids of an answer to `BoxGet`; `value.age` is as asked.
   virtual void describe(BoxValue& value) const = 0;
-  /// Reads from `offset` on what there is, at most `capacity` bytes; returns how many. 0: there is
-  /// no such box, or nothing of it at this place.
+  /// Reads at most `capacity` bytes from `offset` on; returns how many. 0: the box does not exist,
+  /// or ends before this.
   virtual size_t read(uint32_t number, uint32_t offset, uint8_t* out, size_t capacity) = 0;
   /// Fills in all but the ids of an answer to `LedgerGet`.
   virtual void count(LedgerValue& value, uint64_t now_us) const = 0;

@@ -12,9 +12,9 @@ void Robot::note_reflexes(uint8_t reflexes) {
   note_latches();
 }
 
-/// A wheel that is driven towards a bumper is released in this very step, also where the setpoint
-/// is allowed and the wheels still slew from one that is not. Then a setpoint towards the bumper
-/// counts as zero.
+/// A wheel driven towards a bumper is released in this very step, even if the setpoint is allowed
+/// but the wheels still slew from a forbidden one. Then a setpoint towards the bumper counts as
+/// zero.
 void Robot::actuate_within_reflexes(uint64_t now_us) {
   const bool is_held = forbids(forbidden(), target_);
   if (is_held) hold_off(now_us);
@@ -26,13 +26,13 @@ void Robot::actuate_within_reflexes(uint64_t now_us) {
   follow();
 }
 
-/// By what a stop does for as long as the robot slides on towards the bumper, then as a setpoint of
-/// zero holds it. An open loop has nothing to hold it by.
+/// Acts like a stop while the robot slides on towards the bumper, then holds it like a setpoint of
+/// zero. In open loop it stays stopped, because nothing can hold it.
 void Robot::hold_still(uint64_t now_us) {
   const bool slides =
       now_us < bumped_until_us_ && !drive_.is_following() && drive_.turns_against_reflexes();
   if (slides || setpoint_.mode == ControlMode::kDuty) {
-    drive_.release();  // What follows begins anew, not at the duty of before.
+    drive_.release();  // What follows starts from zero, not from the earlier duty.
     return keep_stopped(config_.stop_mode != StopMode::kCoast, now_us);
   }
   drive_.follow(ControlMode::kVelocity, {}, config_);
@@ -41,7 +41,7 @@ void Robot::hold_still(uint64_t now_us) {
   note_speed(now_us);
 }
 
-/// From now on the robot is to be armed before it goes towards the bumper.
+/// From now on the robot must be armed before it goes towards the bumper.
 void Robot::hold_off(uint64_t now_us) {
   const auto held_by = [this](uint32_t way) {
     return forbids(static_cast<uint8_t>(forbidden() & way), target_) ? static_cast<uint8_t>(way)

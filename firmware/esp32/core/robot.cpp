@@ -162,7 +162,7 @@ void Robot::keep_stopped(bool brakes, uint64_t now_us) {
 void Robot::note_speed(uint64_t now_us) {
   const int32_t speed_umps = drive_.speed_umps();
   if (speed_umps >= config_.rolling_umps || drive_.is_still()) not_slow_us_ = now_us;
-  if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
+  if (rolling_.update(speed_umps, now_us, config_.rolling_umps, config_.velocity_window_us))
     observer_.on_rolling(speed_umps, now_us);
 }
 
@@ -174,8 +174,9 @@ void Robot::stand_still(uint64_t now_us) {
   sync_latches(brakes, now_us);
 }
 
-/// Writing to flash stalls the chip. So the wheels stand, or they creep on a brake that an e-stop
-/// keeps on, and which holds meanwhile: on a slope they might never stand.
+/// Writing to flash stalls the chip, so the wheels must stand first. Wheels that creep on an
+/// e-stop's brake are also accepted, because on a slope they might never stand. The brake stays on
+/// during the write.
 void Robot::sync_latches(bool brakes, uint64_t now_us) {
   const bool creeps = brakes && supervisor_.state() == SupervisorState::kEstopped &&
                       now_us - drove_us_ >= kRunDownUs && now_us - not_slow_us_ >= kSlowUs;
@@ -207,9 +208,9 @@ void Robot::repair_one(uint64_t now_us) {
   note_write(done);
 }
 
-/// So that a reset of the processor finds what was latched.
+/// Records the latches, so that a reset of the processor finds them.
 void Robot::note_latches() {
-  // Without a board nothing was driven: whether there is one now is for each start to find out.
+  // Not the fault of a missing board: nothing was driven, and each start checks again.
   latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
                  .holds = stop_action_.holds(),
                  .battery_at_stop = (reflexes_ & kBatteryAtStop) != 0,
@@ -257,7 +258,7 @@ void Robot::estop(EstopSource source, uint64_t now_us) {
                                           : StopCause::kEstopOther);
 }
 
-/// At least as strong as any other stop, unless it is to coast.
+/// At least as strong as any other stop, unless it is set to coast.
 StopMode Robot::estop_mode() const {
   if (config_.estop_mode == StopMode::kCoast) return StopMode::kCoast;
   return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode : config_.estop_mode;
@@ -279,7 +280,7 @@ void Robot::change_action(Begin begin) {
   if (stop_action_.holds() != held) note_latches();
 }
 
-/// In each state but BOOT, in which nothing was driven and no parameter is loaded.
+/// In each state but BOOT, when nothing was driven and no parameter is loaded.
 void Robot::begin_action(StopMode mode, bool may_weaken, uint64_t now_us) {
   if (supervisor_.state() == SupervisorState::kBoot) return;
   if (mode == StopMode::kConfigured) mode = config_.stop_mode;
@@ -293,7 +294,7 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
-  // The sensors' in one condition with it, for this is the path of each setpoint.
+  // One condition for these and the sensors, because each setpoint takes this path.
   if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
     return standing_refusal(setpoint, now_us);
   if (unarmed_ != 0 && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
@@ -317,9 +318,9 @@ RefusalCode Robot::standing_refusal(const Setpoint& setpoint, uint64_t now_us) {
   return RefusalCode::kFault;
 }
 
-/// Whether the robot obeys the setpoint although it is unarmed: neither a clear alone nor a start
-/// may restart motion (ISO 13850), nor may a bumper that is free again. So a program that goes on
-/// sending has to ask for standstill first, or to pause; or to drive away from the bumper.
+/// Whether the robot obeys the setpoint although it is unarmed. Motion must not restart because of
+/// a clear alone, a start (ISO 13850), or a bumper that is free again. So a program that keeps
+/// sending must first ask for standstill, pause, or drive away from the bumper.
 bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
   const bool is_away = (unarmed_ & kUnarmed) == 0 && !forbids(unarmed_, setpoint.wheels);
   if (setpoint.wheels.is_zero() || is_away || now_us - quiet_since_us_ >= config_.rearm_gap_us) {
@@ -367,7 +368,7 @@ WheelPair Robot::limited(const Setpoint& setpoint) const {
 
 RefusalCode Robot::clear_estop(uint64_t now_us) {
   if (contact_is_open()) return RefusalCode::kCausePresent;
-  contact_open_ = false;  // If it is open again in the next step, it latches anew.
+  contact_open_ = false;  // If it is still open in the next step, it latches again.
   if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
   disarm(kUnarmed, now_us);
   estop_source_ = EstopSource::kNone;
@@ -378,7 +379,7 @@ RefusalCode Robot::clear_estop(uint64_t now_us) {
 }
 
 RefusalCode Robot::clear_fault(uint64_t now_us) {
-  // Nor does anybody know that the cause is gone before the sensors were read.
+  // Before the sensors were read, it is also unknown whether the cause is gone.
   const bool lasts =
       (faults_ & fault::kExternal) != 0 && (reflexes_ & (reflex::kStop | reflex::kUnread)) != 0;
   if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
@@ -458,7 +459,7 @@ RefusalCode Robot::check_estop(uint64_t now_us) {
 
 RefusalCode Robot::conclude_save(bool saved) {
   note_write(saved);
-  store_state_ = Parameters::Load::kLoaded;  // Of a save that failed a part may be left.
+  store_state_ = Parameters::Load::kLoaded;  // Part of a failed save may be left.
   if (!saved) return RefusalCode::kStoreFailed;
   store_faults_ = 0;
   return RefusalCode::kNone;

@@ -1,6 +1,6 @@
 // The robot itself: parameters, supervisor, faults, and the wheels that follow the active setpoint.
-// It knows neither link nor messages; `MessageServer` turns those into calls, `Device` joins
-// the two.
+// It has no link or messages: `MessageServer` turns messages into calls, and `Device` joins the
+// two.
 #pragma once
 
 #include "config.hpp"
@@ -50,7 +50,7 @@ class RobotObserver {
 /// What the robot has to know of the board that it is on.
 struct BoardFacts {
   uint32_t checksum = 0;    ///< 0: not known.
-  uint32_t max_pwm_hz = 0;  ///< Of its power stage; 0: not known.
+  uint32_t max_pwm_hz = 0;  ///< Highest frequency of its power stage; 0: not known.
   /// Otherwise its inputs mean nothing, the e-stop contact among them.
   bool is_confirmed = true;
   bool on_trial = false;
@@ -81,8 +81,8 @@ class Robot {
   /// There are sensors that can stop the robot. Call it before the start: nothing drives before the
   /// first step has their state.
   void expect_sensors() { note_reflexes(reflex::kUnread); }
-  /// FAULT until the next reset, as flags of `fault`: a motor or encoder peripheral did not start,
-  /// or there is no board.
+  /// Sets FAULT until the next reset, with these flags of `fault`: a motor or encoder peripheral
+  /// did not start, or there is no board.
   void report_failure(uint32_t faults);
 
   /// Call it with every setpoint that is refused, here or before it came here: it shows that a
@@ -94,8 +94,8 @@ class Robot {
   void end_session(SupervisorEvent event, StopCause cause, uint64_t now_us);
   /// The setpoints that follow are of this session.
   void begin_session(uint32_t session_id) { session_id_ = session_id; }
-  /// `by_session`: it is the open session's. Only such a Stop makes a stop weaker, by a mode that
-  /// it names; another one stops as strongly as configured, or more.
+  /// `by_session`: it comes from the open session. Only such a Stop can weaken a stop, by naming a
+  /// mode; any other stops at least as strongly as configured.
   void stop(StopMode mode, bool by_session, uint64_t now_us);
   void estop(EstopSource source, uint64_t now_us);
   /// The board that was on trial is confirmed.
@@ -108,20 +108,20 @@ class Robot {
   RefusalCode save_parameter(ParameterId id);
   RefusalCode save_all_parameters();
   RefusalCode reset_parameters(uint64_t now_us);
-  /// Why nothing that stalls the chip, such as a write to flash, may be done now.
+  /// Why the chip must not be stalled now, as by a write to flash.
   RefusalCode check_stopped() const;
-  /// Why the board cannot be changed now: an e-stop is latched, or its contact is open. On a board
-  /// that nobody confirmed neither counts, since that board drives nothing.
+  /// Why the board cannot be changed now: an e-stop is latched, or its contact is open. On an
+  /// unconfirmed board neither counts, because it drives nothing.
   RefusalCode check_estop(uint64_t now_us);
-  /// Whether the wheels stand: nothing has driven them for long enough that one whose encoder is
-  /// dead has run down, too, and no tick came of late. So long after a start as well, before which
-  /// the robot may have been rolling.
+  /// Whether the wheels stand: no recent ticks, and nothing has driven them for long enough that
+  /// even a wheel with a dead encoder has run down. This takes as long after a start, because the
+  /// robot may have been rolling before.
   bool is_at_rest(uint64_t now_us) const {
     return !supervisor_.may_drive() && drive_.is_still() && now_us - drove_us_ >= kRunDownUs;
   }
   /// Something was written to flash: the next control step may be late.
   void note_stall() { stalled_ = true; }
-  /// As `note_stall`, with what came of it.
+  /// As `note_stall`, with the result of the write.
   void note_write(bool done);
   RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
@@ -132,25 +132,25 @@ class Robot {
   uint16_t faults_tripped() const { return faults_tripped_; }
   /// When the active setpoint expires, device clock; 0: there is none.
   uint64_t deadline_us() const { return setpoint_.expiry_us; }
-  /// Of the active setpoint; 0: there is none.
+  /// Number of the active setpoint; 0: there is none.
   uint32_t command_seq() const { return setpoint_.command_seq; }
 
   const Parameters& parameters() const { return parameters_; }
-  /// Those that the next start would load with another value, as Parameters::unsaved.
+  /// Parameters that the next start would load with another value, as Parameters::unsaved.
   uint64_t unsaved_parameters() const { return parameters_.unsaved(hal_.store); }
   bool on_trial() const { return trial_.runs(); }
-  /// Flags of `contradiction`: of the active values, and of those that were last refused.
+  /// Flags of `contradiction`: of the active values, and of the values last refused.
   uint32_t active_contradictions() const { return contradictions_; }
   uint32_t refused_contradictions() const { return refused_contradictions_; }
   /// Whether parameters are saved.
   Parameters::Load store_state() const { return store_state_; }
-  /// Of which blocks the start found only one of two copies, as bits by StoredBlock.
+  /// The blocks of which the start found only one of two copies, as bits by StoredBlock.
   uint8_t lost_copies() const { return lost_copies_; }
 
   WheelPair commanded() const { return drive_.commanded(); }
   const Wheel& left() const { return drive_.left(); }
   const Wheel& right() const { return drive_.right(); }
-  /// By the wheels, as latched by the last step.
+  /// Counts by wheel, as latched by the last step.
   const EncoderCounts& encoder_counts() const { return counts_; }
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
   /// What the sensors forbid, as flags of `reflex`, with kBatteryAtStop.
@@ -198,8 +198,8 @@ class Robot {
   bool turns() const { return drive_.left().turns() || drive_.right().turns(); }
   RefusalCode standing_refusal(const Setpoint& setpoint, uint64_t now_us);
   bool stopped_by_sensors() const { return (reflexes_ & reflex::kStop) != 0; }
-  /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
-  /// robot would drive in a way that nobody set up.
+  /// Faults whose cause lasts. Unreadable saved parameters are one: the robot would drive with
+  /// defaults that nobody chose for it.
   uint32_t lasting_faults() const { return store_faults_ | failures_; }
   void actuate(uint64_t now_us);
   void follow();
@@ -236,7 +236,7 @@ class Robot {
   static constexpr uint64_t kSlowUs = 500'000;
   /// After a repair that failed: each one stalls the chip.
   static constexpr uint64_t kRepairIntervalUs = 10'000'000;
-  /// Beside the flags of `reflex` that stand for a direction.
+  /// In addition to the flags of `reflex` that mean a direction.
   static constexpr uint8_t kUnarmed = 0x80;
 
   // What each step uses comes first: RISC-V addresses only the first 2 KiB of an object directly.
@@ -251,7 +251,7 @@ class Robot {
   uint8_t unarmed_ = kUnarmed;
   bool stalled_ = false;
   bool is_refused_ = false;    // A setpoint, because the robot is unarmed.
-  bool moves_ = false;         // By a setpoint that is not zero.
+  bool moves_ = false;         // A setpoint that is not zero moves it.
   bool contact_open_ = false;  // When it was last looked at.
   uint8_t reflexes_ = 0;
   uint16_t faults_tripped_ = 0;
@@ -276,7 +276,7 @@ class Robot {
   LatchKeeper latches_;
   uint32_t refused_contradictions_ = 0;
   uint8_t lost_copies_ = 0;  // Bits by StoredBlock,
-  uint8_t repairs_ = 0;      // and of those that are to be written anew.
+  uint8_t repairs_ = 0;      // and of those that must be rewritten.
   uint64_t next_repair_us_ = 0;
   EstopSource estop_source_ = EstopSource::kNone;
   uint32_t session_id_ = 0;

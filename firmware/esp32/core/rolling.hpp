@@ -9,10 +9,11 @@ namespace wheelwire {
 
 class RollingMonitor {
  public:
-  /// Call at every control step in which nothing drives, with the speed of the faster wheel. True
-  /// once for each time that the robot rolls: it turned at `threshold_umps` or more for a while
-  /// and did not slow down meanwhile, as a robot does that was just stopped.
-  bool update(int32_t speed_umps, uint64_t now_us, int32_t threshold_umps) {
+  /// Call at every control step in which nothing drives, with the speed of the faster wheel,
+  /// measured over the last `measured_us`. True once for each time that the robot rolls: that is,
+  /// it moved at `threshold_umps` or more for a while without slowing down. A robot that was just
+  /// stopped slows down.
+  bool update(int32_t speed_umps, uint64_t now_us, int32_t threshold_umps, uint32_t measured_us) {
     if (speed_umps < threshold_umps) {
       is_fast_ = false;
       // Half the threshold, so that a speed close to it is not reported again and again.
@@ -23,7 +24,7 @@ class RollingMonitor {
       is_fast_ = true;
       begin(speed_umps, now_us);
     }
-    if (now_us - since_us_ < kWindowUs) return false;
+    if (now_us - since_us_ < kSlowsUs + measured_us) return false;
     const bool slows_down = speed_umps < began_umps_ - began_umps_ / 8;
     begin(speed_umps, now_us);
     if (slows_down || is_reported_) return false;
@@ -34,8 +35,9 @@ class RollingMonitor {
   void reset() { is_fast_ = is_reported_ = false; }
 
  private:
-  // A braked wheel loses half of its speed within a tenth of a second.
-  static constexpr uint64_t kWindowUs = 300'000;
+  // A braked wheel loses half of its speed within a tenth of a second. The measured speed shows it
+  // later, by what it is measured over.
+  static constexpr uint32_t kSlowsUs = 300'000;
 
   void begin(int32_t speed_umps, uint64_t now_us) {
     began_umps_ = speed_umps;

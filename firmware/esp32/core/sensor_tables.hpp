@@ -18,19 +18,19 @@ constexpr uint16_t kLargestShunt = 65535;
 struct Peripheral {
   static constexpr size_t kSize = 16;
 
-  PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< The chip of an IMU, POWER or RANGE.
-  Place place{};          ///< Where it is.
-  uint8_t flags{};        ///< Properties of its pin.
-  int8_t pin_a{-1};       ///< GPIO; -1: none.
-  int8_t pin_b{-1};       ///< GPIO; -1: none.
-  int8_t pin_c{-1};       ///< GPIO; -1: none.
-  uint8_t address{};      ///< Its address on the I2C bus; 0: the chip's usual one.
-  Axis forward{};         ///< The IMU's axis that points forward.
-  Axis up{};              ///< The IMU's axis that points up.
-  uint16_t value_a{};     ///< Depends on the kind; see SPEC.md.
-  uint16_t value_b{};     ///< Depends on the kind.
-  uint16_t value_c{};     ///< Depends on the kind.
+  PeripheralKind kind{};
+  SensorChip chip{};  ///< Of an IMU, POWER or RANGE.
+  Place place{};
+  uint8_t flags{};
+  int8_t pin_a{-1};   ///< GPIO; -1: none.
+  int8_t pin_b{-1};   ///< GPIO; -1: none.
+  int8_t pin_c{-1};   ///< GPIO; -1: none.
+  uint8_t address{};  ///< On the I2C bus; 0: the chip's default.
+  Axis forward{};
+  Axis up{};
+  uint16_t value_a{};  ///< By kind: see SPEC.md.
+  uint16_t value_b{};  ///< By kind: see SPEC.md.
+  uint16_t value_c{};  ///< By kind: see SPEC.md.
 
   bool operator==(const Peripheral&) const = default;
 

@@ -6,7 +6,8 @@
 
 namespace wheelwire {
 
-/// Both scaled by one factor, so that neither exceeds the limit and the path keeps its curvature.
+/// Both scaled by the same factor, so that neither exceeds the limit and the path keeps its
+/// curvature.
 WheelPair scale_to_limit(WheelPair target, int32_t limit);
 
 /// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.

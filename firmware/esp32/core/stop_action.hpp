@@ -18,8 +18,8 @@ class StopAction {
     if (mode < mode_) guards_ = false;
     mode_ = mode;
   }
-  /// As `begin`, for an e-stop: where it brakes it goes on until the wheels are still, and begins
-  /// anew whenever they turn while the e-stop is latched.
+  /// As `begin`, for an e-stop. If it brakes, it brakes until the wheels are still, and again
+  /// whenever they turn while the e-stop is latched.
   void begin_estop(StopMode mode, uint64_t now_us, uint32_t brake_time_us) {
     begin(mode, false, now_us, brake_time_us);
     guards_ = guards_ || mode != StopMode::kCoast;
@@ -27,7 +27,7 @@ class StopAction {
   /// The robot drives.
   void end() { *this = {}; }
 
-  /// Whether the windings are to be shorted. `still`: no wheel has turned of late. `estopped`: an
+  /// Whether the windings are to be shorted. `still`: no wheel has turned recently. `estopped`: an
   /// e-stop is latched.
   bool brakes(uint64_t now_us, bool still, bool estopped) {
     if (mode_ != StopMode::kBrake) return holds();

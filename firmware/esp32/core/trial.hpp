@@ -1,4 +1,4 @@
-// A trial of parameters: the previous values, and until when others may replace them.
+// A trial of parameters: the previous values, and the time until which others replace them.
 #pragma once
 
 #include "parameters.hpp"
@@ -21,7 +21,7 @@ class Trial {
     deadline_us_ = deadline_us;
   }
   void renew(uint64_t deadline_us) { deadline_us_ = deadline_us; }
-  /// Its host may not know yet, and neither drives nor changes anything before it does.
+  /// The host may not know yet. Until it does, it can neither drive nor change anything.
   void expire() { state_ = State::kExpired; }
   void end() { state_ = State::kNone; }
   /// The values that were active before it began.
@@ -31,7 +31,7 @@ class Trial {
   RefusalCode refusal() const {
     return state_ == State::kExpired ? RefusalCode::kNoTrial : RefusalCode::kNone;
   }
-  /// Why none can begin, and why what outlasts a session cannot change.
+  /// Why no trial can begin, and why settings that outlast a session cannot change.
   RefusalCode lasting_refusal() const { return runs() ? RefusalCode::kOnTrial : refusal(); }
 
  private:

@@ -1,4 +1,4 @@
-// A block in two copies, which hold the same: one that is lost is written anew from the other.
+// A block in two equal copies: a lost one is rewritten from the other.
 #pragma once
 
 #include "hal.hpp"
@@ -6,17 +6,17 @@
 namespace wheelwire {
 
 /// Each copy holds the block, a number that grows with each save, and a checksum. A save is done
-/// once both copies hold it and were read back. If the power goes in the middle, the copy with the
-/// higher number counts: it holds the old block or the new one. Where neither copy is whole, the
-/// block is damaged.
+/// once both copies hold it and were read back. If the power fails in the middle, the copy with the
+/// higher number counts: it holds the old block or the new one. If neither copy is whole, the block
+/// is damaged.
 ///
-/// Flash may lose a copy without a trace: NVS erases a blob whose checksum is wrong. So one store,
-/// that of the configuration, records which other blocks exist: see `record`.
+/// Flash may lose a copy without a trace: NVS erases a blob whose checksum is wrong. So the
+/// configuration's store records which other blocks exist: see `record`.
 class TwinStore final : public BlockStore {
  public:
   /// The longest block.
   static constexpr size_t kCapacity = 480;
-  /// What a copy has beside the block.
+  /// What a copy has in addition to the block.
   static constexpr size_t kTail = 11;
 
   TwinStore(BlockStore& first, BlockStore& second) : copies_{&first, &second} {}

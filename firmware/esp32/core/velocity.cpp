@@ -83,7 +83,7 @@ void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
     const uint32_t age_us = t_us - next.noted_us;
     if (age_us < least_us) return;
     const int32_t ticks = magnitude(static_cast<int32_t>(newest_.ticks - next.newest.ticks));
-    // Where steps are coarse, require one tick more before the baseline is shortened, so that at
+    // If steps are coarse, require one more tick before shortening the baseline, so that at
     // constant speed its length is constant. A length chosen by the ticks that happen to be in it
     // would be biased: short baselines would be those with many ticks.
     const int32_t needed = fine || age_us >= cycle_us_ ? kCycle : kCycle + 1;

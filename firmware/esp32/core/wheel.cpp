@@ -23,8 +23,8 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
                            config.plausibility_time_us, config.gains))
     fault = WheelFault::kImplausible;
   if (fault == WheelFault::kNone || direction_ != 0) return fault;
-  // Whoever pushes a robot whose setpoint is zero is no fault. Feedback that is inverted would help
-  // the push, though: the wheel is braked instead of driven.
+  // Pushing a robot whose setpoint is zero is not a fault. But inverted feedback would help the
+  // push, so the wheel is braked instead of driven.
   yields_ = true;
   end_evidence();
   return WheelFault::kNone;

@@ -31,7 +31,7 @@ class Wheel {
   void drive_duty(int32_t duty_q15, bool motor_inverted);
   void brake();
   void coast();
-  /// Coasts, unless the windings are shorted: that is no drive.
+  /// Coasts, unless the windings are shorted, which does not drive either.
   void release();
   /// Somebody has cleared the fault: what was seen before does not count any more.
   void end_evidence() {

@@ -1,4 +1,4 @@
-// What a battery's levels forbid, by docs/sensors.md and the voltage that the chip can see.
+// What a battery's levels forbid, according to docs/sensors.md and the voltage that the chip sees.
 #pragma once
 
 #include <algorithm>
@@ -30,8 +30,8 @@ class BatteryWitness {
     }
   }
 
-  /// A control step reads this voltage. Returns what happened, for the table of what was reached;
-  /// nullptr: nothing did.
+  /// A control step reads this voltage. Returns what happened, for the table of what was reached,
+  /// or nullptr.
   const char* reads(uint16_t millivolts, uint64_t now_us) {
     if (!is_guarded(levels_)) return nullptr;
     if (first_us_ == kNever) first_us_ = seen_us_ = now_us;
@@ -54,8 +54,8 @@ class BatteryWitness {
     return ended;
   }
 
-  // For a moment between two readings, at which the chip would see this voltage.
-  /// What it forbids for certain.
+  // For a moment between two readings, when the chip would see this voltage.
+  /// What it surely forbids.
   uint8_t forbids(uint16_t millivolts, uint64_t now_us) const {
     if (!is_guarded(levels_)) return 0;
     if (is_broken_ && millivolts == 0) return reflex::kStop;
@@ -70,14 +70,14 @@ class BatteryWitness {
     if (is_about_to_change(now_us) || !is_read_) forbidden |= reflex::kStop | reflex::kLimit;
     return forbidden;
   }
-  /// Nobody knows it yet, and nothing drives.
+  /// The level is still unknown, and nothing drives.
   bool is_unread(uint16_t millivolts) const { return may_be_unread() && millivolts == 0; }
   bool may_be_unread() const { return is_guarded(levels_) && !is_read_ && !is_broken_; }
 
  private:
   static constexpr uint64_t kNever = ~uint64_t{0};
   static constexpr double kFallUs = 2e6;
-  /// Above WARN by a 32nd for so long it has not fallen.
+  /// After this long at a 32nd above WARN, it has not fallen.
   static constexpr double kRestedUs = 250e3;
   static constexpr uint64_t kRiseUs = 10'000'000;
   static constexpr uint64_t kBrokenUs = 100'000;
@@ -97,7 +97,7 @@ class BatteryWitness {
   static uint8_t of(Level level) {
     return level == kEmpty ? reflex::kStop : level == kLimited ? reflex::kLimit : 0u;
   }
-  /// The step in which it was reset may have read a voltage that nobody else saw.
+  /// The step in which it was reset may have read a voltage that was not recorded.
   Stopped stopped_at_reset() const {
     if (!is_guarded(levels_) || (!is_read_ && stopped_ == Stopped::kYes)) return stopped_;
     if (!has_level_ || is_unsure() || is_about_to_change(read_us_)) return Stopped::kPerhaps;
@@ -109,7 +109,7 @@ class BatteryWitness {
            : level == kLimited ? levels_.value_b
                                : levels_.value_a;
   }
-  /// What it is then, if the voltage stays where it is.
+  /// The level at that time, if the voltage does not change.
   Level level_after(uint64_t now_us) const {
     if (!has_level_) return level_;
     const auto lasted = [now_us](uint64_t since_us, uint64_t needed_us) {
@@ -123,7 +123,7 @@ class BatteryWitness {
     return level_ == kLimited && lasted(above_us_[kLimited], kRiseUs) ? kLow : level_;
   }
 
-  /// It has, or may have: what has leaked meanwhile is rounded.
+  /// It has fallen, or may have: the time that leaked is rounded.
   bool is_about_to_change(uint64_t now_us) const {
     for (const Level lower : {kEmpty, kLimited, kLow})
       if (lower > level_ && fallen_us_[lower] > kFallUs - static_cast<double>(kSlackUs))

@@ -19,7 +19,7 @@ inline const std::vector<BoardDescription>& shipped_boards() {
   return boards;
 }
 
-/// What the simulated robot is on while none is stored.
+/// The simulated robot's board while none is stored.
 inline Configuration built_in_configuration(bool is_unwritten) {
   if (is_unwritten) return {.board = kBoardOfEsp32, .peripherals = {}};
   return {.board = sim::kOwnBoard, .peripherals = sim::default_peripherals()};

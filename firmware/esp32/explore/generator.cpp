@@ -122,7 +122,7 @@ class Generator {
 
   // --- driving -----------------------------------------------------------------------------------
 
-  /// The one that has the session, if it has not ended meanwhile; sometimes the other.
+  /// The host with the session, if that has not ended; sometimes the other host.
   double host() { return chance(92) ? host_ : 1.0 - host_; }
 
   double speed() {
@@ -249,7 +249,7 @@ class Generator {
     }
   }
 
-  /// A library that reconnects long after the start, for a program that published all the time.
+  /// A library that reconnects long after the start, while its program published all the time.
   void come_back_late() {
     add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
     add(Kind::kRun, {std::floor(spread(500e3, 5e6))});
@@ -283,7 +283,7 @@ class Generator {
     }
   }
 
-  /// A program that does not pause after a clear, whatever its setpoints are refused for.
+  /// A program that does not pause after a clear, whatever the reason for the refusals.
   void persist() {
     const size_t wrong = below(5);
     const double every_us = std::floor(spread(20e3, 400e3));
@@ -488,9 +488,19 @@ class Generator {
     drive(std::floor(spread(50e3, 1e6)));
   }
 
+  /// The contact is switched off and saved, and the robot moves to a board that has one as well.
+  void contact_of_another_board() {
+    make_ready();
+    set(ParameterId::kEstopInputEnabled, 0);
+    add(Kind::kSave, {host_, 0});
+    moment();
+    board();
+    reset();
+  }
+
   // --- sensors -----------------------------------------------------------------------------------
 
-  /// Mostly one of those that the list of the robot has.
+  /// Usually a sensor of the robot's list.
   double sensed() {
     if (chance(20)) return static_cast<double>(below(static_cast<size_t>(Sensed::kCount)));
     const auto of = [&](Sensed one, Sensed other) {
@@ -1030,6 +1040,7 @@ class Generator {
     if (kind < 3 && is_about(Subject::kParameters)) return tune();
     if (kind < 5 && is_about(Subject::kParameters)) return trial();
     if (kind < 6 && is_about(Subject::kBoards)) return peripherals(below(kLists));
+    if (kind < 7 && is_about(Subject::kBoards) && chance(30)) return contact_of_another_board();
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();
     if (kind < 8 && is_about(Subject::kDefects)) return chance(15) ? lose_in_gaps() : wheels();

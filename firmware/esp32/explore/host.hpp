@@ -40,7 +40,7 @@ class Host {
     if (sent_.size() > kKept) sent_.erase(sent_.begin());
     return frame_of(body);
   }
-  /// The message before the last `back` ones again; empty if there is none.
+  /// Repeats the message before the last `back` ones; empty if there is none.
   Bytes repeated(size_t back) {
     return back < sent_.size() ? frame_of(sent_[sent_.size() - 1 - back]) : Bytes{};
   }

@@ -1,7 +1,8 @@
 // Explores the whole robot from seeds, or carries out scenarios that are given.
 //
 //   wheelwire-explore --seed N [--every K] (--seconds S | --count C) [--folder F]
-//                     [--except S11] [--shrink SECONDS]
+//                     [--except S11] [--shrink SECONDS]      S: of the processor, however busy it
+//                     is
 //   wheelwire-explore --exhaustive PART/PARTS [--folder F]
 //   wheelwire-explore --replay FILE...
 //   wheelwire-explore --print N
@@ -11,7 +12,6 @@
 // scenario that breaks it is in the folder.
 #include <sys/resource.h>
 
-#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -72,16 +72,13 @@ void report(const Options& options, const Scenario& scenario, const Outcome& out
 }
 
 int explore(const Options& options) {
-  using Clock = std::chrono::steady_clock;
-  const auto begin = Clock::now();
   const double cpu_begin = cpu_seconds();
   Coverage coverage;
   double robot_seconds = 0.0;
   uint64_t scenarios = 0;
   int result = 0;
   for (uint64_t seed = options.seed; scenarios < options.count; seed += options.every) {
-    const double passed = std::chrono::duration<double>(Clock::now() - begin).count();
-    if (options.seconds > 0.0 && passed >= options.seconds) break;
+    if (options.seconds > 0.0 && cpu_seconds() - cpu_begin >= options.seconds) break;
     Scenario scenario = generate(seed);
     scenario.excepted = options.excepted;
     const Outcome outcome = carry_out(scenario, coverage);

@@ -12,7 +12,7 @@ std::string name_of(SupervisorState state);
 std::string name_of(SupervisorEvent event);
 std::string name_of(ConfigurationState state);
 std::string name_of(ResetReason reason);
-/// Of a shipped board, by its checksum.
+/// Name of a shipped board, found by its checksum.
 std::string name_of_board(uint32_t checksum);
 /// Of a message.
 std::string name_of_message(uint8_t id);

@@ -84,7 +84,7 @@ constexpr bool is_in_order() {
     if (kSpecs[i].kind != static_cast<Kind>(i)) return false;
   return true;
 }
-static_assert(is_in_order());  // Else an operation is printed as another one.
+static_assert(is_in_order());  // Otherwise an operation would be printed as another one.
 
 std::string number(double value) {
   // The shortest text that reads back as the same number.

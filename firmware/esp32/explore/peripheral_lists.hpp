@@ -18,8 +18,8 @@ constexpr uint16_t kStopMv = 6600;
 /// Whether a list has a battery's levels.
 constexpr bool guards_battery(size_t which) { return which == kBatteryList || which > 5; }
 
-/// None; two bumpers; a cliff sensor and the fault output of a power stage; a battery's levels; and
-/// mixtures of these.
+/// An empty list; two bumpers; a cliff sensor and a power stage's fault output; a battery's levels;
+/// and mixtures of these.
 inline PeripheralList list_of(size_t which) {
   PeripheralList list;
   const auto add = [&list](Peripheral entry) { list.entries[list.count++] = entry; };

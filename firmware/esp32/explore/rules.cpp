@@ -60,14 +60,17 @@ constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
 constexpr uint64_t kRepairUs = 13'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
+// Since its command came to zero. The firmware takes 0.3 s.
+constexpr uint64_t kSurelyRollsUs = 250'000;
 constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// Less than the firmware waits, by a control step at 100 Hz.
 constexpr uint64_t kStillUs = 480'000;
 constexpr uint64_t kRunDownUs = 1'980'000;
 /// The stage pauses first, where the drive was removed.
 constexpr int kPauseSteps = 4;
-/// What the firmware may take for the speed of a wheel that stopped a moment ago.
+/// The speed that the firmware may measure for a wheel that has just stopped.
 constexpr double kMeasuredAtRestUmps = 20'000;
+constexpr uint8_t kEitherWay = reflex::kNoForward | reflex::kNoReverse;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
@@ -76,6 +79,14 @@ bool reads_encoders_otherwise(const Values& before, const Values& after) {
   constexpr std::array kWays = {kLeftEncoderInverted, kRightEncoderInverted, kEncodersSwapped};
   return std::any_of(kWays.begin(), kWays.end(),
                      [&](ParameterId id) { return before[index_of(id)] != after[index_of(id)]; });
+}
+
+/// A loop that drives another wheel than it measures, or the other way, holds no robot.
+bool has_no_swaps(const Values& values) {
+  constexpr std::array kSwaps = {kLeftMotorInverted,    kRightMotorInverted, kLeftEncoderInverted,
+                                 kRightEncoderInverted, kMotorsSwapped,      kEncodersSwapped};
+  return std::all_of(kSwaps.begin(), kSwaps.end(),
+                     [&](ParameterId id) { return values[index_of(id)] == 0.0f; });
 }
 
 /// The rule that a setpoint broke which had to be refused.
@@ -90,6 +101,10 @@ Rule rule_of(Codes denied, bool unarmed_by_start) {
   if (denied.has(RefusalCode::kExpired)) return Rule::kDeadlineStops;
   if (denied.has(RefusalCode::kNoTrial)) return Rule::kTrialEndsWithItsSession;
   return Rule::kSessionAndClockFirst;
+}
+
+bool hides_edges(const sim::EncoderModel& encoder) {
+  return encoder.stuck != 0 || encoder.lost != 0.0 || encoder.dead;
 }
 
 double sign_of(double value) { return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0; }
@@ -139,7 +154,7 @@ void Judge::deadline_stops() {
         now_us() - witness_.granted()->deadline_us, " us after its setpoint's deadline");
 }
 
-/// S05, and what else a setpoint has to have: S03, S04, S10, S16.
+/// S05, and the other conditions for a setpoint: S03, S04, S10, S16.
 void Judge::driven_by_right() {
   if (simulator_.state() != SupervisorState::kDriving || witness_.granted()) return;
   accuse({rule_of(witness_.denied(), witness_.unarmed_by_start()),
@@ -193,7 +208,7 @@ bool Judge::has_default_protection() const {
   return value(kMaxDuty) >= 0.15f;
 }
 
-/// Nothing but the firmware moves the robot, and nothing is broken.
+/// Only the firmware moves the robot, and nothing is broken.
 bool Judge::is_clean() const { return !world_.ever_disturbed; }
 
 /// S06, of one drive.
@@ -402,10 +417,8 @@ bool Judge::surely_turns(Side wheel) const {
 /// S11.
 void Judge::slew_within_limit() {
   const auto& granted = witness_.granted();
-  // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
-      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0 ||
-      witness_.perhaps_held_ways() != 0 || memory_.was_held)
+      memory_.state != SupervisorState::kDriving)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -425,8 +438,10 @@ void Judge::slew_within_limit() {
     }
   }
   if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
-  const double acceleration = static_cast<double>(
-      std::max(value(kMaxAccelerationMps2), memory_.highest[index_of(kMaxAccelerationMps2)]));
+  // A reflex may stop it, and let it start again, at any step. An open loop then starts from zero.
+  if (witness_.perhaps_forbidden() != 0 || witness_.perhaps_held_ways() != 0 || memory_.was_held)
+    return;
+  const double acceleration = highest(kMaxAccelerationMps2);
   const double step_umps = acceleration * period_s * 1e6;
   for (const Side side : kSides) {
     const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
@@ -460,8 +475,7 @@ void Judge::begins_gently() {
 /// S19.
 void Judge::within_limits() {
   if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
-  const double limit =
-      static_cast<double>(std::max(value(kMaxDuty), memory_.highest[index_of(kMaxDuty)]));
+  const double limit = highest(kMaxDuty);
   for (const Side side : kSides) {
     const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
     // A limit that was lowered takes effect within the slew limit.
@@ -478,7 +492,8 @@ void Judge::no_hard_switch() {
         "a winding's direction changed without a pause");
 }
 
-/// S18, at the end of a control step: a pause within a step is none, as current still flows.
+/// S18, at the end of a control step: a pause within a step does not count, because current still
+/// flows.
 void Judge::pauses_for_a_period() {
   if (!world_.wired_as_believed) return;
   const bool can_coast = kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
@@ -552,9 +567,8 @@ bool Judge::is_to_stand() {
 
 /// S28 and S32, at the end of a control step.
 void Judge::not_against_a_bumper() {
-  constexpr uint8_t kWays = reflex::kNoForward | reflex::kNoReverse;
   const auto& granted = witness_.granted();
-  const uint8_t open = witness_.forbidden() & kWays;
+  const uint8_t open = witness_.forbidden() & kEitherWay;
   const uint8_t forbidden = open | witness_.held_ways();
   if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed ||
       forbidden == 0) {
@@ -584,7 +598,7 @@ void Judge::not_against_a_bumper() {
     }
     if ((granted->ways & flag) == 0) continue;
     is_held = true;
-    // An open loop cannot hold it there, and what holds it afterwards begins anew.
+    // An open loop cannot hold it there, and what holds it afterwards starts again.
     if (granted->duty) memory_.held_since_us = 0;
     check(rule, !granted->duty || !simulator_.board.drives(),
           "a winding is driven, and a bumper forbids to go ", name);
@@ -604,7 +618,7 @@ void Judge::external_stops() {
         "a winding is driven, and a sensor has stopped the robot");
 }
 
-/// S29: half of the limits, to which it goes by the slew limit.
+/// S29: half of the limits, which it approaches within the slew limit.
 void Judge::half_of_the_speed() {
   const auto& granted = witness_.granted();
   const bool applies = (witness_.forbidden() & reflex::kLimit) != 0 && granted &&
@@ -632,9 +646,6 @@ void Judge::half_of_the_speed() {
     memory_.limited_from_umps = static_cast<double>(std::max(
         std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight])));
   }
-  const auto highest = [this](ParameterId id) {
-    return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
-  };
   if (granted->duty) {
     // It falls to half, at nearly the slew limit: of two wheels the slower one keeps their ratio.
     const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
@@ -663,7 +674,7 @@ void Judge::half_of_the_speed() {
   }
 }
 
-/// S34: a mean of half as much again as it may, for a second in all, is a fault.
+/// S34: a mean speed 1.5 times the allowed one, for a second in all, is a fault.
 void Judge::not_too_fast() {
   // What the firmware measures lags, and is noisy.
   constexpr double kMargin = 1.1;
@@ -677,16 +688,21 @@ void Judge::not_too_fast() {
       has_default_protection() && world_.wired_as_believed && simulator_.board.wiring.is_right() &&
       value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution);
   double sum = 0.0;
-  double allowed = static_cast<double>(
-      std::max(value(kMaxVelocityMps), memory_.highest[index_of(kMaxVelocityMps)]));
+  double allowed = highest(kMaxVelocityMps);
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-    applies = applies && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0 &&
-              !world_.has_gaps[side];
+    applies = applies && !hides_edges(encoder) && !world_.has_gaps[side];
     sum += std::abs(simulator_.board.plant.speed_mps(side));
     allowed =
         std::max(allowed, std::abs(static_cast<double>(simulator_.commanded_umps(side))) * 1e-6);
   }
+  if (simulator_.board.drives()) memory_.driven_us = now_us();
+  const double brake_us = 1e6 * highest(kBrakeTimeS);
+  // A bumper ended the drive: the brake acts before the loop does.
+  const bool slides = (witness_.perhaps_forbidden() & kEitherWay) != 0 &&
+                      memory_.driven_us != now_us() &&
+                      static_cast<double>(now_us() - memory_.driven_us) <= brake_us;
+  applies = applies && !slides;
   const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
   const bool obeys = applies && sum <= 2.0 * kMargin * allowed;
   if (is_cleared || obeys)
@@ -704,7 +720,7 @@ void Judge::not_too_fast() {
 /// S09: flash records an e-stop once the wheels stand, and its end.
 void Judge::estop_is_noted() {
   const bool estopped = simulator_.state() == SupervisorState::kEstopped;
-  // What the firmware measures of a wheel that hardly turns is not what it does.
+  // For a wheel that hardly turns, the firmware's measurement differs from its true speed.
   if (!(estopped && creeps(0.5))) memory_.fast_us = now_us();
   const bool is_slow = now_us() > memory_.fast_us + kMeasuredSlowUs + kRunDownUs;
   const bool rests = (simulator_.board.plant.stands_still() || (estopped && is_slow)) &&
@@ -719,7 +735,7 @@ void Judge::estop_is_noted() {
         estopped ? "an e-stop" : "its end", " was not recorded in flash");
 }
 
-/// S30: a copy that the start found lost is written anew.
+/// S30: a copy that the start found lost is rewritten.
 void Judge::lost_copy_is_repaired() {
   const sim::SimulatedBoard& board = simulator_.board;
   const bool rests = board.plant.stands_still() &&
@@ -738,8 +754,9 @@ void Judge::lost_copy_is_repaired() {
 
 // --- what a stop does ----------------------------------------------------------------------------
 
-/// A stop in `mode`. Of one that is not `certain` only what it may do is known.
-void Judge::begin_action(StopMode mode, bool certain, bool weakens) {
+/// A stop in `mode`. Of one that is not `certain` only what it may do is known; of one that was
+/// noticed before only since when it acts at least.
+void Judge::begin_action(StopMode mode, bool certain, bool weakens, uint64_t since_us) {
   const auto brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
   const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
   const auto begin = [mode, weakens](Action& action, uint64_t until_us) {
@@ -748,16 +765,16 @@ void Judge::begin_action(StopMode mode, bool certain, bool weakens) {
     action.until_us = mode == action.mode ? std::max(action.until_us, until_us) : until_us;
     action.mode = mode;
   };
-  const uint64_t at_least_us = now_us() + brake_us;
+  const uint64_t at_least_us = (since_us != 0 ? since_us : now_us()) + brake_us;
   if (certain) begin(memory_.least, at_least_us - std::min(at_least_us, kSlackUs));
-  begin(memory_.most, at_least_us + 2 * period_us + kSlackUs);
+  begin(memory_.most, now_us() + brake_us + 2 * period_us + kSlackUs);
 }
 
-void Judge::begin_estop(bool certain) {
+void Judge::begin_estop(bool certain, uint64_t since_us) {
   const auto stop_mode = static_cast<StopMode>(value(kStopMode));
   auto mode = static_cast<StopMode>(value(kEstopMode));
   if (mode != StopMode::kCoast && stop_mode == StopMode::kBrakeUntilDriven) mode = stop_mode;
-  begin_action(mode, certain);
+  begin_action(mode, certain, false, since_us);
   if (mode == StopMode::kCoast) return;
   memory_.most.guards = true;
   if (certain) memory_.least.guards = true;
@@ -800,6 +817,8 @@ void Judge::follow_message() {
     if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
     memory_.contact_open = memory_.contact_open || is_noticed;
   } else if (witness_.contact_open()) {
+    // On an e-stopped robot it cannot be seen whether this message or the next step notices it.
+    if (!memory_.contact_open && memory_.contact_since_us == 0) memory_.contact_since_us = now_us();
     begin_estop(task.before != after);
     memory_.contact_open = memory_.contact_open || task.before != after;
   }
@@ -829,13 +848,19 @@ void Judge::follow_transition() {
 void Judge::follow_step() {
   follow_transition();
   const SupervisorState after = simulator_.state();
-  if (witness_.contact_open() && !memory_.contact_open) begin_estop(true);
+  if (witness_.contact_open() && !memory_.contact_open) begin_estop(true, memory_.contact_since_us);
   memory_.contact_open = witness_.contact_open();
+  memory_.contact_since_us = 0;
   if (after == SupervisorState::kDriving) memory_.least = memory_.most = {};
   // Once the e-stop is cleared its brake ends as soon as the wheels are still.
   if (after == SupervisorState::kEstopped) return;
   if (!surely_turns()) memory_.least.guards = false;
   if (surely_still() && now_us() >= memory_.most.until_us) memory_.most.guards = false;
+}
+
+/// Of a value since the last control step, in which it may have been raised and lowered again.
+double Judge::highest(ParameterId id) const {
+  return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
 }
 
 bool Judge::is_shorted() const {
@@ -852,7 +877,8 @@ bool Judge::moves_slower_than(ParameterId limit) const {
   double speed = 0.0;
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-    if (encoder.stuck != 0 || encoder.lost != 0.0 || encoder.dead) return true;
+    // The first edges of one that comes back show no speed yet.
+    if (hides_edges(encoder) || now_us() - memory_.hid_edges_us[side] < kStillUs) return true;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
   return !measures || speed < 1.5 * static_cast<double>(value(limit)) + 0.05;
@@ -922,10 +948,10 @@ void Judge::rolling_is_reported() {
       value(kVelocityWindowUs) <= 50'000.0f;
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-    sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
+    sound = sound && !hides_edges(encoder);
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  // Beside a bumper the loop still slows it down, as fast as it may.
+  // At a bumper, the loop still slows it down, as fast as allowed.
   const bool slows_down =
       simulator_.commanded_umps(kLeft) != 0 || simulator_.commanded_umps(kRight) != 0;
   const bool is_held =
@@ -955,16 +981,21 @@ void Judge::rolling_is_reported() {
 void Judge::on_event(const Event& event) {
   if (event.code != EventCode::kRolling) return;
   memory_.rolling_told = true;
-  const bool may_be_held = ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &
-                            (reflex::kNoForward | reflex::kNoReverse)) != 0;
+  const bool may_be_held =
+      ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) & kEitherWay) != 0;
   check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving || may_be_held,
         "ROLLING is reported while it drives");
+  check(Rule::kRollingIsReported,
+        simulator_.state() != SupervisorState::kDriving || !memory_.followed_velocity ||
+            now_us() - memory_.commanded_us >= kSurelyRollsUs,
+        "ROLLING is reported while it slows down beside a bumper");
   const bool brakes =
       value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
   const bool recently_reset = now_us() < 3'000'000;
   const bool measures =
       value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
-      value(kCountsPerRevolution) == kParameters[index_of(kCountsPerRevolution)].default_value;
+      value(kCountsPerRevolution) == kParameters[index_of(kCountsPerRevolution)].default_value &&
+      simulator_.board.wiring.is_right() && has_no_swaps(witness_.values());
   check(Rule::kRollingIsReported,
         !is_clean() || !brakes || recently_reset || !measures || !world_.wired_as_believed,
         "ROLLING is reported on a flat floor after a braked stop");
@@ -1010,7 +1041,7 @@ void Judge::on_state(const WheelState& state) {
 
 // --- flash ---------------------------------------------------------------------------------------
 
-/// At the end of a control step: a tick that is undone before the next one is not seen.
+/// At the end of a control step: a tick that is undone before the next step is not seen.
 void Judge::follow_motion() {
   const bool is_seen = world_.wired_as_believed && simulator_.board.wiring.both_on == 0 &&
                        !simulator_.board.wiring.mixed;
@@ -1019,6 +1050,7 @@ void Judge::follow_motion() {
     const int64_t change = encoder.shown_ticks() - memory_.seen_ticks[wheel];
     const int64_t moved = std::abs(change);
     memory_.seen_ticks[wheel] = encoder.shown_ticks();
+    if (hides_edges(encoder.model)) memory_.hid_edges_us[wheel] = now_us();
     const bool is_stuck = encoder.model.stuck != 0;
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
@@ -1043,7 +1075,7 @@ void Judge::follow_motion() {
   if (drives || simulator_.state() == SupervisorState::kDriving) memory_.drove_us = now_us();
 }
 
-/// S27. A speed that is 0 for a moment is no standstill: a wheel turns back, or was just pushed.
+/// S27. A speed of 0 for a moment is not a standstill: the wheel may turn back, or was just pushed.
 void Judge::flash_only_at_rest(bool creeping) {
   const auto ago = [this](uint64_t us) {
     return std::to_string((now_us() - us) / 1000) + " ms ago";
@@ -1063,6 +1095,8 @@ void Judge::after_message() {
   for (size_t i = 0; i < kParameterCount; ++i)
     memory_.highest[i] = std::max(memory_.highest[i], witness_.values()[i]);
   if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
+  // A late step may latch a fault that the message behind it clears before the next look.
+  if (simulator_.faults() == 0) memory_.faults |= witness_.last_faults();
   driven_by_right();
   board_stays_while_estopped();
   values_change_at_rest();
@@ -1111,8 +1145,11 @@ void Judge::remember() {
   const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
   memory_.followed_duty = drives && granted->duty;
   memory_.followed_velocity = drives && !granted->duty;
+  if (memory_.followed_velocity &&
+      (simulator_.commanded_umps(kLeft) != 0 || simulator_.commanded_umps(kRight) != 0))
+    memory_.commanded_us = now_us();
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
-  // A bumper that held it off lets it begin anew.
+  // When the bumper no longer holds it off, it starts again.
   memory_.was_held = witness_.perhaps_held_ways() != 0;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {

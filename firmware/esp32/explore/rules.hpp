@@ -38,10 +38,11 @@ struct Memory {
   SupervisorState state = SupervisorState::kBoot;
   std::array<double, 2> duty{};
   bool followed_velocity = false;
-  int restarting_steps = 0;  ///< It stopped a moment ago, and its slew begins anew.
+  int restarting_steps = 0;  ///< It stopped a moment ago, and its slew restarts.
   std::array<int32_t, 2> commanded_umps{};
+  uint64_t commanded_us = 0;  ///< When a wheel was last commanded to turn, in a velocity loop.
   bool followed_duty = false;
-  bool default_protection = false;  ///< What protects the wheels had its default values.
+  bool default_protection = false;  ///< The wheels' protection had its default values.
   uint32_t faults = 0;
   uint64_t step_us = 0;
   Values values{};
@@ -86,12 +87,14 @@ struct Memory {
   // S27. When a level of the encoder last changed, and when a winding was last driven, or the chip
   // started: it may roll.
   std::array<int64_t, 2> seen_ticks{};
-  std::array<bool, 2> was_stuck{};   ///< A level was, at the end of the last step.
-  std::array<bool, 2> hides_tick{};  ///< A level was stuck, and is behind the other one.
+  std::array<bool, 2> was_stuck{};         ///< A level was, at the end of the last step.
+  std::array<uint64_t, 2> hid_edges_us{};  ///< An encoder did not show them all.
+  std::array<bool, 2> hides_tick{};        ///< A level was stuck, and is behind the other one.
   uint64_t turned_us = 0;
   uint64_t ticked_us = 0;          ///< As `turned_us`; 0: not since the start.
   uint64_t perhaps_ticked_us = 0;  ///< A counter may have counted.
   uint64_t drove_us = 0;
+  uint64_t driven_us = 0;  ///< A winding was.
 
   // S35. In how many control steps a wheel has moved on one way, and when it did last.
   struct Turning {
@@ -105,7 +108,7 @@ struct Memory {
   // S13.
   struct Ticks {
     bool known = false;
-    bool countable = false;  ///< What the levels show is what the firmware counts.
+    bool countable = false;  ///< The firmware counts what the levels show.
     int64_t shown = 0;
     uint32_t expected = 0;
   };
@@ -121,15 +124,16 @@ struct Memory {
   Action least;  ///< What the stops that were seen have begun for certain.
   Action most;   ///< What they may have begun.
   bool contact_open = false;
+  uint64_t contact_since_us = 0;  ///< A message may have noticed it then.
   Trial trial = Trial::kNone;
-  int braking_steps = 0;   ///< For how many it has had to brake.
-  int coasting_steps = 0;  ///< For how many it has had to coast.
+  int braking_steps = 0;   ///< For how many steps it had to brake.
+  int coasting_steps = 0;  ///< For how many steps it had to coast.
   // S09.
   uint64_t fast_us = 0;  ///< When it last did anything but creep on its brake.
 };
 
-/// An e-stop's brake goes on until the wheels have been still for half a second: so long for
-/// certain, and so long at most.
+/// An e-stop's brake goes on until the wheels have been still for half a second: surely until the
+/// first time, at most until the second.
 constexpr uint64_t kSurelyTurnsUs = 430'000;
 constexpr uint64_t kSurelyStillUs = 650'000;
 
@@ -138,15 +142,15 @@ struct World {
   bool wired_as_believed = true;
   /// Which encoders lose their edges in gaps that S06 knows how to notice.
   std::array<bool, 2> loses_in_gaps{};
-  /// Those, and the ones whose gaps are too short, too long or too few for it.
+  /// These, and also encoders whose gaps are too short, too long or too few for it.
   std::array<bool, 2> has_gaps{};
   uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
   bool ever_disturbed = false;
-  uint64_t turned_by_hand_us = 0;  ///< Simulated time at which a wheel was, last [us].
+  uint64_t turned_by_hand_us = 0;  ///< When a wheel was last turned by hand [us], simulated time.
   // Since the last control step:
-  bool writes_flash = false;  ///< It may be late.
-  bool handled = false;       ///< A message was.
-  /// Levels may have jumped, so ticks are not known any more.
+  bool writes_flash = false;  ///< The step may be late.
+  bool handled = false;       ///< A message was handled.
+  /// Levels may have jumped, so ticks are unknown from here on.
   bool changed_encoders = false;
 };
 
@@ -173,8 +177,8 @@ class Judge {
   void after_start();
   void on_state(const WheelState& state);
   void on_event(const Event& event);
-  /// The firmware writes to flash, and nobody asked for it.
-  /// `creeping`: also while it creeps on the brake of an e-stop.
+  /// The firmware writes to flash without a request. `creeping`: also while it creeps on the brake
+  /// of an e-stop.
   void flash_only_at_rest(bool creeping);
 
  private:
@@ -227,8 +231,8 @@ class Judge {
   void follow_message();
   void follow_transition();
   void follow_step();
-  void begin_action(StopMode mode, bool certain, bool weakens = false);
-  void begin_estop(bool certain);
+  void begin_action(StopMode mode, bool certain, bool weakens = false, uint64_t since_us = 0);
+  void begin_estop(bool certain, uint64_t since_us = 0);
   void begin_fault(uint32_t new_faults);
   void stops_as_asked();
   bool surely_turns() const {
@@ -236,6 +240,7 @@ class Judge {
   }
   bool surely_turns(sim::Side wheel) const;
   bool surely_still() const { return now_us() - memory_.perhaps_ticked_us > kSurelyStillUs; }
+  double highest(ParameterId id) const;
   bool is_shorted() const;
   bool creeps(double share) const;
   bool moves_slower_than(ParameterId limit) const;

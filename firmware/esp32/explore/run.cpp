@@ -579,7 +579,7 @@ void Run::change_robot(const Operation& operation) {
 void Run::touch(const Operation& operation) {
   sim::Sensors& sensors = simulator_.board.sensors;
   const bool triggered = operation.values[1] != 0.0;
-  // What was triggered before counts for a while.
+  // Earlier triggers count for a while.
   witness_.notes_touch();
   switch (static_cast<Sensed>(whole(operation.values[0]) % static_cast<size_t>(Sensed::kCount))) {
     case Sensed::kFrontLeft:

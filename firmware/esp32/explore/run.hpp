@@ -15,7 +15,7 @@ namespace wheelwire::explore {
 
 class Run final : public sim::LineTap, public sim::StoreWatch, public sim::FlashWatch {
  public:
-  /// Of a scenario's seed and exceptions; its operations follow.
+  /// Uses the scenario's seed and exceptions, but not its operations: these follow one by one.
   Run(const Scenario& scenario, Coverage& coverage);
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;

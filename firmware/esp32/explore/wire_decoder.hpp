@@ -69,7 +69,7 @@ class WireDecoder {
     return body_size(out.id) == static_cast<int>(out.body.size());
   }
 
-  /// Of each byte, by CRC-32's polynomial: the firmware's own table is what is judged.
+  /// CRC of each byte, from CRC-32's polynomial: the firmware's own table is under test.
   static constexpr auto kRemainders = [] {
     std::array<uint32_t, 256> remainders{};
     for (uint32_t byte = 0; byte < remainders.size(); ++byte) {

@@ -38,26 +38,26 @@ Head head_of(const Seen& message) {
 
 bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDuty::kId; }
 
-/// Whether a repeat of the request is carried out once more.
+/// Whether a repeat of the request is carried out again.
 bool is_answered_afresh(uint8_t id) {
   return id == ConfigurationGet::kId || id == BoxGet::kId || id == BoxRead::kId ||
          id == LedgerGet::kId || id == PeripheralGet::kId || id == HoldGet::kId;
 }
 
-/// What is sent unasked once a host has asked for it.
+/// Messages that are sent without further requests once a host has asked for them.
 bool is_of_sensors(uint8_t id) {
   return id == SensorInfo::kId || id == Imu::kId || id == Power::kId || id == Inputs::kId ||
          id == SensorEvent::kId;
 }
 
-/// Of a battery, which the board has to measure.
+/// Whether it has a battery's levels: the board has to measure the battery.
 bool has_levels(const PeripheralList& list) {
   return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
     return entry.kind == PeripheralKind::kBattery;
   });
 }
 
-/// Boards are written as they are shipped, or broken; those of other chips are refused.
+/// Boards are written as shipped, or broken; boards for other chips are refused.
 bool can_be_used(const Configuration& configuration) {
   const auto is_same = [&](const BoardDescription& board) {
     return board.chip == kBoardOfEsp32.chip && board == configuration.board;
@@ -317,12 +317,14 @@ Codes Witness::request_codes(const Seen& message) const {
       if (estopped() || simulator_.state() == SupervisorState::kDriving)
         return RefusalCode::kNotStopped;
       Codes codes = none;
-      if (!nothing_saved_) {
+      const bool writes = save_failed_ || (lasting_ & kStoreFaults) != 0;
+      if (writes || saved_ != Slots::Exists::kNo) {
         // Formatting is a write to the store, too.
         const bool formats = flash_damaged_ && !simulator_.board.store.failing;
         codes = !formats                                       ? save_codes()
                 : simulator_.board.configuration_store.failing ? Codes(RefusalCode::kStoreFailed)
                                                                : none;
+        if (!writes && saved_ == Slots::Exists::kMaybe) codes |= none;
       }
       if (may_turn()) codes |= RefusalCode::kNotStopped;
       return codes;
@@ -366,13 +368,13 @@ Codes Witness::request_codes(const Seen& message) const {
                                              : Codes());
     }
     case MemoryGet::kId:
-      return RefusalCode::kNotSupported;  // It is no chip.
+      return RefusalCode::kNotSupported;  // The simulator is not a chip.
     default:
       return none;
   }
 }
 
-/// Of a save of parameters that nothing else speaks against. The configuration's store records that
+/// Result of saving parameters if nothing else prevents it. The configuration's store records that
 /// there are some, once.
 Codes Witness::save_codes() const {
   if (simulator_.board.store.failing || flash_damaged_) return RefusalCode::kStoreFailed;
@@ -392,7 +394,7 @@ Codes Witness::save_codes() const {
   return codes;
 }
 
-/// `refused`: what speaks against it beside the robot's state.
+/// `refused`: the reasons against it other than the robot's state.
 Codes Witness::configuration_codes(Codes refused) const {
   const Codes stopped = stopped_code();
   if (!stopped.empty()) return stopped;
@@ -414,7 +416,7 @@ Codes Witness::fault_codes() const {
 
 // --- sensors -------------------------------------------------------------------------------------
 
-/// What those of the active list forbid that are triggered now.
+/// What the triggered sensors of the active list forbid now.
 uint8_t Witness::triggered() const {
   if (!board_confirmed()) return 0;
   const sim::Sensors& sensors = simulator_.board.sensors;
@@ -560,7 +562,7 @@ Finding Witness::sends(const Seen& message) {
   return takes_effect(message);
 }
 
-/// What the device says by itself of what holds it: all that is known to hold it is named.
+/// The device's own report of what holds it must name everything known to hold it.
 Finding Witness::tells(const Hold& hold) const {
   const uint8_t forbids = forbidden();
   const SupervisorState state = simulator_.state();
@@ -632,8 +634,9 @@ Finding Witness::takes_effect(const Seen& answer) {
   if (message.id == ConfigurationWrite::kId && failed) fresh_candidate_ = false;
   // Only the record of it may have failed.
   const bool is_save = message.id == ParameterSave::kId || message.id == ParameterReset::kId;
-  if (is_save && (failed || task_->carried_out))
-    nothing_saved_ = !failed && message.id == ParameterReset::kId;
+  if (is_save && (failed || task_->carried_out)) save_failed_ = failed;
+  if (is_save && task_->carried_out)
+    saved_ = message.id == ParameterReset::kId ? Slots::Exists::kNo : Slots::Exists::kYes;
   if (is_save && failed && !simulator_.board.store.failing) {
     Flash saved = flash_;
     change_flash(message, saved);
@@ -768,7 +771,7 @@ void Witness::acts(const ParameterTrial& request) {
   }
 }
 
-/// What the message makes of the flash, if all of its writes succeed.
+/// The flash after the message, if all of its writes succeed.
 void Witness::change_flash(const Seen& message, Flash& flash) const {
   switch (message.id) {
     case ParameterSave::kId: {
@@ -862,11 +865,11 @@ void Witness::notes_stop() {
 void Witness::writes(StoredBlock block, int slot) {
   const bool was_gone = slots_of(block).are_gone();
   slots_of(block).whole[static_cast<size_t>(slot)] = true;
-  std::optional<Flash>& former = formers_[static_cast<size_t>(block)];
-  former.reset();
+  std::vector<Flash>& formers = formers_[static_cast<size_t>(block)];
+  formers.clear();
   const bool estop = simulator_.state() == SupervisorState::kEstopped;
   if (block == StoredBlock::kLatches && estop != flash_.estop) {
-    former = flash_;  // Until the second slot is written.
+    formers = {flash_};  // Until the second slot is written.
     flash_.estop = estop;
     for (Flash& flash : maybe_flashes_) flash.estop = estop;
   }
@@ -890,9 +893,9 @@ void Witness::formats() {
 }
 
 void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
-  std::optional<Flash>& former = formers_[static_cast<size_t>(block)];
-  if (!former) former = flash_;
-  // The power may go once more before a start has shown which of them it is.
+  std::vector<Flash>& formers = formers_[static_cast<size_t>(block)];
+  if (formers.empty()) formers = possible_flashes();
+  // The power may fail again before a start has shown which of them it is.
   for (Flash flash : possible_flashes()) {
     if (block == StoredBlock::kLatches) {
       flash.estop = !flash.estop;
@@ -933,10 +936,13 @@ void Witness::damages(StoredBlock block, sim::Damage what) {
   if (slots.are_gone()) {
     change(flash_, {});
     for (Flash& flash : maybe_flashes_) change(flash, {});
-  } else if (const std::optional<Flash>& former = formers_[static_cast<size_t>(block)]) {
-    for (Flash flash : possible_flashes()) {
-      change(flash, *former);
-      maybe_flashes_.push_back(flash);
+  } else {
+    const std::vector<Flash> flashes = possible_flashes();
+    for (const Flash& former : formers_[static_cast<size_t>(block)]) {
+      for (Flash flash : flashes) {
+        change(flash, former);
+        maybe_flashes_.push_back(flash);
+      }
     }
   }
 }
@@ -987,7 +993,7 @@ void Witness::resets(bool loses_memory) {
 Witness::Start Witness::boot_of(const Flash& flash) const {
   Start start;
   start.candidate_state = flash.candidate_state;
-  // Nothing is known of the wiring.
+  // The wiring is unknown.
   if (simulator_.board.configuration_store.unreadable != 0 || simulator_.board.flash.faults != 0 ||
       may_be_lost(StoredBlock::kConfiguration))
     return start;
@@ -1012,7 +1018,7 @@ Witness::Start Witness::boot_of(const Flash& flash) const {
 }
 
 Finding Witness::starts() {
-  // Of a block whose first save was cut nobody knows whether it is lost or never was.
+  // If a block's first save was cut, the block may be lost, or may never have existed.
   std::vector<std::array<bool, kStoredBlocks>> losses{{}};
   for (const StoredBlock block : kBlocks) {
     const auto index = static_cast<size_t>(block);
@@ -1024,6 +1030,13 @@ Finding Witness::starts() {
       losses[i][index] = true;
     }
   }
+  bool with_values = saved_ == Slots::Exists::kMaybe;
+  bool without = with_values;
+  save_failed_ = false;
+  for (const Flash& flash : possible_flashes()) (flash.parameters ? with_values : without) = true;
+  saved_ = !with_values ? Slots::Exists::kNo
+           : without    ? Slots::Exists::kMaybe
+                        : Slots::Exists::kYes;
   Finding problem;
   bool is_first = true;
   for (const Flash& flash : possible_flashes()) {
@@ -1052,7 +1065,6 @@ Finding Witness::starts() {
   for (const StoredBlock block : kBlocks)
     lost_copies_[static_cast<size_t>(block)] = slots_of(block).whole[0] != slots_of(block).whole[1];
   if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
-  nothing_saved_ = !flash_.parameters && (lasting_ & kStoreFaults) == 0;
   note_state();
   kept_memory_ = memory_kept_;
   memory_kept_ = false;
@@ -1082,7 +1094,7 @@ Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredB
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
   lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;
-  // Where nothing can be read, nobody finds out.
+  // If nothing can be read, this stays undetected.
   if (lasting_ == 0 && is_lost(StoredBlock::kParameterValues)) lasting_ = fault::kStoreUnreadable;
   if (simulator_.driver_failed()) lasting_ |= fault::kDriverFailed;
   if (!has_one) lasting_ |= fault::kNoBoard;

@@ -63,7 +63,8 @@ struct Flash {
   std::optional<PackedConfiguration> confirmed;
   std::optional<PackedConfiguration> candidate;
   Candidate candidate_state = Candidate::kNone;
-  bool is_lost = false;  ///< What was confirmed was damaged: nothing drives until one is confirmed.
+  bool is_lost = false;  ///< The confirmed configuration was damaged: nothing drives until another
+                         ///< is confirmed.
   bool estop = false;
 
   bool operator==(const Flash&) const = default;
@@ -71,7 +72,7 @@ struct Flash {
 
 /// The two slots of a block.
 struct Slots {
-  /// Since a first save was cut nobody knows.
+  /// kMaybe: the first save was cut.
   enum class Exists { kNo, kMaybe, kYes };
 
   std::array<bool, 2> whole{};
@@ -84,8 +85,8 @@ struct Slots {
 struct Task {
   Seen message;
   SupervisorState before{};
-  bool is_new = false;     ///< Neither a repeat, nor too old, nor of another session.
-  bool is_zero = false;    ///< A setpoint that turns no wheel.
+  bool is_new = false;     ///< Not a repeat, not too old, not of another session.
+  bool is_zero = false;    ///< A setpoint that does not turn a wheel.
   bool is_repeat = false;  ///< Answered from the stored answers, and not carried out again.
   bool answers = false;    ///< An answer must come.
   bool answered = false;
@@ -102,7 +103,7 @@ class Witness {
  public:
   explicit Witness(sim::Simulator& simulator) : simulator_(simulator) {}
 
-  // What is seen, in its order. Those that return a finding say what is wrong.
+  // What is seen, in order. Functions that return a finding say what is wrong.
   /// The firmware reads a message, and is about to handle it.
   void reads(const Seen& message);
   Finding sends(const Seen& message);
@@ -285,13 +286,16 @@ class Witness {
   Trial trial_ = Trial::kNone;
   uint64_t trial_until_us_ = 0;
   Flash flash_;
-  std::vector<Flash> maybe_flashes_;  ///< What may lie there instead since a write was cut.
-  bool nothing_saved_ = true;  ///< No parameters are, for certain, and none that cannot be read.
+  std::vector<Flash> maybe_flashes_;  ///< What the flash may hold instead, because a write was cut.
+  /// Parameters, or what cannot be read of them. The values of a save that was cut may be those
+  /// that the robot had without it.
+  Slots::Exists saved_ = Slots::Exists::kNo;
+  bool save_failed_ = false;  ///< A save since the start failed; part of it may be left.
   uint32_t lasting_ = 0;
   bool flash_damaged_ = false;  ///< Its partition cannot be opened.
   std::array<Slots, kStoredBlocks> slots_;
-  /// What the other slot of a block may still hold since a save was cut.
-  std::array<std::optional<Flash>, kStoredBlocks> formers_;
+  /// What the other slot of a block may still hold, because a save was cut.
+  std::array<std::vector<Flash>, kStoredBlocks> formers_;
   int record_writes_ = 0;  ///< Of the configuration, since another block was written.
   std::array<bool, kStoredBlocks> lost_copies_{};
 

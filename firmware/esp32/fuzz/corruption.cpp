@@ -9,10 +9,8 @@
 // A frame is touched when any of its bytes, delimiters included, was changed or removed, or when
 // bytes were put between two of its bytes. Bytes put between two frames touch neither. Touched
 // frames may be lost; every other frame has to be delivered, in order.
-//
-// A delivered message is wrong when its id and body equal those of no frame of the row. One that
-// equals an original is not wrong: damage can repeat a whole frame, and to receive a repeat is the
-// business of the layers above.
+// A delivered message is wrong when no frame of the row has its id and body. One that equals an
+// original is not wrong: damage can repeat a whole frame, and the layers above handle repeats.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

@@ -57,7 +57,7 @@ struct Findings {
   uint64_t injected = 0;
   uint64_t reached_crc = 0;  ///< Damaged chunks that only the CRC refused.
   uint64_t passed_crc = 0;   ///< Damaged chunks that only their id or length refused.
-  uint64_t wrong = 0;        ///< Messages delivered that nobody sent.
+  uint64_t wrong = 0;        ///< Messages delivered but never sent.
   uint64_t lost = 0;         ///< Untouched frames that were not delivered.
 
   bool aims_met() const { return wrong == 0 && lost == 0; }

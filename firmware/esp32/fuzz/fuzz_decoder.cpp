@@ -13,7 +13,7 @@ uint32_t chunks_judged(const ReceiveCounters& counters) {
          counters.wrong_length;
 }
 
-/// A good frame has its message's size on the line, and comes through once more when encoded again.
+/// A good frame has its message's size on the line, and can be decoded again once encoded again.
 void check_frame(const Frame& frame, const std::vector<uint8_t>& chunk) {
   const int size = body_size(frame.id);
   REQUIRE(size >= 0);

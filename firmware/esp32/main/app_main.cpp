@@ -31,10 +31,14 @@ using Machine = wheelwire::SimulatedRobot;
 using Machine = wheelwire::WiredRobot;
 #endif
 
+#if CONFIG_WHEELWIRE_SELF_TEST
+#include "self_test_line.hpp"
+#endif
+
 namespace wheelwire {
 namespace {
 
-// The keys are those of earlier firmware, whose blocks are found by them and refused.
+// Earlier firmware used the same keys, so its blocks are found and refused.
 NvsStore slots[kStoredBlocks][2]{{NvsStore{"board.0"}, NvsStore{"board.1"}},
                                  {NvsStore{"parameters.0"}, NvsStore{"parameters.1"}},
                                  {NvsStore{"latch.0"}, NvsStore{"latch.1"}}};
@@ -77,7 +81,7 @@ bool choose_board() {
   return take_pins(configuration.state(), configuration.board());
 }
 
-/// Where the host is. Nobody has said so yet while the image's own board is active, or none.
+/// The line to the host. It is unknown while the image's own board is active, or no board.
 Line& choose_line() {
   static UartLine uart;
 #if SOC_USB_SERIAL_JTAG_SUPPORTED
@@ -120,10 +124,21 @@ void start() {
   prepare_drive_watchdog();
   const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
 
-  static Device device{{.left_motor = machine.left_motor,
-                        .right_motor = machine.right_motor,
+#if CONFIG_WHEELWIRE_SELF_TEST
+  static SelfTest self_test{configuration.board(), machine.left_motor, machine.right_motor,
+                            shared_state};
+  static SelfTestLine host_line{line, self_test};
+  MotorPort& left_motor = self_test.left_motor;
+  MotorPort& right_motor = self_test.right_motor;
+#else
+  Line& host_line = line;
+  MotorPort& left_motor = machine.left_motor;
+  MotorPort& right_motor = machine.right_motor;
+#endif
+  static Device device{{.left_motor = left_motor,
+                        .right_motor = right_motor,
                         .encoders = machine.encoders,
-                        .line = line,
+                        .line = host_line,
                         .store = store,
                         .latches = latches,
                         .latch_store = latch_store,
@@ -140,11 +155,14 @@ void start() {
                                     has_battery ? &latest_battery : nullptr};
   device.sense(sensor_server);
   device.offer(housekeeping);
+#if CONFIG_WHEELWIRE_SELF_TEST
+  self_test.start();
+#endif
 
   static RecorderKeeper recorder{recorder_memory, recorder_flash, origin_of(identity),
                                  identity.reset_reason, configuration.fingerprint()};
   const bool can_record = recorder_flash.start(RecorderKeeper::kFlashSize);
-  static ControlTask control{device, line, dead_man, shared_state,
+  static ControlTask control{device, host_line, dead_man, shared_state,
                              can_record ? &recorder : nullptr};
   housekeeping.start(has_battery, has_board ? configuration.board().led : -1);
   control.start();

@@ -89,7 +89,7 @@ void ControlTask::serve() {
   for (;;) {
     uint32_t events = 0;
     xTaskNotifyWait(0, UINT32_MAX, &events, until_late_step());
-    // By the clock, too: bytes that come again and again end every wait before its time-out.
+    // Check the clock, too: a stream of bytes ends every wait before its time-out.
     if (events & kStepDue || until_late_step() == 0) {
       step();
     } else {

@@ -29,7 +29,7 @@ bool new_timer(gptimer_handle_t* timer) {
       .flags = {},
   };
   int group = -1;
-  do {  // The first group's timers are handed out first; those that are skipped stay unused.
+  do {  // The first group's timers are handed out first; skipped ones stay unused.
     if (gptimer_new_timer(&config, timer) != ESP_OK) return false;
     if (gptimer_get_group_id(*timer, &group) != ESP_OK) return false;
   } while (group != xPortGetCoreID());
@@ -40,8 +40,8 @@ bool new_timer(gptimer_handle_t* timer) {
 
 IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_event_data_t* event,
                                  void* context) {
-  // The counter restarted at the alarm. If interrupts were off for so long that it has nearly
-  // reached the next alarm, or is past it, that alarm would be missed, and with it all later ones.
+  // The counter restarted at the alarm. If interrupts were off until it nearly reached the next
+  // alarm or passed it, that alarm would be missed, and so would all later ones.
   if (event->count_value > kWatchPeriodUs / 2) gptimer_set_raw_count(timer, 0);
   auto& watcher = *static_cast<Watcher*>(context);
   const DeadMan& dead_man = *watcher.dead_man;

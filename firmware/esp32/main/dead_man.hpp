@@ -1,6 +1,6 @@
 // Independent of the scheduler: when no control step has run for some time, interrupts hold EN low.
-// They need no task, no flash and no driver. step_watch.hpp says when; brake_hold.hpp, when a brake
-// stays on meanwhile, as through a flash operation.
+// They need no task, no flash and no driver. step_watch.hpp says when. brake_hold.hpp says when a
+// brake stays on instead, as during a flash operation.
 #pragma once
 
 #include <atomic>

@@ -19,7 +19,7 @@ class DigitalInputs {
 
   uint16_t sample() const;
 
-  int8_t pins_[kMostPeripherals];  // By channel; -1: it is no input.
+  int8_t pins_[kMostPeripherals];  // By channel; -1: not an input.
   uint16_t levels_ = 0;
 };
 

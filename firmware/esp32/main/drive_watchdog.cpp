@@ -46,7 +46,7 @@ void prepare_drive_watchdog() {
   wdt_hal_init(&watchdog, WDT_RWDT, 0, false);
   wdt_hal_write_protect_disable(&watchdog);
   wdt_hal_config_stage(&watchdog, WDT_STAGE0, ticks_of(kLimitUs), WDT_STAGE_ACTION_RESET_SYSTEM);
-  // Neither the watchdog nor what stalls a core is reset by the first stage: esp_cpu_stall() writes
+  // The first stage resets neither the watchdog nor a core's stall, because esp_cpu_stall() writes
   // RTC registers. The second stage resets those, too.
   wdt_hal_config_stage(&watchdog, WDT_STAGE1, ticks_of(kSecondLimitUs), WDT_STAGE_ACTION_RESET_RTC);
   wdt_hal_write_protect_enable(&watchdog);

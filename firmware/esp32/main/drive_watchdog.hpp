@@ -14,8 +14,8 @@ void feed_drive_watchdog();
 /// Call when nothing drives. Also for interrupts.
 void disarm_drive_watchdog();
 
-/// For the panic handler, before it does anything: the chip is reset in 10 s, whatever happens
-/// until then, and neither function above changes that any more.
+/// For the panic handler, before anything else: the chip resets in 10 s, whatever happens until
+/// then. The functions above can no longer change that.
 void guard_panic();
 
 }  // namespace wheelwire

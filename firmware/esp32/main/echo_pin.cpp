@@ -7,7 +7,8 @@
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 
-// The interrupt must be in RAM: else the time of an edge would be that of the end of a flash write.
+// The interrupt must be in RAM: otherwise an edge during a flash write would get the time of the
+// write's end.
 #if !CONFIG_MCPWM_ISR_CACHE_SAFE
 #error \
     "Range sensors need CONFIG_MCPWM_ISR_CACHE_SAFE=y: it is in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
@@ -53,7 +54,7 @@ bool EchoPin::start_capture(const CaptureTimer& timer, int pin) {
   config.prescale = 1;
   config.flags.pos_edge = true;
   config.flags.neg_edge = true;
-  // Else the driver of ESP-IDF 5.5 would switch off what make_sensor_input() has switched on.
+  // Otherwise the driver of ESP-IDF 5.5 would undo what make_sensor_input() has switched on.
   config.flags.pull_down = can_pull(pin);
   mcpwm_cap_channel_handle_t channel = nullptr;
   const mcpwm_capture_event_callbacks_t callbacks = {.on_cap = on_edge};

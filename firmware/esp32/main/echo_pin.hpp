@@ -1,5 +1,5 @@
-// A range sensor on two pins of this chip. The capture unit of MCPWM times the edges of the echo:
-// what the processor does meanwhile delays none of them.
+// A range sensor on two pins of this chip. MCPWM's capture unit times the edges of the echo, so a
+// busy processor does not delay them.
 #pragma once
 
 #include "driver/gpio.h"
@@ -23,8 +23,8 @@ class CaptureTimer {
 
 class EchoPin final : public EchoPins {
  public:
-  /// A level that lasts for less is none: it comes from the motors' wires, or on GPIO 36 and 39 of
-  /// an ESP32 from its ADC. At the speed of sound it is two millimetres.
+  /// Shorter levels are ignored: they come from the motors' wires, or on GPIO 36 and 39 of an ESP32
+  /// from its ADC. At the speed of sound this is two millimetres.
   static constexpr uint32_t kSpikeUs = 10;
 
   /// `timer`: started.

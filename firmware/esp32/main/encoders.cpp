@@ -37,8 +37,8 @@ bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
          add_channel(unit, pins.b, pins.a, kUp, kDown);
 }
 
-/// pcnt_new_channel() of ESP-IDF 5.5 switches both pull-ups on, whatever the board has. Pins that
-/// are inputs only have none: the rules want external ones there.
+/// pcnt_new_channel() of ESP-IDF 5.5 switches both pull-ups on, whatever the board has. Input-only
+/// pins have no pull-ups: the rules require external ones there.
 bool set_pulls(const EncoderPins& pins) {
   const bool internal = pins.pulls == EncoderPulls::kInternal;
   const gpio_pull_mode_t mode = internal ? GPIO_PULLUP_ONLY : GPIO_FLOATING;

@@ -8,10 +8,10 @@
 
 namespace wheelwire {
 
-/// Of a normally-closed one a pressed button, a broken wire and a pulled plug all read high.
+/// With a normally-closed contact, a pressed button, a broken wire and a pulled plug all read high.
 class EstopContact final : public EstopInput {
  public:
-  /// Without a pin it counts as closed: the parameter says that none is fitted.
+  /// Without a pin it counts as closed: the parameter says that no contact is fitted.
   bool start(const BoardDescription& board) {
     pin_ = board.estop;
     level_ = board.estop_contact == ContactKind::kNormallyClosed ? 1 : 0;
@@ -26,10 +26,10 @@ class EstopContact final : public EstopInput {
     return gpio_config(&config) == ESP_OK;
   }
 
-  /// By two samples, because one that says so latches. The pull-up is weak, some 45 kOhm: a spike
-  /// from the motors' wires, which run beside the contact's, passes within microseconds. A press
-  /// lasts for milliseconds; if its bounce spoils one sample, the next control step sees it, and a
-  /// wire that broke stays broken. So a stop comes one step later at worst.
+  /// Takes two samples, because an open contact latches. The pull-up is weak, some 45 kOhm, so the
+  /// motors' wires, which run next to the contact's, may cause spikes. These pass within
+  /// microseconds; a press lasts for milliseconds. If bounce spoils one sample, the next control
+  /// step sees the press; a broken wire stays broken. So a stop comes one step later at worst.
   bool is_open() override {
     if (!says_stop()) return false;
     esp_rom_delay_us(kApartUs);
@@ -46,7 +46,7 @@ class EstopContact final : public EstopInput {
   }
 
   int pin_ = -1;
-  int level_ = 1;  ///< At which it is an e-stop.
+  int level_ = 1;  ///< The level that means an e-stop.
 };
 
 }  // namespace wheelwire

@@ -1,6 +1,7 @@
 #include "housekeeping.hpp"
 
 #include <atomic>
+#include <initializer_list>
 
 #include "esp_system.h"
 #include "freertos/FreeRTOS.h"
@@ -14,7 +15,7 @@ namespace {
 
 constexpr uint32_t kCycleMs = 20;
 constexpr uint32_t kCyclesPerBattery = 2;
-// A measurement that fails is 0 mV until the next one, and must not count as a broken wire.
+// A failed measurement reads 0 mV until the next one, and must not count as a broken wire.
 static_assert(2 * kCyclesPerBattery * kCycleMs * 1000 < SensorHub::kZeroUs);
 constexpr uint32_t kCyclesPerAnalog = SensorHub::kAnalogPeriodUs / 1000 / kCycleMs;
 constexpr uint32_t kCyclesPerMemory = 1000 / kCycleMs;
@@ -26,8 +27,8 @@ constexpr uint32_t kStackBytes = 3072;
 StackType_t stack[kStackBytes];
 StaticTask_t task_memory;
 
-// Of each task the fewest bytes of stack that were ever left, as housekeeping has measured them:
-// that reads all that is left, which takes longer than the control task has.
+// The fewest bytes of stack that each task ever had left. Housekeeping measures this, because it
+// means reading all the free stack, which takes longer than the control task has.
 struct StackLeft {
   const char* task;
   std::atomic<uint32_t> bytes{0};
@@ -77,7 +78,7 @@ void Housekeeping::run_once() {
   if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
   if (cycles_ % kCyclesPerAnalog == 0) analog_.measure();
-  // In the first cycle, too: a host may ask at once.
+  // Also in the first cycle: a host may ask immediately.
   if (cycles_ % kCyclesPerMemory == 1) measure_memory();
 }
 

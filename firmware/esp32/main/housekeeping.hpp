@@ -1,4 +1,4 @@
-// What can wait: the status LED, the battery and analogue inputs, how much memory is left. Lowest
+// Work that can wait: the status LED, the battery and analogue inputs, the free memory. Lowest
 // priority, under the task watchdog, so that a core on which no task runs any more is noticed, too.
 #pragma once
 

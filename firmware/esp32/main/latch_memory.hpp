@@ -1,4 +1,4 @@
-// What is latched, in memory that outlives a restart, a panic and a watchdog, but not a power-on.
+// The latches, in memory that outlasts a restart, a panic and a watchdog, but not a power-on.
 #pragma once
 
 #include "hal.hpp"
@@ -12,7 +12,7 @@ namespace wheelwire {
 /// older than this firmware.
 ///
 /// A power-on, the EN pin and a brown-out leave any bytes in it, so a checksum decides what is a
-/// record, never the reason of the reset. An e-stop is in flash as well, for that case.
+/// record, never the reason for the reset. An e-stop is in flash as well, for that case.
 class RtcLatchMemory final : public LatchMemory {
  public:
   /// 0 when no record is whole.

@@ -1,9 +1,8 @@
-// A panic ends in a software restart, which leaves the PWM running until the bootloader's hook: so
-// the motors coast first. Then a watchdog is armed that also resets the registers by which a core
-// is stalled: the IDF's handler is about to stall the other core, and one that is stalled within an
+// A panic ends in a software restart, which leaves the PWM running until the bootloader's hook. So
+// this first makes the motors coast. Then it arms a watchdog that also resets the registers that
+// stall a core. The IDF's handler is about to stall the other core, and a core stalled within an
 // atomic instruction (s32c1i) keeps its part of the memory locked.
-//
-// Both entries of the handler are wrapped, which nothing comes before but the vectors
+// Both entries of the handler are wrapped; only the vectors run before them
 // (components/esp_system/port/panic_handler.c). esp_panic_handler() comes after the stall, and from
 // 5.4.2 on after the IDF's own watchdog is armed.
 #include "drive_watchdog.hpp"

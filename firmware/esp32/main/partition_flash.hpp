@@ -7,7 +7,7 @@
 namespace wheelwire {
 
 /// An operation holds up the processor: a read for less than a millisecond, the erasure of a sector
-/// for up to 400 ms. No other task and no interrupt in flash runs meanwhile.
+/// for up to 400 ms. During that time, no other task and no interrupt in flash runs.
 class PartitionFlash final : public FlashRegion {
  public:
   /// `size`: what is needed. False: the chip's partition table has no such partition, as one that

@@ -5,7 +5,7 @@
 namespace wheelwire {
 namespace {
 
-/// In RAM, for interrupts while the cache is off. None before the board is known.
+/// In RAM, for interrupts while the cache is off. Empty before the board is known.
 DRAM_ATTR PinWords in_use;
 
 }  // namespace

@@ -58,8 +58,8 @@ constexpr PinMask mask_of(PinWords pins) { return PinMask{pins.high} << 32 | pin
   take_from_peripherals(pins);
 }
 
-/// What is left of a confirmed board for the bootloader after a restart by software, which leaves
-/// the pins as they were. It lies in RTC memory that no power-on clears: so it has a checksum.
+/// What the bootloader needs of a confirmed board after a software restart, which leaves the pins
+/// unchanged. It is in RTC memory that no power-on clears, so it has a checksum.
 struct SavedRelease {
   PinWords pins;
   uint32_t crc;
@@ -72,7 +72,7 @@ struct SavedRelease {
   }
 };
 
-/// Where it lies, for the bootloader and for the application.
+/// Its address, for the bootloader and the application.
 inline SavedRelease* saved_release() {
   static_assert(sizeof(SavedRelease) <= CONFIG_BOOTLOADER_CUSTOM_RESERVE_RTC_SIZE);
   return reinterpret_cast<SavedRelease*>(bootloader_common_get_rtc_retain_mem()->custom);
@@ -81,8 +81,7 @@ inline SavedRelease* saved_release() {
 /// What the bootloader has just pulled low; 0 after a power-on, or without a confirmed board.
 PinMask saved_release_pins();
 
-/// From now on `pins` are what a panic and the dead-man pull low, and `after_reset` what the
-/// bootloader does.
+/// From now on a panic and the dead-man pull `pins` low, and the bootloader does `after_reset`.
 void set_release_pins(PinMask pins, PinMask after_reset);
 
 /// Holds both motors off. Works in any interrupt.

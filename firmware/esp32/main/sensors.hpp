@@ -1,6 +1,6 @@
 // The board's peripherals on this chip, and the task that reads those on an I2C bus and fires range
-// sensors. It has the other core, where there is one, and a priority below that of the control
-// task: a bus that hangs delays no control step.
+// sensors. It runs on the other core, if there is one, and at a lower priority than the control
+// task: a hung bus does not delay control steps.
 #pragma once
 
 #include "analog_inputs.hpp"
@@ -19,7 +19,7 @@ class Sensors final : public SensorPort {
   /// Sets up the pins, and creates the task if it has something to do. It does as much as it can;
   /// false: a pin could not be set up.
   bool start(const PeripheralList& list);
-  /// Apart, for the chip's entropy comes from the ADC before.
+  /// Separate, because before this the ADC provides the chip's entropy.
   bool start_analog(const PeripheralList& list, Adc& adc) { return analog_.start(list, adc); }
   /// For housekeeping to measure.
   AnalogInputs& analog() { return analog_; }

@@ -22,8 +22,8 @@ uint32_t resolution_for(uint32_t frequency_hz) {
   return kFineHz / frequency_hz <= kCounterEnd ? kFineHz : kCoarseHz;
 }
 
-/// Neither 0 nor the whole period: those are levels, and a duty that is wanted must not vanish.
-/// (32 767 steps of a duty fall on 4000 ticks at 20 kHz.)
+/// Never 0 or the whole period: those are constant levels, and a small duty must not vanish. (32
+/// 767 steps of a duty fall on 4000 ticks at 20 kHz.)
 uint32_t ticks_of(uint16_t duty_q15, uint32_t period_ticks) {
   return std::clamp(duty_q15 * period_ticks / INT16_MAX, uint32_t{1}, period_ticks - 1);
 }

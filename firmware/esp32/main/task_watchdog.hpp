@@ -11,8 +11,8 @@ bool watch_this_task();
 void feed_task_watchdog();
 
 /// While one exists, tasks may stall for longer: flash access stalls both cores, and erasing a
-/// sector takes up to some hundred milliseconds. The core writes only while stopped; the dead-man
-/// meanwhile holds EN low, or leaves a brake on.
+/// sector takes up to some hundred milliseconds. The core writes only while stopped; during a
+/// write, the dead-man holds EN low or leaves a brake on.
 class SlowOperation {
  public:
   SlowOperation();

@@ -22,7 +22,7 @@ constexpr uint32_t packed(int32_t value) {
   return static_cast<uint32_t>(value) & ((1u << kBits) - 1);
 }
 
-/// Less than 2^kBits, for a value that is to be packed in them.
+/// Makes a signed value non-negative, to pack it in kBits bits.
 template <int kBits>
 constexpr uint32_t offset(int32_t value) {
   return static_cast<uint32_t>(value + (1 << (kBits - 1)));
@@ -143,7 +143,7 @@ void BlackBox::put_time(Kind kind, uint64_t now_us) {
   commit(kind, 0, 2);
 }
 
-/// In place of the oldest one, which is no segment as long as it has no magic number.
+/// Replaces the oldest segment, which is invalid while it has no magic number.
 void BlackBox::begin_segment() {
   const auto start = static_cast<uint32_t>(number_ % box::kSegments * box::kSegmentWords);
   uint32_t* const head = memory_ + start;

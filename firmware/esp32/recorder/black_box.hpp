@@ -1,5 +1,5 @@
-// The black box: a ring in memory of what the device was given in the last second or two, and what
-// came of it, from which a re-run computes the same again. See box_format.hpp.
+// The black box: a ring in memory with the device's inputs of the last second or two, and the
+// results. A re-run computes the same again from it. See box_format.hpp.
 #pragma once
 
 #include "box_format.hpp"
@@ -19,23 +19,22 @@ class Ledger;
 
 class BlackBox final : public Recorder {
  public:
-  /// Of `memory`, box::kWords words, nothing is changed before the first step: it may hold the box
-  /// of the time before a reset.
-  /// `ledger`: counts what stops the robot; nullptr: nothing does.
+  /// `memory`, of box::kWords words, does not change before the first step: it may hold the box
+  /// from before a reset. `ledger`: counts what stops the robot; may be nullptr.
   BlackBox(uint32_t* memory, const BoxOrigin& origin, Ledger* ledger = nullptr)
       : memory_(memory), origin_(origin), ledger_(ledger) {}
 
-  /// Whether the memory has something of the time before a reset, and of which boot it is. If so,
-  /// nothing is recorded before `clear`.
+  /// Whether the memory has records from before a reset, and of which boot. If so, nothing is
+  /// recorded before `clear`.
   bool keep_what_is_left(uint32_t& boot_id);
-  /// Begins anew: what was recorded before is gone.
+  /// Starts again, and loses what was recorded before.
   void clear();
   /// Ends the box: nothing more is recorded before `clear`.
   void close();
   bool is_closed() const { return closed_; }
   /// Whether a fault or an emergency stop has ended it, which the next step does.
   bool is_triggered() const { return triggered_; }
-  /// Whether nothing has happened since to the state that ended a box.
+  /// Whether the state that ended a box has not changed since.
   bool is_current() const { return is_current_; }
   /// What ended it.
   BoxCause cause() const { return cause_; }
@@ -76,10 +75,10 @@ class BlackBox final : public Recorder {
   uint32_t check_ = 0;
   uint32_t reads_ = 0;  // Of the contact, since the last record.
   bool open_ = false;
-  bool is_first_ = true;  // The next step has none before it to which it could be compared.
+  bool is_first_ = true;  // The next step has no earlier one to be compared with.
   bool triggered_ = false;
   bool closed_ = false;
-  bool is_current_ = false;  // Of the newest box that was ended, also once it is stored.
+  bool is_current_ = false;  // For the newest ended box, even once it is stored.
   BoxCause cause_ = BoxCause::kRequest;
   StepNote last_{};
 };

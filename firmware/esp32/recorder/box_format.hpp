@@ -1,8 +1,7 @@
 // How a black box lies in memory: words, in segments, each begun by the state of the core.
-//
 // A segment is a head and records. A record is a word (kind, argument, check) and its payload. Each
-// check covers all records before it in the segment, so that neither a record that was torn by a
-// reset nor what an earlier use of the memory left behind it passes for one.
+// check covers all earlier records of the segment. So neither a record torn by a reset nor remains
+// of an earlier use look like a valid record.
 #pragma once
 
 #include <stddef.h>
@@ -12,15 +11,15 @@ namespace wheelwire::box {
 
 constexpr uint32_t kBoxMagic = 0x31425757;  // "WWB1"
 constexpr size_t kSegments = 4;
-constexpr size_t kWords = 8128;  ///< Of all segments: 32 KB less the head of a slot in flash.
+constexpr size_t kWords = 8128;  ///< Words of all segments: 32 KB less the head of a slot in flash.
 constexpr size_t kSegmentWords = kWords / kSegments;
 
-/// Words of a segment's head: the magic number, the segment's number, those of BoxOrigin, how
-/// many words of the segment before it are used, and the check of all these.
+/// Words of a segment's head: the magic number, the segment's number, the words of BoxOrigin, how
+/// many words of the previous segment are used, and the check of all these.
 constexpr size_t kHeadWords = 8;
 
-/// The first ones have a payload of fixed size. The argument of the others is the number of their
-/// words: a reader passes over kinds that it does not know.
+/// The first kinds have a payload of fixed size. For the others, the argument is their number of
+/// words, so a reader can skip kinds that it does not know.
 enum class Kind : uint8_t {
   kStep = 1,        ///< Changes since the last step: time and ticks; duties.
   kContact = 2,     ///< Argument: open, and how many reads before saw the previous level.

@@ -52,8 +52,8 @@ size_t BoxStore::read(uint32_t number, uint32_t offset, uint8_t* out, size_t cap
   return 0;
 }
 
-/// An empty slot, or that of the oldest box of the cause that has the most: so eight presses of the
-/// emergency stop leave the one panic where it is.
+/// Chooses an empty slot, or the oldest box of the most frequent cause. So eight presses of the
+/// emergency stop do not replace a single panic.
 void BoxStore::choose_spare() {
   blank_ = 0;
   is_erased_ = false;
@@ -139,7 +139,7 @@ bool BoxStore::write_checked(uint32_t offset, const uint8_t* data, uint32_t size
          memcmp(buffer_, data, size) == 0;
 }
 
-/// The slot is erased once more; after that the box is given up, and the flash left alone.
+/// The slot is erased again. After kAttempts failures it gives up, and leaves the flash alone.
 void BoxStore::fail() {
   blank_ = 0;
   is_erased_ = false;

@@ -1,7 +1,6 @@
 // Black boxes in flash: eight of them, and room for the next one, which is erased in advance.
-//
-// A box is written beside the others, its head last: so a cut of the power leaves all old ones, or
-// these and the new one, and never a part of one. Then the slot of the next one is erased.
+// A box is written to an empty slot, its head last. So a power cut leaves all old boxes, or these
+// and the new one, and never part of a box. Then the slot for the next box is erased.
 #pragma once
 
 #include "box_image.hpp"
@@ -34,8 +33,8 @@ class BoxStore {
   /// Whether nothing is left to do, or nothing can be done.
   bool is_idle() const { return is_broken_ || (blank_ == kBoxImageSize && memory_ == nullptr); }
   /// One step, or none if nothing is left to do: at most one erasure of a sector or one write of
-  /// kChunk bytes, and one read of as many. Each of them holds up the processor, so a host that
-  /// asks meanwhile is answered between two steps. Returns whether it changed the flash.
+  /// kChunk bytes, and one read of as many. Each of them holds up the processor; hosts get their
+  /// answers between two steps. Returns whether it changed the flash.
   bool work();
 
  private:

@@ -7,7 +7,7 @@
 #include "device.hpp"
 
 namespace wheelwire {
-// Not the same in each file that includes it, so that each may instantiate `Fields`.
+// In an unnamed namespace, so that each including file may instantiate its own `Fields`.
 namespace {
 
 template <typename Visitor, typename T>
@@ -107,7 +107,7 @@ WHEELWIRE_FIELDS(Wheel, &Wheel::total_, &Wheel::estimator_, &Wheel::controller_,
 
 WHEELWIRE_FIELDS(WheelPair, &WheelPair::left, &WheelPair::right);
 WHEELWIRE_FIELDS(OverspeedMonitor, &OverspeedMonitor::excess_);
-// Whose motor is whose is no state: a re-run has none.
+// Which motor belongs to which wheel is not state: a re-run has no motors.
 WHEELWIRE_FIELDS(Drive, &Drive::left_, &Drive::right_, &Drive::overspeed_, &Drive::motors_swapped_,
                  &Drive::encoders_swapped_, &Drive::mode_, &Drive::following_, &Drive::reflexes_,
                  &Drive::slewed_, &Drive::command_, &Drive::direction_, &Drive::battery_mv_,

@@ -98,7 +98,7 @@ LedgerCounts Ledger::counts(uint64_t now_us) const {
 
 bool Ledger::work(uint64_t now_us) {
   if (!is_changed_ || now_us < due_us_) return false;
-  // What a cut of the power left is passed over; at the start of a sector it is erased.
+  // The remains of a power cut are skipped; at the start of a sector they are erased.
   if (!is_blank(next_)) {
     if (offset_of(next_) % kFlashSector == 0) return flash_.erase(offset_of(next_)), true;
     next_ = (next_ + 1) % kEntries;

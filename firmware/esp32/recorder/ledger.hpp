@@ -1,4 +1,4 @@
-// What happened to a robot in its life, as counts that outlive a reset.
+// Counts of what happened in a robot's life; they outlast a reset.
 //
 // Each write is an entry of its own, behind the others: the newest whole one counts, and a cut of
 // the power leaves the one before it. What was counted since is in memory that a reset of the
@@ -33,8 +33,8 @@ class Ledger {
   static constexpr size_t kMemorySize = 2 * LedgerCounts::kSize;
 
   /// In `flash`, kSize bytes from `offset` on.
-  /// `memory`: kMemorySize bytes that start-up code leaves as they are. What they hold counts by
-  /// its check, never by the reason of the reset.
+  /// `memory`: kMemorySize bytes that start-up code leaves as they are. Their check decides whether
+  /// the content is valid, never the reason for the reset.
   Ledger(FlashRegion& flash, uint32_t offset, uint8_t* memory)
       : flash_(flash), offset_(offset), memory_(memory) {}
 

@@ -14,7 +14,7 @@ namespace wheelwire {
 /// What records on a device of this identity.
 BoxOrigin origin_of(const Identity& identity);
 
-/// What a reset of the processor leaves as it is, if start-up code does.
+/// Memory that a reset of the processor does not change, if start-up code does not.
 struct RecorderMemory {
   uint32_t box[box::kWords];
   uint8_t ledger[Ledger::kMemorySize];
@@ -54,8 +54,8 @@ class RecorderKeeper final : public BoxArchive {
   BoxStore& store() { return store_; }
 
  private:
-  /// Not sooner after a start, so that neither a supply that dips again and again nor a program
-  /// that crashes at once wears the flash.
+  /// Shortest time after a start, so that repeated dips of the supply, or a program that crashes at
+  /// once, do not wear the flash.
   static constexpr uint64_t kAfterStartUs = 10'000'000;
   /// Three boxes at once, then one every ten minutes: flash wears.
   static constexpr uint64_t kBoxIntervalUs = 600'000'000;

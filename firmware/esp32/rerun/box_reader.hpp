@@ -43,7 +43,7 @@ class BoxReader {
     const uint32_t* words = nullptr;
     uint32_t number = 0;
     uint32_t used_before = 0;
-    size_t used = 0;  ///< Up to the first word that is no record.
+    size_t used = 0;  ///< Up to the first word that is not a record.
   };
 
   static bool read_head(const uint32_t* words, Segment& segment, BoxOrigin& origin);

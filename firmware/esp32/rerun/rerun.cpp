@@ -40,7 +40,7 @@ void Rerun::restore() {
                 .estop = estop_,
                 .battery = battery_,
                 .configuration = &store_};
-  // With all parts that there can be: the state takes away those that there were not.
+  // With all possible parts: the state removes those that did not exist.
   configuration_.emplace(&store_, Chip::kSimulated, nullptr);
   device_.emplace(hal, Identity{}, kParameters, *configuration_);
   device_->offer(archive_);
@@ -142,8 +142,8 @@ void Rerun::finish_step() {
 
 // --- what comes of it ----------------------------------------------------------------------------
 
-/// True if the box has such a record next; it stays until `advance`. At the end of a box that was
-/// not closed nothing is left to compare with.
+/// True if the box has such a record next; it stays until `advance`. If the box was not closed,
+/// nothing is left to compare with at its end.
 bool Rerun::take(Kind kind) {
   if (!has_next_ || outcome_ != Outcome::kSame) return false;
   if (next_.kind == kind) return true;

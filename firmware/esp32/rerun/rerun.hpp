@@ -90,7 +90,7 @@ class Rerun final : public Recorder {
     size_t read(uint32_t, uint32_t, uint8_t*, size_t) override { return 0; }
     void count(LedgerValue&, uint64_t) const override {}
   };
-  /// The same of these: an answer changes nothing but what counts as a repeat.
+  /// The same for these: an answer changes only what counts as a repeat.
   struct Platform final : PlatformMessages {
     void serve(MessageServer& server, const Frame&, uint16_t request_id) override {
       const uint8_t body[MemoryValue::kSize] = {};

@@ -1,4 +1,4 @@
-// The core's state out of a box, and its comparison with that of a re-run; see core_state.hpp.
+// Reads the core's state from a box, and compares it with a re-run's; see core_state.hpp.
 #pragma once
 
 #include <string.h>
@@ -71,7 +71,7 @@ class StateReader : public StateWords {
   }
   template <typename T>
   void check(const T&) {}
-  /// By which the core shifts.
+  /// The core shifts by `memory_shift`, so it must be in range.
   void check(ControllerGains& gains) {
     if (gains.memory_shift > 2 && gains.memory_shift < 20) return;
     refuse();

@@ -119,7 +119,7 @@ struct Result {
   Counts step_with_setpoint;
   Counts step_with_state;
   Counts step_with_both;
-  Counts step_with_segment;  ///< It begins one, whatever else it does.
+  Counts step_with_segment;  ///< It begins a segment, whatever else it does.
   Counts step_with_hold;     ///< It says what holds the robot, each second and at a change.
   Counts receive_setpoint;
   Counts send_state;

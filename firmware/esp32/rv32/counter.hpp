@@ -34,7 +34,7 @@ class Counts {
     sorted_ = false;
   }
   size_t size() const { return size_; }
-  /// 0 when there is none.
+  /// 0 without values.
   uint32_t median() { return size_ == 0 ? 0 : sort()[size_ / 2]; }
   uint32_t max() { return size_ == 0 ? 0 : sort()[size_ - 1]; }
 

@@ -6,11 +6,11 @@
 
 namespace wheelwire {
 
-/// Each bound has fallen once the voltage was below it for kSagUs: a motor that starts pulls it
-/// down for less. Stops do not end that time, since without the load that emptied it a battery's
-/// voltage rises by itself: it leaks, and a voltage a 32nd above WARN for kRestUs ends it. A bound
-/// has risen again once the voltage was a 32nd above it for kRecoverUs; that of STOP with that of
-/// WARN alone. The level is that of the lowest bound that has fallen.
+/// A bound has fallen once the voltage was below it for kSagUs: a starting motor pulls it down for
+/// less. Stops do not end that time, because a battery's voltage rises by itself without the load.
+/// Instead the time leaks away, and a voltage a 32nd above WARN for kRestUs ends it. A bound has
+/// risen again once the voltage was a 32nd above it for kRecoverUs; the bound of STOP rises only
+/// together with that of WARN. The lowest fallen bound gives the level.
 class BatteryGuard {
  public:
   static constexpr uint32_t kSagUs = 2'000'000;
@@ -22,14 +22,14 @@ class BatteryGuard {
     bounds_[kLimit].millivolts = entry.value_b;
     bounds_[kStop].millivolts = entry.value_c;
   }
-  /// Before the first voltage: it was at STOP, and nobody knows that it was charged.
+  /// Call before the first voltage if it was at STOP and is not known to be charged.
   void start_at_stop() {
     for (Bound& bound : bounds_) bound.has_fallen = true;
     level_ = BatteryLevel::kStop;
   }
 
   BatteryLevel level() const { return level_; }
-  /// True if the level is another one now.
+  /// True if the level has changed.
   bool update(uint16_t millivolts, uint64_t now_us) {
     // The first one decides at once: an empty battery does not drive for the first two seconds.
     const bool is_first = level_ == BatteryLevel::kUnknown;
@@ -56,7 +56,7 @@ class BatteryGuard {
     level_ = lowest();
     return level_ != before;
   }
-  /// There is no voltage: for the next one no time has passed.
+  /// There is no voltage: this time does not count for the next one.
   void rest(uint64_t now_us) {
     read_us_ = now_us;
     for (Bound& bound : bounds_) bound.is_pending = false;

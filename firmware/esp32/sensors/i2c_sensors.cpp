@@ -47,8 +47,8 @@ bool has_identity(const ImuTable& table, uint8_t identity) {
   return identity == table.identities[0] || identity == table.identities[1];
 }
 
-/// The table of the chip that answers. Modules of one name carry several chips, each with filters
-/// and a thermometer of its own. nullptr: it is none of those that are sold for this one.
+/// The table of the chip that answers. Modules of one name carry several chips, each with its own
+/// filters and thermometer. nullptr: this chip is not sold under that name.
 const ImuTable* table_of(const ImuTable& wanted, uint8_t identity) {
   if (has_identity(wanted, identity)) return &wanted;
   for (const ImuTable& table : kImuTables)
@@ -114,7 +114,7 @@ void ImuDriver::read_sample() {
   if (!succeeded(chip_.read(table_->data_register, raw, table_->size))) return;
   const uint64_t ended_us = chip_.now_us();
   if (ended_us - began_us > kI2cLongestReadUs) return;
-  // The next sample came before this one was read: whose it is nobody knows.
+  // The next sample came before this one was read, so it is unknown which one this is.
   if (ready_ != nullptr && (ready_->edge_us() != edge_us_ || ended_us - edge_us_ >= kFreshUs))
     return;
   // After the read: what was measured with other settings is not used.

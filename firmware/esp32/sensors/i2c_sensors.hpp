@@ -1,6 +1,6 @@
-// The chips on I2C buses: IMUs and power sensors, by their tables. Read by a task of their own, for
-// a bus that hangs costs its reader milliseconds; the control task takes what was read from a
-// mailbox and waits for nothing.
+// The chips on I2C buses: IMUs and power sensors, by their tables. Their own task reads them,
+// because a hung bus costs its reader milliseconds. The control task takes the readings from a
+// mailbox and never waits.
 #pragma once
 
 #include "i2c_bus.hpp"
@@ -41,17 +41,18 @@ class I2cChip {
 
 /// After a failure a chip is tried again so much later.
 constexpr uint64_t kI2cRetryUs = 100'000;
-/// What a chip measures so soon after it was set up is not used: gyroscopes start, filters settle,
-/// the first conversion of a power sensor ends.
+/// Samples within this time after the set-up are not used: gyroscopes start, filters settle, the
+/// first conversion of a power sensor ends.
 constexpr uint64_t kI2cSettleUs = 100'000;
-/// When in a longer read the chip measured nobody knows: longer than what two transfers may take.
+/// After a longer read, the time of the measurement is unknown. This is longer than two transfers
+/// may take.
 constexpr uint64_t kI2cLongestReadUs = 4 * uint64_t{I2cBus::kTransferUs};
 
 /// What the drivers of all chips have in common.
 template <typename Reading>
 class I2cDriver {
  public:
-  /// From another task: the newest reading since the last call; false: there is none.
+  /// Called by another task: takes the newest reading since the last call; false: there is none.
   bool take(Reading& out) { return mailbox_.take(out); }
   /// Before this there is nothing to do.
   uint64_t due_us() const { return next_us_; }
@@ -87,9 +88,9 @@ class I2cDriver {
 /// the one before. Noise of more than one count, on six axes, makes two equal ones the same one.
 class ImuDriver : public I2cDriver<ImuReading> {
  public:
-  /// From one sample to the next, at the rates in the tables.
+  /// Time from one sample to the next, at the rates in the tables.
   static constexpr uint32_t kPeriodUs = SensorHub::kImuPeriodUs;
-  /// Where there is no data-ready output, from one look at the chip to the next, once a sample is
+  /// Without a data-ready output: time from one look at the chip to the next, once a sample is
   /// expected.
   static constexpr uint32_t kLookUs = 1'000;
   /// How late the time of an edge may be.
@@ -106,7 +107,7 @@ class ImuDriver : public I2cDriver<ImuReading> {
 
  private:
   static constexpr size_t kMostBytes = 16;
-  /// So soon after an edge no clock of a chip is fast enough for the next sample.
+  /// Within this time after an edge, no chip's clock is fast enough for the next sample.
   static constexpr uint32_t kFreshUs = kPeriodUs - kPeriodUs / 10;
 
   void set_up(uint64_t now_us);
@@ -131,7 +132,7 @@ class ImuDriver : public I2cDriver<ImuReading> {
   uint64_t edge_us_ = 0;       // Of the edge that was last seen.
 };
 
-/// A steady voltage is no fault: a power sensor is never frozen.
+/// A steady voltage is not a fault: a power sensor never counts as frozen.
 class PowerDriver : public I2cDriver<PowerReading> {
  public:
   static constexpr uint32_t kPeriodUs = SensorHub::kPowerPeriodUs;
@@ -155,7 +156,7 @@ class PowerDriver : public I2cDriver<PowerReading> {
 /// All of a board's, by channel.
 class I2cSensors {
  public:
-  /// From one poll to the next, unless one takes longer.
+  /// Time from one poll to the next, unless one takes longer.
   static constexpr uint32_t kPollUs = ImuDriver::kLookUs;
 
   /// An IMU or a power sensor; call it before the first poll. `ready`: see ImuDriver.
@@ -163,7 +164,7 @@ class I2cSensors {
   /// Looks at all chips, or ends after one that hung; the next call goes on behind it. So lower
   /// tasks get their turn in between: the task watchdog waits for less than all chips may take.
   void poll();
-  /// When the next poll has something to do, where there is no data-ready output.
+  /// When the next poll has something to do, if there is no data-ready output.
   uint64_t due_us() const;
   // From the control task.
   bool take(size_t channel, ImuReading& out) { return imus_[channel].take(out); }
@@ -172,7 +173,7 @@ class I2cSensors {
  private:
   ImuDriver imus_[kMostPeripherals];
   PowerDriver powers_[kMostPeripherals];
-  I2cBus* clock_ = nullptr;  // Any bus: all have the device clock. nullptr: there is no chip.
+  I2cBus* clock_ = nullptr;  // Any bus: all have the device clock. nullptr: no chip was added.
   size_t next_ = 0;          // The channel that the next round begins with.
 };
 

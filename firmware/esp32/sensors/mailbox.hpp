@@ -1,13 +1,13 @@
-// The newest value from one task to another. Neither waits: the writer has a slot of its own, so
-// has the reader, and what was posted waits in a third one, which both exchange for theirs.
+// The newest value from one task to another. Neither waits: writer and reader each have their own
+// slot, and the posted value waits in a third slot, which they exchange for their own.
 #pragma once
 
 #include <stdint.h>
 
 namespace wheelwire {
 
-/// One task posts, one takes. Where a C++ library is missing there is no <atomic>; the compiler's
-/// own functions are the same.
+/// One task posts, one takes. Some targets have no C++ library and so no <atomic>; the compiler's
+/// built-in functions do the same.
 template <typename Value>
 class Mailbox {
  public:

@@ -17,9 +17,9 @@ struct EchoPulse {
 /// The two pins of a range sensor.
 class EchoPins {
  public:
-  /// The trigger is high for so long. The only thing here that waits.
+  /// Holds the trigger high for this long. Only this function waits.
   virtual void trigger(uint32_t us) = 0;
-  /// Of the echo output, now.
+  /// The present level of the echo output.
   virtual bool level() = 0;
   /// The newest pulse of the echo output that has ended since the last call; false: none has.
   virtual bool take(EchoPulse& out) = 0;

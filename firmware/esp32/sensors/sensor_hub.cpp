@@ -140,7 +140,7 @@ void SensorHub::read_inputs(uint64_t now_us) {
     if (changed & bit(i)) ++channel.count;
     if (active & bit(i)) channel.seen_us = now_us;
     const bool was_triggered = (triggered_ & bit(i)) != 0;
-    // At once when it triggers; late when it is free again.
+    // Immediately when it triggers; with a delay when it is free again.
     const bool triggers =
         (active & bit(i)) || (was_triggered && now_us - channel.seen_us < kReleaseUs);
     if (triggers == was_triggered) continue;
@@ -154,7 +154,7 @@ SensorState SensorHub::overdue(size_t channel, uint32_t period_us, uint64_t now_
   const Channel& known = channels_[channel];
   if (known.state == SensorState::kUnread)
     return now_us - start_us_ < kFirstReadUs ? SensorState::kUnread : SensorState::kMissed;
-  // A step that comes late is no fault of a sensor: the one before it found nothing, either.
+  // A late step is not a sensor's fault, so the step before must have found nothing, either.
   const bool is_late = known.state == SensorState::kOk && known.seen_us < updated_us_ &&
                        now_us - known.seen_us > 2 * period_us;
   return is_late ? SensorState::kMissed : known.state;
@@ -199,7 +199,7 @@ void SensorHub::read_power(size_t channel, uint64_t now_us) {
   const bool was_measured = channels_[channel].state == SensorState::kOk;
   if (!note_state(channel, reading.state, now_us, reading.identity)) return;
   channels_[channel].seen_us = now_us;
-  // What was drawn before the first reading, or while there was none, nobody knows.
+  // The charge drawn before the first reading, or between failed ones, is unknown.
   if (was_measured)
     used_ma_us_ += reading.current_ma * static_cast<int64_t>(reading.t_us - power_.t_us);
   power_ = reading;
@@ -254,7 +254,7 @@ void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_u
   }
   if (battery.state != SensorState::kOk) return battery_.rest(now_us);
   const uint16_t millivolts = is_divided ? divider_mv : power_.voltage_mv;
-  // A divider's 0 mV that has not lasted yet is no voltage of a battery.
+  // A divider's 0 mV is not a battery voltage, even before it has lasted.
   if (millivolts == 0 || !guards_battery()) return;
   if (!battery_.update(millivolts, now_us)) return;
   observer_.on_sensor_event(SensorEventCode::kBattery, channel,

@@ -27,9 +27,9 @@ class SensorHub {
   static constexpr uint64_t kFirstReadUs = 1'000'000;
   /// An input that was triggered is free again when it was free for this long: a switch bounces.
   static constexpr uint64_t kReleaseUs = 50'000;
-  /// A battery divider reads 0 mV for so long before it counts as broken.
+  /// A battery divider that reads 0 mV for this long counts as broken.
   static constexpr uint64_t kZeroUs = 100'000;
-  /// From one reading to the next, at most half of what makes a sensor stale.
+  /// Time from one reading to the next, at most half of what makes a sensor stale.
   static constexpr uint32_t kImuPeriodUs = 5'000;
   static constexpr uint32_t kPowerPeriodUs = 100'000;
   static constexpr uint32_t kAnalogPeriodUs = 100'000;
@@ -50,36 +50,36 @@ class SensorHub {
 
   const PeripheralList& list() const { return *list_; }
   SensorState state(size_t channel) const { return channels_[channel].state; }
-  /// What another chip in its place says it is; 0: there is none.
+  /// Identity of a wrong chip in its place; 0: no wrong chip.
   uint16_t identity(size_t channel) const { return channels_[channel].identity; }
   uint8_t reflexes() const { return reflexes_; }
   /// Which of them hold the robot, as flags of `held`. Call it after the first `update`.
   uint32_t held() const;
   uint16_t levels() const { return levels_; }
-  /// The inputs that act on the robot: bit n is that of channel n.
+  /// The inputs that act on the robot: bit n is channel n.
   uint16_t triggered() const { return triggered_; }
   uint16_t stale() const;
-  /// Of a digital input; 0 of others.
+  /// Level of a digital input; 0 for others.
   uint16_t edges(size_t channel) const {
     return (inputs_ >> channel & 1) != 0 ? channels_[channel].count : uint16_t{0};
   }
   BatteryLevel battery_level() const { return battery_.level(); }
-  /// Of the power sensor, or of the divider.
+  /// Voltage from the power sensor, or from the divider.
   const PowerReading& power() const { return power_; }
   /// Drawn since the start, as far as the power sensor measured it.
   float used_mah() const;
   /// The channel whose Power is sent; -1: none.
   int power_channel() const { return power_channel_; }
-  /// From one measurement of a range sensor to its next.
+  /// Time from one measurement of a range sensor to its next.
   uint32_t range_round_us() const { return range_round_us_; }
-  /// Before its divider, by its index; 0: there is none, or it cannot be used.
+  /// Voltage before the divider, by the input's index; 0: missing or unusable.
   uint16_t analog_mv(size_t index) const { return analog_mv_[index]; }
 
  private:
   struct Channel {
     SensorState state = SensorState::kUnread;
     uint16_t identity = 0;
-    uint16_t count = 0;  // Of an IMU and a range sensor its samples, of an input its edges.
+    uint16_t count = 0;  // Samples of an IMU or a range sensor, edges of an input.
     uint64_t seen_us = 0;
   };
 

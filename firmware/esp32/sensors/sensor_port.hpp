@@ -10,18 +10,18 @@ namespace wheelwire {
 
 /// One reading of an IMU, in its chip's axes and counts.
 struct ImuReading {
-  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  SensorState state = SensorState::kUnread;  ///< If not kOk, only the time is valid.
   uint64_t t_us = 0;                         ///< Device clock when it was measured...
-  uint16_t bound_us = 0;                     ///< ... give or take so much.
+  uint16_t bound_us = 0;                     ///< ... plus or minus this.
   int16_t gyro[3]{};
   int16_t accelerometer[3]{};
   int16_t temperature_cdeg = 0;
-  uint16_t identity = 0;  ///< What another chip in its place says it is; 0: there is none.
+  uint16_t identity = 0;  ///< Identity of a wrong chip in its place; 0: no wrong chip.
 };
 
 /// One reading of a power sensor.
 struct PowerReading {
-  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  SensorState state = SensorState::kUnread;  ///< If not kOk, only the time is valid.
   uint64_t t_us = 0;
   uint16_t voltage_mv = 0;
   int32_t current_ma = 0;
@@ -30,14 +30,14 @@ struct PowerReading {
 
 /// One measurement of a range sensor.
 struct RangeReading {
-  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  SensorState state = SensorState::kUnread;  ///< If not kOk, only the time is valid.
   uint64_t t_us = 0;                         ///< Device clock when the sound was reflected...
-  uint16_t bound_us = 0;                     ///< ... give or take so much.
-  uint16_t distance_mm = 0;                  ///< Of quality GOOD.
+  uint16_t bound_us = 0;                     ///< ... plus or minus this.
+  uint16_t distance_mm = 0;                  ///< Valid if the quality is GOOD.
   RangeQuality quality = RangeQuality::kGood;
 };
 
-/// One reading of an analogue input. One that failed is none: no reading may mean 0 mV.
+/// One reading of an analogue input. A failed one is not a reading: it must not mean 0 mV.
 struct AnalogReading {
   uint16_t pin_mv = 0;  ///< Behind the divider.
 };
@@ -46,9 +46,9 @@ struct AnalogReading {
 /// which nothing that hangs can make the control task wait for.
 class SensorPort {
  public:
-  /// The levels at the pins of the digital inputs: bit n is that of channel n.
+  /// The levels at the pins of the digital inputs: bit n is channel n.
   virtual uint16_t levels() = 0;
-  /// The newest reading of the channel since the last call; false: there is none.
+  /// Takes the newest reading of the channel since the last call; false: there is none.
   virtual bool take(size_t channel, ImuReading& out) = 0;
   virtual bool take(size_t channel, PowerReading& out) = 0;
   virtual bool take(size_t channel, RangeReading& out) = 0;

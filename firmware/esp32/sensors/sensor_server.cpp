@@ -11,7 +11,7 @@ constexpr uint16_t kPowerHz = 2;
 /// What an analogue input moves by at its pin before it has changed.
 constexpr int kAnalogStepMv = 50;
 
-/// Of all range sensors together: they measure in turn.
+/// Rate of all range sensors together: they measure in turn.
 uint32_t range_bytes_per_second(const PeripheralList& list) {
   uint32_t count = 0;
   for (const Peripheral& entry : list)
@@ -179,7 +179,7 @@ void SensorServer::on_sensor_event(SensorEventCode code, size_t channel, uint16_
 
 void SensorServer::on_reading(size_t channel, const ImuReading& reading, uint16_t sample) {
   if (streams_.imu_hz == 0 || reading.t_us < streams_.next_imu_us) return;
-  // Where all are wanted a chip whose clock is fast must lose none.
+  // If all samples are wanted, a chip with a fast clock must not lose any.
   const uint64_t interval_us = kSecondUs / streams_.imu_hz;
   streams_.next_imu_us = reading.t_us + interval_us - interval_us / 16;
   server_->link().send(Imu{.boot_id = server_->boot_id(),

@@ -31,8 +31,8 @@ class SensorServer final : public SensorMessages, public SensorObserver {
  private:
   /// What a host has asked for, and when the next of each is due.
   struct Streams {
-    uint16_t asked_hz = 0;   // Of the IMU; 0: nothing is sent.
-    uint16_t imu_hz = 0;     // What the line carries beside the states.
+    uint16_t asked_hz = 0;   // Rate of the IMU; 0: nothing is sent.
+    uint16_t imu_hz = 0;     // What the line carries in addition to the states.
     uint8_t infos_left = 0;  // Channels whose SensorInfo is to be sent, from the last one on.
     uint64_t next_imu_us = 0;
     uint64_t next_power_us = 0;

@@ -13,8 +13,8 @@ I2cResult SoftI2c::read(uint8_t address, uint8_t at, uint8_t* out, size_t size) 
   return end(result == I2cResult::kOk ? receive_all(address, out, size) : result);
 }
 
-/// A chip that sends a byte of zeros lets go after its ninth clock at the latest; the data line
-/// that is high then is no acknowledge to it. The stop ends whatever another one was in.
+/// A chip that sends a byte of zeros lets go after its ninth clock at the latest; to that chip, the
+/// high data line means no acknowledge. The stop ends any other chip's transfer.
 void SoftI2c::recover() {
   deadline_us_ = now_us() + kTransferUs;
   lines_.set_data(true);

@@ -32,7 +32,7 @@ class BareRobot {
   /// Passes over the time up to `now`: nothing moves in it.
   void skip_to(Nanoseconds now) { now_ = std::max(now_, now); }
 
-  /// Both wheels turn at this rate from now on, whatever the motors do.
+  /// From now on both wheels turn at this rate, whatever the motors do.
   void spin(double ticks_per_s) { spin_tps_ = ticks_per_s; }
 
   Quadrature& encoder(Side side) { return encoders_[side]; }

@@ -23,12 +23,12 @@ namespace wheelwire::sim {
 
 class SimulatedBoard;
 
-/// Wired to the GPIO of the wired board; the firmware reads that of its active one.
+/// Wired to the wired board's GPIO; the firmware reads its active board's GPIO.
 class EstopContact final : public EstopInput {
  public:
   explicit EstopContact(const SimulatedBoard& board) : board_(board) {}
 
-  bool open = false;  ///< Of a normally-open one: closed.
+  bool open = false;  ///< For a normally-open contact: closed.
   bool is_open() override;
 
  private:
@@ -39,7 +39,7 @@ class Battery final : public BatterySense {
  public:
   double volts = 7.4;     ///< Without a load; 0: not measured.
   double sag_v = 0.0;     ///< Less by this.
-  double measured = 1.0;  ///< What the firmware makes of a volt.
+  double measured = 1.0;  ///< What the firmware measures for one volt.
   uint16_t millivolts() override;
 };
 
@@ -107,7 +107,7 @@ class SimulatedBoard final : public EncoderPort {
   /// none. With `drives` false all pins go on floating, and it only reads.
   void take_up(const BoardDescription& active, bool drives = true);
 
-  /// The robot is wired as this board from now on, whatever the firmware's active one is.
+  /// From now on the robot is wired as this board, whatever the firmware's active board.
   void wire(const BoardDescription& board);
   /// It is wired as the active board, now and after each start. So it is at first.
   void wire_as_active();
@@ -140,7 +140,7 @@ class SimulatedBoard final : public EncoderPort {
   BoardDescription active_;
   WiredBoard wired_;
   bool wired_as_active_ = true;
-  bool encoders_in_place_ = true;  ///< On the GPIOs at which the firmware counts.
+  bool encoders_in_place_ = true;  ///< On the GPIOs that the firmware counts at.
   std::optional<ChipState> chip_;
   Nanoseconds now_ = 0;
 };

@@ -8,7 +8,7 @@ constexpr double kFull = kHigh_q15;
 
 double share(int duty_q15) { return std::min(1.0, duty_q15 / kFull); }
 
-/// Of a bridge whose two sides follow these levels.
+/// State of a bridge whose two sides follow these levels.
 Winding between(bool a, bool b) {
   return a == b ? Winding::kShorted : a ? Winding::kForward : Winding::kReverse;
 }

@@ -30,7 +30,7 @@ class ChipPins {
   PinMask driven() const { return driven_; }
   bool is_driven(int pin) const { return (driven_ & mask_of(pin)) != 0; }
   bool is_pulled_up(int pin) const { return (pulled_up_ & mask_of(pin)) != 0; }
-  /// Of a pin that is driven.
+  /// Level of a driven pin.
   uint16_t duty_q15(int pin) const { return duty_q15_[static_cast<size_t>(pin)]; }
 
   /// The pins that have changed since the last call.

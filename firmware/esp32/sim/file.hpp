@@ -1,4 +1,4 @@
-// What is saved, in files that outlive the program.
+// Saved data, in files that outlast the program.
 #pragma once
 
 #include <string>
@@ -24,8 +24,8 @@ class File final : public Storage {
   int descriptor_ = -1;  ///< For what is written in place.
 };
 
-/// Keeps the parameters in this file; the board, its peripherals, a latched e-stop and what is
-/// recorded in files beside it.
+/// Stores the parameters in this file. The board, its peripherals, a latched e-stop and the
+/// recorder's data go to files next to it.
 void use_files(SimulatedBoard& board, const std::string& path);
 
 }  // namespace wheelwire::sim

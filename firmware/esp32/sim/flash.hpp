@@ -25,7 +25,7 @@ class Flash final : public FlashRegion {
 
   FlashWatch* watch = nullptr;
 
-  /// From now on this holds it, from the first write on.
+  /// Takes the content of this storage; from now on, writes go to it.
   void keep_in(std::unique_ptr<Storage> storage);
 
   bool read(uint32_t offset, uint8_t* out, size_t size) override;

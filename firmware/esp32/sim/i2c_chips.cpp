@@ -19,7 +19,7 @@ std::array<double, 3> unit_vector(Axis axis) {
   return vector;
 }
 
-/// As seen by a robot that is tilted.
+/// As a tilted robot sees it.
 std::array<double, 3> tilted(const std::array<double, 3>& level, const Tilt& tilt) {
   const double sin_roll = std::sin(tilt.roll_rad);
   const double cos_roll = std::cos(tilt.roll_rad);
@@ -65,7 +65,7 @@ void SimulatedImu::read(uint8_t at, uint8_t* out, size_t size) {
     out[0] = static_cast<uint8_t>(faults_.identity);
 }
 
-/// It sleeps until it has all its settings: others than those of its table are not simulated.
+/// It sleeps until it has all its settings: only its table's settings are simulated.
 bool SimulatedImu::measures() const {
   return std::all_of(table_.setup, table_.setup + table_.setup_count,
                      [this](RegisterWrite write) { return registers_[write.at] == write.value; });
@@ -188,7 +188,7 @@ I2cResult SimulatedBus::transfer(uint8_t address, size_t bytes, I2cTarget*& targ
   const auto chip = std::find_if(chips_.begin(), chips_.end(), [&](const Chip& candidate) {
     return is_wired_ && candidate.address == address && !candidate.is_absent;
   });
-  // An address that nobody acknowledges ends the transfer.
+  // An unacknowledged address ends the transfer.
   const size_t sent = chip == chips_.end() ? 1 : bytes;
   clock_.spent_us += static_cast<uint64_t>(kByteUs * static_cast<double>(sent));
   if (chip == chips_.end()) return I2cResult::kNoAcknowledge;

@@ -30,7 +30,7 @@ struct ImuFaults {
   double noise = 1.0;       ///< Relative to the chip's own.
   bool freeze = false;      ///< It repeats its newest sample.
   bool absent = false;      ///< Its plug is off.
-  int identity = 0;         ///< What it says it is; 0: the chip that the board names.
+  int identity = 0;         ///< The identity that it reports; 0: the chip that the board names.
   bool bus_hung = false;
   bool interrupt_lost = false;  ///< The wire of its data-ready output is off.
   /// The axes that point forward and up, codes of Axis. Unless both are given, and are not on one
@@ -48,14 +48,14 @@ class SimulatedImu final : public I2cTarget, public DataReady {
   void read(uint8_t at, uint8_t* out, size_t size) override;
   uint64_t edge_us() override { return edge_us_; }
 
-  /// As after a dip of its supply: it sleeps, and has its settings no more.
+  /// As after a dip of its supply: it sleeps, and has lost its settings.
   void lose_settings();
   /// Takes a sample if one is due.
   void advance(const SimulatedBoard& board);
 
  private:
   using Vector = std::array<double, 3>;
-  /// What it takes to measure from one sample to the next.
+  /// The robot's motion at a sample, from which the next one is computed.
   struct Motion {
     double heading_rad = 0.0;
     double speed_mps = 0.0;
@@ -65,7 +65,7 @@ class SimulatedImu final : public I2cTarget, public DataReady {
   bool measures() const;
   Nanoseconds period() const;
   void sample(const Plant& plant, double period_s);
-  /// From the robot's axes, forward, left and up, to those of the chip.
+  /// Converts from the robot's axes, forward, left and up, to the chip's.
   Vector mounted(const Vector& robot) const;
   void store(uint8_t offset, double counts);
   double noise();

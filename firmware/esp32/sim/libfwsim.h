@@ -41,7 +41,7 @@ typedef struct fwsim_variable {
 FWSIM_EXPORT fwsim* fwsim_create(uint64_t seed);
 FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
 
-/* Keeps the parameters in a file, and what else is saved beside it; call it before the first
+/* Stores the parameters in a file, and other saved data next to it; call this before the first
  * advance. */
 FWSIM_EXPORT int fwsim_use_store(fwsim* sim, const char* path);
 
@@ -70,7 +70,7 @@ FWSIM_EXPORT size_t fwsim_variable_count(void);
 FWSIM_EXPORT int fwsim_describe(size_t index, fwsim_variable* description);
 
 /* The robot without the device: levels of GPIOs in, edges of its encoders out. For programs that
- * stand in for a computer's own pins. One thread at a time. */
+ * replace a computer's own pins. One thread at a time. */
 typedef struct fwsim_robot fwsim_robot;
 
 /* A level of an encoder changed. */
@@ -80,7 +80,8 @@ typedef struct fwsim_edge {
   uint32_t level;
 } fwsim_edge;
 
-/* `board` says what leads to which GPIO, packed as it is sent and stored. NULL if it is damaged. */
+/* `board`: the wiring of the GPIOs, packed as it is sent and stored. Returns NULL if it is damaged.
+ * */
 FWSIM_EXPORT fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size,
                                              int counts_per_revolution, int64_t now_ns);
 FWSIM_EXPORT void fwsim_robot_destroy(fwsim_robot* robot);
@@ -89,18 +90,18 @@ FWSIM_EXPORT void fwsim_robot_destroy(fwsim_robot* robot);
  * driven, plus 2 while one is braked, its winding shorted all the time. */
 FWSIM_EXPORT int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q15, size_t count);
 
-/* Lets time pass until `end_ns`; of a gap longer than `longest_ns` only the end. *edges has what
- * happened, in order, until the next call; *count is how many. */
+/* Lets time pass until `end_ns`; it skips a gap longer than `longest_ns` except for that much at
+ * its end. *edges has the edges, in order, until the next call; *count is their number. */
 FWSIM_EXPORT int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
                                      const fwsim_edge** edges, size_t* count);
 
-/* Both wheels turn at this rate [1/s] from now on, whatever the motors do. */
+/* From now on both wheels turn at this rate [1/s], whatever the motors do. */
 FWSIM_EXPORT void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s);
 
 /* What a perfect encoder would have counted since the start; `side` is 0 for the left wheel, and 1
  * for the right one. */
 FWSIM_EXPORT int64_t fwsim_robot_ticks(fwsim_robot* robot, int side);
-/* The encoder's levels are stuck from now on. */
+/* From now on the encoder's levels are stuck. */
 FWSIM_EXPORT void fwsim_robot_kill_encoder(fwsim_robot* robot, int side);
 
 #ifdef __cplusplus

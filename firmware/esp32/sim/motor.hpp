@@ -9,8 +9,8 @@ namespace wheelwire::sim {
 
 /// The figures of a motor's data sheet.
 struct MotorRating {
-  double supply_v = 7.4;      ///< At which the other three hold.
-  bool at_terminals = false;  ///< They are the motor's alone; false: behind the bridge.
+  double supply_v = 7.4;      ///< Supply of the figures below.
+  bool at_terminals = false;  ///< Measured at the terminals; false: behind the bridge.
   double no_load_rpm = 200.0;
   double stall_current_a = 1.0;
   double stall_torque_nm = 0.09;  ///< At the wheel, so the gearbox's losses are in it.

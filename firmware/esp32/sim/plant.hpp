@@ -25,8 +25,8 @@ struct WheelModel {
   bool motor_open = false;      ///< No current flows: a wire is off.
   /// Play of the gearbox. The encoder is on the motor's side of it.
   double backlash_rad = 0.0;
-  double load_nm = 0.0;  ///< Against forward.
-  double slip = 0.0;     ///< Of the travel, lost whatever the push: the wheel stands on ice.
+  double load_nm = 0.0;  ///< Load torque, against forward.
+  double slip = 0.0;     ///< Fraction of the travel lost at any push: the wheel stands on ice.
   bool blocked = false;
 };
 
@@ -36,13 +36,13 @@ struct PlantModel {
   double mass_kg = 0.8;
   double rotor_inertia_kgm2 = 5e-5;  ///< Of one motor with its wheel, seen at the wheel.
   double slope_rad = 0.0;            ///< The plane rises along the world's +x.
-  /// Of the travel, lost when a wheel pushes with its share of the robot's weight; in proportion to
-  /// the push below that.
+  /// Fraction of the travel lost when a wheel pushes with its share of the robot's weight; less in
+  /// proportion to a smaller push.
   double slip = 0.0;
   double supply_ohm = 0.0;  ///< Of battery and leads: the supply sags under the motors' current.
   double battery_ah = 0.0;  ///< Charge of the full battery; 0: it stays full.
-  double battery_fall_v = 1.6;  ///< By which its voltage falls, evenly, until it is empty.
-  bool wheels_free = false;     ///< Raised: nothing of the robot moves but the wheels.
+  double battery_fall_v = 1.6;  ///< Its voltage falls by this, evenly, until it is empty.
+  bool wheels_free = false;     ///< Raised: only the wheels move.
   bool motors_swapped = false;  ///< Each bridge drives the other wheel's motor.
   MotorRating motor;
   Friction friction;
@@ -97,9 +97,8 @@ class Plant {
   /// Still to be turned by hand.
   double hand_rad(Side side) const { return hand_rad_[side]; }
 
-  /// Hands take the robot to this speed, whatever its wheels and motors do, and hold it there; once
-  /// it stands again, they let go. The wheels of a robot on the floor roll with it, but for one
-  /// that is blocked.
+  /// Hands move the robot at this speed, whatever its wheels and motors do, and let go once it
+  /// stands again. On the floor its wheels roll with it, except a blocked one.
   Push& push() { return push_; }
   const Push& push() const { return push_; }
   /// Hands tilt the robot to this, and hold it so. Its wheels do not notice.
@@ -114,7 +113,7 @@ class Plant {
     return gears_[side].in_play ? 0.0 : wheels_[side].speed * constants_[side].radius_m;
   }
   double current_a(Side side) const { return wheels_[side].current_a; }
-  /// By the last step, on the motor's side of the play.
+  /// Rotation by the last step, on the motor's side of the play.
   double turned_rad(Side side) const { return gears_[side].turned_rad; }
   double wheel_rad(Side side) const { return gears_[side].wheel_rad; }  ///< Since the start.
   /// Share of the travel that is lost.
@@ -128,14 +127,14 @@ class Plant {
   /// What the motors have drawn from a battery that can be emptied; 0: it is full.
   double& used_ah() { return used_ah_; }
   const double& used_ah() const { return used_ah_; }
-  /// From the supply, by these bridges.
+  /// Current that these bridges draw from the supply.
   double drawn_a(const std::array<BridgeState, 2>& bridges) const;
   double sag_v() const { return model_.bridge.supply_v - bridge_.supply_v; }
   double kinetic_energy_j() const;
   bool stands_still() const { return wheels_[kLeft].speed == 0.0 && wheels_[kRight].speed == 0.0; }
 
  private:
-  /// What follows from the model for one wheel.
+  /// Constants of one wheel, computed from the model.
   struct WheelConstants {
     double radius_m;
     double body_inertia;  ///< Its share of the robot, if it is on the floor [kg m^2].
@@ -183,9 +182,9 @@ class Plant {
   std::array<Gear, 2> gears_{};
   std::array<double, 2> hand_rad_{};
   std::array<double, 2> slip_{};
-  Push push_;    ///< The speed at which hands are to move the robot.
-  Push pushed_;  ///< At which they move it by now.
-  Tilt held_;    ///< To which hands tilt it.
+  Push push_;    ///< The speed that hands are to reach.
+  Push pushed_;  ///< Their present speed.
+  Tilt held_;    ///< The tilt that hands hold.
   Tilt tilt_;
   Pose pose_;
   double distance_m_ = 0.0;

@@ -12,8 +12,8 @@ namespace wheelwire::sim {
 struct EncoderModel {
   bool dead = false;      ///< The levels are stuck.
   bool reversed = false;  ///< A and B swapped.
-  int stuck = 0;          ///< Which level never changes: 1 that of A, 2 that of B.
-  /// No edge comes for a twelfth of each turn; those of that part come together at its end.
+  int stuck = 0;          ///< Which level never changes: 1: A's, 2: B's.
+  /// No edge comes for a twelfth of each turn; its edges all come together at its end.
   bool magnet_missing = false;
   double lost = 0.0;  ///< Fraction of the edges that are lost, at random.
   /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
@@ -32,7 +32,7 @@ class Quadrature {
   /// True position [tick], forward positive.
   int64_t ticks() const { return static_cast<int64_t>(std::floor(position_)); }
 
-  /// What the levels show of it: a counter that is sound counts this, whatever edges are lost.
+  /// The position that the levels show: a sound counter counts this, even if edges are lost.
   int64_t shown_ticks() const { return shown_; }
 
   /// Turns the wheel; `sink(a, b)` is called at each change of a level.
@@ -83,7 +83,7 @@ class Quadrature {
   uint64_t seed_;
   uint64_t edges_ = 0;     ///< Edges so far, lost or not.
   int64_t shown_ = 0;      ///< The interval that the levels show.
-  double position_ = 0.5;  // Between two edges: neither direction is a tick ahead.
+  double position_ = 0.5;  // Between two edges, so that neither direction is a tick ahead.
   int64_t interval_ = 0;   ///< Between edge(interval_) and edge(interval_ + 1).
   bool a_ = false;
   bool b_ = false;

@@ -9,7 +9,7 @@ namespace wheelwire::sim {
 namespace {
 
 constexpr uint32_t kPollUs = I2cSensors::kPollUs;
-/// From the trigger to the pulse: the burst, and what comes before it.
+/// Time from the trigger to the pulse, with the burst and what comes before it.
 constexpr uint64_t kBurstUs = 450;
 /// The pulse where nothing reflects the sound, and what is too far away to be heard.
 constexpr uint32_t kNoEchoUs = 38'000;

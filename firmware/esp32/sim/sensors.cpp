@@ -49,7 +49,7 @@ void Sensors::measure_analog() {
       analog_[i].post({.pin_mv = pin_mv(list_.entries[i])});
 }
 
-/// The ADC reads no more than this, whatever the voltage. 0 where another wire is at the pin.
+/// The ADC reads at most this, at any voltage. 0 if another wire is at the pin.
 uint16_t Sensors::pin_mv(const Peripheral& entry) const {
   constexpr double kMostMv = 3100.0;
   if (!board_.is_free(entry.pin_a)) return 0;

@@ -19,7 +19,7 @@ struct Record {
   bool drive_on = false;          ///< A bridge has EN high and its inputs unequal.
   uint64_t drive_changes = 0;     ///< Since the simulator was created.
   uint64_t drive_removed_us = 0;  ///< When drive_on last ended.
-  uint64_t deadline_us = 0;       ///< Of the last setpoint that had one.
+  uint64_t deadline_us = 0;       ///< Deadline of the last setpoint that had one.
   bool stands_still = true;       ///< Both wheels.
   uint64_t standstill_us = 0;     ///< When they last stopped, to within a control period.
 };
@@ -84,7 +84,7 @@ class Simulator {
   SimulatedBoard board;
   uint64_t boot_time_us = 50'000;  ///< From reset to the first control step.
   bool boot_text = false;          ///< The ROM prints at each reset.
-  /// A fresh chip: on the image's board, which nobody has confirmed. From the next reset on.
+  /// A fresh chip: on the image's unconfirmed board. From the next reset on.
   bool board_unwritten = false;
 
  private:

@@ -1,4 +1,4 @@
-// Where saved bytes outlive the simulation. Without one they live as long as it.
+// Storage in which saved bytes outlast the simulation. Without one they last as long as it.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,8 @@ class Storage {
   virtual ~Storage() = default;
   /// Empty if nothing was ever written.
   virtual Bytes read() = 0;
-  /// In place: a program that dies in the middle leaves a part, as flash does when the power goes.
+  /// Writes in place: a program that dies in the middle leaves a part, as flash does when the power
+  /// fails.
   virtual bool write(size_t offset, const uint8_t* data, size_t size) = 0;
   /// Whenever the program dies, it holds what was there before or these bytes. Empty ones leave it
   /// as if nothing was ever written.

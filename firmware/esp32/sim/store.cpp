@@ -9,7 +9,7 @@ namespace wheelwire::sim {
 namespace {
 
 constexpr std::string_view kHeader = "WWS3";
-/// In the storage: the size of what the slot holds, and room for it.
+/// A slot in the storage is the size of its content, and room for it.
 constexpr size_t kSlotRoom = 1024;
 
 void append_slot(Bytes& file, const Bytes& slot) {
@@ -69,7 +69,7 @@ void Store::damage(Damage what) {
   put();
 }
 
-/// Nothing is left of it.
+/// Deletes the block.
 bool Store::clear() {
   unreadable = 0;
   first_.put({});

@@ -14,7 +14,7 @@ namespace wheelwire::sim {
 
 class Store;
 
-/// What becomes of a write. Where the power goes in the middle of it, what was there is lost.
+/// The fate of a write. If the power fails in the middle of it, the old content is lost.
 enum class WriteFate { kDone, kUntouched, kLost };
 
 /// Asked before each write to a slot, and before all is formatted.
@@ -42,7 +42,7 @@ struct PowerCut final : StoreWatch {
   }
 };
 
-/// What time does to flash. NVS erases what it cannot read, so a slot that is damaged is empty.
+/// Damage by ageing flash. NVS erases what it cannot read, so a damaged slot is empty.
 enum class Damage { kFirst, kSecond, kBoth };
 
 /// What all stores lie in. Where it cannot be opened, none can be read or written before one of
@@ -58,7 +58,7 @@ class Store final : public BlockStore {
   StoreWatch* watch = nullptr;
   uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; a save clears it.
 
-  /// From now on it is one of those in this partition.
+  /// From now on it is one of this partition's stores.
   void lie_in(Partition& partition) {
     partition_ = &partition;
     partition.stores.push_back(this);
@@ -77,7 +77,7 @@ class Store final : public BlockStore {
   bool format() override;
   /// Of the slots that hold something.
   void damage(Damage what);
-  /// Where nothing can be read, what the slots hold does not show.
+  /// If nothing can be read, the slots' content does not matter.
   uint32_t faults() override {
     const uint32_t closed = unreadable | partition_faults();
     return closed != 0 ? closed : twin_.faults();

@@ -1,4 +1,4 @@
-// What a UART receives at a baud rate that differs from the sender's.
+// What a UART receives if its baud rate differs from the sender's.
 #pragma once
 
 #include <cstdint>

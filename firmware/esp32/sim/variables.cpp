@@ -107,34 +107,26 @@ double zero(const Simulator&) { return 0.0; }
 std::vector<Variable> world() {
   return {
       MODEL(bridge.supply_v)(real("supply_v", "V", 0, 60, "Motor supply, before the bridge.")),
-      MODEL(supply_ohm)(real("supply_ohm", "Ohm", 0, 20,
-                             "Of battery and leads: the supply sags, and with it what the battery "
-                             "input senses.")),
-      MODEL(battery_ah)(real("battery.capacity_ah", "A h", 0, 1000,
-                             "Of the battery, which the motors' current empties; 0: it stays as it "
-                             "is.")),
-      MODEL(battery_fall_v)(real("battery.fall_v", "V", 0, 60,
-                                 "By which its voltage falls, evenly, until it is empty: the motor "
-                                 "supply, and what the battery input senses.")),
+      MODEL(supply_ohm)(
+          real("supply_ohm", "Ohm", 0, 20, "Of battery and leads: supply and battery input sag.")),
+      MODEL(battery_ah)(
+          real("battery.capacity_ah", "A h", 0, 1000, "Of the battery; 0: it never empties.")),
+      MODEL(battery_fall_v)(
+          real("battery.fall_v", "V", 0, 60,
+               "How far supply and battery input fall until the battery is empty.")),
       FIELD(board.plant.used_ah())(
-          real("battery.used_ah", "A h", 0, 1000,
-               "What the motors have drawn of its capacity; setting it to 0 charges "
-               "the battery.")),
-      FIELD(board.brownout_v)(real("brownout_v", "V", 0, 60,
-                                   "A supply below this resets the chip, and holds it in reset.")),
+          real("battery.used_ah", "A h", 0, 1000, "Drawn by the motors; 0 charges the battery.")),
+      FIELD(board.brownout_v)(
+          real("brownout_v", "V", 0, 60, "A supply below this holds the chip in reset.")),
       MODEL(bridge.drop_v)(real("bridge.drop_v", "V", 0, 5, "The L298N's drop at no current.")),
       MODEL(bridge.drop_ohm)(
           real("bridge.drop_ohm", "V/A", 0, 5, "How its drop grows with the current.")),
-      MODEL(bridge.chopped)(
-          toggle("bridge.chopped",
-                 "The winding's current decays in the PWM's off time, as at a low PWM "
-                 "frequency.")),
+      MODEL(bridge.chopped)(toggle(
+          "bridge.chopped", "The current decays in the PWM's off time, as at a low frequency.")),
       MODEL(motor.supply_v)(
           real("motor.supply_v", "V", 1, 60, "Supply at which the motor's ratings hold.")),
       MODEL(motor.at_terminals)(
-          toggle("motor.at_terminals",
-                 "The ratings are the motor's alone, as in a data sheet, not those "
-                 "behind the bridge.")),
+          toggle("motor.at_terminals", "The ratings are the motor's alone, without the bridge.")),
       MODEL(motor.no_load_rpm)(real("motor.no_load_rpm", "1/min", 10, 2000, "Of the wheel.")),
       MODEL(motor.stall_current_a)(
           real("motor.stall_current_a", "A", 0.1, 50, "At motor.supply_v.")),
@@ -154,20 +146,15 @@ std::vector<Variable> world() {
           real("wheel_separation_m", "m", 0.02, 5, "Between the wheels' middles.")),
       MODEL(slope_rad)(real("slope_rad", "rad", -1, 1, "The plane rises along +x.")),
       MODEL(slip)(real("slip", "", 0, 1,
-                       "The share of the travel that is lost when a wheel pushes with its "
-                       "share of the robot's weight; less in proportion below.")),
-      MODEL(wheels_free)(toggle("wheels_free",
-                                "The robot is raised: its wheels turn with their own inertia and "
-                                "friction, and it stays where it is.")),
-      MODEL(motors_swapped)(toggle(
-          "motors_swapped", "The left bridge drives the right motor, and the right one the left.")),
+                       "Share of the travel lost when a wheel pushes with its share of the weight; "
+                       "proportionally less below.")),
+      MODEL(wheels_free)(toggle("wheels_free", "The robot is raised: its wheels turn, it stays.")),
+      MODEL(motors_swapped)(toggle("motors_swapped", "Each bridge drives the other motor.")),
       FIELD(board.wiring.swapped)(
-          toggle("encoders_swapped",
-                 "The left counter has the right encoder, and the right one the left.")),
+          toggle("encoders_swapped", "Each counter has the other encoder.")),
       FIELD(board.wiring.both_on)(
           whole("encoders_same", "", 0, 2,
-                "Both counters have the same encoder: 1 the left one, 2 the right one; "
-                "0: each has its own.")),
+                "Both counters have the left encoder (1) or the right one (2); 0: each its own.")),
       FIELD(board.wiring.mixed)(
           toggle("channels_mixed", "Each counter has A of one encoder and B of the other.")),
   };
@@ -177,14 +164,12 @@ std::vector<Variable> hands() {
   return {
       FIELD(board.plant.push().forward_mps)(
           real("push.forward_mps", "m/s", -5, 5,
-               "Hands push the robot at this speed, with its wheels if it is on the floor, "
-               "whatever the motors do; 0 in both: they let go once it stands.")),
+               "Hands push the robot at this speed; both 0: they let go once it stands.")),
       FIELD(board.plant.push().turn_radps)(real("push.turn_radps", "rad/s", -10, 10,
                                                 "The same, turned counter-clockwise positive.")),
-      FIELD(board.plant.held().roll_rad)(
-          real("tilt.roll_rad", "rad", -kTurn / 2, kTurn / 2,
-               "Hands tilt the robot to this, one radian in a second, the right side down "
-               "positive. Only the IMU notices.")),
+      FIELD(board.plant.held().roll_rad)(real("tilt.roll_rad", "rad", -kTurn / 2, kTurn / 2,
+                                              "Hands tilt the robot to this, 1 rad/s, right side "
+                                              "down positive. Only the IMU notices.")),
       FIELD(board.plant.held().pitch_rad)(real("tilt.pitch_rad", "rad", -kTurn / 2, kTurn / 2,
                                                "The same, the nose down positive.")),
   };
@@ -207,62 +192,54 @@ std::vector<Variable> wheel(const std::string& side) {
           scale(side + ".viscous_scale", 0, 20, "Relative to friction.viscous_nms.")),
       MODEL(wheels[kSide].radius_scale)(
           scale(side + ".radius_scale", 0.5, 2, "Relative to wheel_radius_m.")),
-      MODEL(wheels[kSide].backlash_rad)(
-          real(side + ".backlash_rad", "rad", 0, 1,
-               "Play of the gearbox, at the wheel; the encoder is on the motor's side.")),
+      MODEL(wheels[kSide].backlash_rad)(real(side + ".backlash_rad", "rad", 0, 1,
+                                             "Play of the gearbox, between encoder and wheel.")),
       MODEL(wheels[kSide].motor_reversed)(
           toggle(side + ".motor_reversed", "The motor's wires are swapped.")),
-      MODEL(wheels[kSide].motor_open)(
-          toggle(side + ".motor_open", "A wire of the motor is off: no current flows.")),
+      MODEL(wheels[kSide].motor_open)(toggle(side + ".motor_open", "A wire of the motor is off.")),
       MODEL(wheels[kSide].load_nm)(
           real(side + ".load_nm", "N m", -10, 10, "Acts against forward motion.")),
       MODEL(wheels[kSide].slip)(
-          real(side + ".slip", "", 0, 1,
-               "The share of the wheel's travel that does not move the robot, whatever it "
-               "pushes, as on ice.")),
+          real(side + ".slip", "", 0, 1, "Share of the wheel's travel lost, as on ice.")),
       MODEL(wheels[kSide].blocked)(toggle(side + ".blocked", "The wheel is held fast.")),
       FIELD(board.encoders[kSide].model.dead)(toggle(side + ".encoder_dead", "A and B are stuck.")),
       FIELD(board.encoders[kSide].model.reversed)(
           toggle(side + ".encoder_reversed", "A and B are swapped.")),
       FIELD(board.encoders[kSide].model.stuck)(
           whole(side + ".stuck_channel", "", 0, 2,
-                "The channel whose level never changes: 1 for A, 2 for B; 0: neither.")),
+                "Channel whose level never changes: 1 A, 2 B; 0: neither.")),
       FIELD(board.encoders[kSide].model.stuck)(
           whole(side + ".encoder_stuck", "", 0, 2, "Another name of stuck_channel.")),
       FIELD(board.encoders[kSide].model.magnet_missing)(
           toggle(side + ".magnet_missing",
-                 "No edge comes for a twelfth of each turn; those of that part come together at "
-                 "its end.")),
+                 "A twelfth of each turn has no edges; they come together at its end.")),
       FIELD(board.encoders[kSide].model.lost)(
-          real(side + ".encoder_lost", "", 0, 1, "The share of the edges that is lost.")),
+          real(side + ".encoder_lost", "", 0, 1, "Share of the edges that is lost.")),
       FIELD(board.encoders[kSide].model.edge_error_ticks)(
           real(side + ".encoder_error_ticks", "tick", 0, 0.45,
-               "Each edge is off by up to this, the same at every turn.")),
+               "Each edge is off by up to this, the same every turn.")),
       with(real(side + ".hand_turns", "turn", -1000, 1000,
-                "Turned by hand, forward positive, once a second, and then let go; reads "
-                "as what is left."),
+                "Turns by hand, forward positive, one a second; reads as what is left."),
            GET(board.plant.hand_rad(kSide) / kTurn),
            SET(s.board.plant.turn_by_hand(kSide, value * kTurn))),
-      reading(side + ".duty", "", "On the side's bridge, forward positive; 0 when not driving.",
+      reading(side + ".duty", "", "Of the side's bridge, forward positive.",
               GET(board.bridges()[kSide].signed_duty())),
-      reading(side + ".shorted", "", "The share of the time in which the winding is shorted.",
+      reading(side + ".shorted", "", "Share of the time in which the winding is shorted.",
               GET(board.bridges()[kSide].shorted())),
       reading(side + ".current_a", "A", "Through the winding.", GET(board.plant.current_a(kSide))),
       reading("true." + side + "_turns", "turn", "By the wheel, behind its gearbox's play.",
               GET(board.plant.wheel_rad(kSide) / kTurn)),
-      reading("true." + side + "_slip", "", "The share of the travel that is lost.",
+      reading("true." + side + "_slip", "", "Share of the travel that is lost.",
               GET(board.plant.slip(kSide))),
       reading("true." + side + "_mps", "m/s", "Speed at the rim.",
               GET(board.plant.speed_mps(kSide))),
-      reading("true." + side + "_ticks", "tick",
-              "What an ideal encoder at its place would have counted.",
+      reading("true." + side + "_ticks", "tick", "An ideal encoder's count.",
               GET(board.encoders[kSide].ticks())),
   };
 }
 
 Variable wired_board() {
-  std::string doc =
-      "The board that is wired, from now on; the firmware drives the pins of its active one: ";
+  std::string doc = "The board that is really wired: ";
   for (size_t i = 0; i < kShippedBoardsOfEsp32; ++i)
     doc += std::to_string(i) + " " + kShippedBoards[i].name + ", ";
   return with(
@@ -280,7 +257,7 @@ Variable wired_board() {
 template <Place kPlace>
 Variable bumper(std::string name) {
   return FIELD(board.sensors.bumpers[static_cast<size_t>(kPlace)])(
-      toggle(std::move(name), "It is pressed, or its wire is broken. Needs a bumper there."));
+      toggle(std::move(name), "Pressed, or its wire broken. Needs a bumper there."));
 }
 
 template <Place kPlace>
@@ -293,15 +270,13 @@ template <Place kPlace>
 Variable range(std::string name) {
   return FIELD(board.sensors.ranges.world.distance_m[static_cast<size_t>(kPlace)])(
       real(std::move(name), "m", 0, 20,
-           "How far away something is there; beyond 4.5 m nothing is heard of it. Needs a range "
-           "sensor there."));
+           "Distance of an object; no echo beyond 4.5 m. Needs a range sensor there."));
 }
 
 template <size_t kIndex>
 Variable analog(std::string name) {
   return FIELD(board.sensors.analog_v[kIndex])(
-      real(std::move(name), "V", 0, 60,
-           "Before the divider of the analogue input with this number. Needs one."));
+      real(std::move(name), "V", 0, 60, "Before the input's divider. Needs that analogue input."));
 }
 
 std::vector<Variable> ranges() {
@@ -333,34 +308,28 @@ std::vector<Variable> chips() {
         real("imu.bias", "rad/s", -5, 5, "What the gyroscope adds to the yaw rate.")),
         FIELD(board.sensors.chips.imu.noise)(
             scale("imu.noise", 0, 100,
-                  "Relative to the chip's own. Without any, equal samples in a row mean that it "
-                  "is frozen.")),
+                  "Relative to the chip's own. With 0 the IMU at rest looks frozen.")),
         FIELD(board.sensors.chips.imu.freeze)(
             toggle("imu.freeze", "The IMU repeats its newest sample.")),
         FIELD(board.sensors.chips.imu.absent)(toggle("imu.absent", "The IMU's plug is off.")),
-        FIELD(board.sensors.chips.imu.identity)(whole(
-            "imu.identity", "", 0, 255,
-            "What the IMU says it is; 0: the chip that the board names. It stays that chip.")),
-        FIELD(board.sensors.chips.imu.bus_hung)(toggle(
-            "imu.bus_hung", "A line of the IMU's bus is held low. What else is on it hangs, too.")),
+        FIELD(board.sensors.chips.imu.identity)(
+            whole("imu.identity", "", 0, 255, "What the IMU says it is; 0: the board's chip.")),
+        FIELD(board.sensors.chips.imu.bus_hung)(
+            toggle("imu.bus_hung", "A line of the IMU's bus is held low; the whole bus hangs.")),
         FIELD(board.sensors.chips.imu.interrupt_lost)(
             toggle("imu.interrupt_lost", "The wire of the IMU's data-ready output is off.")),
         FIELD(board.sensors.chips.imu.forward)(
             whole("imu.forward", "", -1, 5,
-                  "The axis of the IMU's print that points forward, whatever the board says: 0 "
-                  "to 5 for x, y, z, -x, -y, -z. Counts together with `imu.up`; -1: as the board "
-                  "says.")),
+                  "Axis that really points forward: 0 to 5 for x, y, z, -x, -y, -z. Set `imu.up` "
+                  "as well; -1: as the board says.")),
         FIELD(board.sensors.chips.imu.up)(
-            whole("imu.up", "", -1, 5, "The same of the axis that points up.")),
+            whole("imu.up", "", -1, 5, "Axis that really points up.")),
         FIELD(board.sensors.chips.power_absent)(
             toggle("power.absent", "The power sensor does not answer.")),
-        with(toggle("imu.reset",
-                    "Setting it, the IMU loses its settings once, as by a dip of its supply; "
-                    "reads as 0."),
-             zero, SET(if (value != 0.0) s.board.sensors.chips.reset_imus())),
-        with(toggle("power.reset",
-                    "Setting it, the power sensor loses its settings once; reads as 0."),
-             zero, SET(if (value != 0.0) s.board.sensors.chips.reset_power_sensors())),
+        with(toggle("imu.reset", "The IMU loses its settings, once; reads as 0."), zero,
+             SET(if (value != 0.0) s.board.sensors.chips.reset_imus())),
+        with(toggle("power.reset", "The power sensor loses its settings, once; reads as 0."), zero,
+             SET(if (value != 0.0) s.board.sensors.chips.reset_power_sensors())),
   };
 }
 
@@ -387,53 +356,45 @@ std::vector<Variable> device() {
           toggle("stage_fault", "A power stage reports a fault. Needs an input for it.")),
       FIELD(board.battery.volts)(
           real("battery_v", "V", 0, 60,
-               "What the battery input senses, less what the supply sags; 0: not measured.")),
+               "At the battery input, before the supply sags; 0: not measured.")),
       FIELD(board.store.failing)(toggle("store_failing", "The parameter store cannot be written.")),
       FIELD(board.configuration_store.failing)(
           toggle("board_store_failing", "The store of the configuration cannot be written.")),
       FIELD(board_unwritten)(
           toggle("board_unwritten",
-                 "No board was written or confirmed, as on a fresh chip: nothing drives. From "
-                 "the next reset on.")),
+                 "No board is stored or confirmed, from the next reset on: nothing drives.")),
       FIELD(board.store.unreadable)(
           whole("store_unreadable", "", 0, 0xFFFF,
-                "Why the saved parameters cannot be read, as the fault flag of that "
-                "name; checked when the firmware starts, cleared by a save or a reset.")),
+                "The saved parameters are unreadable for the reason that this fault flag names; "
+                "checked at the start, cleared by a save or reset of the parameters.")),
       FIELD(board.flash.faults)(
           whole("flash_unreadable", "", 0, 0xFFFF,
-                "Why the flash of parameters, board and e-stop cannot be opened, as the fault "
-                "flag of that name; checked when the firmware starts. Resetting the parameters "
-                "formats "
-                "it, which erases all three.")),
-      FIELD(board.power_cut.writes_left)(
-          whole("power_cut_at_write", "", 0, 1000,
-                "The power fails in the middle of the write to flash with this number, counted "
-                "from now on, and is back at once; 0: it does not fail.")),
-      FIELD(boot_time_us)(
-          whole("boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
+                "The flash cannot be opened for the reason that this fault flag names; checked at "
+                "the start. Resetting the parameters erases parameters, board and e-stop.")),
+      FIELD(board.power_cut.writes_left)(whole("power_cut_at_write", "", 0, 1000,
+                                               "The power fails in this write to flash, counted "
+                                               "from now, and is back at once; 0: never.")),
+      FIELD(boot_time_us)(whole("boot_time_us", "us", 0, 60e6, "From reset to firmware.")),
       FIELD(boot_text)(toggle("boot_text", "The ROM prints at each reset, at 115200 baud.")),
       with(real("clock_ppm", "ppm", -10'000, 10'000, "How fast the device's clock runs."),
            GET(board.clock.ppm()), SET(s.board.clock.set_ppm(value, s.board.now()))),
       with(whole("baud_rate", "1/s", 0, 12e6, "Of the chip's UART; 0: no limit, as on USB."),
            GET(board.line.baud()), SET(s.board.line.set_baud(static_cast<uint32_t>(value)))),
       with(toggle("driver_failed",
-                  "A motor or encoder peripheral does not start; set to 0, it starts at the "
-                  "next reset."),
+                  "A motor or encoder peripheral does not start, until 0 and a reset."),
            GET(driver_failed()), SET(s.set_driver_failed(value != 0.0))),
       with(toggle("core_dump",
                   "Flash holds the core dump of a crash; checked when the firmware starts."),
            GET(core_dump()), SET(s.set_core_dump(value != 0.0))),
       with(whole("control_delay_us", "us", 0, 60e6,
-                 "Setting it delays the next control step, once; reads as 0."),
+                 "Delays the next control step, once; reads as 0."),
            zero, SET(s.delay_control(static_cast<uint64_t>(value)))),
       with(whole("reset", "", 0, kResetReasonNames.size() - 1,
-                 "Setting it resets the chip, for the reason with this number in DeviceHello; "
-                 "reads as the reason of the last reset."),
+                 "Resets the chip for this ResetReason; reads as the last reset's."),
            GET(reset_reason()), SET(s.reset(static_cast<ResetReason>(value)))),
       wired_board(),
       with(toggle("floating_level",
-                  "What a power stage's input reads while nothing drives and nothing holds it: "
-                  "an L298N's float high, others either way."),
+                  "What a power stage's floating input reads: an L298N's high, others either way."),
            GET(board.floating_level()), SET(s.board.set_floating_level(value != 0.0))),
   };
 }
@@ -454,18 +415,15 @@ std::vector<Variable> readings() {
               GET(board.plant.distance_m())),
       reading("true.kinetic_energy_j", "J", "Of robot and wheels.",
               GET(board.plant.kinetic_energy_j())),
-      reading("true.supply_v", "V", "The motor supply, as it sags and the battery empties.",
-              GET(board.plant.supply_v())),
+      reading("true.supply_v", "V", "Motor supply, as it sags.", GET(board.plant.supply_v())),
       reading("t_us", "us", "Simulated time.",
               [](const Simulator& s) { return static_cast<double>(s.board.now()) * 1e-3; }),
       reading("device_us", "us", "The device's clock, from its reset.", GET(board.device_us())),
       reading("hard_switches", "",
-              "How often a power stage was turned from one direction to the other without a "
-              "pause, since the last reset.",
+              "Reversals of a power stage without a pause, since the last reset.",
               GET(board.hard_switches())),
       reading("pin_conflicts", "",
-              "How many GPIOs the chip drives while an encoder's output, or a contact that is "
-              "closed to ground, drives them, too.",
+              "GPIOs that the chip drives against an encoder's output or a closed contact.",
               GET(board.pin_conflicts())),
       reading("boot_id", "", "Drawn at each reset.", GET(boot_id())),
       reading("state", "", "The supervisor's, as on the wire.", GET(state())),

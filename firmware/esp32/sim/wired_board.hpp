@@ -1,5 +1,5 @@
-// Power stages by GPIO: those that are wired to the chip, and those that the firmware drives. Where
-// the wired board is not the active one, an input gets whatever its GPIO carries.
+// Power stages by GPIO: the wired ones, and those that the firmware drives. If the wired board is
+// not the active one, each input gets what its GPIO carries.
 #pragma once
 
 #include <array>

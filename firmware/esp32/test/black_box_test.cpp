@@ -79,7 +79,7 @@ TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
   CHECK(rerun.steps() == 102 && rerun.last_us() == robot.bench.now_us);
 }
 
-/// A bumper, a way back, a cliff; then the messages by which a host writes another list. A box that
+/// A bumper, a drive back, a cliff; then a host's messages that write another list. A box that
 /// begins in the middle has the list's state in its first record.
 TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
   for (const bool begins_late : {false, true}) {
@@ -298,7 +298,7 @@ TEST(a_torn_last_record_is_dropped_and_the_rest_re_runs) {
 TEST(what_an_earlier_use_left_behind_the_newest_record_is_not_read) {
   Recorded robot;
   robot.bench.run(9000);
-  // A reset: the next use begins anew in the same memory, whose segments are full.
+  // A reset: the next use restarts in the same memory, whose segments are full.
   robot.black_box.clear();
   robot.bench.run(3);
   CHECK(robot.count(Kind::kStep) + robot.count(Kind::kWideStep) == 3);

@@ -159,8 +159,8 @@ TEST(the_only_box_of_a_cause_outlasts_many_of_another) {
 
 namespace {
 
-/// The boxes are the old ones, of which the next one may have taken one's place, and perhaps that
-/// next one, and each of them is whole.
+/// The boxes are the old ones, and perhaps the new one, which may have replaced an old one. Each is
+/// whole.
 void check_old_or_new(const Images& old, BoxStore& boxes, uint32_t number, uint32_t faults) {
   const Images found = images(boxes);
   CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
@@ -172,7 +172,7 @@ void check_old_or_new(const Images& old, BoxStore& boxes, uint32_t number, uint3
       CHECK(found_number == number && boxes.head(0)->faults == faults);
     }
   }
-  // None of the old ones went for a new one that is not there.
+  // No old box was erased for a missing new one.
   const bool has_new = found.contains(number);
   for (const auto& [old_number, image] : old) CHECK(has_new || found.contains(old_number));
 }
@@ -298,7 +298,7 @@ TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
   std::vector<uint32_t> image(kBoxImageWords);
   CHECK(robot.keeper->store().read(1, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize));
   CHECK(Rerun(image.data() + BoxHead::kWords).run() == Rerun::Outcome::kSame);
-  // It records again, and what was written to flash meanwhile re-runs, too.
+  // It records again, and the box written to flash re-runs, too.
   CHECK(!robot.keeper->black_box().is_closed());
   robot.run(15'000);
   CHECK(Rerun(robot.memory.box).run() == Rerun::Outcome::kSame);

@@ -1,5 +1,5 @@
 /* The library as any language sees it: a host says hello to a core, and decodes the answer. In C,
- * so that the header stays one of C; on a foreign processor it is run beside a wheel's library. */
+ * so that the header stays valid C; on a foreign processor it is run with a wheel's library. */
 #include <stdio.h>
 #include <string.h>
 

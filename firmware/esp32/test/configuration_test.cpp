@@ -236,7 +236,7 @@ TEST(one_damaged_slot_leaves_the_confirmed_configuration) {
   }
 }
 
-/// From the first write to the last, whatever write the power is cut at: the next starts have the
+/// At whichever write the power is cut, from the first to the last: the next starts have the
 /// previous configuration or the new one, and never stay on trial.
 TEST(a_power_cut_at_any_write_of_a_configuration_leaves_the_old_or_the_new_one) {
   for (const bool loses : {false, true}) {

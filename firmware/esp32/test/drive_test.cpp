@@ -72,7 +72,7 @@ ControlConfig config_with(std::initializer_list<std::pair<ParameterId, float>> v
 
 TEST(a_supply_that_is_set_counts_from_the_next_step_on) {
   using enum ParameterId;
-  // The battery reads the same all the time; or nothing, and a set supply stands for it.
+  // The battery always reads the same; or it reads nothing, and the set supply replaces it.
   for (const uint16_t battery_mv : std::initializer_list<uint16_t>{7400, 0}) {
     const auto at_nominal = [](float nominal_v) {
       return config_with({{kNominalSupplyV, nominal_v},
@@ -100,7 +100,8 @@ TEST(a_wheel_that_was_blocked_is_not_driven_the_old_way_once_it_is_to_turn_back)
   struct Case {
     float integral_gain, proportional_gain, path_gain;
   };
-  // What the wheel was behind is in the integral, and in the rate at which it falls behind.
+  // The integral contains how far the wheel was behind, and so does the rate at which it falls
+  // behind.
   for (const Case& c : {Case{8, 0, 0}, Case{8, 0, 4}, Case{0, 1, 4}}) {
     DriveBench bench;
     bench.config = config_with({{kIntegralGain, c.integral_gain},

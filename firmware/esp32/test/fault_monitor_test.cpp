@@ -74,7 +74,7 @@ TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
 
 TEST(a_wheel_that_is_driven_in_bursts_trips_all_the_same) {
   constexpr WheelOutput kRest{.duty_q15 = 0, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
-  // Of a wheel that stands, and of one that turns back at its limit.
+  // A standing wheel, and one that turns back at its limit.
   for (const int32_t umps : {0, -60'000}) {
     Bench bench;
     WheelFault fault = WheelFault::kNone;

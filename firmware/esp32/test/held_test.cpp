@@ -65,7 +65,7 @@ TEST(nothing_holds_a_robot_that_is_armed) {
 TEST(a_start_holds_until_a_zero_setpoint_or_a_pause) {
   RobotBench bench;
   bench.connect();
-  CHECK(hold_of(bench).held == 0);  // nobody tries to drive
+  CHECK(hold_of(bench).held == 0);  // no program tries to drive
   bench.drive(0.2f, 0.2f);
   CHECK(hold_of(bench).held == held::kUnarmed);
   bench.run(1100);
@@ -162,7 +162,7 @@ TEST(a_bumper_is_named_by_its_place_and_so_is_what_follows_it) {
   bench.set_level(0, false);
   bench.drive_on(0.2f, 0.2f, 100);
   CHECK(hold_of(bench).held == held::kUnarmedForward);
-  // The end of a drive that the bumper had stopped is no other stop.
+  // The end of a drive that the bumper has already stopped is not a new stop.
   bench.run(400);
   CHECK(bench.state() == SupervisorState::kTimedOut);
   hold = hold_of(bench);

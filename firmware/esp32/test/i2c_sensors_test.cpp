@@ -387,7 +387,7 @@ TEST(a_chip_that_is_sold_for_another_works_by_its_own_table) {
   }
 }
 
-/// Its settings are those of its own table, although nothing says that the ones before were lost.
+/// It gets the settings of its own table, although nothing shows that the earlier ones were lost.
 TEST(a_chip_that_takes_the_place_of_another_is_set_up_anew) {
   Rig rig{!kInterrupt};
   rig.chip().bytes[0x75] = 0x70;
@@ -481,7 +481,7 @@ TEST(a_chip_that_repeats_a_sample_is_frozen_within_one_more_than_its_table_says)
     const int16_t last = rig.readings.back().gyro[2];
     CHECK(rig.until(SensorState::kFrozen) <= (samples + 1) * kSampleUs);
     rig.run(1'000'000);
-    // It was set up anew, in vain.
+    // It was set up again, in vain.
     CHECK(rig.state() == SensorState::kFrozen && rig.chip().writes >= 24);
     CHECK(rig.readings.back().gyro[2] - last <= 1);
     CHECK(are_consecutive(rig.readings));

@@ -176,7 +176,7 @@ TEST(an_estop_that_chatters_wears_no_flash) {
   CHECK(bench.latch_store.saves >= 2 && bench.latch_store.saves <= 6);  // 30 s.
 }
 
-/// On a slope the wheels may turn for ever, at less than what counts as rolling.
+/// On a slope the wheels may turn for ever, too slowly to count as rolling.
 TEST(an_estop_is_in_flash_although_the_robot_creeps_on_its_brake) {
   RobotBench bench;
   bench.open().drive(0.2f, 0.2f);
@@ -408,7 +408,7 @@ TEST(a_program_that_drove_before_a_start_does_not_drive_after_it) {
   }
 }
 
-/// It takes a while until a library has found the chip again: that is no pause of the program.
+/// A library takes a while to find the chip again. This does not count as the program's pause.
 TEST(the_time_before_a_session_is_no_gap) {
   RobotBench bench;
   bench.start();

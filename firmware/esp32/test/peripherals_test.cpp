@@ -256,7 +256,7 @@ TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
     with_contact.estop = pin;
     CHECK(fault_of(with_contact, {on_bus(1)}) == kPinTaken);
   }
-  // The number of a bus is no pin.
+  // The number of a bus is not a pin.
   CHECK(fault_of(pi, {on_bus(7), bumper(Place::kFront, 7)}) == kNone);
 }
 

@@ -207,7 +207,7 @@ TEST(a_heavy_robot_that_touches_an_obstacle_while_it_gains_speed_is_plausible) {
       // stands at once,
       {6, 500, 0.0, 0, 1.0},
       {6, 800, 0.3, 200, 1.0},
-      // or is held for so long that no tick comes.
+      // or is held until ticks fail to come.
       {4, 200, 0.0, 200, 1.0},
       {6, 150, 0.0, 200, 0.85},
   };

@@ -281,7 +281,7 @@ TEST(a_pulse_that_began_before_the_trigger_is_no_echo) {
       while (rig.echoes[0].triggered_us.size() == triggers) rig.run(100);
       rig.echoes[0].spike(early_us);
       rig.run(20'000);
-      // It came and went while nobody listened.
+      // It came and went unnoticed.
       rig.echoes[0].spike(early_us);
     }
   }

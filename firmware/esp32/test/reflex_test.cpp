@@ -113,7 +113,7 @@ RefusalCode last_refusal(const SensorBench& bench) {
 TEST(a_bumper_that_is_free_again_does_not_restart_the_program) {
   SensorBench bench(kBumpers);
   bump(bench);
-  // Neither the setpoint that still lives nor the next ones.
+  // Neither the setpoint that is still valid nor the next ones.
   CHECK(bench.state() == SupervisorState::kDriving);
   for (int i = 0; i < 2000; ++i) {
     bench.drive_on(0.2f, 0.2f, 1);
@@ -503,7 +503,7 @@ void survive(const SensorBench& before, SensorBench& after) {
 TEST(a_reset_charges_no_battery) {
   SensorBench first(kGuard);
   drive_empty(first);
-  // Nor does one on a board whose list has no levels, as while such a list is on trial.
+  // Neither does a reset on a board whose list has no levels, such as a list on trial.
   SensorBench second(kBumpers);
   survive(first, second);
   second.open();
@@ -670,7 +670,7 @@ TEST(charge_is_counted_while_the_current_is_measured) {
   CHECK(std::abs(measure(10 + kPeriodUs, 36'000) - 1.0f) < 1e-5f);
   // It flows back while a motor brakes.
   CHECK(std::abs(measure(10 + 2 * kPeriodUs, -36'000)) < 1e-5f);
-  // Nobody knows what was drawn in an hour of steps without a reading.
+  // The charge drawn in an hour of steps without a reading is unknown.
   hub.update(0, kHourUs - 1000);
   hub.update(0, kHourUs);
   CHECK(hub.state(0) == SensorState::kMissed);
@@ -826,7 +826,7 @@ TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
   SensorBench bench(list_of({kRange}));
   bench.sensors.range = RangeReading{.state = SensorState::kOk, .t_us = 1};
   bench.open();
-  CHECK(bench.of<Range>().empty());  // Nobody has asked.
+  CHECK(bench.of<Range>().empty());  // No host has asked.
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(2);
   CHECK(bench.of<SensorInfo>().back().rate_hz == 16);

@@ -14,9 +14,11 @@ constexpr int32_t kThreshold = 250'000;
 /// After how many ms of the speeds that `speed(ms)` gives the robot is reported as rolling; -1: it
 /// is not.
 template <typename Speed>
-int reported_after(RollingMonitor& monitor, int duration_ms, Speed speed) {
+int reported_after(RollingMonitor& monitor, int duration_ms, Speed speed,
+                   uint32_t measured_us = 20'000) {
   for (int ms = 0; ms < duration_ms; ++ms)
-    if (monitor.update(speed(ms), static_cast<uint64_t>(ms) * 1000, kThreshold)) return ms;
+    if (monitor.update(speed(ms), static_cast<uint64_t>(ms) * 1000, kThreshold, measured_us))
+      return ms;
   return -1;
 }
 
@@ -37,6 +39,15 @@ TEST(a_robot_that_slows_down_is_not_reported) {
   CHECK(reported_after(braked, 3000, [](int ms) { return 4'000'000 / (1 + ms / 50); }) == -1);
   RollingMonitor coasting;
   CHECK(reported_after(coasting, 3000, [](int ms) { return 1'000'000 - 500 * ms; }) == -1);
+}
+
+TEST(a_braked_robot_is_not_reported_however_long_its_speed_is_measured) {
+  // It accelerated when it was stopped: what is measured rises for as long as it still shows that.
+  const auto measured = [](int ms) {
+    return ms < 200 ? 300'000 + 3'500 * ms : 1'000'000 >> ((ms - 200) / 100);
+  };
+  RollingMonitor monitor;
+  CHECK(reported_after(monitor, 3000, measured, 200'000) == -1);
 }
 
 TEST(a_gentle_push_is_not_reported) {

@@ -75,7 +75,7 @@ class SensorBench : public RobotBench {
   std::optional<SensorServer> server;
 
  private:
-  /// Those of one control period at this velocity; `rest` is what is left of a tick.
+  /// Ticks of one control period at this velocity; `rest` is the remaining part of a tick.
   int ticks(int32_t umps, double& rest) const {
     const double around_m = 2 * std::numbers::pi * device.parameter(ParameterId::kWheelRadius);
     const double whole =

@@ -17,7 +17,7 @@ class Wires final : public I2cLines {
   PinChip chip;
   bool clock_shorted = false;
   bool data_shorted = false;
-  uint64_t stretch_us = 0;  ///< So long the clock stays low after it was let go of.
+  uint64_t stretch_us = 0;  ///< How long the clock stays low after its release.
   uint64_t time_us = 1000;
   int clocks = 0;
 

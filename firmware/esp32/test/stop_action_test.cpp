@@ -12,7 +12,7 @@ namespace {
 
 constexpr uint32_t kBrakeUs = 1'000'000;
 
-/// Whether nothing opens the short from here on, for so many steps.
+/// Whether the short stays closed from here on, for this many steps.
 bool stays_shorted(RobotBench& bench, int steps) {
   for (int i = 0; i < steps; ++i) {
     bench.step();

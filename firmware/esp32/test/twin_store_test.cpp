@@ -229,7 +229,7 @@ struct Recorded {
   Slots other;
   Slots latches;
 
-  /// Calls `use` with two stores of which the first one records the second, as after a start.
+  /// Calls `use` with two stores, the first recording the second, as after a start.
   template <typename Use>
   auto with(Use use) {
     TwinStore first(configuration.slots[0], configuration.slots[1]);
@@ -256,7 +256,7 @@ struct Recorded {
   }
   void clear(Slots& slots) { slots[0] = slots[1] = {}; }
 
-  bool is_of_latches = false;  ///< The other block is that of the latches.
+  bool is_of_latches = false;  ///< The other block holds the latches.
 };
 
 }  // namespace

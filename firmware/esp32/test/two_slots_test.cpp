@@ -161,8 +161,8 @@ TEST(an_estop_outlives_the_loss_of_either_slot) {
   }
 }
 
-/// Whatever write the power is cut at, of whatever block: each block is then the one before or the
-/// one after, and none is damaged.
+/// At whichever write of whichever block the power is cut, each block is then the old or the new
+/// one, and undamaged.
 TEST(a_power_cut_at_any_write_damages_no_block) {
   for (const bool were_saved : {false, true}) {
     int most = 0;

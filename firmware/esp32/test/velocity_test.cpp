@@ -35,7 +35,7 @@ Extremes turn(VelocityEstimator& estimator, double ticks_per_s, double seconds) 
   return seen;
 }
 
-/// Of the mean over 3 s and 25 phases, as a fraction.
+/// Error of the mean over 3 s and 25 phases, as a fraction.
 double mean_error(double ticks_per_s, int rate_hz = 1000) {
   double sum = 0.0;
   for (int phase = 0; phase < 25; ++phase) {

@@ -119,7 +119,7 @@ TEST(illegal_transitions_are_those_of_the_wheels_encoder) {
 TEST(saved_swaps_hold_from_the_start) {
   RobotBench bench;
   bench.store = saved_with_both_swaps();
-  bench.encoders.counts.left = 50;  // the register before the start is no travel
+  bench.encoders.counts.left = 50;  // the register before the start does not count as travel
   bench.open();
   bench.turn(2, 9);
   bench.send(bench.duty(0, 6'000));

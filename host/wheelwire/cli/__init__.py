@@ -1,7 +1,7 @@
 """The command `wheelwire`: text for people, `--json` for programs, each error on one line.
 
 app.py          the list of commands, and the exit code of an error
-address.py      ROBOT and --baud-rate: which driver opens, also beside the program that holds it
+address.py      ROBOT and --baud-rate: which driver opens it, even while another program holds it
 output.py       tables, JSON and notes; prompts.py: questions; help.py: pages of the documentation
 interruptions.py     what Ctrl-C ends
 robot.py        drive, stop, monitor and the like; the other files are named after their commands

@@ -147,9 +147,10 @@ class Address:
         if is_robot_file(port):
             robot = load_config(port)
             port = robot.serial.port if robot.driver == "serial" else robot.driver
-            # It may stand for several ports; the chip is written to before it can say who it is.
+            # It may mean several ports, and the chip must be written to before it can report its
+            # id.
             port = robot.serial.board_id or port
-        # None of these is a line on which a chip's boot ROM answers.
+        # A chip's boot ROM does not answer on any of these.
         elsewhere = is_board_id(port) or port.startswith(("socket:", "unix:"))
         if elsewhere or port in (MOCK, "l298n", "pigpio"):
             raise InvalidArgument(

@@ -108,7 +108,7 @@ def _result(arguments: list[str]) -> int:
 
 def _run_app(arguments: list[str]) -> int:
     try:
-        # Not standalone: there Click would print errors in a form of its own, and exit.
+        # Not standalone: then Click would print errors in its own form, and exit.
         words = [_at_home(word) for word in arguments]
         code = app(words, prog_name="wheelwire", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has made an exit of the interrupt, and said nothing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -35,16 +34,14 @@ from wheelwire_protocol.board import (
     BoardFault,
     BoardLine,
     BoardPin,
-    ConfigurationState,
     EncoderPulls,
     Level,
     Stage,
 )
-from wheelwire_protocol.codes import RefusalCode
-from wheelwire_protocol.native import check_board
+from wheelwire_protocol.codes import ConfigurationState, RefusalCode
+from wheelwire_protocol.core import check_board
 
 from .address import (
-    ROBOT_HELP,
     BaudRateOption,
     RobotArgument,
     complete_robot,
@@ -61,9 +58,10 @@ from .output import (
     print_result,
     print_table,
     show_help_alone,
+    write_new,
 )
-from .parameters import RobotCommand, split
-from .prompts import ask, ask_yes_or_no, can_ask
+from .parameters import RobotCommand, robot_and, split
+from .prompts import ask, ask_until, ask_yes_or_no, can_ask
 from .registry import Heading, command
 
 app = typer.Typer()
@@ -225,11 +223,8 @@ def write(
     context: typer.Context,
     arguments: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[ROBOT] FILE",
-            help=f"{ROBOT_HELP} FILE is a board's file, or a built-in board's name.",
-            show_default=False,
-            autocompletion=_complete_robot_or_board,
+        robot_and(
+            "FILE", "FILE is a board's file, or a built-in board's name.", _complete_robot_or_board
         ),
     ] = None,
     baud_rate: BaudRateOption = None,
@@ -237,7 +232,7 @@ def write(
 ) -> None:
     """Store a board and its peripherals, restart the device, and keep them if it comes back.
 
-    Until then they are on trial: nothing drives, and the previous ones return after 10 s.
+    On trial nothing drives, and the previous ones return after 10 s.
     """
     # One list: Click cannot leave out the first of two arguments.
     robot, (name,) = split(context, arguments or (), "FILE")
@@ -275,8 +270,7 @@ def confirm(
 ) -> None:
     """Confirm the board and the peripherals that a device reports, and let it drive.
 
-    A device with newly installed firmware assumes the board that came with it, and drives nothing
-    until somebody has confirmed it.
+    New firmware assumes the board that came with it, and drives nothing until somebody confirms it.
     """
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         board = _with_a_board(driver).board
@@ -362,9 +356,8 @@ def init(
     made = _ask_for_board(like)
     problems = made.problems()
     try:
-        # "x" also refuses a file that has appeared while the questions were answered.
-        with file.open("x", encoding="utf-8") as out:
-            out.write(to_yaml(made))
+        # New: it may have appeared while the questions were answered.
+        write_new(file, to_yaml(made).encode())
     except OSError as error:
         raise ConfigurationError(f"{file}: {error.strerror}") from error
     if as_json:
@@ -447,10 +440,13 @@ def _ask_for_module(made: Configuration, base: Configuration | None) -> Configur
 
 
 def _ask_for_divider(default: float) -> float:
-    while True:
-        with suppress(ValueError):
-            return float(ask("battery volts per volt at the pin", default))
-        typer.echo("give a number", err=True)
+    def parse(given: str) -> float:
+        try:
+            return float(given)
+        except ValueError:
+            raise InvalidArgument("give a number") from None
+
+    return ask_until("battery volts per volt at the pin", parse, default)
 
 
 def _ask_for_pin(
@@ -513,8 +509,9 @@ def _ask_for_pull_downs(made: Configuration, base: Configuration | None) -> Conf
 
 
 def _choose(what: str, choices: list[str], default: str) -> str:
-    while True:
-        text = ask(f"{what} ({', '.join(choices)})", default)
-        if text in choices:
-            return text
-        typer.echo(f"choose one of {', '.join(choices)}", err=True)
+    def parse(given: str) -> str:
+        if given not in choices:
+            raise InvalidArgument(f"choose one of {', '.join(choices)}")
+        return given
+
+    return ask_until(f"{what} ({', '.join(choices)})", parse, default)

@@ -28,7 +28,7 @@ FOUND = 30
 def doctor(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Report what will cause trouble on this computer, and on ROBOT if one is named; with cures.
+    """Find what causes trouble on this computer, and on ROBOT if one is named; with cures.
 
     Opens no port that is not named. Exit code 30 if anything was found.
     """

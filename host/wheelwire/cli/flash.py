@@ -47,7 +47,7 @@ def flash(
     wanted = flasher.read_image(image) if image else None
     pins = checked_board(board) if board else None
     port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
-    # First: whatever follows resets the chip, and its wheels would roll on.
+    # First: the next steps reset the chip, and its wheels would roll on.
     flasher.ensure_stopped(port)
     chip = flasher.identify_chip(port)
     chosen = wanted or flasher.built_image(chip)

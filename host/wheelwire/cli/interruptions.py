@@ -31,7 +31,7 @@ SILENT_S = 1.0
 class Interrupted(BaseException):
     """A signal ended the command. The message says what was done by then.
 
-    Not an Exception: nothing that handles errors may go on after it.
+    Not an Exception, so that error handlers do not continue after it.
     """
 
     def __init__(self, exit_code: int, message: str) -> None:

@@ -40,7 +40,7 @@ def ports(as_json: JsonFlag = False) -> None:
         [(p.device, p.by_path or "", used[p.in_use], p.note or p.description) for p in found],
     )
     if all(port.vendor_id is None for port in found):
-        console.print(f"No USB adapter is plugged in, so none of these is a board: {PLUG_IN}")
+        console.print(f"No USB adapter is plugged in, so no board is among these: {PLUG_IN}")
 
 
 @command("demo", Heading.WITHOUT_ROBOT, 1, page="simulator")

@@ -32,7 +32,7 @@ from wheelwire.errors import (
 from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codec import BY_ID
 
-from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
+from .address import BaudRateOption, complete_robot, resolve
 from .interruptions import Interrupted, ended_by_signals, watch
 from .output import (
     JsonFlag,
@@ -46,7 +46,7 @@ from .output import (
     show_help_alone,
     to_json_value,
 )
-from .parameters import RobotCommand, split
+from .parameters import RobotCommand, robot_and, split
 from .registry import Heading, command
 from .sensors import ask_for_samples
 
@@ -93,11 +93,10 @@ def record(
     context: typer.Context,
     arguments: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[ROBOT] FILE.mcap",
-            help=f"{ROBOT_HELP} FILE.mcap may be a folder: a file in it is named by the time.",
-            show_default=False,
-            autocompletion=complete_robot,
+        robot_and(
+            "FILE.mcap",
+            "FILE.mcap may be a folder: a file in it is named by the time.",
+            complete_robot,
         ),
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
@@ -106,20 +105,17 @@ def record(
 ) -> None:
     """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
 
-    Asks for the sensors' samples, so that the recording has them. Beside a program that holds the
-    port it records that program's link, until it ends.
-    No file is overwritten: the new one's name gets a number. Goes on when a lost link is back.
+    Beside a program that holds the port it records that program's link, until it ends. Overwrites
+    no file: the new one's name gets a number. Goes on when a lost link is back.
     """
     from wheelwire.log.recorder import recording_path
 
     robot, (file,) = split(context, arguments or (), "FILE")
-    if not is_recording(file) and not Path(file).is_dir():
-        raise InvalidArgument(f"{file}: a recording's name ends in .mcap, or name a folder")
     recording_path(file)  # first: a robot should not be opened for nothing
     address = resolve(robot, as_json=as_json)
     if is_recording(address.text):
         raise InvalidArgument(f"{address.text} is a recording already: name a robot")
-    # What it logs of its own end, the command says.
+    # Drop what the log says of the end of the recording: this command reports it.
     logging.getLogger("wheelwire.log").addHandler(logging.NullHandler())
     recorder: Recorder | None = None
     begin = end = time.monotonic()
@@ -227,8 +223,10 @@ def decode(
     message: Annotated[
         str | None,
         typer.Option(
-            help="Only these, a column for each field: WheelState, SetVelocity, ... as in "
-            "protocol/MESSAGES.md.",
+            help=(
+                "Only these, a column for each field: WheelState, SetDuty, ... as in "
+                "protocol/MESSAGES.md."
+            ),
             autocompletion=lambda: list(MESSAGES),
         ),
     ] = None,
@@ -236,7 +234,7 @@ def decode(
 ) -> None:
     """Print the messages of both directions as CSV, with the values as on the wire.
 
-    `unix_s` is the time of day; `host_s` is the host's monotonic clock, as in a sample's stamp.
+    `unix_s` is the time of day; `host_s` the host's monotonic clock, as in a sample's stamp.
     """
     from wheelwire.log.reader import check_left_out, offset_us
 
@@ -335,12 +333,12 @@ def draw_recording(
     Args:
         file: The recording.
         picture: To be written.
-        title: Of the picture; default: the file, its robot, when it began and how long it is.
-        window_us: From when to when, by the recording's clock; default: all.
+        title: Title of the picture; default: the file, its robot, when it began and how long it is.
+        window_us: Begin and end, by the recording's clock; default: all.
 
     Raises:
         DriverUnavailable: matplotlib is not installed.
-        RecordingError: The file is no recording, or damaged.
+        RecordingError: The file is not a recording, or damaged.
         OutputFailed: The picture cannot be written.
     """
     if find_spec("matplotlib") is None:
@@ -383,7 +381,7 @@ def plot(
     from wheelwire.log.reader import metadata
 
     if output is None:
-        metadata(file)  # first: what is no file has no name for a picture
+        metadata(file)  # first: the picture's name comes from the file
     picture = output or file.with_suffix(".png")
     draw_recording(file, picture)
     print_result({"picture": str(picture)}, f"drew {picture}", as_json=as_json)
@@ -391,9 +389,9 @@ def plot(
 
 @app.command("repair")
 def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
-    """Write the end of a recording that a crash or a power cut has left without one.
+    """Write the end that a recording lacks after a crash or a power cut.
 
-    All complete records stay. The next recording in the same folder does this by itself.
+    The next recording in the same folder does this too.
     """
     from wheelwire.log.repair import repair
 

@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated, Any
 
 import typer
@@ -100,10 +99,12 @@ def print_note(text: str, *, as_json: bool) -> None:
 
 def check_writable(file: Path | None) -> None:
     """Find out before anything moves or is asked; raises `OutputFailed`."""
-    # If the file does not exist yet, its folder has to be writable.
-    if file is not None and (
-        file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
-    ):
+    if file is None:
+        return
+    is_special = file.exists() and not file.is_file()
+    # A regular file is replaced by a new one in its folder.
+    needed = [file] * file.exists() + [file.resolve().parent] * (not is_special)
+    if file.is_dir() or not all(os.access(one, os.W_OK) for one in needed):
         raise OutputFailed(f"cannot write {file}: choose a file in a folder that can be written")
 
 
@@ -119,7 +120,7 @@ def write_new(file: Path, content: bytes) -> None:
             out.write(content)
             out.flush()
             os.fsync(out.fileno())  # from here on it may be the only copy
-        except OSError:
+        except BaseException:
             file.unlink(missing_ok=True)
             raise
 
@@ -127,10 +128,10 @@ def write_new(file: Path, content: bytes) -> None:
 class TimeLeft:
     """A line that counts down while the wheels turn; a context manager.
 
-    Where nobody watches, as in a file, it shows nothing.
+    If the output is not a terminal, it shows nothing.
 
     Args:
-        console: What else is shown meanwhile has to go to it, too.
+        console: Any other output during the countdown must also go to it.
         now: Reads a clock [s].
     """
 
@@ -144,12 +145,7 @@ class TimeLeft:
     def __enter__(self) -> TimeLeft:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.show(0.0)
 
     def show(self, left_s: float) -> None:

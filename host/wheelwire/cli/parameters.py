@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -66,14 +66,19 @@ class RobotCommand(typer.core.TyperCommand):
         return [self.options_metavar or "", *(str(argument.metavar) for argument in arguments)]
 
 
-def _arguments(names: str) -> Any:
-    """ROBOT, which may be left out, and names or values after it, as one list for Click."""
+def robot_and(what: str, help_text: str, complete: Callable[..., Any]) -> Any:
+    """ROBOT, which may be left out, and what comes after it, as one list for Click."""
     return typer.Argument(
-        metavar=f"[ROBOT] {names}",
-        help=f"{ROBOT_HELP} `wheelwire params list` shows the names.",
+        metavar=f"[ROBOT] {what}",
+        help=f"{ROBOT_HELP} {help_text}",
         show_default=False,
-        autocompletion=complete_robot_or_name,
+        autocompletion=complete,
     )
+
+
+def _robot_and_names(what: str) -> Any:
+    help_text = "`wheelwire params list` shows the names."
+    return robot_and(what, help_text, complete_robot_or_name)
 
 
 def split(
@@ -84,7 +89,7 @@ def split(
         if argument.startswith("--"):
             raise UsageError(f"No such option: {argument}", context)
     missing = len(names) - len(arguments)
-    # A file may have any name. A parameter's name is no address: then the last argument is missing.
+    # A file may have any name. A parameter's name means that the last argument is missing.
     if missing == 0 and names != ("FILE",) and looks_like_address(arguments[0]):
         missing = 1
     if missing > 0:
@@ -136,7 +141,7 @@ def _value(parameter: ParameterInfo) -> str:
 @app.command("get", cls=RobotCommand)
 def get(
     context: typer.Context,
-    arguments: Annotated[list[str] | None, _arguments("NAME")] = None,
+    arguments: Annotated[list[str] | None, _robot_and_names("NAME")] = None,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
@@ -152,7 +157,7 @@ def get(
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
     context: typer.Context,
-    arguments: Annotated[list[str] | None, _arguments("NAME VALUE")] = None,
+    arguments: Annotated[list[str] | None, _robot_and_names("NAME VALUE")] = None,
     save: Annotated[bool, typer.Option("--save", help="Save this value, too.")] = False,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
@@ -194,14 +199,14 @@ def _duration(name: str, address: str, *, saved: bool, lasting: bool) -> str:
 
 @app.command("save", cls=RobotCommand)
 def save_values(
-    arguments: Annotated[list[str] | None, _arguments("[NAME]...")] = None,
+    arguments: Annotated[list[str] | None, _robot_and_names("[NAME]...")] = None,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Save the parameters named, or all, including those that were only tried.
+    """Save the parameters named, or all.
 
-    The first argument counts as ROBOT if it is `mock`, an existing file or contains / : or a
-    dot; otherwise it is a parameter's name.
+    The first argument is ROBOT if it is `mock`, an existing file or contains / : or a dot;
+    otherwise a parameter.
     """
     names = list(arguments or ())
     robot = names.pop(0) if names and looks_like_address(names[0]) else None
@@ -212,7 +217,7 @@ def save_values(
             driver.parameters[name]  # raises for an unknown name before anything is saved
         for wanted in names or (None,):
             driver.parameters.save(wanted)
-        # Asked for anew: they are shown as the robot has them.
+        # Read again: they are shown as the robot has them.
         listed = {p.name: p for p in driver.parameters.list()}
     kept = {name: listed[name] for name in names} if names else listed
     shown = [p for p in kept.values() if names or p.value != p.default]
@@ -230,8 +235,7 @@ def reset_all(
     copy: Annotated[
         Path | None,
         typer.Option(
-            help="Where the present values are written first, as `params export` does; default: a "
-            "new file in ~/.local/state/wheelwire.",
+            help="The copy; default: a new file in ~/.local/state/wheelwire.",
             show_default=False,
         ),
     ] = None,
@@ -241,9 +245,9 @@ def reset_all(
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
 
-    A copy of the present values is written first; `params import` sets them again. If the flash
-    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives
-    until `wheelwire board write`.
+    Writes a copy of the present values first, for `params import`. If the flash cannot be opened
+    (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives until `wheelwire
+    board write`.
     """
     address = resolve(robot, as_json=as_json)
     # Before the robot is opened, which stops it.
@@ -259,7 +263,9 @@ def reset_all(
         if not yes and not ask_yes_or_no(_reset_question(present, driver.read().faults)):
             raise InvalidArgument("nothing was reset")
         file = _write_copy(ParameterFile.of_robot(present, device), copy)
-        back = f"`wheelwire params import {address.text} {file} --save` sets the values of before"
+        back = (
+            f"`wheelwire params import {address.text} {file} --save` restores the previous values"
+        )
         ending.outcome = f"interrupted; {back}"
         try:
             driver.parameters.reset()
@@ -318,12 +324,7 @@ def _complete_file(incomplete: str) -> Iterator[tuple[str, str]]:
 
 RobotAndFile = Annotated[
     list[str] | None,
-    typer.Argument(
-        metavar="[ROBOT] FILE",
-        help=f"{ROBOT_HELP} FILE is one that `wheelwire params export` wrote.",
-        show_default=False,
-        autocompletion=_complete_file,
-    ),
+    robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", _complete_file),
 ]
 
 
@@ -333,7 +334,7 @@ def export(
 ) -> None:
     """Print all parameters with their units, and the board's identity, as YAML.
 
-    Write them to a file with `> FILE`; `params import` sets them on another robot.
+    `params import` sets them on another robot.
     """
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
@@ -353,9 +354,8 @@ def import_file(
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
-    If the robot refuses one or the link fails, it has its previous values again.
-    Parameters that are not in the file stay as they are.
-    The file may be from another board.
+    If the robot refuses one or the link fails, its previous values return. The file may be from
+    another board.
     """
     # The file first: opening the robot stops it, which a wrong file should not do.
     robot, (file,) = split(context, arguments or (), "FILE")

@@ -6,12 +6,17 @@ import os
 import select
 import signal
 import sys
+import termios
 import textwrap
+from collections.abc import Callable
 from shutil import get_terminal_size
+from typing import TypeVar
 
 from wheelwire.errors import InvalidArgument
 
 PIPE_BYTES = 4096
+
+_T = TypeVar("_T")
 
 
 def can_ask() -> bool:
@@ -26,12 +31,28 @@ def ask(question: str, default: object = None, *, err: bool = True) -> str:
     Raises:
         InvalidArgument: Standard input has ended.
     """
+    return ask_until(question, str, default, err=err)
+
+
+def ask_until(
+    question: str, parse: Callable[[str], _T], default: object = None, *, err: bool = True
+) -> _T:
+    """As `ask`, until `parse` takes the answer; its `InvalidArgument` is shown before each repeat.
+
+    Raises:
+        InvalidArgument: Standard input has ended.
+    """
     prompt = f"{question}: " if default is None else f"{question} [{default}]: "
+    # Not before a repeat, too: nothing has happened since the answer that was wrong.
+    _discard_typed_ahead()
     while True:
-        if answer := read_line(prompt, err=err):
-            return answer
-        if default is not None:
-            return str(default)
+        answer = read_line(prompt, err=err)
+        if not answer and default is None:
+            continue
+        try:
+            return parse(answer or str(default))
+        except InvalidArgument as error:
+            _show(f"{error}\n", err=err)
 
 
 def ask_yes_or_no(question: str, *, default: bool = False) -> bool:
@@ -41,6 +62,7 @@ def ask_yes_or_no(question: str, *, default: bool = False) -> bool:
         InvalidArgument: Standard input has ended.
     """
     prompt = f"{question} [{'Y/n' if default else 'y/N'}]: "
+    _discard_typed_ahead()
     while True:
         answer = read_line(prompt).lower()
         if answer in ("", "y", "yes", "n", "no"):
@@ -49,14 +71,14 @@ def ask_yes_or_no(question: str, *, default: bool = False) -> bool:
 
 
 def read_line(prompt: str, *, err: bool = True) -> str:
-    """As `input`, at a terminal without its gap in which Ctrl-C is lost.
+    """As `input`, but at a terminal Ctrl-C is never lost.
 
     `input` shows its prompt and begins to wait within one call. Python notes a signal that comes in
     between, but handles it only when that call returns: at the next line, or at a second Ctrl-C.
-    This function waits for a line or for a signal that came by then, whichever comes first.
+    This function waits for a line or a signal, even a signal that has already come.
 
     Raises:
-        InvalidArgument: There is no line any more.
+        InvalidArgument: The input has ended.
     """
     _show(_wrapped(prompt) if sys.stdin.isatty() else prompt, err=err)
     if sys.stdin.isatty():
@@ -69,6 +91,12 @@ def read_line(prompt: str, *, err: bool = True) -> str:
             "again, in a terminal"
         )
     return line.strip()
+
+
+def _discard_typed_ahead() -> None:
+    """An Enter pressed during the step before must not answer whether the robot may drive."""
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 def _show(text: str, *, err: bool) -> None:

@@ -59,7 +59,7 @@ def command(
 
 
 def commands() -> list[Command]:
-    """The commands of all modules beside this one, as the help lists them."""
+    """The commands of all other modules in this folder, as the help lists them."""
     for module in iter_modules([str(Path(__file__).parent)]):
         import_module(f"{__package__}.{module.name}")
     headings = list(Heading)

@@ -47,7 +47,7 @@ from .sensors import ask_for_samples
 from .view import can_show, show
 
 if TYPE_CHECKING:
-    from wheelwire.log.why import Stop
+    from wheelwire.log.why.diagnosis import Stop
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
@@ -262,18 +262,19 @@ def _drive(robot: Robot, twist: Twist, seconds: float) -> tuple[Pose, Pose, int]
     odometry.update(robot.read())
     longest_s = min(TTL_S, robot.ttl_max_s or TTL_S)
     if seconds > 0:
-        # Whoever starts this command means this motion, also just after a clear.
+        # The person who starts this command means this motion, also just after a clear.
         robot.set_velocity(0.0, 0.0, ttl=longest_s)
     end = time.monotonic() + seconds
     valid_until = -math.inf
     late_before = robot.statistics.setpoints_expired
-    # The last setpoint lasts to the end, so that none has to arrive within the little that is left.
+    # The stop below ends the drive. The last setpoint outlives it a little: a drive that its
+    # setpoint's expiry ends looks like one whose program was killed.
+    last = end + COMMAND_PERIOD_S
     while (now := time.monotonic()) < end:
-        if valid_until < end:
-            # The stop below ends a first one that is longer than the drive.
-            ttl = min(longest_s, max(end - now, COMMAND_PERIOD_S))
+        if valid_until < last:
+            ttl = min(longest_s, last - now)
             robot.set_velocity(*twist, ttl=ttl)
-            valid_until = end if now + longest_s >= end else now + ttl
+            valid_until = last if now + longest_s >= last else now + ttl
         # Ticks are cumulative, so no travel is lost with the samples that are skipped.
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
@@ -311,9 +312,8 @@ def monitor(
 ) -> None:
     """Show wheel speeds, duties, state, and why it stopped. Goes on when a lost link is back.
 
-    On a terminal it takes the whole screen: the last 20 s as plots, and keys that stop, clear,
-    tune, drive and record; ? explains them. Elsewhere it prints lines, and sends nothing.
-    It plays a recording in the recording's own time.
+    On a terminal it takes the whole screen, with plots, and keys that stop, clear, tune, drive and
+    record (press ?). Elsewhere it prints lines, and sends nothing. It also plays a recording.
     """
     address = resolve(robot, as_json=as_json)
     if not (plain or as_json) and can_show():
@@ -413,7 +413,7 @@ def _stopped(
         raise InvalidArgument(f"{address.text} is a recording, and cannot stop: name a robot")
     try:
         return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
-    except LinkClosed:  # whoever held the port ended just now: it is free, or the next one's
+    except LinkClosed:  # the program that held the port just ended
         return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
 
 
@@ -474,7 +474,7 @@ def clear(
 def restart(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Restart the device, wait until it is back, and say what is active.
+    """Restart the device, wait for it, and say what is active.
 
     Values that were not saved are lost; a latched e-stop or fault stays latched. Refused while the
     robot drives.

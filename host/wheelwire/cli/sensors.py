@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import typer
 
-from wheelwire.board import INPUTS
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.robot.robot import Robot
@@ -23,7 +22,13 @@ from wheelwire.samples import (
     SensorEvent,
     SensorInfo,
 )
-from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, RangeQuality, SensorState
+from wheelwire_protocol.sensors import (
+    INPUTS,
+    BatteryLevel,
+    PeripheralKind,
+    RangeQuality,
+    SensorState,
+)
 
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, console, print_json, print_note, print_table
@@ -64,7 +69,7 @@ def sensors(
 def ask_for_samples(driver: Robot) -> bool:
     """Ask a robot that this command holds for its sensors' samples, for others who need them.
 
-    Whoever is attached sees them, and so does a recording. A robot that cannot send any is no
+    Attached programs get them, and so does a recording. A robot that cannot send any is not an
     error.
 
     Returns:
@@ -153,7 +158,7 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
         }
     times = ("t_us", "sample", "name", "stamp", "stamp_error_s")
     value = {name: value for name, value in sample._asdict().items() if name not in times}
-    # JSON has no infinite numbers: such a distance becomes null.
+    # JSON has no infinite numbers: an infinite distance becomes null.
     return value | ({"quality": _quality(sample)} if isinstance(sample, RangeSample) else {})
 
 

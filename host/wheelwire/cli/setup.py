@@ -18,7 +18,7 @@ from wheelwire.robot.robot import Robot
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
-from .prompts import ask
+from .prompts import ask_until
 from .registry import Heading, command
 from .sim import setting
 from .tune import check_plot
@@ -73,8 +73,10 @@ def setup(
         bool | None,
         typer.Option(
             "--resume/--anew",
-            help="Go on where the last set-up of this robot was interrupted, or begin anew; "
-            "default: ask, and with --answers begin anew.",
+            help=(
+                "Go on where the last set-up was interrupted, or begin anew; default: ask, with "
+                "--answers begin anew."
+            ),
             show_default=False,
         ),
     ] = None,
@@ -93,8 +95,10 @@ def setup(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="With --simulated: a variable of docs/simulator.md. If the wiring is among "
-            "them, it is not random.",
+            help=(
+                "With --simulated: a variable of docs/simulator.md; wiring among them is not "
+                "random."
+            ),
         ),
     ] = None,
     yes: YesFlag = False,
@@ -103,12 +107,10 @@ def setup(
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
 
-    Raise the robot so that its wheels hang free; one with an IMU stands on the floor first, until
+    Raise the robot so that its wheels hang free; one with an IMU first stands on the floor, until
     setup knows how that is mounted. It takes some minutes and about eleven questions, six more with
-    an IMU; most have an answer that Enter takes.
-    However the motors and encoders are wired, parameters correct it; setup names what they cannot
-    correct. A test drive before and after shows what the new gains are worth. Until you save, the
-    robot keeps its previous parameters.
+    an IMU; Enter takes the default answer. Parameters correct the wiring of motors and encoders;
+    setup names what they cannot correct. Until you save, the robot has its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
     from wheelwire.tools.setup.questions import AnswersFile, SimulatedPerson
@@ -161,7 +163,7 @@ def set_up_at(
 
     Args:
         address: Where it is.
-        person: Who answers; by default whoever is at this terminal.
+        person: Answers the questions; by default the person at this terminal.
         options: What differs from the ordinary.
         baud_rate: Baud rate of a port; None: the default.
         as_json: Standard output is the findings as JSON.
@@ -238,7 +240,7 @@ def _run(robot: Robot, person: Person, options: Options, *, as_json: bool) -> Fi
 
 
 class _Shown:
-    """Shows the questions and answers of a person who is simulated, or whose answers are a file."""
+    """Shows the questions and answers of a simulated person, or of a file of answers."""
 
     def __init__(self, person: Person, say: Callable[[str], None]) -> None:
         self._person = person
@@ -262,12 +264,8 @@ class _Terminal:
     def answer(self, question: Question) -> str:
         """Ask until the answer can be understood."""
         choices = f" ({', '.join(question.choices)})" if question.choices else ""
-        while True:
-            given = ask(f"{question.text}{choices}", question.default, err=self._err)
-            try:
-                return question.parse(given)
-            except InvalidArgument as error:
-                typer.echo(str(error), err=self._err)
+        text = f"{question.text}{choices}"
+        return ask_until(text, question.parse, question.default, err=self._err)
 
 
 def _check_lasting(address: Address, keep: Path | None) -> None:

@@ -75,9 +75,9 @@ def sim(
 ) -> None:
     """Run a simulated robot with the firmware's real core until Ctrl-C.
 
-    It says what a person beside the robot would see, so that you can answer setup's questions.
-    Lines that you type are commands, such as `set left.blocked 1`. With --json, or with arguments
-    for wheelwire-fwsim behind `--` (`wheelwire sim -- --help`), it prints none of this.
+    It prints what a person beside the robot would see, for setup's questions. Type commands such as
+    `set left.blocked 1`. With --json, or arguments for wheelwire-fwsim behind `--` (`wheelwire sim
+    -- --help`), it prints none of this.
     """
     if context.invoked_subcommand is not None:
         return
@@ -215,13 +215,13 @@ def turn(
     ],
     link: Annotated[
         Path | None,
-        typer.Option(help="Path of the simulated port, if several simulators run."),
+        typer.Option(help="The simulated port, if several run."),
     ] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Turn a wheel of a running simulator by hand, once a second, as setup asks you to."""
+    """Turn a wheel of a running simulator by hand, one turn a second, for setup."""
     if wheel not in SIDES:
-        raise InvalidArgument(f"{wheel} is no wheel: give left or right")
+        raise InvalidArgument(f"{wheel} is not a wheel: give left or right")
     if not 0.0 < abs(turns) <= _MOST_TURNS:
         raise InvalidArgument(
             f"{turns:g} turns: give a number from -{_MOST_TURNS:g} to {_MOST_TURNS:g}, and not 0"

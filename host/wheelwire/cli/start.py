@@ -8,17 +8,24 @@ from typing import Annotated
 
 import typer
 
+from wheelwire.arguments import at_home
 from wheelwire.connect import MOCK
-from wheelwire.errors import DeviceSilent, ForeignDevice, InvalidArgument, ProtocolMismatch
+from wheelwire.errors import (
+    DeviceSilent,
+    FlashFailed,
+    ForeignDevice,
+    InvalidArgument,
+    ProtocolMismatch,
+)
 from wheelwire.link.ports import likely_boards
 from wheelwire.parameters import definition_of
-from wheelwire_protocol.board import ConfigurationState
+from wheelwire_protocol.codes import ConfigurationState
 
 from .address import Address, RobotArgument, named_robot
 from .board import confirm
 from .flash import flash
 from .output import print_lines
-from .prompts import ask
+from .prompts import ask, ask_until
 from .registry import Heading, command
 from .robot import drive
 from .setup import set_up_at
@@ -26,6 +33,7 @@ from .setup import set_up_at
 _SPEED_MPS = 0.1
 _SECONDS = 2.0
 _LOOK = "look"
+_BUILD, _SKIP = "build", "skip"
 _SHOWN = 3
 """So many values show that a robot has been set up."""
 _NO_FIRMWARE = (DeviceSilent, ForeignDevice, ProtocolMismatch)
@@ -41,8 +49,8 @@ def start(
 ) -> None:
     """Lead from a board that was just plugged in to the first drive.
 
-    Five steps: find the port, write the firmware, confirm the board, set up, drive 20 cm. Each can
-    be skipped; one that is done already says so. Run the command again to go on after an error.
+    Five steps: find the port, write the firmware, confirm the board, set up, drive 20 cm. You can
+    skip each. After an error, run the command again.
     """
     if not sys.stdin.isatty():
         raise InvalidArgument(
@@ -96,12 +104,44 @@ def _write_firmware(address: Address, image: Path | None) -> None:
         print_lines(f"done already: firmware {release} answers")
         return
     if image is None:
-        given = ask("The image of a release (wheelwire-esp32.bin), `build` or `skip`", "build")
-        if given == "skip":
+        given = _ask_image()
+        if given == _SKIP:
             return
-        image = None if given == "build" else Path(given)
-    if _wants(f"Write {image or 'the image of this checkout'} to {address.text}?"):
+        image = None if given == _BUILD else Path(given)
+    if _wants(
+        "Disconnect the motors' battery until the set-up: the chip may hold another program. "
+        f"Write {image or 'the image of this checkout'} to {address.text}?"
+    ):
         flash(address.text, image=image)
+
+
+def _ask_image() -> str:
+    """The file of an image, `_BUILD` or `_SKIP`."""
+    from wheelwire.tools.flash import built_chips, read_image  # here: for a new board alone
+
+    built = ", ".join(chip.name for chip in built_chips())
+    words = [_BUILD, _SKIP] if built else [_SKIP]
+    if built:
+        question = f"Image of a release, `{_BUILD}` (this checkout's, for {built}) or `{_SKIP}`"
+    else:
+        print_lines(
+            "The firmware is a file of a release: download wheelwire-esp32.bin, or for another "
+            "chip wheelwire-esp32s3.bin or wheelwire-esp32c6.bin. From a checkout with PlatformIO, "
+            "`pio run -e esp32 -t upload` builds and writes it: then run start again"
+        )
+        question = f"The file's path, or `{_SKIP}`"
+
+    def parse(given: str) -> str:
+        if given in words:
+            return given
+        file = at_home(Path(given))
+        try:
+            read_image(file)
+        except FlashFailed as error:
+            raise InvalidArgument(str(error)) from error
+        return str(file)
+
+    return ask_until(question, parse, _BUILD if built else None)
 
 
 def _confirm_board(address: Address) -> None:
@@ -154,11 +194,11 @@ def _wants(question: str, default: str = "yes") -> bool:
 
 def _choose(question: str, *choices: str, default: str | None = None) -> str:
     """One of the choices, or the only one that begins with what was typed."""
-    while True:
-        given = ask(f"{question} ({', '.join(choices)})", default)
-        if given in choices:
-            return given
+
+    def parse(given: str) -> str:
         found = [choice for choice in choices if choice.startswith(given)]
-        if len(found) == 1:
-            return found[0]
-        print_lines(f"answer with {' or '.join(choices)}")
+        if given in choices or len(found) == 1:
+            return given if given in choices else found[0]
+        raise InvalidArgument(f"answer with {' or '.join(choices)}")
+
+    return ask_until(f"{question} ({', '.join(choices)})", parse, default)

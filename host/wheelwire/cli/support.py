@@ -30,7 +30,7 @@ def support(
 ) -> None:
     """Pack what a bug report needs: versions, the robot's state and values, a recording.
 
-    The command sends nothing anywhere. For a robot out of reach it packs the error that says so.
+    Sends nothing anywhere. For a robot out of reach it packs the error.
     """
     address = resolve(robot, as_json=as_json)
     now = datetime.now(timezone.utc)

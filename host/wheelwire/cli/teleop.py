@@ -34,14 +34,13 @@ def teleop(
 ) -> None:
     """Drive by keyboard: w a s d or the arrow keys, space stops, e latches an e-stop, q quits.
 
-    Hold a key to keep driving. Most terminals do not report a release:
-    a press then drives for 0.7 s, and each repeat of a held key for another 0.2 s.
-    In a terminal with the kitty keyboard protocol a release stops at once.
+    Hold a key to keep driving. Most terminals do not report a release: a press drives for 0.7 s,
+    each repeat of a held key for 0.2 s more.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise InvalidArgument(
-            "teleop takes keys from a terminal and shows the robot there: run it in one, without a "
-            "pipe; `wheelwire drive` needs none"
+            "teleop needs a terminal for its keys: run it in one, without a pipe; `wheelwire "
+            "drive` does not"
         )
     address = resolve(robot, moves=True, yes=yes)
     with (

@@ -28,7 +28,7 @@ from .output import (
     print_lines,
     print_table,
 )
-from .prompts import ask, ask_yes_or_no, can_ask
+from .prompts import ask_until, ask_yes_or_no, can_ask
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -81,8 +81,10 @@ def tune(
         bool,
         typer.Option(
             "--save",
-            help="Save the values without asking, unless the robot tracks worse by them or "
-            "setpoints came late.",
+            help=(
+                "Save the values without asking, unless the robot tracks worse or setpoints came "
+                "late."
+            ),
         ),
     ] = False,
     yes: Annotated[
@@ -93,9 +95,9 @@ def tune(
 ) -> None:
     """Drive a step, a ramp or a sine with the robot's gains and with others; keep them, or undo.
 
-    It asks before anything moves, unless you give --yes: raise the robot, or leave it room. The new
-    values are on trial: the robot has its previous values again unless you keep or save the new
-    ones, also after Ctrl-C, a fault or a lost link. Without a gain it drives once.
+    It asks before anything moves: raise the robot, or leave it room. The new values are on trial:
+    the previous ones return unless you keep or save the new ones, also after Ctrl-C, a fault or a
+    lost link. Without a gain it drives once.
     """
     gains = {
         "proportional_gain": proportional_gain,
@@ -232,12 +234,14 @@ def _outcome(found: Comparison, wish: _Wish) -> Outcome:
     if found.faults[-1] or not can_ask():
         return "undo"
     choices: tuple[Outcome, ...] = ("keep", "undo", "save") if wish.can_save else ("keep", "undo")
-    while True:
-        answer = ask(f"What now ({', '.join(choices)})?", "undo").strip().lower()
+
+    def parse(given: str) -> Outcome:
         for choice in choices:
-            if answer in (choice[0], choice):
+            if given.lower() in (choice[0], choice):
                 return choice
-        typer.echo(f"answer {', '.join(choices)}", err=True)
+        raise InvalidArgument(f"answer {', '.join(choices)}")
+
+    return ask_until(f"What now ({', '.join(choices)})?", parse, "undo")
 
 
 def _can_save(address: Address, names: Collection[str]) -> bool:

@@ -42,7 +42,7 @@ def show(address: Address, seconds: float, baud_rate: int | None) -> None:
     from wheelwire.tools.view.app import show  # here, for Textual is slow to import
 
     with address.open_to_look(baud_rate, as_json=False) as driver:
-        ask_for_samples(driver)  # for what it records, and for others beside it
+        ask_for_samples(driver)  # for its recording, and for attached programs
         ended_by = show(
             driver,
             address.text,

@@ -1,6 +1,6 @@
 """`wheelwire why`: why the robot stopped, in plain words, with the evidence; black boxes, re-run.
 
-What it needs of `wheelwire.log.why` it imports itself: other commands start without it.
+It imports `wheelwire.log.why` only when needed, so that other commands start without it.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import typer
 from wheelwire.connect import is_recording
 from wheelwire.errors import DriverUnavailable, InvalidArgument, OutputFailed, RecordingError
 from wheelwire.link.clock import host_clock_us
+from wheelwire.whole_file import write_whole
 from wheelwire_protocol.black_box import BoxError, Rerun, RerunOutcome
 from wheelwire_protocol.codes import StopCause
 
@@ -26,8 +27,9 @@ from .output import JsonFlag, print_json, print_lines, write_new
 from .registry import Heading, command
 
 if TYPE_CHECKING:
-    from wheelwire.link.info import Recorded, StoredBox
-    from wheelwire.log.why import Stop
+    from wheelwire.log.why.diagnosis import Stop
+
+    from ..robot.black_boxes import Recorded, StoredBox
 
 
 BEFORE_S, AFTER_S = 4.0, 1.0
@@ -52,8 +54,7 @@ def why(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Give the inputs in a black box to the same core again; exit code 31 if it "
-            "differs.",
+            help="Run a black box's inputs through the same core; exit code 31 if it differs.",
             show_default=False,
         ),
     ] = None,
@@ -61,17 +62,17 @@ def why(
         bool,
         typer.Option(
             "--export-test",
-            help="With --rerun: write the box as a regression test, in place of ROBOT a PATH: a "
-            "file, a folder, or a checkout of Wheelwire; default: the checkout that this is run "
-            "in.",
+            help=(
+                "With --rerun: write the box as a regression test to PATH, given in place of "
+                "ROBOT: a file, a folder, or a checkout; default: this checkout."
+            ),
         ),
     ] = False,
     save_boxes: Annotated[
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Write the black boxes that ROBOT has stored into this folder, each a file for "
-            "`wheelwire why FILE.box`.",
+            help="Write the ROBOT's black boxes into this folder, for `wheelwire why FILE.box`.",
             show_default=False,
         ),
     ] = None,
@@ -80,9 +81,9 @@ def why(
 ) -> None:
     """Explain why the robot stopped, from a recording FILE.mcap, a black box FILE.box, or a ROBOT.
 
-    From a ROBOT it reads the stops that the robot has recorded by itself, and what holds it now. It
-    names a cause, what shows it, and what to look at first; where the data cannot decide, the
-    causes that are left. With --rerun it runs the inputs in a black box again.
+    From a ROBOT it reads the recorded stops, and what holds it now. It names a cause, what shows
+    it, and what to look at first; where the data cannot decide, all causes left. With --rerun it
+    runs the inputs in a black box again.
     """
     if rerun is not None:
         if plot is not None:
@@ -121,13 +122,14 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
     """What stopped the robot, and what was latched before, if that is all."""
     from wheelwire.log.reader import (
         ENDED,
+        check_cut_off,
         is_being_written,
         metadata,
         offset_us,
         session_records,
         was_cut,
     )
-    from wheelwire.log.why import Diagnosis
+    from wheelwire.log.why.diagnosis import Diagnosis
 
     diagnosis = Diagnosis()
     try:
@@ -138,6 +140,7 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from error
     if not stops and not diagnosis.has_heard:
+        check_cut_off(file)
         raise RecordingError(
             f"{file}: the robot was out of reach all the time, so the recording cannot tell "
             "whether something stopped it: `wheelwire why ROBOT` asks the robot itself"
@@ -224,12 +227,12 @@ def _draw(file: Path, stops: list[Stop], picture: Path) -> None:
 
 
 def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) -> None:
-    """Re-run a box, say what came of it, and export it.
+    """Re-run a box, report the result, and export it.
 
     Raises:
-        InvalidArgument: There is no place for the test.
-        OutputFailed: The test cannot be written, or is there already.
-        RecordingError: The file is no box that this core can re-run.
+        InvalidArgument: There is nowhere to write the test.
+        OutputFailed: The test cannot be written, or exists already.
+        RecordingError: This core cannot re-run the file as a box.
         typer.Exit: The core did something else.
     """
     from wheelwire.log.why.black_box import read_box, rerun_box
@@ -342,10 +345,10 @@ def is_box(address: str) -> bool:
 
 
 def stops_of_file(file: Path) -> list[Stop]:
-    """The stops that a box is of.
+    """The stops that a box recorded.
 
     Raises:
-        RecordingError: It cannot be read, or is no black box.
+        RecordingError: It cannot be read, or is not a black box.
     """
     from wheelwire.log.why.black_box import read_box, stops_of_box
 
@@ -386,12 +389,8 @@ def _box_name(box: StoredBox, board_id: str) -> str:
 
 
 def _write_box(file: Path, image: bytes) -> Path:
-    # Beside it first: a full disk must not leave a part of a box under its name.
-    fresh = file.with_suffix(".part")
     try:
-        fresh.write_bytes(image)
-        fresh.replace(file)
+        write_whole(file, image)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
         raise OutputFailed.at(file, error) from error
     return file

@@ -9,19 +9,19 @@ from ..robot.robot import Robot
 
 
 class AttachedDriver(Robot):
-    """A robot beside the program that holds its port, and alone drives, sets and clears.
+    """A robot whose port another program holds. Only that program drives, sets and clears.
 
     Closing it does not stop the robot.
 
     Args:
         holder: The program that holds the port.
-        listens: False for a stop alone: nothing else can be read then.
+        listens: False only to stop: nothing can be read then.
 
     Attributes:
         holder: The program that holds the port.
 
     Raises:
-        LinkLost: The program says nothing.
+        LinkLost: The program does not answer.
     """
 
     def __init__(self, holder: Holder, *, listens: bool = True) -> None:

@@ -15,14 +15,14 @@ class L298NDriver(PinDriver):
         pwm_chip: Number of the kernel's PWM chip, where there are several.
         tap: See `SerialDriver`.
         parameters: Values that differ from the defaults, by name.
-        store: A file that keeps parameters which are saved at run time.
+        store: File for parameters saved at run time.
         pwm_directory: Where the kernel's PWM is.
         core_timeout_ms: If the core is silent for longer while it holds the pins, it is killed
             and EN is pulled low.
 
     Raises:
-        DriverUnavailable: gpiozero or the core's library is not installed, or a pin or its PWM
-            cannot be had.
+        DriverUnavailable: gpiozero or the core's library is not installed, or a pin or its PWM is
+            not available.
         ConfigurationError: The pins or the store do not fit.
     """
 

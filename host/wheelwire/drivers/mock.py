@@ -41,8 +41,8 @@ class MockDriver(Robot):
         realtime: False for virtual time, which only one thread may use.
         parameters: Values that differ from the defaults, by name; the encoders count
             `counts_per_revolution`.
-        store: A file that keeps parameters which are saved at run time; the board and what the
-            robot has recorded of its stops are in files beside it.
+        store: File for parameters saved at run time. The board, and the robot's records of its
+            stops, are in files next to it.
 
     Raises:
         SimulatorNotFound: The simulator is not installed.
@@ -131,7 +131,7 @@ class _Transport(SocketTransport):
 
 
 class MockProcess:
-    """The simulator's process, started anew whenever it was lost."""
+    """The simulator's process, restarted whenever it was lost."""
 
     simulator: Simulator
     """The newest one that has started."""

@@ -1,7 +1,7 @@
 """The options of the built-in drivers, each spelled once; those of pins are in `pin_options`.
 
 Sections of a robot's file are `SerialOptions`, `GpioOptions` and `PigpioOptions`; each driver takes
-one of them as its arguments, and what stands beside the section in the file.
+one of them as its arguments, and the file's keys outside the section.
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ from dataclasses import dataclass, field
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, is_number, path, text, timeout_s, whole
-from ..board import Configuration
 from ..errors import InvalidArgument, shown
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
 from ..link.ports import port_name
-from ..parameters import checked_values
 from ..robot.verbs import WATCHED
+
+if TYPE_CHECKING:
+    from ..board import Configuration
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000
-"""A rate above that of any adapter."""
+"""No adapter is faster."""
 MAX_STREAM_RATE_HZ = 65_535
 """The largest value of the field. Each device has a lower limit, which its line sets."""
 MAX_REPLAY_SPEED = 1000
@@ -87,14 +88,9 @@ class DeviceOptions:
                     "shows them"
                 )
             board_id = board_id.lower()  # as `DeviceInfo` writes it: ids are compared as text
-        if board is not None and not isinstance(board, Configuration):
-            from ..tools.files.board import load_board  # here, for most give no board
-
-            board = load_board(board)
+        # Both are checked by what most programs need for nothing else.
         expected = None if board is None else _expected(board)
-        settings = {
-            PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
-        }
+        settings = None if parameters is None else _settings(parameters)
         return LinkOptions(
             name,
             baud_rate=whole("baud_rate", self.baud_rate, 0, MAX_BAUD_RATE),
@@ -172,5 +168,17 @@ class ReplayOptions:
         return path("file", self.file), float(self.speed)
 
 
-def _expected(board: Configuration) -> ExpectedBoard:
+def _settings(parameters: Mapping[str, float]) -> dict[int, float]:
+    from ..parameters import checked_values
+
+    return {PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()}
+
+
+def _expected(board: str | Path | Configuration) -> ExpectedBoard:
+    from ..board import Configuration
+
+    if not isinstance(board, Configuration):
+        from ..tools.files.board import load_board
+
+        board = load_board(board)
     return ExpectedBoard(board.name, board.fingerprint(), is_bare=not board.peripherals)

@@ -16,7 +16,7 @@ class PigpioDriver(PinDriver):
         tap: See `SerialDriver`.
         pins: The wiring; by default that of the guide for a Raspberry Pi 4B and an L298N.
         parameters: Values that differ from the defaults, by name.
-        store: A file that keeps parameters which are saved at run time.
+        store: File for parameters saved at run time.
         core_timeout_ms: If the core is silent for longer, it is killed; the script inside pigpiod
             then pulls EN low.
 

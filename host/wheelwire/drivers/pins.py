@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from functools import partial
 
 from ..link.connection import Link
@@ -49,15 +48,15 @@ class PinDriver(Robot):
         tap: See `SerialDriver`.
 
     Raises:
-        DriverUnavailable: The pins cannot be had, or what they need is not installed.
+        DriverUnavailable: The pins are not available, or what they need is not installed.
         ConfigurationError: The pins or the store do not fit.
-        InvalidArgument: `tap` is no bool.
+        InvalidArgument: `tap` is not a bool.
     """
 
     def __init__(self, settings: McuSettings, *, tap: bool) -> None:
         self._process = PinProcess(settings)
         options = DeviceOptions(tap=tap).link_to(settings.backend, self._process.open)
-        super().__init__(partial(Link, replace(options, identity=settings.identity)))
+        super().__init__(partial(Link, options._replace(identity=settings.identity)))
 
     @property
     def limits(self) -> tuple[str, ...]:

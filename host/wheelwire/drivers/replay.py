@@ -7,7 +7,7 @@ from typing import Any
 
 from ..arguments import timeout_s
 from ..link.clock import host_clock_us
-from ..log.reader import records
+from ..log.reader import check_cut_off, records
 from ..log.replay import Comparison, ReplayLink
 from ..robot.robot import Robot
 from .options import ReplayOptions, takes
@@ -16,21 +16,21 @@ from .options import ReplayOptions, takes
 class ReplayDriver(Robot):
     """A recording, as a robot. It is opened at its first session.
 
-    It accepts setpoints and compares them with those of the day; it accepts stops; it answers other
-    requests if they were answered on that day. At the end of the recording calls raise
+    It accepts setpoints and compares them with the recorded ones. It accepts stops. It answers
+    other requests if the recording has an answer. At the end of the recording calls raise
     `LinkClosed`, and iterators end.
 
     Args:
         file: The recording.
-        speed: How much faster than on the day time passes; with 0 it passes only in `advance` and
-            while a call waits, and one thread may use the driver.
+        speed: How much faster time passes than in the recording. With 0 it passes only in `advance`
+            and while a call waits, and only one thread may use the driver.
 
     Attributes:
         speed: As it was given.
 
     Raises:
         InvalidArgument: One of these is of a wrong type or size.
-        RecordingError: The file is no recording, or has no session.
+        RecordingError: The file is not a recording, or has no session.
     """
 
     _link: ReplayLink
@@ -39,15 +39,21 @@ class ReplayDriver(Robot):
     def __init__(self, options: ReplayOptions) -> None:
         file, self.speed = options.checked()
         super().__init__(
-            partial(ReplayLink, name=str(file), records=partial(records, file), speed=self.speed)
+            partial(
+                ReplayLink,
+                name=str(file),
+                records=partial(records, file),
+                speed=self.speed,
+                check_cut_off=partial(check_cut_off, file),
+            )
         )
-        # Of setpoints: their stamps are today's, whenever the samples were measured.
+        # Setpoints are stamped now, whenever the samples were measured.
         if not self._link.in_virtual_time:
             self._now_us = host_clock_us
 
     @property
     def comparison(self) -> Comparison:
-        """This run's setpoints beside the recorded ones, one by one in their order."""
+        """This run's setpoints next to the recorded ones, one by one in order."""
         return self._link.comparison
 
     def advance(self, seconds: float) -> None:

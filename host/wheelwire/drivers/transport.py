@@ -14,23 +14,23 @@ class TransportDriver(Robot):
 
     Args:
         name: What the transport leads to, for messages: `l298n`, `/dev/ttyUSB0`.
-        open_transport: Opens the byte stream, at a baud rate where there is one; called again
-            whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
-            Without it `name` is a port.
+        open_transport: Opens the byte stream, at a baud rate if it has one. The link's thread calls
+            it, again after each loss. It may raise any WheelwireError. Without it, `name` is a
+            port.
         baud_rate: Tried first.
         connect_timeout: How long to look for the device, once the transport is open. [s]
-        stream_rate_hz: Rate of the samples; None keeps the device's own. If nobody has read
-            for 0.2 s, the next sample of a fast stream may be 10 ms old.
+        stream_rate_hz: Rate of the samples; None keeps the device's own. If no sample was read for
+            0.2 s, the next sample of a fast stream may be 10 ms old.
         board_id: Accept only this board; see `SerialDriver`.
         any_board: See `SerialDriver`; with `open_transport` any board is accepted.
         tap: See `SerialDriver`.
-        parameters: Values that the device is given whenever a session opens, by name; it saves
-            none of them.
+        parameters: Values, by name, that the device gets whenever a session opens. It does not save
+            them.
 
     Raises:
         WheelwireError: What `open_transport` raises.
         InvalidArgument: The timeout or the rate is of a wrong type or size.
-        DeviceSilent: Nothing came.
+        DeviceSilent: No bytes came.
         ForeignDevice: Bytes came, but no Wheelwire frame.
         ProtocolMismatch: Host and firmware are of different releases.
         DeviceRefused: The device refused the stream rate or a parameter.

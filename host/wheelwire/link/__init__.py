@@ -1,6 +1,8 @@
 """The link to a robot: one session over one port, served by one thread.
 
-session.py      hello, preparation, dispatch; no I/O in this, requests, setpoints and clock
+session.py      hello, dispatch; no I/O in this, requests, setpoints and clock;
+                preparation.py: what is asked before a session is open; device_reports.py: what the
+                device has reported; handover.py: a copy that goes on
 requests.py     what is answered: repeats, time-outs, trials; setpoints.py: what expires instead
 clock.py        device time to host time, and its error; when to ping, and when a device is silent
 sample_stream.py state frames to samples, the newest one, and iterators over all;
@@ -10,7 +12,7 @@ port_loop.py    the thread that reads and writes; shared_thread.py: one for seve
 device_link.py  what every link offers, in virtual time, too, and how it arms the robot;
                 connection.py: `Link`, which hands requests to that thread, and their answers to
                 callers
-info.py         the device and the counters; notices.py: what a link reports by itself;
+info.py         the device; statistics.py: the counters, health;
                 plain_text.py: what a chip says that does not run
 transports.py   a tty, a socket or a child process; ports.py and discovery.py find boards
 traffic.py      what crosses the link, for recorder, view and other programs; programs.py: these

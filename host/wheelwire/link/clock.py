@@ -15,7 +15,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -26,7 +25,7 @@ from .requests import ID_MODULUS
 
 WINDOW = 64
 """Exchanges remembered: half a minute at two a second."""
-# Consecutive exchanges, of which a fit takes the one with the shortest round trip.
+# Consecutive exchanges; a fit uses the one with the shortest round trip.
 GROUP = 4
 FIT_FROM = 4 * GROUP
 """A line through fewer exchanges says nothing about the drift."""
@@ -44,7 +43,7 @@ RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
 CLOCK_MODULUS = 1 << 32
 _HALF_TURN = CLOCK_MODULUS // 2
-"""Of the device's times in samples, in microseconds."""
+"""Half the range of the device's times in samples, in microseconds."""
 AHEAD_US = 1_000_000
 """A message may seem to come from so much later than the bound of the estimate allows: a clock was
 stepped. If it counted as one of an hour ago, all that follow would be dropped."""
@@ -63,7 +62,7 @@ BOOT_CLOCK_NS: Callable[[], int] | None = (
 
 
 class SuspendWatch:
-    """Detects that the computer was suspended: its monotonic clock stood still meanwhile."""
+    """Detects that the computer was suspended: its monotonic clock stops during suspension."""
 
     STEP_US = 10_000
     """The two clocks compared run at the same rate, so a step means a suspension."""
@@ -158,11 +157,13 @@ class _Line(NamedTuple):
         return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
 
 
-@dataclass(slots=True, eq=False)
 class Conversion:
     """An estimate that no longer changes. Of its lines, at each time the surest one counts."""
 
-    lines: Sequence[_Line]
+    __slots__ = ("lines",)
+
+    def __init__(self, lines: Sequence[_Line]) -> None:
+        self.lines = lines
 
     def host_to_device(self, host_us: int) -> tuple[int, float]:
         """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
@@ -200,7 +201,7 @@ class ClockEstimator:
     One thread adds; any may convert.
 
     Args:
-        readings: Those of another estimator, to go on from.
+        readings: Another estimator's readings, to continue from.
 
     Attributes:
         conversion: The estimate at this moment; replaced as a whole.
@@ -244,7 +245,7 @@ class ClockEstimator:
             fit = _fit(list(self._readings))
             if abs(fit.b) < MAX_SLOPE:
                 lines.append(fit)
-        self.conversion = Conversion(lines)  # other threads convert meanwhile
+        self.conversion = Conversion(lines)  # other threads may convert at any time
 
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`.
@@ -312,7 +313,7 @@ def _fit(readings: Sequence[_Reading]) -> _Line:
 BURST = 8
 """Pings at the start of a session, each sent when the one before is answered or lost."""
 BURST_TIMEOUT_US = 25_000
-"""Also between pings until the first answer; a later answer is accepted all the same."""
+"""Also between pings until the first answer; a later answer is still accepted."""
 PERIOD_US = 500_000
 OPEN_PINGS = 80
 """Unanswered pings remembered, two seconds of them; older ones count as lost."""
@@ -322,7 +323,6 @@ SLACK_US = 1000
 """A device may seem to have held a ping this much longer than the whole exchange took."""
 
 
-@dataclass
 class Synchroniser:
     """Keeps the clock of one session.
 
@@ -330,18 +330,22 @@ class Synchroniser:
         session_id: The session's.
         send: Takes a message for the line.
         due_us: When the next ping is due, on the host's clock.
+
+    Attributes:
         sent_us: When the last one was sent.
     """
 
-    session_id: int
-    send: Callable[[Ping], None]
-    due_us: int
-    sent_us: int = 0
-    clock: ClockEstimator = field(default_factory=ClockEstimator)
-    _burst_left: int = BURST
-    _last_id: int = 0
-    """Numbered apart from requests: an id far ahead of the last request's counts as an old one."""
-    _open: dict[int, int] = field(default_factory=dict)
+    def __init__(self, session_id: int, send: Callable[[Ping], None], due_us: int) -> None:
+        self.session_id = session_id
+        self.send = send
+        self.due_us = due_us
+        self.sent_us = 0
+        self.clock = ClockEstimator()
+        self._burst_left = BURST
+        self._last_id = 0
+        """Pings have their own numbers: the device would take an id far ahead of the last request's
+        for an old one."""
+        self._open: dict[int, int] = {}
 
     def snapshot(self) -> dict[str, Any]:
         """What `resumed` takes."""
@@ -358,9 +362,13 @@ class Synchroniser:
         cls, session_id: int, send: Callable[[Ping], None], known: dict[str, Any]
     ) -> Synchroniser:
         """A synchroniser that goes on where another one was, behind its first burst."""
-        clock = ClockEstimator(known["readings"])
-        times = known["due_us"], known["sent_us"]
-        return cls(session_id, send, *times, clock, 0, known["last_id"], dict(known["open"]))
+        this = cls(session_id, send, known["due_us"])
+        this.sent_us = known["sent_us"]
+        this.clock = ClockEstimator(known["readings"])
+        this._burst_left = 0
+        this._last_id = known["last_id"]
+        this._open = dict(known["open"])
+        return this
 
     @property
     def ready(self) -> bool:
@@ -489,7 +497,7 @@ class Liveness:
 
     @property
     def silent_us(self) -> int:
-        """From when on the device counts as silent, if nothing more comes."""
+        """When the device starts to count as silent, if nothing more comes."""
         return self.heard_us + SILENCE_US
 
     def ping_due_us(self, pinged_us: int) -> int:

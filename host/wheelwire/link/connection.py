@@ -11,10 +11,8 @@ import threading
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import partial
-from secrets import randbits
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from wheelwire_protocol.codes import StopMode
 
@@ -31,19 +29,19 @@ from ..errors import (
 )
 from .clock import host_clock_us
 from .device_link import DeviceLink, Opening, arming
-from .info import ExpectedBoard, LinkInfo, LinkStatistics
-from .notices import Happening, Listener, StandingNotice
+from .info import ExpectedBoard, LinkInfo
 from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .sample_stream import LatestSample
-from .session import Phase, Session
+from .session import Phase, Session, random_nonce
 from .threads import Notifier, holds_ports_up, start_without_waiting
-from .traffic import TrafficReader
+from .traffic import Happening, Listener, StandingNotice, TrafficReader
 
 if TYPE_CHECKING:
-    from ..log.share.server import SharingServer
     from .shared_thread import SharedThread
+    from .sharing import SharingServer
+    from .statistics import LinkStatistics
     from .transports import Transport
 
 CONNECT_TIMEOUT_S = 5.0
@@ -54,13 +52,12 @@ CLOSE_TIMEOUT_S = 10.0
 """Longer than a port needs to close: a process at the other end brakes for up to 5 s."""
 
 
-@dataclass(frozen=True)
-class LinkOptions:
+class LinkOptions(NamedTuple):
     """What a link leads to, and how it is opened.
 
     Attributes:
-        port: Device path, pyserial URL, `socket://host:port` or `unix:path`; or, beside
-            `open_port`, a name for what that opens.
+        port: Device path, pyserial URL, `socket://host:port` or `unix:path`; with `open_port`, a
+            name for what that opens.
         baud_rate: Tried first.
         connect_timeout_s: How long to look for the device.
         stream_rate_hz: Rate of the samples; None leaves it to the device.
@@ -73,7 +70,7 @@ class LinkOptions:
         expected_board: The board that the device has to be on.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost, in a thread of its own. It may raise any WheelwireError.
-            It decides which board is the right one: any is.
+            Any board that it reaches is accepted.
         tap: Whether other programs of this computer may look, stop and e-stop; see `log.share`.
         identity: What these programs find the robot by; empty: by its port.
     """
@@ -107,9 +104,7 @@ class Link(DeviceLink):
         self.changed = Notifier()
         self._options = options
         self._session = Session(
-            # Not from `random`: a program that seeds it would draw the nonces of its last run
-            # again, and the device would take its session for the one that is open.
-            partial(randbits, 32),
+            random_nonce,
             options.stream_rate_hz,
             options.watched,
             any_board=options.any_board or options.open_port is not None,
@@ -119,7 +114,7 @@ class Link(DeviceLink):
         self._sharing_server: SharingServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Requests whose callers have given up. Each change is one call into C, without a lock."""
-        # Weakly: the port's thread must not keep alive what nobody else refers to any more.
+        # Weakly: the port's thread alone must not keep the owner alive.
         this = weakref.ref(self)
         self._loop = PortLoop(
             options.open_port or partial(_open_port, options.port, options.board_id),
@@ -183,7 +178,7 @@ class Link(DeviceLink):
         if self.arms:
             yield from arming(self, session)
         if self._options.tap:
-            from ..log.share.server import offer  # here, for what it imports opens ports
+            from .sharing import offer
 
             self._sharing_server = offer(self)
 
@@ -236,19 +231,18 @@ class Link(DeviceLink):
         loop, session = self._loop, self._session
         return LinkInfo(
             loop.port,
-            # Not the port's own rate: during a search that is one of those that are tried.
+            # Not the port's own rate: during a search that is one of the rates tried.
             loop.policy.search.rate,
             loop.low_latency,
             self._device,
-            session.board,
-            session.copies_lost,
+            session.reported.board,
+            session.reported.copies_lost,
         )
 
     @property
     def statistics(self) -> LinkStatistics:
         """What was counted since the link was opened."""
-        counted = self._session.statistics(host_clock_us())
-        return replace(counted, reconnects=self._loop.policy.reconnects)
+        return self._session.statistics(host_clock_us(), self._loop.policy.reconnects)
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
@@ -279,6 +273,18 @@ class Link(DeviceLink):
 
     # --- what is answered ----------------------------------------------------------------------
 
+    def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer; see `DeviceLink.request`."""
+        answer: Answer = self._result(partial(self._ask, message), is_stop=False)
+        return answer
+
+    def _ask(self, message: RequestMessage, done: RequestDone) -> None:
+        if not self._loop.ask(message, done):
+            self.post(message, done)
+
+    def _remind(self) -> None:
+        self._loop.wake_up.wake()
+
     def post(self, message: RequestMessage, done: RequestDone) -> None:
         """As `request`, without waiting: the link's thread calls `done` with the result."""
         self._begin(lambda done, now_us: self._session.request(message, done, now_us), done)
@@ -305,7 +311,7 @@ class Link(DeviceLink):
             self._session.withdraw(done)
             answered(None)
 
-        self._loop.call(withdraw, lambda _: self._withdrawn.discard(done))
+        self._loop.call(withdraw, lambda _: self._withdrawn.discard(done), is_awaited=False)
 
     def listen(self, listener: Listener, happening: Happening) -> None:
         """Tell `listener` what happens from now on; of `happening` also what is so already.
@@ -322,7 +328,7 @@ class Link(DeviceLink):
             if isinstance(result, WheelwireError) and happening is Happening.LOST:
                 listener(StandingNotice(happening, result))
 
-        self._loop.call(begin, answered)
+        self._loop.call(begin, answered, is_awaited=False)
 
     def listen_to_traffic(self, reader: TrafficReader) -> None:
         """Give `reader` all that crosses the link; call it before `open` or at any time after."""
@@ -347,7 +353,7 @@ class Link(DeviceLink):
             self._session.leave(reader)
             done(None)
 
-        self._loop.call(leave, lambda _: None)
+        self._loop.call(leave, lambda _: None, is_awaited=False)
 
     def _begin(self, task: Task, done: RequestDone) -> None:
         """Have the port's thread do `task`, which has `done` called with its result."""
@@ -366,7 +372,7 @@ class Link(DeviceLink):
     def _opening_is_decided(self) -> bool:
         """Whether a session is open, or none can open any more."""
         session = self._session
-        # Neither passes by itself while a link is being opened; all else may.
+        # Neither error passes by itself while a link is being opened; any other may.
         final = isinstance(session.error, (ProtocolMismatch, DeviceRefused, BoardMismatch))
         return session.phase is Phase.OPEN or final or self._loop.end is not None
 
@@ -374,7 +380,8 @@ class Link(DeviceLink):
         """Why no session was opened within the connect timeout."""
         session, policy = self._session, self._loop.policy
         port, tried = self._options.port, policy.search.tried
-        # Whoever answers a hello is a Wheelwire device at this rate, whatever else is wrong.
+        # A device that answers a hello runs Wheelwire at this rate, even if something else is
+        # wrong.
         if session.answers:
             return RequestTimeout(
                 f"{port} answers, but no session could be opened in "

@@ -1,9 +1,9 @@
 """What every link to a device offers: one in real time, one in virtual time, a recording.
 
-Also how it arms the robot when it is opened. A device that has started drives nothing before a zero
-setpoint or a pause, so that a program which went on publishing meanwhile does not move it. Whoever
-opens a link only begins, and gets that zero from here. A link that comes back by itself never sends
-it.
+Also how it arms the robot when it is opened. A device that has started does not drive before a zero
+setpoint or a pause. So a program that kept publishing during the restart does not move it. A
+program that opens a link has not published yet, so this module sends the zero for it. A link that
+reconnects by itself never sends it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from wheelwire_protocol.codes import RefusalCode, StopMode
 from wheelwire_protocol.types import Hold, SetDuty
@@ -32,14 +32,16 @@ from ..errors import (
 from ..holds import HeldBy, LastStop
 from ..samples import Setpoint
 from .clock import host_clock_us
-from .info import DeviceInfo, LinkInfo, LinkStatistics
-from .notices import Reporter
-from .requests import Answer, Done, RequestMessage
+from .info import DeviceInfo, LinkInfo
+from .requests import REPEAT_US, Answer, Done, RequestMessage
 from .sample_stream import DUTY_SCALE
 from .sensor_stream import SensorStream
 from .session import Phase, Session
 from .setpoints import SetpointSender
-from .traffic import Traffic, TrafficReader
+from .traffic import Reporter, Traffic, TrafficReader
+
+if TYPE_CHECKING:
+    from .statistics import LinkStatistics
 
 Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
 """The conditions that a caller waits for while a link opens, one after the other, each with its
@@ -121,7 +123,7 @@ class DeviceLink(Reporter, ABC):
     @property
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
-        return self._session.rolling_mps
+        return self._session.reported.rolling_mps
 
     @property
     def session_id(self) -> int:
@@ -131,11 +133,11 @@ class DeviceLink(Reporter, ABC):
     @property
     def hold(self) -> Hold | None:
         """As `Session.hold`."""
-        return self._session.hold
+        return self._session.reported.hold
 
     def held_by(self, hold: Hold) -> HeldBy:
         """As `Session.held_by`."""
-        return self._session.held_by(hold)
+        return self._session.reported.held_by(hold)
 
     def last_stop(self, hold: Hold) -> LastStop:
         """As `Session.last_stop`, with the program that drove."""
@@ -145,11 +147,6 @@ class DeviceLink(Reporter, ABC):
         from .programs import driver_of  # here, for most programs never ask
 
         return replace(stop, program=driver_of(self._device.board_id, stop.session_id))
-
-    @property
-    def is_unarmed(self) -> bool:
-        """As `SetpointSender.is_unarmed`."""
-        return self._session.setpoints.is_unarmed
 
     @property
     def sensors(self) -> SensorStream:
@@ -164,12 +161,12 @@ class DeviceLink(Reporter, ABC):
     @property
     def knows_list(self) -> bool:
         """Whether the device has said how many channels it has."""
-        return self._session.board is not None
+        return self._session.reported.board is not None
 
     @property
     def knows_sensors(self) -> bool:
         """Whether samples were asked for, and each channel has said what it is."""
-        board = self._session.board
+        board = self._session.reported.board
         return self.sensors.is_complete(None if board is None else board.peripheral_count)
 
     def why_no_sensors(self, waited_s: float) -> WheelwireError:
@@ -181,7 +178,7 @@ class DeviceLink(Reporter, ABC):
         )
 
     def asked(self, now_us: int) -> Setpoint | None:
-        """The newest setpoint of whoever drives; None once it has expired or was stopped."""
+        """The driving program's newest setpoint; None once it has expired or was stopped."""
         newest = self._session.setpoints.newest  # once: another thread may replace it
         if newest is None or newest[1] <= now_us:
             return None
@@ -194,7 +191,7 @@ class DeviceLink(Reporter, ABC):
     @property
     def watched_values(self) -> Mapping[int, float]:
         """The newest values of the watched parameters, by id: the same object until one changes."""
-        values = self._session.watched_values
+        values = self._session.reported.watched_values
         # The end of a link ends the session as well, so there is nothing else to look at.
         if values is None:
             self._check_alive()
@@ -204,12 +201,12 @@ class DeviceLink(Reporter, ABC):
     @property
     def watched_if_open(self) -> Mapping[int, float] | None:
         """As `watched_values`; None while no session is open."""
-        return self._session.watched_values
+        return self._session.reported.watched_values
 
     def known(self, parameter: int) -> float | None:
         """The newest value of a parameter that was reported in this session, if there is one."""
         self.check()
-        return self._session.values.get(parameter)
+        return self._session.reported.values.get(parameter)
 
     # --- what is asked for -----------------------------------------------------------------------
 
@@ -232,7 +229,7 @@ class DeviceLink(Reporter, ABC):
         return cast("Answer", self._result(partial(self.post, message), is_stop=False))
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """Stop and wait for the acknowledgement. Without a session the stop is sent all the same.
+        """Stop and wait for the acknowledgement. The stop is sent even without a session.
 
         Raises:
             LinkLost: There is no session: whether the stop arrived is unknown.
@@ -256,19 +253,23 @@ class DeviceLink(Reporter, ABC):
     def withdraw(self, done: Done) -> None:
         """The caller of a request has given up: the link sends no copy of it from now on."""
 
-    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:
+    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Any:
         """Wait for the result of what `post` asks for; return it, or raise its error.
 
         A call whose time is up is withdrawn, so that no copy goes out after its caller has gone on.
         A request is withdrawn, too, when an exception out of a signal handler ends the wait; a stop
         has to arrive in any case.
         """
-        # A queue for each call: a result that comes after its caller gave up reaches nobody.
-        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
+        # A queue for each call: a result that comes after its caller gave up is dropped.
+        results: SimpleQueue[Any] = SimpleQueue()
         done = results.put
         try:
             post(done)
-            result = results.get(timeout=CALL_TIMEOUT_S)
+            try:
+                result = results.get(timeout=REPEAT_US / 1e6)
+            except Empty:
+                self._remind()
+                result = results.get(timeout=CALL_TIMEOUT_S)
         except Empty:
             self.withdraw(done)
             raise self.no_answer() from None
@@ -280,6 +281,9 @@ class DeviceLink(Reporter, ABC):
             raise afresh(result)
         return result
 
+    def _remind(self) -> None:
+        """The result of a call takes longer than usual."""
+
     def refused_rate(self, rate_hz: int, error: InvalidCommand) -> InvalidCommand:  # noqa: ARG002
         """The error of a program that may not ask for its sensors' samples at this rate."""
         return error
@@ -287,8 +291,8 @@ class DeviceLink(Reporter, ABC):
     def no_answer(self) -> RequestTimeout:
         """The error of a call that has had no result within `CALL_TIMEOUT_S`."""
         return RequestTimeout(
-            f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
-            "check the port, and what keeps this computer busy"
+            f"the link did not answer for {CALL_TIMEOUT_S:g} s: it is unknown whether that was"
+            " done; check the port, and what keeps this computer busy"
         )
 
     def release_trial(self) -> None:
@@ -340,8 +344,8 @@ class InlineLink(DeviceLink):
     @property
     def info(self) -> LinkInfo:
         """The name and the device."""
-        session = self._session
-        return LinkInfo(self.name, None, None, self._device, session.board, session.copies_lost)
+        told = self._session.reported
+        return LinkInfo(self.name, None, None, self._device, told.board, told.copies_lost)
 
     @property
     @abstractmethod
@@ -358,14 +362,14 @@ class InlineLink(DeviceLink):
         return True
 
     def _pass(self, most_us: int) -> None:  # noqa: ARG002 - it looks more often
-        """Let time pass until something may have changed, at most so long."""
+        """Let time pass until something may have changed, but at most this long."""
         self.advance(STEP_S)
 
     def clock_us(self) -> int:
         """As `now_us`."""
         return self.now_us
 
-    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:  # noqa: ARG002 - nothing can interrupt it
+    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Any:  # noqa: ARG002 - nothing can interrupt it
         results: list[Answer | WheelwireError] = []
         done = results.append
         post(done)
@@ -390,11 +394,11 @@ BOOTING_PAUSE_S = 0.02
 
 
 def arming(link: DeviceLink, session: Session) -> Opening:
-    """Send a zero setpoint until the device has obeyed or refused one, each with a stop behind it.
+    """Send zero setpoints, each followed by a stop, until the device has obeyed or refused one.
 
     The stop leaves the robot in IDLE, as it was: in DRIVING a device refuses to change parameters.
-    A refusal, as on a board that nobody confirmed, is no error of whoever opens the link: the first
-    setpoint of the program itself is refused for the same reason.
+    A refusal, as on an unconfirmed board, does not fail the opening: the program's own first
+    setpoint is refused for the same reason.
 
     Args:
         link: It was opened.
@@ -428,7 +432,7 @@ def arming(link: DeviceLink, session: Session) -> Opening:
 
 
 def _forget_refusal(link: DeviceLink) -> Opening:
-    """Stop once more: it would be reported to whoever sends the first setpoint."""
+    """Stop again, or the first setpoint of the program would raise this refusal."""
     results: list[Answer | WheelwireError] = []
     with suppress(LinkClosed, LinkLost):
         link.post_stop(results.append)

@@ -2,7 +2,7 @@
 
 CP210x bridges of boards and of lidars have the same ids, commonly the same serial number, and
 change names at every plugging. Opening a port asserts DTR, which stops a lidar: so only ports that
-the caller names are opened, and of these only those that no process uses.
+the caller names are opened, and only if no process uses them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from .session import HELLO_PERIOD_US
 from .transports import Transport, open_transport
 
 NO_VERSION = 0
-"""The version of no release. A device refuses a hello of it, so that the question ends nobody's
-session; but it answers with its id."""
+"""No release has this version. A device refuses such a hello, so it ends no session; but the answer
+has its id."""
 IDENTIFY_TIMEOUT_US = 1_000_000
 """Opening a port may reset an ESP32: it answers after its boot."""
 
@@ -60,7 +60,7 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
 
 
 class _Asked:
-    """A port whose device is asked who it is."""
+    """A port whose device is asked for its id."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
@@ -120,10 +120,11 @@ def _open_free(names: list[str], baud_rate: int) -> Iterable[Transport]:
 
 def _is_free(name: str) -> bool:
     final = final_name(name)
-    # A pseudo-terminal is held open by whoever simulates the device, too; the lock will tell.
+    # The simulator of a device has its pseudo-terminal open, too. The port's lock shows if it is in
+    # use.
     if final.startswith(PSEUDO_TERMINALS):
         return True
-    # Looking through all processes takes long: not for a name that has vanished meanwhile.
+    # Check first that the name still exists: looking through all processes takes long.
     return Path(final).exists() and is_in_use(final) is not True
 
 
@@ -134,7 +135,7 @@ def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:
         poller.register(descriptor, select.POLLIN)
     now_us = due_us = host_clock_us()
     end_us = now_us + IDENTIFY_TIMEOUT_US
-    # It ends early once all have answered: the board is none of them then.
+    # Stop early once all have answered: then none of them is the board.
     while now_us < end_us and any(not one.board_id for one in by_descriptor.values()):
         if now_us >= due_us:
             due_us = now_us + HELLO_PERIOD_US

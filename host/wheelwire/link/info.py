@@ -1,37 +1,32 @@
-"""The two ends of a link, the counters of both, and what a device has recorded of its stops."""
+"""The two ends of a link, and what is counted for `statistics`."""
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codec import BY_TYPE, PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.codec import (
+    BOARD,
+    BY_TYPE,
+    PROTOCOL_VERSION,
+    assembled,
+    fingerprint_of,
+    schema_hash,
+)
 from wheelwire_protocol.codes import (
     Capability,
     Chip,
+    ConfigurationState,
     EventCode,
-    Fault,
     RefusalCode,
     ResetReason,
-    SupervisorEvent,
-    SupervisorState,
 )
 from wheelwire_protocol.types import ConfigurationValue, DeviceHello
 
-from ..board import BOARD, assembled, fingerprint_of
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
-from ..holds import HeldBy
-
-if TYPE_CHECKING:
-    from wheelwire_protocol.black_box import BoxHead
 
 
-@dataclass(frozen=True)
-class DeviceInfo:
+class DeviceInfo(NamedTuple):
     """What a device reports of itself.
 
     Attributes:
@@ -75,8 +70,7 @@ class DeviceInfo:
         )
 
 
-@dataclass(frozen=True)
-class ActiveBoard:
+class ActiveBoard(NamedTuple):
     """The board that a device is on, with its peripherals.
 
     Attributes:
@@ -117,8 +111,7 @@ class ActiveBoard:
         return cls(name, state, value.fingerprint, has_contact, count, bare)
 
 
-@dataclass(frozen=True)
-class LinkInfo:
+class LinkInfo(NamedTuple):
     """What a link is at this moment."""
 
     port: str
@@ -130,7 +123,7 @@ class LinkInfo:
     board: ActiveBoard | None
     """The board that the device is on; None until it has said so, and where it cannot tell."""
     copies_lost: tuple[EventCode, ...] = ()
-    """Of which stored blocks the device's start found only one of two copies."""
+    """The stored blocks of which the device found only one of two copies when it started."""
 
 
 class ExpectedBoard(NamedTuple):
@@ -139,7 +132,7 @@ class ExpectedBoard(NamedTuple):
     name: str
     fingerprint: int
     is_bare: bool
-    """It names no peripherals: the robot may have any, for they only forbid."""
+    """It names no peripherals. The robot may have any, because they can only forbid motion."""
 
 
 class BootHistory:
@@ -158,7 +151,7 @@ class BootHistory:
     def enter(self, boot_id: int) -> None:
         """A session with this boot was opened."""
         if self.is_new(boot_id):
-            # The first boot that is heard of is no reset.
+            # The first boot seen is not a reset.
             self.resets += bool(self._boots)
             self._boots.append(boot_id)
 
@@ -200,90 +193,12 @@ def host_release() -> Release:
 
 def library_version() -> str:
     """The version of the installed distribution; `unknown` in an uninstalled checkout."""
-    from importlib import metadata  # here, for it is slow to import
+    from importlib import metadata  # here: it is slow to import
 
     try:
         return metadata.version("wheelwire")
     except metadata.PackageNotFoundError:
         return "unknown"
-
-
-@dataclass(frozen=True)
-class LinkStatistics:
-    """A snapshot. Counts never go back, but for `frames_lost`.
-
-    Times are in microseconds, NaN before there is one.
-    """
-
-    frames_sent: int = 0
-    frames_received: int = 0
-    """Good frames of known messages."""
-    frames_lost: int = 0
-    """Frames lost on the way to the host, by sequence numbers. A late one no longer counts."""
-    bad_crc: int = 0
-    bad_cobs: int = 0
-    unknown_id: int = 0
-    wrong_length: int = 0
-    repeated: int = 0
-    """Frames that came twice."""
-    stale_states: int = 0
-    """State frames that were repeated or older than the newest: not made into samples."""
-    invalid: int = 0
-    """Good frames with a value that has no meaning."""
-    foreign: int = 0
-    """Answers to another session or to no request that is open."""
-    refused: int = 0
-    """Requests and setpoints that the device refused."""
-    requests_repeated: int = 0
-    setpoints_repeated: int = 0
-    setpoints_expired: int = 0
-    """Setpoints that the device refused because they came after their expiry."""
-    sessions: int = 0
-    device_resets: int = 0
-    reconnects: int = 0
-    """How often the port was opened again."""
-    round_trip_p50_us: float = math.nan
-    round_trip_p99_us: float = math.nan
-    clock_error_us: float = math.nan
-    """Bound of the error of the device's clock as the host knows it."""
-    state_rate_hz: float = 0.0
-    """New state frames in the last second."""
-    recent_loss: float = 0.0
-    """The part of the frames to the host that was lost in the last second, 0..1."""
-
-    @property
-    def bad(self) -> int:
-        """Chunks that did not decode to a valid, known message; as in the decoder's counters."""
-        return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
-
-
-class Health(NamedTuple):
-    """Whether a robot is in reach and fit to drive, at one moment.
-
-    Attributes:
-        is_open: The robot is in reach.
-        age_s: Since its newest sample arrived; None before the first.
-        rate_hz: Samples that it sent in the last second.
-        loss: The part of its frames that was lost in the last second, 0..1.
-        clock_error_s: Bound of the error of its clock as the host knows it; NaN before it does.
-        latched: ESTOPPED or FAULT if its newest sample says so; None if it may drive.
-        faults: Its latched faults.
-        setpoints_expired: Setpoints that arrived too late, since it was opened.
-        ttl_max_s: The longest time to live that it takes; None while that is not known.
-        held_by: What keeps it from driving, or from driving one way; false if nothing does, None
-            while that is not known.
-    """
-
-    is_open: bool
-    age_s: float | None
-    rate_hz: float
-    loss: float
-    clock_error_s: float
-    latched: SupervisorState | None
-    faults: Fault
-    setpoints_expired: int
-    ttl_max_s: float | None
-    held_by: HeldBy | None = None
 
 
 RECENT_US = 1_000_000
@@ -320,8 +235,8 @@ class RecentCounts:
         missing = max(0, lost - lost_before)
         came = received - received_before
         return (
-            # The counts just after an opening are no rate yet: a second is the least to divide by
-            # a tenth of.
+            # The counts just after opening do not give a rate yet: a second is the least to divide
+            # by a tenth of.
             (states - states_before) / max(now_us - begin_us, _NOTE_US) * 1e6,
             missing / (missing + came) if missing else 0.0,
         )
@@ -348,60 +263,3 @@ class RoundTrips:
         else:
             self.newest_us[self._oldest] = round_trip_us
             self._oldest = (self._oldest + 1) % ROUND_TRIPS
-
-
-def quantile(values: Collection[float], fraction: float) -> float:
-    """The nearest-rank quantile; NaN of nothing."""
-    if not values:
-        return math.nan
-    ordered = sorted(values)
-    # Ranks count from 1; the one of fraction 0 would be 0, and is the smallest value.
-    return ordered[max(0, math.ceil(fraction * len(ordered)) - 1)]
-
-
-# --- what a device has recorded of its stops: its black boxes and its ledger ----------------------
-
-
-class StoredBox(NamedTuple):
-    """A black box that a device has stored.
-
-    Attributes:
-        head: Why, when and on which board it was stored.
-        size: In bytes.
-        is_current: Whether it ends with the device's present state, or with the reset that began
-            this boot.
-    """
-
-    head: BoxHead
-    size: int
-    is_current: bool
-
-
-@dataclass(frozen=True)
-class Ledger:
-    """What happened to a robot in its life.
-
-    Attributes:
-        uptime_s: In all [s]. A power cut costs all counts of the last ten minutes at most, any
-            other reset a second of this.
-        resets: Starts by their reason.
-        stops: E-stops and faults, and drives that a session, a stop or a deadline ended.
-    """
-
-    uptime_s: int
-    resets: Mapping[ResetReason, int]
-    stops: Mapping[SupervisorEvent, int]
-
-
-class Recorded(NamedTuple):
-    """All that a device has recorded.
-
-    Attributes:
-        boxes: With what each of them holds, the oldest first.
-        ledger: None: it has none, or does not say.
-        why_none: Why nothing could be read; empty if something was.
-    """
-
-    boxes: Sequence[tuple[StoredBox, bytes]] = ()
-    ledger: Ledger | None = None
-    why_none: str = ""

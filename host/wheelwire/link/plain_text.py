@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 TAIL = 1024
-"""Bytes that are looked through together, for a text may arrive in parts."""
+"""Bytes that are searched together, because a text may arrive in parts."""
 LEAST = 12
 """Printable characters in a line that is worth quoting."""
 
@@ -14,7 +14,7 @@ LEAST = 12
 class _Kind(NamedTuple):
     pattern: str
     sentence: str
-    """What it means, and what to do about it."""
+    """Its meaning, and what to do about it."""
 
 
 _KINDS = (
@@ -65,7 +65,7 @@ class PlainText:
     def feed(self, data: bytes) -> bool:
         """Look at what has arrived; returns whether `sentence` has changed."""
         before = self.sentence
-        # Latin-1 keeps each byte: noise is no text, and is not found.
+        # Latin-1 maps each byte to a character, so noise cannot fail to decode and matches nothing.
         self._tail = (self._tail + data.decode("latin-1"))[-TAIL:]
         for found in _KNOWN.finditer(self._tail):
             self.sentence = _KINDS[(found.lastindex or 1) - 1].sentence

@@ -1,11 +1,11 @@
-"""The thread that serves a port, and the session on it.
+"""The thread that serves a port and its session.
 
-It waits for the port, reads, does what is due, writes, and opens the port again when it is lost.
-For several links of an asyncio loop one thread does all but the opening: see `shared_thread`.
-Requests are handed to it as calls, which it carries out between two reads. So no lock is needed, a
-signal handler may make a request whatever it interrupted, and an exception raised by a handler
-leaves nothing half done. Only setpoints are written by the calling thread, one frame in one system
-call: waking another thread would take twice as long.
+It waits for the port, reads, does what is due, writes, and reopens the port when it is lost. For
+several links of an asyncio loop, one thread does all this except opening: see `shared_thread`.
+Other threads hand requests to it as calls, which it makes between two reads. So no lock is needed,
+a signal handler may make a request at any point, and an exception that a handler raises leaves
+nothing half done. The calling thread itself writes setpoints, and requests that need not queue, one
+frame in one system call: waking another thread would take twice as long.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import select
 import threading
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack
 from time import monotonic_ns
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.framing import MAX_ENCODED
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import SuspendWatch, host_clock_us
-from .notices import Happening, Listener, Reporter
 from .port_policy import Coalescing, LastStop, PortPolicy
-from .requests import Answer
+from .requests import Answer, RequestMessage
+from .requests import Done as RequestDone
 from .sample_stream import LatestSample
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
 from .threads import Notifier, WakeUp, abandon_in_child
-from .traffic import Kind
+from .traffic import Happening, Kind, Listener, Reporter
 
 if TYPE_CHECKING:
     from .shared_thread import SharedThread
@@ -43,7 +43,7 @@ OUTPUT_LIMIT = 4096
 CLOSED = "the link is closed; open it again"
 # With a delimiter at either end.
 MAX_FRAME = MAX_ENCODED + 2
-# `poll` reports these whatever it is asked for, so also during a rest.
+# `poll` always reports these, so also during a rest.
 BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 OpenPort: TypeAlias = "Callable[[int], Transport]"
@@ -100,7 +100,8 @@ class PortLoop(Reporter):
         self._latest_sample = latest_sample
         self._is_wanted = is_wanted
         # A deque: any thread may use either of its ends without a lock.
-        self._calls: deque[tuple[Task, Done]] = deque()
+        self._calls: deque[tuple[Task, Done, bool]] = deque()
+        """With whether somebody waits for the result."""
         self._was_open = False
         self._transport: Transport | None = None
         """The port while it is served."""
@@ -133,16 +134,48 @@ class PortLoop(Reporter):
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
-    def call(self, task: Task, done: Done) -> None:
+    def call(self, task: Task, done: Done, *, is_awaited: bool = True) -> None:
         """Have the loop do `task`; from any thread. Never waits.
 
         `done` is called exactly once: by the task, with the error that the task raises, or with the
-        reason why the loop ended.
+        reason why the loop ended. If nobody waits for it, an error of the task ends the link, which
+        tells everybody.
         """
-        self._calls.append((task, done))
+        self._calls.append((task, done, is_awaited))
         self.wake_up.wake()
         if self.end is not None:  # the loop may have ended before it saw the call
             self._refuse_calls(self.end)
+
+    def ask(self, message: RequestMessage, done: RequestDone) -> bool:
+        """Write a request in the calling thread; False if it has to be handed over by `call`.
+
+        The port's thread waits for bytes anyway, so this need not wake it. If the answer is late,
+        the caller that waits for `done` calls `wake_up.wake`, and the thread repeats the request.
+        """
+        transport = self._transport
+        # What was handed over before comes first.
+        if transport is None or self._calls or self._output or self._frames:
+            return False
+        now_us = monotonic_ns() // 1000
+        claimed = self._session.claim_request(message, done, now_us)
+        if claimed is None:
+            return False
+        if not claimed.frame:
+            # As in `_begin` of the link: its result is an answer or an error.
+            self.call(
+                lambda done, now_us: self._session.request_claimed(claimed, done, now_us),
+                cast("Done", done),
+            )
+            return True
+        # What the port does not take is repeated like what is lost behind it, and a loss of the
+        # port ends the request.
+        try:  # not `suppress`, which is three calls of Python
+            transport.write(claimed.frame)
+        except LinkLost:
+            return True
+        if not self.wanted & select.POLLIN:  # it rests
+            self.wake_up.wake()
+        return True
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser.
@@ -169,7 +202,7 @@ class PortLoop(Reporter):
                 if lost:
                     transport = self._reopen()
         except BaseException as error:
-            # Reported to all who wait: they would otherwise learn nothing but that time ran out.
+            # Reported to all waiting threads: otherwise they would learn only that time ran out.
             _log.exception("the link's thread failed")
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
@@ -204,8 +237,8 @@ class PortLoop(Reporter):
         transport = self._transport
         if transport is None:
             raise LinkLost(
-                "the port is gone, so the setpoint was not sent: send the next one when the robot "
-                "is back in reach"
+                "the port is gone, so the setpoint was not sent: send the next one when the "
+                "robot is back"
             )
         # Behind what waits, or a newer setpoint would overtake an older one.
         waits = bool(self._output or self._frames)
@@ -228,8 +261,8 @@ class PortLoop(Reporter):
         # The port may have been closed before the write; then the descriptor led nowhere.
         if self._transport is not transport:
             raise LinkLost(
-                "the port was closed, and whether the setpoint was sent is not known: send the "
-                "next one when the robot is back in reach"
+                "the port was closed, and the setpoint may not have been sent: send the next "
+                "one when the robot is back"
             )
 
     def abandon(self) -> None:
@@ -280,8 +313,8 @@ class PortLoop(Reporter):
     def _pause(self, pause_s: float) -> None:
         """Wait for this time, or until the loop has to end.
 
-        Calls wake it, and fail with the reason why there is no session; they do not shorten the
-        pause: opening a port may reset the board behind it.
+        Calls wake it, and fail with the reason why there is no session. They do not shorten the
+        pause, because opening a port may reset its board.
         """
         end_us = host_clock_us() + round(pause_s * 1e6)
         while True:
@@ -347,7 +380,7 @@ class PortLoop(Reporter):
         return self._finishing and self._last_stop_over()
 
     def next_wait(self, now_us: int) -> int:
-        """Until when to wait [us] for the port's events, which are `wanted`, or a wake-up."""
+        """The time [us] until which to wait for the port's `wanted` events, or a wake-up."""
         until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
         # Asked for at each turn: another thread may have sent a setpoint.
         unseen = self._session.setpoints.unseen
@@ -356,6 +389,10 @@ class PortLoop(Reporter):
         # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
         rests = now_us < rest_until_us and self._may_rest(now_us)
+        if rests:
+            # First: a thread that puts a request on the line after the next look finds it so.
+            self.wanted = 0
+            rests = not self._session.is_asked
         self.wanted = (0 if rests else select.POLLIN) | (select.POLLOUT if self._output else 0)
         return min(until_us, rest_until_us) if rests else until_us
 
@@ -398,7 +435,7 @@ class PortLoop(Reporter):
             self._work_pending
             or now_us >= self._wait_due_us
             or self._session.phase is not Phase.OPEN
-        ):  # most reads bring state frames, which need none of this
+        ):  # most reads bring state frames only, which need nothing here
             self._advance(transport, now_us)
         if self._session.notices:
             self._tell_listener()
@@ -410,7 +447,7 @@ class PortLoop(Reporter):
         return not self.wanted & select.POLLIN and host_clock_us() >= self._coalescing.rest_until_us
 
     def _may_rest(self, now_us: int) -> bool:
-        """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
+        """Whether reading may be deferred: no answer is pending, and no thread waits for a sample.
 
         At high state rates one read then takes several frames, which saves wake-ups.
         """
@@ -418,23 +455,33 @@ class PortLoop(Reporter):
 
     def _do_calls(self, now_us: int) -> None:
         while self._calls:
-            task, done = self._calls.popleft()
+            # It stays there until it is done: see `ask`.
+            task, done, is_awaited = self._calls[0]
             # What it has the session say is sent by `_advance`, in this same turn.
             self._work_pending = True
             try:
                 task(done, now_us)
-            except WheelwireError as error:
-                done(error)
             except Exception as error:
-                # A bug in one call must not end the loop: others must be able to stop the robot.
-                _log.exception("a call of the link failed")
-                done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
+                if not is_awaited:
+                    raise RuntimeError(f"a call of the link failed: {error!r}") from error
+                if not isinstance(error, WheelwireError):
+                    # A bug in one call must not end the loop: others must be able to stop the
+                    # robot.
+                    _log.exception("a call of the link failed")
+                    why = f"the call failed ({error!r}): report this, with the log"
+                    error = WheelwireError(why)
+                done(error)
+            finally:
+                self._calls.popleft()
 
     def _refuse_calls(self, error: WheelwireError) -> None:
-        # Until it is empty, not by its length: another thread may be taking calls out as well.
-        with suppress(IndexError):
-            while True:
-                self._calls.popleft()[1](error)
+        with ExitStack() as refusals:  # each is refused, though refusing one of them fails
+            while self._calls:
+                try:  # another thread may be taking calls out as well
+                    _, done, _ = self._calls.pop()
+                except IndexError:
+                    return
+                refusals.callback(done, error)
 
     def wake_readers(self) -> None:
         """Wake all that wait for a sample. Called right before the loop waits.
@@ -444,7 +491,7 @@ class PortLoop(Reporter):
         if not self._has_sample:
             return
         self._has_sample = False
-        # Whoever begins to wait after this look finds the sample.
+        # A thread that begins to wait after this check finds the sample.
         if self._latest_sample.changed.waiting:
             self._latest_sample.notify_all()
 
@@ -465,7 +512,7 @@ class PortLoop(Reporter):
 
     def _write(self, transport: Transport) -> None:
         """Write what the port takes."""
-        while self._frames:  # other threads append meanwhile
+        while self._frames:  # other threads append at any time
             self._output += self._frames.popleft()
         if self._output:
             self._output = self._output[self._put(transport, self._output) :]
@@ -499,7 +546,7 @@ class PortLoop(Reporter):
         policy = self.policy
         if policy.takes_check(now_us):
             transport.check()
-        # During a session that was judged there is nothing to judge, nor a rate to be found.
+        # The rate of this session is known and its frames were judged: nothing is left to do.
         if self._was_open and self._session.phase is Phase.OPEN:
             return
         policy.judge(self._session, self.baud_rate, now_us)
@@ -537,7 +584,7 @@ class PortLoop(Reporter):
                 kept.__traceback__ = None
         if self.policy.note_lost(error):
             _link_log.warning("%s: %s", self.port, error)
-        # First: whoever sees that the link is lost must get no sample from before.
+        # First: a thread that sees the link lost must get no earlier sample.
         self._latest_sample.interrupt()
         self._session.disconnect(error)
         self._tell_changes()
@@ -558,7 +605,7 @@ class PortLoop(Reporter):
                 self._latest_sample.interrupt()
                 _link_log.warning("%s: %s", self.port, self._session.error)
         self._tell_listener()  # samples of a lost link are gone by now
-        # Even if it did not change: who opens a link also waits for an error that is final.
+        # Even if it did not change: a thread that opens a link also waits for a final error.
         self._changed.notify_all()
 
     def listen(self, listener: Listener, happening: Happening) -> None:
@@ -599,12 +646,13 @@ class PortLoop(Reporter):
             )
 
     def _terminate(self, end: WheelwireError) -> None:
-        # First: a later call is refused because of it, and whoever is woken below looks for it.
+        # First: later calls are refused because of it, and the threads woken below read it.
         self.end = end
-        self._session.disconnect(end)
-        self._refuse_calls(end)
-        self._latest_sample.fail(end)
-        self._tell_listener()
-        self.wake_up.close()
-        # Last: whoever waits for the end finds everything released.
-        self._changed.notify_all()
+        with ExitStack() as last:  # all of it happens, in the opposite order, though a part fails
+            # Last: threads that wait for the end find everything released.
+            last.callback(self._changed.notify_all)
+            last.callback(self.wake_up.close)
+            last.callback(self._tell_listener)
+            last.callback(self._latest_sample.fail, end)
+            last.callback(self._refuse_calls, end)
+            self._session.disconnect(end)

@@ -17,7 +17,7 @@ FIRST_US = 1_000_000
 """Opening a port may reset an ESP32: it needs this long to answer even at the right rate."""
 NEXT_US = 500_000
 ROUND_US = FIRST_US + (len(USUAL_RATES) - 1) * NEXT_US
-"""How long a round takes on a port without a rate: only opening the port anew can help."""
+"""How long a round takes on a port without a rate. After it, only reopening the port can help."""
 UNANSWERED_US = 1_000_000
 """Reopen the port when a device that used to answer is silent for this long: it may be at fault."""
 CHECK_US = 1_000_000
@@ -29,25 +29,26 @@ WRONG_BOARD_PAUSE_S = 1.0
 STOP_ACK_TIMEOUT_US = 500_000
 """How long the device has to acknowledge the last stop."""
 REST_US = 10_000
-"""How long to rest. At 5000 frames a second 2500 bytes come meanwhile; a terminal's buffer holds
-4095."""
+"""How long to rest. At 5000 frames a second, 2500 bytes arrive in this time; a terminal's buffer
+holds 4095."""
 
 
 class BaudSearch:
     """Which rate to try when.
 
     Args:
-        first: The active rate; None where there is none, and nothing to try.
+        first: The active rate; None for a port without a rate, where there is nothing to try.
         now_us: The host's clock.
     """
 
     def __init__(self, first: int | None, now_us: int) -> None:
         self.rate = first
-        """The first of each round: the one at which a device answered last, or was expected to."""
+        """The first rate of each round: the one at which a device last answered, or was expected
+        to."""
         self.tried: list[int] = []
         """The rates in the order of their trial; each once."""
         self.over = False
-        """Whether no rate of the round was answered: then the port is opened anew."""
+        """Whether no rate of the round was answered. Then the port is reopened."""
         self._waiting: list[int] = []
         self._due_us: int | None = None
         self.begin(now_us)
@@ -86,7 +87,7 @@ class BaudSearch:
 
 
 class Unanswered(LinkLost):
-    """The port exists, but nothing answers there: the link opens it anew."""
+    """The port exists, but nothing answers there: the link reopens it."""
 
 
 class PortPolicy:
@@ -119,7 +120,7 @@ class PortPolicy:
 
     @property
     def rate(self) -> int:
-        """To open the port again at; 0 where there is none."""
+        """The rate to reopen the port at; 0 for a port without one."""
         return self.search.rate or 0
 
     def take_pause_s(self) -> float:
@@ -135,13 +136,13 @@ class PortPolicy:
         """The port was opened, at `rate`."""
         if self._was_open:
             self.reconnects += 1
-            # The same search: it knows the rate that was answered, and those that were tried.
+            # The same search: it knows the answered rate, and the rates already tried.
             self.search.begin(now_us)
         else:
             self.search = BaudSearch(rate, now_us)
         self._was_open = True
         self._longest_pause_s = longest_pause_s
-        # What was answered before the port was opened again proves nothing about it.
+        # An answer from before the port was reopened proves nothing about it.
         self._answers_before = session.answers
         self._check_due_us = now_us + CHECK_US
 
@@ -159,7 +160,7 @@ class PortPolicy:
         self._pause_s = 0.0
 
     def takes_check(self, now_us: int) -> bool:
-        """Whether to check the port's settings now. The question itself counts as the check."""
+        """Whether to check the port's settings now. Calling this counts as checking them."""
         if now_us < self._check_due_us:
             return False
         self._check_due_us = now_us + CHECK_US
@@ -232,7 +233,7 @@ class LastStop:
         """
         if self._until_us is None:
             return False
-        # An error answers it, too: there is no session, and the stop is in the output.
+        # An error is an answer, too: there is no session, and the stop is in the output.
         return (self._answered and all_written) or now_us >= self._until_us
 
     def _on_answer(self, _result: Answer | WheelwireError) -> None:
@@ -261,8 +262,8 @@ class Coalescing:
         Args:
             frames: How many since the start.
             now_us: The host's clock.
-            has_state: A state was in it. Answers, of which many may come in a row, say nothing of
-                when the next one comes.
+            has_state: It contained a state. Answers do not count: many may come in a row, so they
+                do not say when the next one comes.
         """
         # Several frames in a read, or reads in quick succession: a rest would gather several.
         fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
@@ -270,6 +271,6 @@ class Coalescing:
         self.rest_until_us = now_us + REST_US if fast else 0
         if has_state:
             gap_us = now_us - self._state_us
-            # Of two, for one that was held up on its way comes together with the next.
+            # Of two, because a delayed state arrives together with the next.
             self.next_us = now_us + max(gap_us, self._gap_us)
             self._state_us, self._gap_us = now_us, gap_us

@@ -1,6 +1,6 @@
-"""The serial ports of this computer, and the names by which programs call a port.
+"""The serial ports of this computer, and the names that programs use for a port.
 
-No port is opened to find out: that asserts DTR, which stops a lidar's motor and may reset a board.
+This opens no port: opening asserts DTR, which stops a lidar's motor and may reset a board.
 """
 
 from __future__ import annotations
@@ -8,15 +8,14 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
-from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
-from urllib.parse import urlsplit
+from typing import NamedTuple
 
 from ..errors import InvalidArgument
 
 PSEUDO_TERMINALS = "/dev/pts/"
-"""Where they are; each has a program instead of a device at its other end."""
+"""Folder of the pseudo-terminals; each has a program at its other end, not a device."""
 
 BRIDGES = {
     (0x10C4, 0xEA60): "CP210x: an ESP32 board, or an RPLidar (same ids); identify by handshake",
@@ -29,20 +28,19 @@ BRIDGES = {
 }
 
 
-@dataclass(frozen=True)
-class SerialPort:
+class SerialPort(NamedTuple):
     """One serial port.
 
     Attributes:
         device: Such as `/dev/ttyUSB0`; may change at the next plugging.
         by_path: A name that stays with the USB socket; None when the system gives none.
         description: The system's.
-        vendor_id: None when it is no USB port.
-        product_id: None when it is no USB port.
+        vendor_id: None unless it is a USB port.
+        product_id: None unless it is a USB port.
         serial_number: Many bridges have none, or all the same.
         likely_esp32: The bridge is one that ESP32 boards have.
         note: What the bridge may belong to; empty when it is not known.
-        in_use: Some process has it open; None: that cannot be seen without root.
+        in_use: Some process has it open; None: only root could see that.
     """
 
     device: str
@@ -94,7 +92,7 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     """Whether some process has `device` open; None when not all processes can be looked into."""
     target = final_name(device)
     answers = {_has_open(process, target) for process in proc.glob("[0-9]*")}
-    # One process that has it open decides, whatever cannot be seen of the others.
+    # One process that has it open settles it, even if others cannot be inspected.
     if True in answers:
         return True
     return None if None in answers else False
@@ -120,7 +118,7 @@ def lock_holder(device: str) -> int | None:
 
 
 def final_name(device: str | Path) -> str:
-    """Where links to a device lead; its own name when one vanishes meanwhile: it was unplugged."""
+    """Where links to a device lead; its own name if a link vanishes because it was unplugged."""
     try:
         return str(Path(device).resolve())
     except FileNotFoundError:
@@ -140,14 +138,14 @@ def _has_open(process: Path, target: str) -> bool | None:
 def _link_target(file: Path) -> str | None:
     try:
         return str(file.readlink())
-    except FileNotFoundError:  # closed meanwhile
+    except FileNotFoundError:  # just closed
         return None
 
 
 def _stable_names(folder: Path) -> dict[str, str]:
     if not folder.is_dir():
         return {}
-    # Sorted, so that of several names of one port the same one is found each time.
+    # Sorted, so that a port with several names always gets the same one.
     return {final_name(link): str(link) for link in sorted(folder.iterdir())}
 
 
@@ -190,13 +188,13 @@ def device_of(port: str) -> str:
     if scheme or "/" in path or _is_device(Path(path)):
         try:
             return f"{scheme}{Path(path).resolve()}"
-        except OSError:  # a link vanishes meanwhile: it was unplugged
+        except OSError:  # the link has vanished: it was unplugged
             return port
     return port
 
 
 def meant_port(port: str) -> str:
-    """What may be meant by the name of a port that does not exist: a question, or nothing."""
+    """A question with the port that a wrong name may mean, or nothing."""
     if found := re.fullmatch(r"COM(\d+)", port, re.IGNORECASE):
         return (
             f"{port} is a name of Windows; did you mean /dev/ttyUSB0? In WSL the adapter has to be "
@@ -223,6 +221,8 @@ def _is_device(path: Path) -> bool:
 
 
 def _url(url: str) -> str:
+    from urllib.parse import urlsplit  # here, for most ports are devices
+
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""

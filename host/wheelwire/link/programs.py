@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from ..errors import ConfigurationError
 from ..holds import Program, start_of
+from ..whole_file import write_whole
 
 KEPT = 8
 """Sessions of one board that are remembered."""
@@ -37,13 +38,11 @@ def note_driver(directory: SharingFolder, board_id: str, session_id: int) -> Non
     with directory.locked():
         known = [one for one in _read(path) if one[0] != session_id]
         known.append((session_id, this_program()))
-        new = path.with_name(f"{path.name}.new")
-        new.write_text(json.dumps(known[-KEPT:]), "utf-8")
-        new.replace(path)
+        write_whole(path, json.dumps(known[-KEPT:]).encode(), sync=False)
 
 
 def driver_of(board_id: str, session_id: int) -> Program | None:
-    """The program that drove in a session; None if it is none of this user's on this computer."""
+    """The program that drove in a session; None unless it is this user's, on this computer."""
     for directory in sharing_folders():
         for known_id, program in _read(directory.path / f"{board_id}{_SUFFIX}"):
             if known_id == session_id:
@@ -66,7 +65,7 @@ def _read(path: Path) -> list[tuple[int, Program]]:
     try:
         return [(int(known), Program(*one)) for known, one in json.loads(path.read_text("utf-8"))]
     except (OSError, ValueError, TypeError):
-        return []  # there is none, or somebody has written something else into it
+        return []  # it is missing, or holds something else
 
 
 # --- the folder in which programs that hold a port offer it to others -----------------------------
@@ -85,7 +84,7 @@ class SharingFolder(NamedTuple):
 
     path: Path
     group: int | None
-    """Its members may, besides the owner; None: nobody."""
+    """Its members may use it as well as the owner; None: only the owner."""
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -99,7 +98,7 @@ class SharingFolder(NamedTuple):
 
 
 def sharing_folder(*, make: bool = False) -> SharingFolder:
-    """The folder of whoever runs this.
+    """The sharing folder of the user who runs this.
 
     Args:
         make: Make it if it is missing.
@@ -118,7 +117,7 @@ def sharing_folder(*, make: bool = False) -> SharingFolder:
 
 
 def sharing_folders() -> list[SharingFolder]:
-    """All folders in which whoever holds a port may offer it to whoever runs this.
+    """All folders in which a program may offer its port to this user.
 
     A service, or a program that cron or ssh has started, commonly has no XDG_RUNTIME_DIR, and so
     offers its link in another folder than a program of the same user's desktop would.
@@ -134,7 +133,7 @@ def _checked(path: Path, group: int | None) -> SharingFolder:
     found = path.lstat()
     is_private = found.st_uid == os.getuid() and not found.st_mode & 0o077
     is_the_groups = found.st_gid == group and not found.st_mode & 0o007
-    # Whoever could put a socket there would pass for the program that holds the port.
+    # Anyone who can put a socket there could pose as the program that holds the port.
     if not stat.S_ISDIR(found.st_mode) or not (is_private or is_the_groups):
         named = f"this user and the group of {GROUP_VARIABLE}" if group else "this user"
         raise ConfigurationError(
@@ -145,7 +144,7 @@ def _checked(path: Path, group: int | None) -> SharingFolder:
 
 
 def _paths() -> list[Path]:
-    """The folder of this program, and then those of others of the same user."""
+    """The folder of this program, and then those of the same user's other programs."""
     if named := os.environ.get(DIRECTORY_VARIABLE):
         # Resolved: systemd makes links to a service's folders.
         return [Path(named).resolve()]
@@ -177,8 +176,8 @@ _PROC = Path("/proc")
 def program_name(pid: int, proc: Path = _PROC) -> str:
     """The command line of a process, shortened: `python3 follow_line.py`, `wheelwire monitor`.
 
-    Without the folders of files and programs, for the name may get into a recording; where the
-    system does not say it, the name of the program alone, or "a program".
+    Leaves out the folders of files and programs, because the name may get into a recording. If the
+    system does not give the command line: the program's name, or "a program".
     """
     with suppress(OSError):
         data = (proc / str(pid) / "cmdline").read_bytes()

@@ -1,5 +1,7 @@
 """Requests: one at a time, repeated until answered, each answer taken once. Sans-IO.
 
+A thread that finds nothing on the line begins a request by itself, and writes it: see `claim`.
+
 Also the trial of parameters that an application holds: renewed while its session lasts.
 """
 
@@ -8,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from contextlib import ExitStack
 from typing import TypeAlias
 
 from wheelwire_protocol.codec import message_id
@@ -46,6 +48,8 @@ ID_MODULUS = 1 << 16
 COPY_ID = 0
 """The id of the copy of a stop that its caller wrote; no request that awaits an answer has it."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
+_LANE = 0
+"""The only key of the dictionary whose one value is the request on the line."""
 
 
 def subject(message: RequestMessage) -> str:
@@ -59,57 +63,72 @@ def subject(message: RequestMessage) -> str:
     return f"{name} = {message.value:g}"
 
 
-@dataclass
-class _Request:
-    message: RequestMessage
-    done: Done
-    urgent: bool
-    attempts: int = 0
-    deadline_us: int = 0
+class Request:
+    """A request that waits, or is on the line. Its request_id is 0 until it is begun."""
+
+    def __init__(
+        self, message: RequestMessage, done: Done, *, urgent: bool, deadline_us: int = 0
+    ) -> None:
+        self.message = message
+        self.done = done
+        self.urgent = urgent
+        self.attempts = 0
+        self.deadline_us = deadline_us
+        self.frame = b""
+        """To be written by the thread that began it, if one did."""
 
 
-def _key(answer: Answer) -> tuple[bool, int]:
-    # A stop may have the same id as another request: each kind counts its own.
-    return isinstance(answer, Ack) and answer.message_id in _URGENT_IDS, answer.request_id
-
-
-@dataclass
 class RequestQueue:
     """The requests of one session after the other.
 
+    The port's thread calls the methods; any thread may call `claim` and `begin_claimed`.
+
     Stop and Estop do not queue: the device neither caches nor orders them. The others go one at a
-    time, for the device remembers only its last few answers. Each kind counts its ids by itself:
-    after 32768 stops in a row the device would take the next request's for an old one.
+    time, because the device remembers only its last few answers. Each kind has its own count of
+    ids: after 32768 stops in a row the device would take the next request's for an old one.
 
     Args:
         send: Takes a message for the line.
     """
 
-    send: Callable[[AnyMessage], None]
-    repeated: int = 0
-    _waiting: deque[_Request] = field(default_factory=deque)
-    _open: dict[tuple[bool, int], _Request] = field(default_factory=dict)
-    """(urgent, request_id) -> the request that is not answered yet."""
-    _last_ids: dict[bool, int] = field(default_factory=dict)
+    def __init__(self, send: Callable[[AnyMessage], None]) -> None:
+        self.repeated = 0
+        self._send_message = send
+        self._waiting: deque[Request] = deque()
+        self._stops: dict[int, Request] = {}
+        """Unanswered stops, by id."""
+        self._lane: dict[int, Request] = {}
+        """The one other request on the line. The thread that puts it there, by one call into C,
+        draws its id; only the port's thread removes it."""
+        self._last_ids: dict[bool, int] = {}
 
     @property
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
-        # Those that wait behind another have no deadline: the end of the one before sends them.
-        if not self._open:  # mostly, and each pass of a link asks
-            return None
-        return min(r.deadline_us for r in self._open.values())
+        # Queued requests have no deadline: the end of the one before sends them.
+        request = self._lane.get(_LANE)
+        if not self._stops:  # mostly, and each pass of a link asks
+            return None if request is None else request.deadline_us
+        return min(r.deadline_us for r in self._open)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a request other than a stop is on the line, or about to be."""
+        return bool(self._lane)
 
     def begin_session(self) -> None:
         """Count ids from the start: the device has forgotten the previous session's."""
         # No request is left to be dropped: the end of the previous session has aborted them all.
-        self._last_ids.clear()
+        self._last_ids = {}
 
     def snapshot(self) -> list[tuple[bool, int]]:
         """What `resume` takes: the last ids, as if the waiting requests already had theirs."""
         ids = dict(self._last_ids)
+        on_line = self._lane.get(_LANE)
+        if on_line is not None:  # its thread may be about to draw the id
+            ids[False] = on_line.message.request_id or _id_after(ids.get(False, 0))
         for request in self._waiting:
-            ids[request.urgent] = (ids.get(request.urgent, 0) + 1) % ID_MODULUS
+            ids[request.urgent] = _id_after(ids.get(request.urgent, 0))
         return list(ids.items())
 
     def resume(self, ids: Iterable[tuple[bool, int]]) -> None:
@@ -124,20 +143,45 @@ class RequestQueue:
             done: Called exactly once, with the answer or the error.
             now_us: The host's clock.
         """
-        request = _Request(message, done, urgent=isinstance(message, (Stop, Estop)))
+        request = Request(message, done, urgent=isinstance(message, (Stop, Estop)))
         if request.urgent:
             self._begin(request, now_us)
         else:
             self._waiting.append(request)
             self._begin_next(now_us)
 
+    def claim(self, message: RequestMessage, done: Done, now_us: int) -> Request | None:
+        """Put a request on the line, from any thread; None if others come before it.
+
+        Nothing is locked. If the caller is interrupted for good before `begin_claimed`, nothing is
+        sent, and `withdraw` ends the request.
+        """
+        request = Request(message, done, urgent=False, deadline_us=now_us + REPEAT_US)
+        # One call into C, which no other thread and no signal handler can be in the middle of.
+        return request if self._lane.setdefault(_LANE, request) is request else None
+
+    def begin_claimed(self, request: Request, session_id: int) -> RequestMessage:
+        """Begin a request by the thread that claimed the line; returns the message to write."""
+        request.attempts = 1
+        self._draw_id(request, session_id)
+        return request.message
+
+    def release_claimed(self, request: Request) -> bool:
+        """Take a claimed request from the line before it is begun; False if it was aborted."""
+        was_there = self._lane.get(_LANE) is request
+        if was_there:
+            del self._lane[_LANE]
+        return was_there
+
     def advance(self, now_us: int) -> None:
         """Repeat what has waited long enough; give up what was repeated often enough."""
         # A copy: `done` of one that is given up may submit others, or end the session.
-        for key, request in list(self._open.items()):
-            if request.deadline_us > now_us or key not in self._open:
+        for request in self._open:
+            if request.deadline_us > now_us or not self._is_open(request):
                 continue  # not due, or ended by what an earlier one's `done` did
-            if request.attempts < (URGENT_ATTEMPTS if request.urgent else ATTEMPTS):
+            if not request.attempts:  # its thread has been held up, and is about to send it
+                request.deadline_us = now_us + REPEAT_US
+            elif request.attempts < (URGENT_ATTEMPTS if request.urgent else ATTEMPTS):
                 self.repeated += 1
                 self._send(request, now_us)
             else:
@@ -146,11 +190,12 @@ class RequestQueue:
                     f"no answer to {name} after {request.attempts} attempts: "
                     "check the link's statistics, and whether the device still runs"
                 )
-                self._finish(key, error, now_us)
+                self.finish(request, error, now_us)
 
-    def answered_by(self, answer: Answer) -> RequestMessage | None:
+    def answered_by(self, answer: Answer) -> Request | None:
         """The open request that an answer of this session belongs to; None if there is none."""
-        request = self._open.get(_key(answer))
+        is_stop = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
+        request = self._with_id(is_stop, answer.request_id)
         if request is None:
             return None
         # An id alone is not enough: a previous host's answer may carry the same one.
@@ -159,11 +204,7 @@ class RequestQueue:
             return None
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
             return None
-        return request.message
-
-    def on_answer(self, answer: Answer, now_us: int) -> None:
-        """Hand an answer for which `answered_by` has found the request to whoever asked."""
-        self._finish(_key(answer), answer, now_us)
+        return request
 
     def on_refuse(self, refuse: Refuse, now_us: int, faults: Fault) -> bool:
         """Take a refusal of this session; False when it refuses no open request.
@@ -173,14 +214,13 @@ class RequestQueue:
             now_us: The host's clock.
             faults: Latched.
         """
-        key = refuse.message_id in _URGENT_IDS, refuse.reference
-        request = self._open.get(key)
+        request = self._with_id(refuse.message_id in _URGENT_IDS, refuse.reference)
         # As for an answer, the id alone is not enough.
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
         held = isinstance(request.message, ClearFault) or refuse.code == RefusalCode.FAULT
         error = DeviceRefused(refuse.code, subject(request.message), faults if held else NO_FAULT)
-        self._finish(key, error, now_us)
+        self.finish(request, error, now_us)
         return True
 
     def places(self, done: Done) -> list[int]:
@@ -200,56 +240,90 @@ class RequestQueue:
         answered, or its time is up.
         """
         self._waiting = deque([r for r in self._waiting if r.done != done])
-        for key, request in list(self._open.items()):
+        for request in self._open:
             if request.done != done:
                 continue
             if request.urgent:
-                # Nothing waits behind a stop.
-                del self._open[key]
+                # Requests never wait for a stop.
+                del self._stops[request.message.request_id]
             else:
                 # Still open, so that the next request does not overtake it on the line.
                 request.attempts = ATTEMPTS
 
     def abort(self, error: WheelwireError) -> None:
         """End all requests with `error`."""
-        # Cleared first: a `done` may submit again, to the next session's queue.
-        requests = self._all
-        self._open.clear()
+        # Removed first: a `done` may submit again, to the next session's queue. One call into C
+        # takes it off the line, where another thread may put a request at any time.
+        on_line = self._lane.pop(_LANE, None)
+        requests = [*self._stops.values(), *self._waiting]
+        self._stops.clear()
         self._waiting.clear()
-        for request in requests:
-            request.done(error)
+        with ExitStack() as ends:  # each learns of it, in order, though one of them raises
+            for request in reversed(requests if on_line is None else [on_line, *requests]):
+                ends.callback(request.done, error)
 
     @property
-    def _all(self) -> list[_Request]:
-        return [*self._open.values(), *self._waiting]
+    def _open(self) -> list[Request]:
+        return [*self._lane.values(), *self._stops.values()]
+
+    @property
+    def _all(self) -> list[Request]:
+        return [*self._open, *self._waiting]
+
+    def _is_open(self, request: Request) -> bool:
+        kind = self._stops if request.urgent else self._lane
+        return any(one is request for one in kind.values())
+
+    def _with_id(self, urgent: bool, request_id: int) -> Request | None:
+        # A stop may have the same id as another request: each kind counts its own.
+        if urgent:
+            return self._stops.get(request_id)
+        request = self._lane.get(_LANE)
+        if request is None or not request_id or request.message.request_id != request_id:
+            return None
+        return request
 
     def _begin_next(self, now_us: int) -> None:
-        # Only stops may be open beside it: the order of all others matters to the device.
-        if self._waiting and all(request.urgent for request in self._open.values()):
+        # Only stops may be open at the same time: the order of all others matters to the device.
+        if self._waiting and self._lane.setdefault(_LANE, self._waiting[0]) is self._waiting[0]:
             self._begin(self._waiting.popleft(), now_us)
 
-    def _begin(self, request: _Request, now_us: int) -> None:
-        # Ids go from 65535 on to 0, which stops leave out: their copies have it.
-        request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS
-        if request.urgent and request_id == COPY_ID:
-            request_id += 1
-        self._last_ids[request.urgent] = request_id
-        request.message = request.message._replace(request_id=request_id)
+    def _begin(self, request: Request, now_us: int) -> None:
+        self._draw_id(request, request.message.session_id)
         self._send(request, now_us)
-        self._open[request.urgent, request_id] = request
+        if request.urgent:
+            self._stops[request.message.request_id] = request
 
-    def _send(self, request: _Request, now_us: int) -> None:
+    def _draw_id(self, request: Request, session_id: int) -> None:
+        request_id = _id_after(self._last_ids.get(request.urgent, 0))
+        # In this order, which `snapshot` relies on.
+        request.message = request.message._replace(session_id=session_id, request_id=request_id)
+        self._last_ids[request.urgent] = request_id
+
+    def _send(self, request: Request, now_us: int) -> None:
         request.attempts += 1
         # The first wait is REPEAT_US for all: only repeats of what is not urgent make it longer.
         doublings = 0 if request.urgent else request.attempts - 1
         request.deadline_us = now_us + min(REPEAT_US << doublings, LONGEST_WAIT_US)
-        self.send(request.message)
+        self._send_message(request.message)
 
-    def _finish(self, key: tuple[bool, int], result: Answer | WheelwireError, now_us: int) -> None:
-        request = self._open.pop(key)
-        # The next one first: what `done` submits comes after those that wait already.
-        self._begin_next(now_us)
+    def finish(self, request: Request, result: Answer | WheelwireError, now_us: int) -> None:
+        """Hand the result of an open request to its caller."""
+        # The next one first: what `done` submits comes after the queued ones. It takes the line
+        # without a gap in which another thread's request could overtake the queue.
+        if request.urgent:
+            del self._stops[request.message.request_id]
+        elif self._waiting:
+            self._lane[_LANE] = self._waiting[0]
+            self._begin(self._waiting.popleft(), now_us)
+        else:
+            del self._lane[_LANE]
         request.done(result)
+
+
+def _id_after(request_id: int) -> int:
+    # After 65535 comes 1: copies of stops have 0, and so do requests not begun.
+    return (request_id + 1) % ID_MODULUS or COPY_ID + 1
 
 
 # --- the trial of parameters ----------------------------------------------------------------------
@@ -268,12 +342,12 @@ class _State(enum.Enum):
     """The device has reverted it, and the application has not left it yet."""
 
 
-@dataclass(slots=True)
 class _Trial:
-    timeout_s: float
-    due_us: int
-    state: _State = _State.RUNNING
-    renewing: bool = False
+    def __init__(self, timeout_s: float, now_us: int) -> None:
+        self.timeout_s = timeout_s
+        self.state = _State.RUNNING
+        self.renewing = False
+        self.wait(now_us)
 
     def wait(self, now_us: int) -> None:
         self.due_us = now_us + round(self.timeout_s * 1e6 / RENEWALS)
@@ -282,8 +356,8 @@ class _Trial:
 class HeldTrial:
     """What a session knows of its application's trial. At most one is held.
 
-    Any thread may release it. That needs no lock: each method takes the trial that is held once,
-    and what it notes of a trial that was released meanwhile is recorded nowhere else.
+    Any thread may release it. That needs no lock: each method reads the held trial once, and only
+    that object records what the method notes, even if the trial was just released.
 
     Attributes:
         held: None while the application tries nothing.
@@ -323,9 +397,7 @@ class HeldTrial:
     def on_done(self, request: ParameterTrial, now_us: int) -> None:
         """The device has done what it was asked for."""
         if request.action == TrialAction.BEGIN:
-            begun = _Trial(request.timeout_s, now_us)
-            begun.wait(now_us)
-            self.held = begun
+            self.held = _Trial(request.timeout_s, now_us)
         elif request.action != TrialAction.RENEW:
             self.release()
 
@@ -334,7 +406,7 @@ class HeldTrial:
         held, due_us = self.held, self.due_us
         if held is None or due_us is None or now_us < due_us:
             return None
-        # None beside it until it is over: the request is repeated as it is.
+        # No other renewal until this one is over: the same request is repeated.
         held.renewing = True
         held.wait(now_us)
         return ParameterTrial(0, 0, TrialAction.RENEW, held.timeout_s)

@@ -1,4 +1,4 @@
-"""Samples, from a state frame to whoever reads them.
+"""Samples, from the state frame to the reader.
 
 `StateStream` makes measurements of the frames: none twice, in order, on the host's clock as well.
 `LatestSample` keeps the newest one for the application to read, adds up all ticks, and feeds the
@@ -26,7 +26,7 @@ from .threads import Notifier
 
 DUTY_SCALE = 32767
 
-# By a dictionary, in a seventh of the time: this is done for each state frame.
+# A dictionary takes a seventh of the time, and this runs for each state frame.
 _supervisor_state = cache(SupervisorState)
 _fault = cache(Fault)
 
@@ -108,7 +108,7 @@ class StateStream:
     ) -> Measurement | None:
         """The newest of the state frames that came at `now_us`; None if none is new.
 
-        The others are passed over: nobody could tell them from the newest in time.
+        The others are dropped: they arrived at the same time as the newest.
 
         Raises:
             ValueError: A code in it means nothing.
@@ -139,11 +139,11 @@ QUEUE_US = 1_000_000
 
 
 class SampleIterator(Generic[Sample]):
-    """Each sample once, in order, from the moment at which the iterator was made.
+    """Each sample once, in order, from the time the iterator was made.
 
-    Its queue is its own and holds one second of samples: when whoever iterates is slower, the
-    oldest are dropped and counted. It waits as long as the robot is out of reach, and ends when the
-    driver is closed.
+    It has its own queue, which holds one second of samples. If the reader is slower, the oldest are
+    dropped and counted. It waits as long as the robot is out of reach, and ends when the driver is
+    closed.
 
     Attributes:
         dropped: Samples that were not taken in time.
@@ -156,8 +156,7 @@ class SampleIterator(Generic[Sample]):
         self.dropped = 0
         self._wait = wait
         self._queue_us = queue_us
-        # Each in a list of its own: whoever takes it out of that has it, though another thread may
-        # be about to do the same.
+        # Each in its own list. Two threads may try to pop it; the one that succeeds has the sample.
         self._queue: deque[list[tuple[Callable[[], Sample], int]]] = deque()
         self._over = False
         self._failure: WheelwireError | None = None
@@ -166,17 +165,17 @@ class SampleIterator(Generic[Sample]):
         """Add a sample, which `make` makes when it is taken. Only one thread calls this."""
         queue = self._queue
         queue.append([(make, arrived_us)])
-        with suppress(IndexError):  # whoever iterates was quicker
+        with suppress(IndexError):  # the reader was quicker
             # By time, not by number: the stream rate is the device's.
             while (oldest := queue[0])[0][1] < arrived_us - self._queue_us:
                 oldest.pop()
                 self.dropped += 1
-                with suppress(ValueError):  # whoever iterates has just passed over it
+                with suppress(ValueError):  # the reader has just skipped it
                     queue.remove(oldest)
 
     def end(self, failure: WheelwireError | None) -> None:
         """No sample will come any more: because the driver is closed, or for `failure`."""
-        # First: whoever sees that it is over looks for the reason at once.
+        # First: a reader that sees the end reads the reason at once.
         self._failure = failure
         self._over = True
 
@@ -200,7 +199,7 @@ class SampleIterator(Generic[Sample]):
         """As `next`, without waiting: None when there is no sample yet."""
         over = self._over  # first: what came before the end is still handed out
         while self._queue:
-            with suppress(IndexError):  # it was dropped meanwhile
+            with suppress(IndexError):  # it was just dropped
                 make, _ = self._queue.popleft().pop()
                 return make()
         if not over:
@@ -255,7 +254,7 @@ class SampleIterators(Generic[Sample]):
     def end(self, failure: WheelwireError | None) -> None:
         """As `SampleIterator.end`, of all that there are and will be."""
         self._failure = failure
-        # Before the list is read: an iterator that is made meanwhile is in it, or sees this.
+        # Before the list is read: a new iterator is in the list, or sees this.
         self._is_over = True
         for reference in tuple(self.listed):
             iterator = reference()
@@ -286,7 +285,7 @@ class Pacer:
 
         Args:
             t_us: The device's clock at the measurement.
-            boot_id: A new one means that this clock began anew.
+            boot_id: A new one means that this clock restarted.
         """
         if boot_id != self._boot_id:
             self._boot_id = boot_id
@@ -300,7 +299,7 @@ class Pacer:
         return True
 
 
-# --- the sensors' samples and events, for those who iterate ---------------------------------------
+# --- iterators of the sensors' samples and events -------------------------------------------------
 
 _log = logging.getLogger("wheelwire.sensors")
 
@@ -379,9 +378,9 @@ class LatestSample:
         now_us: The clock that samples are stamped with.
         queue_us: How long an iterator holds a sample for a slow reader, on that clock.
         wait_for: Waits for a sample, as `Notifier.wait_for`.
-        changed: Wakes who waits for a sample.
+        changed: Wakes the threads that wait for a sample.
         sensors: Passes on what sensors measure.
-        iterators: Those that want every sample, not just the newest; mostly empty.
+        iterators: The readers that want every sample, not just the newest; mostly empty.
     """
 
     def __init__(self) -> None:
@@ -407,9 +406,9 @@ class LatestSample:
         self.iterators: Sequence[object] = self._iterators.listed
 
     def put(self, measurement: Measurement) -> None:
-        """Store a measurement; `notify_all` wakes those who wait for it."""
+        """Store a measurement; `notify_all` wakes the threads that wait for it."""
         state, newest = measurement.state, self._newest
-        # A reset sets the counters back: the difference across it is unknown, and counts as none.
+        # A reset clears the counters. The ticks during it are unknown, and taken to be zero.
         if newest is None:
             self._ticks = state.left_ticks, state.right_ticks
         elif state.boot_id == newest.state.boot_id:
@@ -422,8 +421,9 @@ class LatestSample:
             )
         if newest is not None and newest.t_us < measurement.t_us:  # not across a reset
             self._periods_us = (*self._periods_us[-_PERIODS:], measurement.t_us - newest.t_us)
-        self._newest = measurement
+        # Before the newest: who sees that one, and no unread one, knows that somebody has taken it.
         self._unread.append(measurement)
+        self._newest = measurement
         # After the ticks, which another thread reads as soon as it sees this.
         self._current = True
         if self.iterators:
@@ -435,7 +435,7 @@ class LatestSample:
         self._unread.clear()
 
     def fail(self, error: WheelwireError) -> None:
-        """No further sample will come: raise `error` to everyone who asks from now on."""
+        """No further sample will come: raise `error` in every call from now on."""
         self._failure = error
         self._unread.clear()
         self._current = False
@@ -451,7 +451,7 @@ class LatestSample:
     def iterate(self) -> SampleIterator[WheelSample]:
         """All samples from now on."""
         iterator = self._iterators.iterate(self._wait_for, self.queue_us)
-        if self._closed:  # whatever had failed before
+        if self._closed:  # even if something failed before
             iterator.end(None)
         return iterator
 
@@ -462,15 +462,18 @@ class LatestSample:
     def take(self, timeout_s: float) -> WheelSample:
         """Return the newest sample not returned yet, waiting for one if necessary.
 
+        Of several threads that wait, each gets the sample that comes.
+
         Raises:
             RequestTimeout: None came in time.
             WheelwireError: None will come, for the reason given to `fail`.
         """
         taken: list[Measurement] = []
+        since_us = self.now_us()
 
         def take() -> bool:
             if not taken:  # asked again after the wait: it must not take a second one
-                taken.extend(self._take_fresh())
+                taken.extend(self._take_fresh(since_us))
             return bool(taken)
 
         self._wait(timeout_s, take)
@@ -478,10 +481,14 @@ class LatestSample:
             raise self.why_none(timeout_s)
         return taken[0].sample()
 
-    def poll(self) -> WheelSample | None:
-        """As `take`, without waiting: None when there is none yet."""
+    def poll(self, since_us: int | None = None) -> WheelSample | None:
+        """As `take`, without waiting: None when there is none yet.
+
+        Args:
+            since_us: When its caller began to wait, if it does.
+        """
         self._asked_us = host_clock_us()
-        for measurement in self._take_fresh():
+        for measurement in self._take_fresh(since_us):
             return measurement.sample()
         if self._failure is not None:
             raise afresh(self._failure)
@@ -534,12 +541,17 @@ class LatestSample:
             or self.sensors.is_iterated
         )
 
-    def _take_fresh(self) -> tuple[Measurement, ...]:
-        """The unread sample, unless there is none or it is too old."""
+    def _take_fresh(self, since_us: int | None) -> tuple[Measurement, ...]:
+        """The unread sample, or one that another reader has taken since then; none too old."""
+        newest = self._newest
         try:
-            measurement = self._unread.popleft()  # another thread may have taken it
+            measurement = self._unread.popleft()
         except IndexError:
-            return ()
+            if newest is None or since_us is None or not self._current:
+                return ()
+            if newest.arrived_us <= since_us:
+                return ()
+            measurement = newest
         # By the shortest one: a sample that was lost makes no stream slow.
         period_us = min(self._periods_us, default=0)
         limit_us = max(FRESH_US, min(SLOWEST_US, 2 * period_us))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from wheelwire_protocol import types as wire
 from wheelwire_protocol.sensors import (
+    DIGITAL_INPUTS,
     MOST_ANALOG,
     RANGES,
     Axis,
@@ -22,9 +22,9 @@ from wheelwire_protocol.sensors import (
     SensorChip,
     SensorEventCode,
     SensorState,
+    channel_name,
 )
 
-from ..board import DIGITAL_INPUTS, channel_name
 from ..samples import (
     ImuSample,
     InputReading,
@@ -39,12 +39,12 @@ from ..samples import (
 from .clock import ClockEstimator, Conversion, DeviceTime
 
 WAITING = 4096
-"""Samples and events that wait for whoever passes them on; nobody does in a session of a re-run."""
+"""Most samples and events that wait to be passed on. In a re-run, nothing passes them on."""
 INFO_US = 300_000
 """Within this after the request each channel says what it is; otherwise it is asked for again."""
 INFO_ATTEMPTS = 10
 EARLY_EVENTS = 32
-"""So many wait for their channel to say what it is; that of a line that is too slow does."""
+"""Most events that wait until their channel has been identified, as they do on a slow line."""
 IMU_PERIOD_US = 5_000
 """Period at which the firmware sets up each chip."""
 IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
@@ -65,15 +65,19 @@ class _Channel(NamedTuple):
     """Turns a vector from an IMU's axes to the robot's."""
 
 
-@dataclass(slots=True)
 class _Measurement(Generic[Message]):
     """A channel's message, which becomes a sample when somebody asks for it."""
 
-    message: Message
-    t_us: int
-    arrived_us: int
-    channel: _Channel
-    clock: Conversion
+    __slots__ = ("arrived_us", "channel", "clock", "message", "t_us")
+
+    def __init__(
+        self, message: Message, t_us: int, arrived_us: int, channel: _Channel, clock: Conversion
+    ) -> None:
+        self.message: Message = message
+        self.t_us = t_us
+        self.arrived_us = arrived_us
+        self.channel = channel
+        self.clock = clock
 
 
 class ImuMeasurement(_Measurement[wire.Imu]):
@@ -148,7 +152,7 @@ class RangeMeasurement(_Measurement[wire.Range]):
 
 
 class InputsMeasurement(NamedTuple):
-    """A message about all inputs; otherwise as that of a channel."""
+    """A message about all inputs; otherwise the same as for a channel."""
 
     message: wire.Inputs
     t_us: int
@@ -193,8 +197,13 @@ SensorMeasurement: TypeAlias = (
 )
 
 
+SensorMessage: TypeAlias = wire.Imu | wire.Power | wire.Range | wire.Inputs | wire.SensorEvent
+Taker: TypeAlias = Callable[[Any, ClockEstimator, int], None]
+"""Takes a message by the session's clock, at the host's time."""
+
+
 class Sensed(NamedTuple):
-    """What is passed on to whoever iterates: a measurement, or an event."""
+    """What an iterator returns: a measurement or an event."""
 
     group: str
     """One of IMU, POWER, RANGE, INPUTS and EVENTS."""
@@ -211,11 +220,13 @@ class SensorStream:
         rate_hz: What the application asked for; 0 before it did.
         infos: What each channel is, by its number, as far as the session knows.
         states: Whether its samples can be used, by the same number.
-        identities: What another chip in place of a channel's says it is.
+        identities: What a wrong chip in place of a channel's reports as its identity.
         newest: The newest measurement by the channel's name, while its state is OK; also of INPUTS.
-        sensed: What nobody has passed on yet, in order.
-        stopped: The newest inputs that said that a sensor stops the robot; None before that.
-        due_us: When to ask again what the channels are; None: not.
+        sensed: What was not passed on yet, in order.
+        stopped: The newest inputs that reported that a sensor stops the robot; None before the
+            first.
+        due_us: When to ask again what the channels are; None: no need.
+        takers: What takes the messages of each class.
     """
 
     def __init__(self) -> None:
@@ -227,6 +238,13 @@ class SensorStream:
         self.sensed: deque[Sensed] = deque(maxlen=WAITING)
         self.stopped: InputsMeasurement | None = None
         self.due_us: int | None = None
+        self.takers: Mapping[type[SensorMessage], Taker] = {
+            wire.Imu: self.take_imu,
+            wire.Power: self.take_power,
+            wire.Range: self.take_range,
+            wire.Inputs: self.take_inputs,
+            wire.SensorEvent: self.take_event,
+        }
         self._attempts = 0
         self._channels: dict[int, _Channel] = {}
         self._outdated: frozenset[int] = frozenset()
@@ -234,7 +252,7 @@ class SensorStream:
         self._early: tuple[wire.Inputs, ClockEstimator, int] | None = None
         """The newest inputs, while not all channels have said what they are."""
         self._early_events: list[tuple[wire.SensorEvent, int, Conversion, int]] = []
-        """Those of channels that have not said what they are, with the device's time."""
+        """Events of channels that are not identified yet, with the device's time."""
         self._time = DeviceTime()
 
     def forget(self) -> None:
@@ -291,7 +309,7 @@ class SensorStream:
         turn = _turn(Axis(message.forward), Axis(message.up))
         self._channels[number] = _Channel(info, message, turn)
         self._outdated -= {number}
-        # In the order of the channels, in which they do not come.
+        # Sorted by channel: they do not arrive in that order.
         self.infos = dict(sorted({**self.infos, number: info}.items()))
         self._set_state(number, state)
         # What they changed the message has already.
@@ -460,7 +478,7 @@ class SensorStream:
         self.infos = {**self.infos, number: info}
 
     def _unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
-        # As of state frames; those of several channels may be a little out of order.
+        # As for state frames; samples of several channels may be slightly out of order.
         self._time.follow(t_us, clock, now_us)
         return self._time.t_us
 
@@ -474,14 +492,14 @@ def _codes_of(message: wire.SensorInfo) -> tuple[PeripheralKind, Place, SensorCh
     kind, place = PeripheralKind(message.kind), Place(message.place)
     chip = SensorChip(message.chip)
     if kind is PeripheralKind.RANGE and chip not in RANGES:
-        raise ValueError(f"{chip!r} is no range sensor")
+        raise ValueError(f"{chip!r} is not a range sensor")
     if kind is PeripheralKind.ANALOG and not 1 <= message.bias_y <= MOST_ANALOG:
         raise ValueError(f"there is no analogue input {message.bias_y}")
     return kind, place, chip
 
 
 def _rate_hz(kind: PeripheralKind, most_hz: int) -> int:
-    """At which samples come; the device sends every one of an IMU's, every second, every third."""
+    """Rate of the samples; the device sends each sample of an IMU, or every 2nd, or every 3rd."""
     if kind is not PeripheralKind.IMU or not most_hz:
         return most_hz
     interval_us = 1_000_000 // most_hz

@@ -13,12 +13,13 @@ from itertools import count
 from typing import Any, NamedTuple, TypeAlias
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.codes import Held, RefusalCode, StopMode, SupervisorState
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
 from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError, afresh
+from ..holds import UNARMED
 from .clock import ClockEstimator
 from .requests import COPY_ID, HeldTrial
 from .sample_stream import DUTY_SCALE
@@ -33,7 +34,7 @@ HELD = (
 )
 
 LATE = 5
-"""So many setpoints in a row that came too late, and none in time, are worth a warning."""
+"""Warn after this many setpoints in a row came too late."""
 ALL_LATE = (
     "the setpoints arrive too late, so the robot does not drive: give them a longer ttl, or see "
     "what holds up this computer or the line"
@@ -64,7 +65,7 @@ class OpenSession(NamedTuple):
     id: int
     clock: ClockEstimator
     command_seqs: count[int]
-    """Shared by setpoints and stops: a stop's number is above those of all setpoints before it."""
+    """Shared by setpoints and stops: a stop's number is higher than all earlier setpoints'."""
     encoder: Encoder
 
 
@@ -74,7 +75,7 @@ class SetpointSender:
     Args:
         send: Takes a message for the line: the repeats.
         trial: The trial of parameters; no setpoint goes out once it is lost.
-        why_closed: Gives the reason why no session is open.
+        why_closed: Returns the error that says why no session is open.
         traffic: Passes on what is asked for.
         warn: Takes what the user should know, as `logging.warning` does.
 
@@ -85,7 +86,7 @@ class SetpointSender:
         supervisor: The newest known; None when it is about to change, or no session is open.
         faults: The newest known to be latched.
         refused_us: When the last refusal came.
-        moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
+        moves_until_us: When the last setpoint that may move the device expires; 0: it was stopped.
         newest: The newest setpoint, and when it expires on the host's clock; None after a stop.
         zero_seq: Number of the newest setpoint of this session that asked for standstill.
         unseen: The newest setpoint, until a state frame shows what became of it.
@@ -118,7 +119,7 @@ class SetpointSender:
         """Since when no motion was asked for, while setpoints are held; else None."""
         self._unarmed_seq: int | None = None
         """The newest setpoint that was known when one was refused as unarmed; None once the device
-        obeys a newer one."""
+        obeys a newer one, or the pause is over."""
         self._refusal: int | None = None
         self.zero_seq = 0
         self.awaits_fate = False
@@ -143,7 +144,7 @@ class SetpointSender:
         self.zero_seq = self._obeyed_seq = self._late = 0
         self._refused = None
         if self._unarmed_seq is not None:
-            self._unarmed_seq = 0  # numbers begin anew
+            self._unarmed_seq = 0  # numbers restart
         self._gaps_us = _DEFAULT_GAPS_US
 
     def take_gap(self, parameter: int, value_s: float) -> None:
@@ -161,17 +162,17 @@ class SetpointSender:
         return self._unarmed_seq is not None
 
     def hold(self, now_us: int) -> None:
-        """The device has started anew: send no motion before a zero setpoint, or a pause.
+        """The device has restarted: send no motion before a zero setpoint or a pause.
 
-        The device does the same from its start on. But whoever went on asking was refused here
-        until the session was open, which may have taken longer than that pause.
+        The device does the same after its start. But a program that kept asking for motion was
+        refused here until the session was open, which may have taken longer than that pause.
         """
         self._quiet_since_us = now_us
 
     def open(self, opened: OpenSession, now_us: int) -> None:
         """A session is open."""
         if self._quiet_since_us is not None:
-            self._quiet_since_us = now_us  # nobody could ask before
+            self._quiet_since_us = now_us  # no program could ask before
         self.opened = opened
 
     @property
@@ -230,11 +231,11 @@ class SetpointSender:
         return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
 
     def stop_copy(self, mode: StopMode | None) -> bytes | None:
-        """A frame that stops at once, or with None latches, beside the stop that is acknowledged.
+        """A frame that stops at once, or with None latches, sent as well as the acknowledged stop.
 
         From any thread; to be written at once. None if no session is open.
         """
-        # Read once: the port's thread may end the session meanwhile.
+        # Read once: the port's thread may end the session at any time.
         opened = self.opened
         if opened is None:
             return None
@@ -261,8 +262,8 @@ class SetpointSender:
             raise DeviceRefused(refusal, "the setpoint", faults)
 
     def advance(self, now_us: int) -> None:
-        """Send an unseen setpoint once more, with the same number and expiry, while it is valid."""
-        # Read once: another thread may replace it meanwhile.
+        """Repeat an unseen setpoint, with the same number and expiry, while it is valid."""
+        # Read once: another thread may replace it at any time.
         unseen = self.unseen
         if unseen is None or now_us < unseen[2]:
             return
@@ -282,15 +283,22 @@ class SetpointSender:
         refused = self._refused
         return refused[1] if refused is not None and refused[0] == command_seq else None
 
-    def on_obeyed(self, command_seq: int) -> None:
+    def on_obeyed(self, command_seq: int, now_us: int) -> None:
         """The device says which setpoint it obeys."""
         if command_seq != self._obeyed_seq and self._late < LATE:
             self._late = 0
         self._obeyed_seq = command_seq
-        if self._unarmed_seq is not None and command_seq > self._unarmed_seq:
+        if self._unarmed_seq is not None and (
+            command_seq > self._unarmed_seq or self._has_paused(now_us)
+        ):
             self._unarmed_seq = None
         if self.unseen is not None:
             self._note_arrived(command_seq)
+
+    def on_held(self, held: Held) -> None:
+        """The device says what holds it: not what is held here, for it was not asked."""
+        if not held & UNARMED and self._quiet_since_us is None:
+            self._unarmed_seq = None
 
     def _note_arrived(self, command_seq: int) -> None:
         unseen = self.unseen
@@ -301,7 +309,7 @@ class SetpointSender:
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
         if refuse.code == RefusalCode.EXPIRED:
-            self.expired += 1  # no reason to keep back the next one, which may be in time
+            self.expired += 1  # the next one may be in time: do not hold it back
             if self.refusal_of(refuse.reference) is None:  # its repeat is refused, too
                 self._note_late()
         else:
@@ -327,11 +335,11 @@ class SetpointSender:
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
     ) -> bytes:
         opened = self.opened
-        if opened is None:  # asked once: the port's thread may end the session meanwhile
+        if opened is None:  # read once: the port's thread may end the session at any time
             raise afresh(self._why_closed())
         if self._trial.held is not None:
             self._trial.check("the setpoint")
-        # By identity: a look into a dictionary would hash the state, which Python code does.
+        # By identity: a dictionary lookup would hash the state, in Python code.
         state = self.supervisor
         is_unarmed = False
         if self._refusal is not None or state is _ESTOPPED or state is _FAULT:
@@ -355,8 +363,8 @@ class SetpointSender:
         if not (left or right):
             self.zero_seq = command_seq
         if is_unarmed:
-            # Sent all the same: a device that hears nothing would take the silence for a pause,
-            # after which it drives, although whoever calls this never stopped asking for motion.
+            # Sent even so. The device would take silence for a pause and then drive, although the
+            # caller never stopped asking for motion.
             self.unseen = setpoint, sure_us, now_us
             raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
         self.moves_until_us = sure_us if left or right else 0
@@ -383,14 +391,19 @@ class SetpointSender:
         self._note_unarmed(0)
         raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
 
+    def _has_paused(self, now_us: int) -> bool:
+        """Whether no motion was asked for long enough to end what is held here."""
+        since_us = self._quiet_since_us
+        return since_us is not None and now_us - since_us >= self.gap_us
+
     def _note_unarmed(self, command_seq: int) -> None:
-        """A setpoint was refused; say so once, and not at each of those that follow."""
+        """A setpoint was refused; report it once, not again at each of the next ones."""
         was_unarmed, self._unarmed_seq = self.is_unarmed, command_seq
         if not was_unarmed:
             self._warn(HELD, self.gap_us / 1e6)
 
     def _forget(self, unseen: Unseen) -> None:
-        # Another thread may have sent the next one meanwhile. In the instant between the two
-        # lines that one's repeat can still be lost: it is not needed on a good line.
+        # Another thread may just have sent the next one. Between these two lines its repeat can
+        # still be lost; a good line does not need it.
         if self.unseen is unseen:
             self.unseen = None

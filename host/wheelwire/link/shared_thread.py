@@ -1,11 +1,11 @@
 """One thread that serves the open ports of several links.
 
-With a thread for each port, each sample sets off a contest for the interpreter's lock among all of
-them and the one that waits for samples. Here one thread reads all ports that have something, and
-then wakes whoever waits, once for all of them.
+With a thread for each port, all of them and the thread that waits for samples would compete for the
+interpreter's lock at each sample. Here one thread reads every port that has bytes, and then wakes
+all waiting threads at once.
 
-A port is opened, and opened again, by its link's own thread, because that may take long. That
-thread waits in `serve` meanwhile, and costs nothing.
+A link's own thread opens and reopens its port, because that may take long. While the port is open,
+that thread waits in `serve` and costs nothing.
 """
 
 from __future__ import annotations
@@ -98,14 +98,14 @@ class SharedThread:
                 ports.serve_once()
                 self._passed()
         except BaseException as error:
-            # A bug of this module: nobody must wait for a thread that is gone.
+            # A bug of this module. No thread may wait for one that is gone.
             with self._lock:
                 self._ports = None
             ports.close()
             ports.fail(error)
 
     def _goes_on(self, ports: _Ports) -> bool:
-        """Take up ports that were opened, let go of those that ended; False if there is none."""
+        """Add ports that were opened, drop those that ended; False if none is left."""
         ports.take_up()
         with self._lock:
             goes_on = ports.goes_on
@@ -113,7 +113,7 @@ class SharedThread:
                 self._ports = None
         if not goes_on:
             ports.close()
-        # Last: whoever closes the last link of all finds nothing of the thread left open.
+        # Last: when the last link is closed, the thread has left nothing open.
         ports.release()
         return goes_on
 
@@ -125,7 +125,7 @@ class _Ports:
         self.ident = 0
         """The thread."""
         self._members: dict[int, _Member] = {}
-        """By the descriptors of the port and of its wake-ups."""
+        """Members, by the descriptors of the port and of its wake-ups."""
         self._due_us: dict[_Member, int] = {}
         """When each of them has work although nothing comes."""
         self._joining: deque[_Member] = deque()
@@ -155,10 +155,10 @@ class _Ports:
                 for descriptor in member.descriptors:
                     self._epoll.register(descriptor, select.EPOLLIN)
                     self._members[descriptor] = member
-            except (OSError, ValueError) as error:  # it is none that can be polled
+            except (OSError, ValueError) as error:  # it cannot be polled
                 self._dismiss(member, error)
             else:
-                self._turn(member, 0)  # what was asked for before has woken nobody
+                self._turn(member, 0)  # earlier calls did not wake this thread
 
     def serve_once(self) -> None:
         """Wait until a port has something, or is due; serve all that do or are."""
@@ -193,7 +193,7 @@ class _Ports:
             self._dismissed.pop().ended.release()
 
     def fail(self, error: BaseException) -> None:
-        """Serve none any more, because of `error`."""
+        """Stop serving all ports, because of `error`."""
         for member in (*self._due_us, *self._joining):
             member.error = error
             self._dismissed.append(member)

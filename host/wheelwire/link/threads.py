@@ -5,8 +5,8 @@ signal handler raises there leaves the lock held for ever; a handler that calls 
 own while the main thread is in there waits for itself. Here nothing is locked: each wait has a
 lock of its own, which no other call ever needs, and every step is one call into C.
 
-A forked process has none of its parent's threads, and lets go of what they serve, above all of open
-ports: it has a copy of every descriptor, so a port would stay locked after the parent closed it.
+A forked process has none of its parent's threads, so it closes what they serve, above all open
+ports. It has a copy of every descriptor: a port would stay locked after the parent closed it.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ class Notifier:
 
     def __init__(self) -> None:
         self.waiting: set[Waiter] = set()
-        """Who waits. Whoever sees nobody here need not call `notify_all`."""
+        """The waiting threads. If this is empty, `notify_all` need not be called."""
 
     def notify_all(self) -> None:
         """Wake all waiters; each checks its condition again. Never waits."""
-        # Those who wait at this moment, each by name: who is woken may be waiting again before this
-        # ends, and must not be woken in place of another.
+        # A copy of the present waiters: a woken one may be waiting again before this ends, and must
+        # not be woken in place of another.
         for woken in tuple(self.waiting):
             try:  # not `suppress`, which is three calls of Python
                 self.waiting.remove(woken)
-            except KeyError:  # who waited has just given up
+            except KeyError:  # the waiter has just given up
                 continue
             woken.release()
 
@@ -63,12 +63,11 @@ class Notifier:
             if left_s <= 0:
                 return False
             woken = threading.Lock()
-            # Held from the start: to acquire it once more is to wait until `notify_all` releases
-            # it.
+            # Held from the start: acquiring it again waits until `notify_all` releases it.
             woken.acquire(blocking=False)
             self.add(woken)
             try:
-                # What changed before we were listed here woke nobody.
+                # A change before we were in the set did not wake us.
                 if not ready():
                     woken.acquire(timeout=left_s)
             finally:
@@ -103,7 +102,7 @@ class WakeUp:
 
     def __init__(self) -> None:
         self._reader, self._writer = socket.socketpair()
-        # A full buffer must not block whoever wakes the thread, nor an empty one the thread.
+        # A full buffer must not block the caller of `wake`, nor an empty one the thread.
         self._reader.setblocking(False)
         self._writer.setblocking(False)
 
@@ -124,7 +123,7 @@ class WakeUp:
             self._reader.recv(4096)
 
     def close(self) -> None:
-        """Free the descriptors. Safe to call more than once, and beside `wake`."""
+        """Free the descriptors. Safe to call more than once, and concurrently with `wake`."""
         self._reader.close()
         self._writer.close()
 
@@ -136,7 +135,7 @@ this_thread = threading.local()
 def holds_ports_up() -> bool:
     """Whether the calling thread serves ports of several links, or such a thread waits for it.
 
-    It must wait for no link, not even in a finaliser: robots would not be stopped meanwhile.
+    It must not wait for any link, not even in a finaliser: meanwhile no robot could be stopped.
     """
     return getattr(this_thread, "holds_ports_up", False)
 

@@ -1,10 +1,12 @@
-"""What crosses a link, for whoever listens: every input of its session, every byte that it wrote.
+"""What a link passes on: everything that crosses it to its readers, and events to its listeners.
 
-The inputs alone decide what a session does. Given to another session in the same order
-(`recording.replay`), they bring about the same samples, counters and stamps.
+Every input of the session and every byte that it wrote crosses the link.
 
-Whoever listens has a queue of its own, from which the oldest records fall when it is full. Nothing
-here waits, locks or writes: a slow listener costs the link nothing.
+The inputs alone decide what a session does. Another session that gets them in the same order
+(`recording.replay`) produces the same samples, counters and stamps.
+
+Each listener has its own queue, which drops the oldest records when it is full. Nothing here waits,
+locks or writes, so a slow listener costs the link nothing.
 """
 
 from __future__ import annotations
@@ -12,18 +14,21 @@ from __future__ import annotations
 import enum
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import count
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ..errors import WheelwireError
+
+if TYPE_CHECKING:
+    from .session import Session
 
 QUEUE = 20_000
 """Records that wait for a listener: 5 s of a link at 1 kHz that is driven at 1 kHz."""
 
 
 STOP_ASKED = "stop_asked"
-"""The note of who asked the link for a stop, beside the program that holds it: `by`, `host_us`."""
+"""The note of which other program asked the link for a stop: `by`, `host_us`."""
 
 
 ESTOP = 255
@@ -36,7 +41,7 @@ class Kind(enum.IntEnum):
     """What a record says, and what its `data` is."""
 
     START = 0
-    """The session as a listener finds it: JSON, see `Session.snapshot`."""
+    """The session as a listener finds it: JSON, see `handover.start_of`."""
     CONNECTED = 1
     """The port was opened. Empty."""
     DISCONNECTED = 2
@@ -64,7 +69,7 @@ class Kind(enum.IntEnum):
     DUTY = 13
     """As VELOCITY, in duties of -1..1."""
     WITHDRAWN = 14
-    """Requests were given up: their places among those that are open or wait, u32 each."""
+    """Requests were given up: their positions among the open and queued ones, u32 each."""
     RELEASED = 15
     """The application left its trial of parameters. Empty."""
     NOTE = 16
@@ -102,7 +107,7 @@ class TrafficReader:
 
     def take(self) -> list[Record]:
         """What was not taken yet, in order. Never waits."""
-        # By one call into C each: the link's threads append meanwhile.
+        # One call into C each: the link's threads append at any time.
         taken = [self._queue.popleft() for _ in range(len(self._queue))]
         if taken:
             self._note_what_is_missing(taken)
@@ -125,8 +130,8 @@ class Traffic:
     """Passes on what happens on one link.
 
     Attributes:
-        readers: Who listens. Replaced as a whole; empty in most programs, so whoever has to encode
-            a record asks first.
+        readers: The readers. Replaced as a whole. Empty in most programs, so check this before
+            encoding a record.
         host_us: When the newest record was put.
     """
 
@@ -157,7 +162,7 @@ class Traffic:
             self.put(Kind.NOTE, self.host_us, json.dumps(self._said).encode())
 
     def note(self, what: Mapping[str, Any], host_us: int) -> None:
-        """Pass on what the application says; whoever comes later gets the newest of each name."""
+        """Pass on an application's note; later readers get the newest of each name."""
         data = json.dumps(what).encode()  # first: what cannot be written is not kept either
         self._said = {**self._said, **what}
         self.put(Kind.NOTE, host_us, data)
@@ -165,3 +170,54 @@ class Traffic:
     def remove(self, reader: TrafficReader) -> None:
         """`reader` gets nothing more. Harmless when repeated."""
         self.readers = tuple(one for one in self.readers if one is not reader)
+
+
+# --- what happens -------------------------------------------------------------------------------
+
+
+class Happening(enum.Enum):
+    """What has happened. The value is the name of a driver's callback."""
+
+    LOST = "on_lost"
+    """The robot is out of reach; reported with the error that every call raises."""
+    OPENED = "on_opened"
+    """A session was opened; reported with the device."""
+    FAULT = "on_fault"
+    """A fault was latched; reported with all that are."""
+    HELD = "on_held"
+    """What holds the robot has changed; reported with all that does."""
+    STOPPED = "watch_stops"
+    """The robot has stopped; reported with the stop, by a watch, and never by the link itself."""
+
+
+class StandingNotice(NamedTuple):
+    """Notice of what was so already when a listener asked for it, which may be a repeat."""
+
+    happening: Happening
+    subject: object
+
+
+Notice: TypeAlias = "tuple[Happening, object]"
+Listener: TypeAlias = Callable[[Notice], object]
+"""Takes what has happened, in order. Never waits."""
+
+
+class Reporter:
+    """Passes on what a session reports, to one listener. One thread at a time may use it."""
+
+    _session: Session
+    _listener: Listener | None = None
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Report to `listener` what happens from now on; of `happening` also what is so already."""
+        self._listener = listener
+        standing = self._session.standing_notice(happening)
+        if standing is not None:
+            listener(standing)
+
+    def _tell_listener(self) -> None:
+        notices = self._session.notices
+        while notices:
+            happened = notices.popleft()
+            if self._listener is not None:
+                self._listener(happened)

@@ -15,7 +15,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from typing import ClassVar
-from urllib.parse import urlsplit
 
 import serial
 
@@ -48,11 +47,11 @@ class Transport(ABC):
 
     Attributes:
         port: Its name, as it was opened.
-        baud_rate: The active one; None where there is none.
+        baud_rate: The active one; None if the port has none.
         low_latency: True when the kernel delivers bytes at once, False when it may hold them
-            back (FTDI adapters: 16 ms), None where the question does not arise.
-        gone: What it means when the other end is gone, and what is done about it.
-        longest_pause_s: Attempts to open it again are at most this far apart.
+            back (FTDI adapters: 16 ms), None where that cannot happen.
+        gone: What to say when the other end is gone: what it means, and what happens next.
+        longest_pause_s: Longest pause between attempts to reopen it.
     """
 
     gone: ClassVar[str] = "the peer closed the connection; trying to connect again"
@@ -110,10 +109,10 @@ class Transport(ABC):
         """Close this process's copy of the descriptors and touch nothing else: it was forked."""
 
     def _release(self, close: Callable[[], object]) -> None:
-        """Let go of what is open, but not of the descriptor's number while this object is in use.
+        """Close the port, but keep the descriptor's number while this object is in use.
 
-        Another thread may be about to write. By then the number would mean any other file; so it
-        leads to nowhere until nobody has this object any more, and `close` frees it.
+        Another thread may be about to write, and the number could by then belong to another file.
+        So it leads to /dev/null until `close` frees it, when no thread uses this object any more.
         """
         try:
             nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
@@ -169,7 +168,7 @@ class SerialTransport(Transport):
     def _hold(self, baud_rate: int) -> None:
         """Keep other programs out, and undo what the last one left."""
         if self._exclusive:
-            # Whoever opens it from here on is refused, but for root.
+            # From here on, nobody but root can open it.
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
         # In this order: input, output, control and local flags, both speeds, characters.
         settings = termios.tcgetattr(self._fd)
@@ -188,7 +187,7 @@ class SerialTransport(Transport):
     def read(self) -> bytes:
         """What has arrived, possibly nothing."""
         try:
-            return os.read(self._fd, READ_SIZE)  # b"" is no end here: VMIN is 0
+            return os.read(self._fd, READ_SIZE)  # b"" does not mean the end here: VMIN is 0
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -268,7 +267,7 @@ class SocketTransport(Transport):
             return b""
         except OSError as error:
             raise self.lost(error) from error
-        # Nothing means the end of the stream, unlike on a terminal.
+        # Unlike on a terminal, an empty read means the end of the stream.
         if not data:
             raise self.lost()
         return data
@@ -316,6 +315,8 @@ def _connect(port: str, connect: Callable[[str], socket.socket]) -> socket.socke
 
 
 def _connect_tcp(url: str) -> socket.socket:
+    from urllib.parse import urlsplit  # here, for most ports are devices
+
     try:
         parts = urlsplit(url)
         # Asking for the port raises when it is not a number from 0 to 65535.
@@ -325,7 +326,7 @@ def _connect_tcp(url: str) -> socket.socket:
     if not host or not port:
         raise ValueError("write it as socket://HOST:PORT, such as socket://192.168.1.7:3333")
     connection = socket.create_connection((host, port), timeout=SOCKET_TIMEOUT_S)
-    # Else a setpoint could wait in the kernel until the one before it is acknowledged.
+    # Otherwise a setpoint could wait in the kernel until the one before it is acknowledged.
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
 
@@ -345,9 +346,9 @@ def _unavailable(port: str, error: Exception) -> PortUnavailable:
     number = getattr(error, "errno", None)
     if number is None and _is_no_terminal(error):
         number = errno.ENOTTY
-    # From a serial port: EBUSY where it is held exclusively, EAGAIN where it is locked.
+    # From a serial port: EBUSY if another program holds it exclusively, EAGAIN if it is locked.
     if number in (errno.EBUSY, errno.EAGAIN):
-        return PortUnavailable(port, _in_use(port))
+        return PortUnavailable(port, _in_use(port), is_in_use=True)
     reason = _REMEDIES.get(number or 0, _text(error))
     hint = meant_port(port) if number == errno.ENOENT else ""
     return PortUnavailable(port, f"{reason}; {hint}" if hint else reason)

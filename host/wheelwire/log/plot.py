@@ -17,6 +17,7 @@ from ..link.sample_stream import DUTY_SCALE, Measurement
 from ..link.session import Phase, Session
 from ..link.setpoints import ASKED
 from ..link.traffic import Kind, Record
+from ..whole_file import save_figure
 from .rerun import Rerun
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def _floats() -> array[float]:
 
 @dataclass
 class Asked:
-    """Setpoints: from when to when each was asked for, and of which wheel what."""
+    """Setpoints: when each began and ended, and its value for each wheel."""
 
     begins_s: array[float] = field(default_factory=_floats)
     ends_s: array[float] = field(default_factory=_floats)
@@ -88,7 +89,7 @@ class Trace:
         """Run a recording again, and collect what it shows.
 
         Raises:
-            ValueError: A record is none of this release.
+            ValueError: A record is from another release.
         """
         return _Tracing().trace_of(records)
 
@@ -198,7 +199,7 @@ def draw(trace: Trace, title: str, path: Path, window: tuple[float, float] | Non
         trace: What to show.
         title: Above the picture.
         path: Its ending says what kind of picture it is, as .png.
-        window: From when to when. [s]; default: all.
+        window: Begin and end. [s]; default: all.
 
     Raises:
         ImportError: matplotlib is not installed.
@@ -224,7 +225,7 @@ def draw(trace: Trace, title: str, path: Path, window: tuple[float, float] | Non
         (left, "left", trace.left_mps, trace.asked_speed.left, LEFT),
         (right, "right", trace.right_mps, trace.asked_speed.right, RIGHT),
     ):
-        # What was asked for is broad and lies below, so that both lines can be seen.
+        # The setpoint's line is broad and lies below, so that both lines can be seen.
         _plot(axes, steps(trace.asked_speed, asked), scale, "asked", SETPOINT, 3.0, alpha=0.35)
         _plot(axes, line(times_s, np.asarray(measured)), scale, "measured", colour, 1.1)
         axes.set_ylabel(f"{name} [m/s]")
@@ -256,7 +257,7 @@ def draw(trace: Trace, title: str, path: Path, window: tuple[float, float] | Non
     _name_marks(left, trace.marks, scale)
     figure.suptitle(title, fontsize="medium")
     _draw_legend(figure, states, has_marks=bool(trace.marks))
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 def line(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Line:
@@ -313,7 +314,7 @@ def _states(trace: Trace) -> list[SupervisorState | None]:
     found = {band.state for band in trace.bands}
     away_s = sum(band.end_s - band.begin_s for band in trace.bands if band.state is None)
     states: list[SupervisorState | None] = [state for state in SupervisorState if state in found]
-    # The moment in which a program closes its robot is none to speak of.
+    # Leave out the short end while a program closes its robot.
     return [*states, None] if away_s > trace.end_s / POINTS else states
 
 

@@ -75,20 +75,18 @@ ENDED = "ended_by"
 COUNTS = "wheelwire_counts"
 """The name of the one at the end that says what was counted: the fields of `summary.Counts`."""
 REPAIRED = "wheelwire_repaired"
-"""The name of the one that a repair adds: nobody closed the recording."""
+"""The name of the metadata that a repair adds to a recording that was not closed."""
 INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
-NOTHING = (
-    "it is no MCAP file, or nothing of it was written; name a file that `wheelwire log record` "
-    "has made"
+NOTHING = "it is not an MCAP file, or it is empty; name a file that `wheelwire log record` has made"
+CUT_OFF = (
+    "it was cut off, or damaged, as it began: nothing that the robot sent can be read; record again"
 )
 LEFT_OUT = (
-    "what crossed the link is not in it, or not all of it: that takes /wheelwire/received, "
+    "it lacks data of the link, which takes /wheelwire/received, "
     "/wheelwire/sent and /wheelwire/session, and its topics are: {topics}. Another program left "
     "them out, or the recording ended as it began; name the original"
 )
-FOREIGN = (
-    "it is no recording of a robot by Wheelwire; name a file that `wheelwire log record` has made"
-)
+FOREIGN = "it is not a Wheelwire recording; name a file that `wheelwire log record` has made"
 
 HEAD = struct.Struct("<BQ")
 """How a part begins: its opcode, and the length of its content."""
@@ -189,7 +187,7 @@ def chunk_of(part: Part) -> Chunk:
 
 
 def stream_of(content: bytes) -> Any:
-    """The stream from which `mcap` reads a part."""
+    """The stream that `mcap` reads a part from."""
     from io import BytesIO
 
     from mcap.data_stream import ReadDataStream
@@ -201,7 +199,7 @@ def records(path: str | Path) -> Iterator[Record]:
     """The records of the link, in order.
 
     Raises:
-        RecordingError: The file cannot be read, is no recording, or of another release.
+        RecordingError: The file cannot be read, is not a recording, or is from another release.
     """
     check_release(path)
     for topic, _, data in messages(path):
@@ -224,11 +222,11 @@ def check_release(path: str | Path) -> None:
 
 
 def session_records(path: str | Path) -> Iterator[Record]:
-    """As `records`, for those who run the session again.
+    """As `records`, but for running the session again.
 
     Raises:
-        RecordingError: As `records`; or it is no recording that has just begun, and the session, or
-            what was received, is not in it.
+        RecordingError: As `records`; or the file lacks the session or what was received, and is not
+            a recording that has just begun.
     """
     kinds: set[Kind] = set()
     first = last = None
@@ -239,7 +237,7 @@ def session_records(path: str | Path) -> Iterator[Record]:
         last = record.number
         number += 1
         yield record
-    # All records of a link are counted: those that another program left out are missing. A robot
+    # All records of a link are counted: records that another program left out are missing. A robot
     # that was out of reach all the time has sent nothing, and then no number is missing.
     is_whole = first is not None and last is not None and last - first < number
     if Kind.START not in kinds or not (is_whole or kinds & RECEIVED_KINDS):
@@ -249,8 +247,20 @@ def session_records(path: str | Path) -> Iterator[Record]:
 def check_left_out(path: str | Path) -> None:
     """Raise `RecordingError` for a file without what is to be read, unless it has just begun."""
     if not is_being_written(path):
+        check_cut_off(path)
         topics = sorted({topic for topic, _, _ in messages(path)})
         raise RecordingError(f"{path}: {LEFT_OUT.format(topics=', '.join(topics) or 'none')}")
+
+
+def check_cut_off(path: str | Path) -> None:
+    """Raise `RecordingError` for a file of ours that ends before what is to be read."""
+    if is_being_written(path) or was_closed(path):
+        return
+    if ended := metadata(path).get(ENDED):
+        raise RecordingError(f"{path}: its recorder gave up as it began ({ended}); record again")
+    with opened(path) as file:
+        if is_ours(next(parts(file), None)):
+            raise RecordingError(f"{path}: {CUT_OFF}")
 
 
 def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
@@ -296,24 +306,46 @@ def metadata(path: str | Path) -> dict[str, str]:
     """What the recorder wrote at the beginning: version, board, driver, the clock's offset.
 
     Raises:
-        RecordingError: The file cannot be read, or is no recording of a robot.
+        RecordingError: The file cannot be read, or is not a Wheelwire recording.
     """
     with closing(_parts_of(path)) as from_file:
         for part in from_file:
             if part.opcode == METADATA_RECORD and (said := _said(part, METADATA)) is not None:
                 ended = said.pop(ENDED, "").strip()
                 return said | ({ENDED: ended} if ended else {})
-    raise RecordingError(f"{path}: {FOREIGN}")
+    with opened(path) as file:
+        raise unreadable(file, path)
+
+
+def unreadable(file: BinaryIO, path: str | Path) -> RecordingError:
+    """The error of a file that has not even the metadata of a recording."""
+    first = next(parts(file), None)
+    file.seek(0)
+    begin = file.read(len(MAGIC))
+    if first is None and not (begin and MAGIC.startswith(begin)):
+        return RecordingError(f"{path}: {NOTHING}")
+    return RecordingError(f"{path}: {CUT_OFF if first is None or is_ours(first) else FOREIGN}")
+
+
+def is_ours(first: Part | None) -> bool:
+    """Whether a file that begins with this part is a recorder's."""
+    from mcap.records import Header
+
+    return (
+        first is not None
+        and first.opcode == HEADER
+        and Header.read(stream_of(first.content)).library == LIBRARY
+    )
 
 
 def offset_us(path: str | Path) -> int:
-    """What is to be added to the host's clock for the time of day.
+    """The difference from the host's clock to the time of day.
 
-    Where the clock was set meanwhile, as on a Pi without a battery once it reaches a time server,
-    it is what was set last: the host's own clock runs on, so it is right for all of the file.
+    If the time of day was set during the recording, as on a Pi without a clock battery, this is the
+    last difference. The host's clock runs on evenly, so it is right for the whole file.
 
     Raises:
-        RecordingError: The file cannot be read, or is no recording of a robot.
+        RecordingError: The file cannot be read, or is not a Wheelwire recording.
     """
     text = metadata(path).get(OFFSET, "0")
     with opened(path) as file:
@@ -323,9 +355,9 @@ def offset_us(path: str | Path) -> int:
 
 
 def counts(path: str | Path) -> dict[str, str] | None:
-    """What the recorder has counted, by the file's end: reads nothing of what it has recorded.
+    """The recorder's counts, from the file's end, without reading its records.
 
-    None for a file without an end, and where another program has left out some of the records.
+    None for a file without an end, or if another program has left out some of the records.
 
     Raises:
         RecordingError: The file cannot be opened.
@@ -350,7 +382,7 @@ def counts(path: str | Path) -> dict[str, str] | None:
 
 
 def _newest(file: BinaryIO, name: str) -> dict[str, str] | None:
-    """What the last metadata of this name say; None if there are none."""
+    """The last metadata of this name; None if there are none."""
     found = None
     for part in _metadata_parts(file):
         found = _said(part, name) or found
@@ -401,8 +433,8 @@ def _said(part: Part, name: str) -> dict[str, str] | None:
 def has_end(file: BinaryIO) -> bool:
     """Whether a file ends as a complete one does, the index by its checksum.
 
-    The end is written once all before it is on the disk. A file that grows or shrinks meanwhile
-    has no end yet.
+    The end is written only after everything before it is on the disk. A file that is growing or
+    shrinking has no end yet.
     """
     return _index(file) is not None
 
@@ -442,7 +474,7 @@ def is_complete(path: str | Path) -> bool:
 
 
 def was_closed(path: str | Path) -> bool:
-    """Whether whoever recorded closed it: its end is its own, and no repair's.
+    """Whether its recorder closed it, and not a repair.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -456,7 +488,7 @@ def was_closed(path: str | Path) -> bool:
 
 
 def was_cut(path: str | Path) -> bool:
-    """Whether the recording ends though nobody closed it, nor gave it up, nor writes it now.
+    """Whether the recording was cut off: not closed, not given up, and no longer being written.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -484,7 +516,7 @@ def opened(path: str | Path, mode: str = "rb") -> BinaryIO:
     try:
         if stat.S_ISREG(Path(path).stat().st_mode):
             return cast("BinaryIO", Path(path).open(mode))
-        reason = "it is no file"  # opening a port or a pipe would wait
+        reason = "it is not a file"  # to open a port or a pipe would wait
     except OSError as error:
         reason = error.strerror or str(error)
     raise RecordingError(f"cannot open {path}: {reason}; name a recording, FILE.mcap")
@@ -497,4 +529,4 @@ def _parts_of(path: str | Path) -> Generator[Part, None, None]:
             found = True
             yield part
         if not found:
-            raise RecordingError(f"{path}: {NOTHING}")
+            raise unreadable(file, path)

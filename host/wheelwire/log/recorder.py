@@ -1,7 +1,7 @@
-"""Records what crosses a link, in a thread of its own, for which the link never waits.
+"""Records what crosses a link, in its own thread; the link never waits for it.
 
-A record is on the disk after a second. When the disk is full or gone, the recording ends, and the
-robot drives on. Its file, an MCAP file, is undamaged up to the last `sync`, whatever happens.
+A record is on the disk after a second. If the disk is full or gone, the recording ends and the
+robot drives on. Whatever happens, the MCAP file is undamaged up to the last `sync`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Protocol
 
 from ..arguments import path as checked_path
-from ..errors import RecordingError, WheelwireError, afresh
+from ..errors import InvalidArgument, RecordingError, WheelwireError, afresh
 from ..link.threads import abandon_in_child
 from ..link.traffic import Kind, Record, Traffic, TrafficReader
 from . import ros_messages
@@ -47,7 +46,7 @@ REASON_SIZE = 96
 """Room for why a recorder gave up, written at the beginning: a full disk has none at the end."""
 _BEGINNING = 4096
 """The metadata are within the first bytes."""
-# What rosbag2 itself writes of a reliable publisher: without it `ros2 bag play` has to guess.
+# As rosbag2 writes it for a reliable publisher: without it `ros2 bag play` has to guess.
 _QOS = """- history: 1
   depth: 10
   reliability: 1
@@ -137,7 +136,7 @@ class RecordingFile:
             self.sync()
             _sync_folder(path.parent)
         except BaseException:
-            self.abandon()
+            self.discard()
             raise
 
     def register(self, channel: Channel) -> None:
@@ -271,10 +270,10 @@ QUEUE = 100_000
 """Records that wait while the disk does not answer: 20 s of a link that is driven at 1 kHz."""
 MAX_BYTES = 1 << 30
 MAX_S = 3600.0
-"""A recording goes on in a next file after so much, and after so long."""
+"""Size and duration after which a recording continues in the next file."""
 CLOSE_S = 10.0
 BEGIN_S = 5.0
-"""Records come once the session knows its board, for which it asks up to four times 1 s."""
+"""Records come once the session knows its board, which it asks for up to four times, 1 s each."""
 BEGIN_STEP_S = 0.001
 CLOCK_STEP_NS = 500_000_000
 """A clock that differs by more was set; below this it is only slewed."""
@@ -357,16 +356,16 @@ class Recorder:
 
     Args:
         link: To be recorded.
-        path: The file; a folder: a file in it that is named by the time. A file that exists is
-            left as it is: a number is put behind the new one's name.
+        path: The file; a folder: a file in it that is named by the time. An existing file is never
+            overwritten: the new one gets a number after its name.
         metadata: What the file says of the robot.
-        attachments: Gives what is to be attached; called in a thread of its own, once. None of it
-            need be there: it may raise a WheelwireError.
+        attachments: Returns what to attach; called once, in its own thread. What it raises is the
+            error of a recording that is whole but for that.
 
     Attributes:
         lost: Records that came faster than they could be written.
         error: Why the recording has ended before the link.
-        files: All that were written, in order; of the last one more may come.
+        files: All files written, in order; the last may still grow.
 
     Raises:
         RecordingError: The file cannot be made, or the package `mcap` is not installed.
@@ -394,6 +393,7 @@ class Recorder:
         self._lost_before = 0
         """Records that earlier inlets lost."""
         self._attached: list[Attachment] = []
+        self._unattached: Exception | None = None
         self._closing = threading.Event()
         self._pid = os.getpid()
         self._synced_s = self._chunk_s = time.monotonic()
@@ -426,12 +426,7 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _next_file(self) -> RecordingFile:
@@ -455,7 +450,11 @@ class Recorder:
             return file
 
     def _fetch(self, attachments: Callable[[], Iterable[Attachment]]) -> None:
-        self._attached += attachments()
+        try:
+            self._attached += attachments()
+        except Exception as error:
+            if not (isinstance(error, WheelwireError) and self._link.has_ended):
+                self._unattached = error
 
     # --- the thread ------------------------------------------------------------------------------
 
@@ -469,6 +468,9 @@ class Recorder:
             self._attach()
             self._check_begun()
             self._file.close()
+            if self._unattached is not None:
+                why = f"{self.file} is whole, but not all is attached: {self._unattached!r}"
+                self.error = RecordingError(why)
         except Exception as error:
             self._give_up(error)
         finally:
@@ -494,12 +496,12 @@ class Recorder:
         if not known and not isinstance(error, OSError):
             _LOG.error("the recorder has failed", exc_info=error)
         self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
-        _LOG.error("%s; the robot is driven on", self.error)
-        with suppress(OSError):  # a full disk may report it once more
+        _LOG.error("%s; the robot still drives", self.error)
+        with suppress(OSError):  # a full disk may report its error again
             self._file.give_up(str(reason))
 
     def _taken(self) -> list[Record]:
-        """The records for this file. Begins the next file, or begins anew after a loss."""
+        """The records for this file. Begins the next file, or restarts after a loss."""
         records = self._inlet.take()
         if self._inlet.has_gap:
             self.lost = self._lost_before + self._inlet.lost
@@ -566,11 +568,18 @@ def _clock_offset_ns() -> int:
 
 
 def recording_path(path: str | Path) -> Path:
-    """The file that is meant; raises `RecordingError` where none can be made."""
+    """The file that is meant.
+
+    Raises:
+        InvalidArgument: The name is neither a folder's nor that of a recording.
+        RecordingError: None can be made there.
+    """
     require_mcap()
     found = checked_path("path", path)
     if found.is_dir():
         found /= f"wheelwire-{datetime.now().astimezone():%Y%m%d-%H%M%S}.mcap"
+    elif found.suffix.lower() != ".mcap":
+        raise InvalidArgument(f"{path}: a recording's name ends in .mcap, or name a folder")
     if not found.parent.is_dir():
         raise RecordingError(
             f"cannot record to {found}: there is no folder {found.parent}; make it first"

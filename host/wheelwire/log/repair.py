@@ -25,24 +25,23 @@ from .reader import (
     CHUNK,
     DATA_END,
     FOOTER,
-    FOREIGN,
     HEAD,
     HEADER,
-    LIBRARY,
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
     METADATA_RECORD,
-    NOTHING,
     REPAIRED,
     SCHEMA,
     Part,
     chunk_of,
     has_end,
+    is_ours,
     is_whole,
     opened,
     parts,
     stream_of,
+    unreadable,
     within,
 )
 
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
 PAUSE_S = 0.01
-"""Pause after each chunk, for a robot that somebody drives meanwhile."""
+"""Pause after each chunk, so as not to disturb a robot that is being driven."""
 LARGEST_REST = 4 << 20
 """A crash can damage less than this: the last second."""
 _MESSAGE = struct.Struct("<HIQ")
@@ -84,14 +83,13 @@ def repair(path: str | Path) -> bool:
     """Make a recording complete. False if it was.
 
     Raises:
-        RecordingError: It is being recorded, is no recording, or is damaged in its middle.
+        RecordingError: It is being recorded, is not a recording, or is damaged in its middle.
     """
     try:
         with opened(path, "r+b") as file:
             _lock(file, path)
-            first = next(parts(file), None)
-            if not _is_ours(first):
-                raise RecordingError(f"{path}: {NOTHING if first is None else FOREIGN}")
+            if not is_ours(next(parts(file), None)):
+                raise unreadable(file, path)
             found = _found(file, 0.0)
             if found.is_complete:
                 return False
@@ -104,15 +102,15 @@ def repair(path: str | Path) -> bool:
 
 
 def repair_folder(folder: Path) -> None:
-    """Repair every recording of ours that is there and that nobody writes."""
+    """Repair every recording of ours here that is not being written."""
     for path in sorted(folder.glob("*.mcap")):
         try:
             with path.open("r+b") as file:
-                if has_end(file) or not _is_ours(next(parts(file), None)):
+                if has_end(file) or not is_ours(next(parts(file), None)):
                     continue
                 _lock(file, path)
                 found = _found(file, PAUSE_S)
-                if found.is_complete:  # whoever wrote it has closed it since
+                if found.is_complete:  # its recorder has closed it since
                     continue
                 _finish(file, found, path)
             _LOG.info("repaired %s, which had no end", path)
@@ -134,17 +132,6 @@ def _lock(file: BinaryIO, path: str | Path) -> None:
         raise _BeingWritten(
             f"{path} is being written, by a recording or a repair: end that first"
         ) from None
-
-
-def _is_ours(first: Part | None) -> bool:
-    """Whether a file that begins with this part is a recorder's."""
-    from mcap.records import Header
-
-    return (
-        first is not None
-        and first.opcode == HEADER
-        and Header.read(stream_of(first.content)).library == LIBRARY
-    )
 
 
 def _found(file: BinaryIO, pause_s: float) -> _Found:
@@ -279,7 +266,7 @@ def _is_later(rest: bytes, found: _Found) -> bool:
         part = Part(begin.start(), opcode, content)
         if len(content) == length and is_whole(part):
             chunk = chunk_of(part)
-            # Of a file that was cut within its first second nothing may be undamaged before it.
+            # If a file was cut within its first second, nothing before this may be undamaged.
             newest_ns = chunk.message_start_time if newest_ns is None else newest_ns
             if chunk.message_end_time > newest_ns + LATEST_NS:
                 return True
@@ -287,7 +274,7 @@ def _is_later(rest: bytes, found: _Found) -> bool:
 
 
 def _mark(found: _Found, offset: int) -> bytes:
-    """The metadata that say that the end is not of who recorded."""
+    """The metadata that say that a repair wrote the end."""
     from mcap.data_stream import RecordBuilder
     from mcap.records import Metadata, MetadataIndex
 

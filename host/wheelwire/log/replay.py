@@ -1,7 +1,7 @@
 """A link to a recording: the same samples, stamps and counters as on its day.
 
 It answers only what a program asked on that day, and nothing that is sent to it has an effect. It
-compares setpoints with those of the day.
+compares setpoints with the recorded ones.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice, takewhile
 from typing import Any, cast
 
@@ -40,12 +40,11 @@ from wheelwire_protocol.types import (
 from ..errors import InvalidCommand, LinkClosed, RecordingError, WheelwireError
 from ..link.clock import host_clock_us
 from ..link.device_link import STEP_S, InlineLink, Opening
-from ..link.info import LinkStatistics
-from ..link.notices import Happening, Listener
 from ..link.requests import Answer, Done, RequestMessage
 from ..link.sample_stream import QUEUE_US, LatestSample
 from ..link.setpoints import ASKED
-from ..link.traffic import Kind, Record, TrafficReader
+from ..link.statistics import LinkStatistics
+from ..link.traffic import Happening, Kind, Listener, Record, TrafficReader
 from ..samples import Setpoint
 from .rerun import RerunLink
 
@@ -65,7 +64,7 @@ _ANSWERS: dict[type[AnyMessage], str] = {
     Contradictions: "",
     ConfigurationValue: "",
 }
-"""What a replay answers, and which field of an answer and of its request says which one it is."""
+"""The answers of a replay, and the fields that identify an answer and its request."""
 OPEN_S = 10.0
 """How much of a recording may pass before its first session is open."""
 QUEUE = 100_000
@@ -76,7 +75,7 @@ ENDED = "the recording has ended"
 
 @dataclass(frozen=True)
 class Comparison:
-    """The setpoints of this run beside those of the recording, one by one in their order."""
+    """The setpoints of this run next to the recorded ones, one by one in order."""
 
     compared: int = 0
     different: int = 0
@@ -107,10 +106,10 @@ class _Comparing:
 
 
 class _Answers:
-    """The answers of the device on the day, for a program that asks the same again.
+    """The device's recorded answers, for a program that asks the same again.
 
-    These are the answers up to now. Of other requests it is the first answer within the minute
-    ahead: a program may ask at its beginning what another one asked a moment later.
+    Normally an answer recorded up to now. If there is none, the first within the next minute: this
+    program may ask at its start what the recorded one asked a moment later.
     """
 
     def __init__(self, records: Callable[[], Iterable[Record]]) -> None:
@@ -133,7 +132,7 @@ class _Answers:
             self._ahead_from = session
             self._look_ahead(now_us)
         answer = self._known.get(key)
-        # Whoever sets what is set already asks for nothing new.
+        # Setting a value that is already set changes nothing.
         if isinstance(message, ParameterSet) and getattr(answer, "value", None) != message.value:
             return None
         return answer
@@ -171,6 +170,7 @@ class ReplayLink(RerunLink, InlineLink):
         name: Name of the recording, for messages.
         records: Gives all of it, in order, from the beginning whenever it is called.
         speed: How much faster than on the day time passes; 0: only in `advance`.
+        check_cut_off: Raises the error of a file that was cut off, if it was.
     """
 
     def __init__(
@@ -179,6 +179,7 @@ class ReplayLink(RerunLink, InlineLink):
         name: str,
         records: Callable[[], Iterable[Record]],
         speed: float,
+        check_cut_off: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(latest_sample)
         self.in_virtual_time = not speed
@@ -191,13 +192,14 @@ class ReplayLink(RerunLink, InlineLink):
         self._records: Iterator[Record] = iter(())
         self._answers = _Answers(records)
         self._open_records = records
+        self._check_cut_off = check_cut_off
         self._next: Record | None = None
         self._speed = speed
         self._comparing = _Comparing()
         self._notes: dict[str, Any] = {}
         self._connections = 0
         self._played_us = 0
-        """The recorded clock, up to which the session has run again."""
+        """The recorded clock at the point up to which the session has been replayed."""
         self._is_used = False
         """Whether the program has sent or listens to something; time then passes unread."""
         self._began: tuple[int, float] | None = None
@@ -254,6 +256,7 @@ class ReplayLink(RerunLink, InlineLink):
         self._records = _notes_first(self._open_records())
         self._next = next(self._records, None)
         if self._next is None or self._next.kind is not Kind.START:
+            self._check_cut_off()
             raise RecordingError(
                 f"{self._name}: it holds nothing of a link; record the robot again"
             )
@@ -286,7 +289,7 @@ class ReplayLink(RerunLink, InlineLink):
             return
         self._end = end
         if isinstance(end, LinkClosed):
-            self._latest_sample.close()  # whoever iterates comes to an end, without an error
+            self._latest_sample.close()  # iterators end, without an error
         self._latest_sample.fail(end)
         self.changed.notify_all()
 
@@ -296,7 +299,7 @@ class ReplayLink(RerunLink, InlineLink):
         """Play up to the first session.
 
         Raises:
-            RecordingError: There is none within 10 s, or the file is damaged.
+            RecordingError: There is no session within 10 s, or the file is damaged.
         """
         next(self.opening())  # all at once: nothing is waited for
 
@@ -304,13 +307,15 @@ class ReplayLink(RerunLink, InlineLink):
         """As `Link.opening`."""
         try:
             self._begin()
-            # All at once: nobody waits again for what took long on the day.
+            # All at once: do not repeat the recorded waits.
             until_us = self._played_us + round(OPEN_S * 1e6)
             while not self._is_open and self._next is not None and self._next.host_us <= until_us:
                 self._play(self._next)
         except ValueError as error:
             raise RecordingError(f"{self._name}: {error}") from error
         if not self._is_open:
+            if self._next is None:
+                self._check_cut_off()
             raise RecordingError(
                 f"{self._name}: no session was open within {OPEN_S:g} s of its beginning; "
                 "record a robot that answers"
@@ -340,12 +345,11 @@ class ReplayLink(RerunLink, InlineLink):
     @property
     def statistics(self) -> LinkStatistics:
         """What was counted up to this moment of the day."""
-        counted = self._session.statistics(self._rerun.host_us)
-        return replace(counted, reconnects=max(0, self._connections - 1))
+        return self._session.statistics(self._rerun.host_us, max(0, self._connections - 1))
 
     @property
     def comparison(self) -> Comparison:
-        """The setpoints that were asked for beside the recorded ones."""
+        """The setpoints of this run, next to the recorded ones."""
         return self._comparing.result
 
     def why_no_sensors(self, waited_s: float) -> WheelwireError:
@@ -357,7 +361,8 @@ class ReplayLink(RerunLink, InlineLink):
     @property
     def _nobody_asked(self) -> InvalidCommand:
         return InvalidCommand(
-            f"{self._name} is a recording, and no program had asked for the sensors by then: call "
+            f"{self._name} is a recording, and no program had requested the sensors' samples "
+            "by then: call "
             "`robot.sensors.start()` in the program that is recorded"
         )
 
@@ -367,7 +372,7 @@ class ReplayLink(RerunLink, InlineLink):
         self._is_used = True
 
     def noted(self, name: str) -> Any:
-        """What the program of the day said of itself up to now and half a second after.
+        """What the recorded program said of itself up to now and half a second later.
 
         If that is nothing, what it said first within the minute ahead, or None.
         """
@@ -409,7 +414,7 @@ class ReplayLink(RerunLink, InlineLink):
         An `InvalidCommand` if that is not known, or if the request would change something.
         """
         self.check()
-        known = self._session.values
+        known = self._session.reported.values
         if isinstance(message, SensorStream):
             self._is_used = True
             done(Ack(0, 0, message_id(SensorStream)))  # they come as on that day
@@ -420,12 +425,12 @@ class ReplayLink(RerunLink, InlineLink):
         ) is not None:
             done(answer)
         elif isinstance(message, GroupGet) and message.group == Group.SENSOR:
-            done(self._nobody_asked)  # whoever does, asks this first
+            done(self._nobody_asked)  # a caller checks this first
         else:
             done(
                 InvalidCommand(
-                    f"{type(message).__name__}: {self._name} is a recording, which answers only "
-                    "what was asked on that day; ask a robot"
+                    f"{type(message).__name__}: {self._name} is a recording, which has only "
+                    "the recorded answers; ask a robot"
                 )
             )
 

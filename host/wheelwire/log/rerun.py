@@ -16,6 +16,7 @@ from wheelwire_protocol.types import Hold
 
 from ..errors import LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
+from ..link.handover import resumed
 from ..link.requests import Answer
 from ..link.sample_stream import LatestSample, Measurement
 from ..link.session import Phase, Session
@@ -101,11 +102,11 @@ class Rerun:
         """Run one record again; returns what it measured.
 
         Raises:
-            ValueError: The record is none of this release.
+            ValueError: The record is from another release.
         """
         self.host_us = max(self.host_us, record.host_us)
         if record.kind is Kind.START:
-            self.session = Session.resumed(record.data, lambda: 0)
+            self.session = resumed(record.data, lambda: 0)
             return []
         session = self.session
         if session is None or record.kind in (Kind.SENT, Kind.NOTE):
@@ -133,7 +134,7 @@ def _request(session: Session, record: Record) -> None:
     for message in Decoder().feed(record.data):
         # A function for each, so that one can be withdrawn without the others.
         def done(_: Answer | WheelwireError) -> None:
-            """Takes an answer for which nobody waits."""
+            """Takes an answer that no call waits for."""
 
         session.request(message, done, record.host_us)  # type: ignore[arg-type]
 
@@ -146,7 +147,7 @@ def _stop(session: Session, record: Record) -> None:
 
 
 def _nobody(_: Answer | WheelwireError) -> None:
-    """Takes the answer to a recorded stop, for which nobody waits."""
+    """Takes the answer to a recorded stop, which no call waits for."""
 
 
 def _asked(record: Record) -> tuple[float, float, int, int]:
@@ -188,7 +189,7 @@ class RerunLink(DeviceLink):
         session = self._rerun.session
         if session is None:
             self._check_alive()
-            raise LinkLost(f"{self.name}: nothing is known of its session yet; wait a moment")
+            raise LinkLost(f"{self.name}: its session is not known yet; wait a moment")
         return session
 
     @property
@@ -200,7 +201,7 @@ class RerunLink(DeviceLink):
     def hold(self) -> Hold | None:
         """As `Session.hold`; None, too, while nothing is known of a session."""
         session = self._rerun.session
-        return None if session is None else session.hold
+        return None if session is None else session.reported.hold
 
     def _do_again(self, record: Record) -> None:
         was_open = self._is_open

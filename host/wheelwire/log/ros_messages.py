@@ -240,7 +240,7 @@ def _fields(message: str) -> tuple[_Field, ...]:
 
 
 def _definition(message: str) -> tuple[str, str]:
-    """The message's name, and its definition with those that it contains."""
+    """The message's name, and its definition with those of nested messages."""
     contained = dict.fromkeys(_contained(message))
     parts = (f"{_SEPARATOR}{name}\n{_DEFINITIONS[name]}" for name in contained)
     return message.replace("/", "/msg/"), _DEFINITIONS[message] + "".join(parts)
@@ -396,9 +396,9 @@ def cloud(frame: str, points: Sequence[tuple[float, float, float]]) -> Layout:
 
 
 def battery_state(frame: str) -> Layout:
-    """A battery of which only the voltage is measured. Fill in stamp, voltage, percentage (0..1).
+    """A battery with only a measured voltage. Fill in stamp, voltage, percentage (0..1).
 
-    All other fields say that they are unknown.
+    All other fields mean unknown.
     """
     unknown = ("temperature", "current", "charge", "capacity", "design_capacity")
     codes = ("status", "health", "technology")

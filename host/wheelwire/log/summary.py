@@ -60,7 +60,7 @@ class Counter:
 
     @property
     def counts(self) -> Counts:
-        """What was counted of those that were fed."""
+        """The counts of the records fed so far."""
         self._counts.frames_lost = self._reader.lost  # here: to ask for each record costs more
         return self._counts
 
@@ -112,8 +112,8 @@ def summary(path: str | Path) -> Summary:
     """Summarise a recording, by what its end says; one without an end is read in full.
 
     Raises:
-        RecordingError: The file cannot be read, is no recording, or of another release; or what
-            crossed the link is not in it.
+        RecordingError: The file cannot be read, is not a recording, or is from another release; or
+            it lacks what crossed the link.
     """
     said = metadata(path)
     check_release(path)

@@ -7,11 +7,10 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..errors import WheelwireError
-from ..link.notices import Happening
 from ..link.sample_stream import Measurement, Pacer
 from ..link.sensor_stream import ImuMeasurement, InputsMeasurement, RangeMeasurement, SensorStream
 from ..link.session import Session
-from ..link.traffic import Kind, Record
+from ..link.traffic import Happening, Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
 from ..samples import RangeSample, SensorEvent, WheelSample
@@ -26,10 +25,10 @@ BATTERY = Channel("/battery_state", *ros_messages.BATTERY_STATE)
 IMU = Channel("/imu/data_raw", *ros_messages.IMU)
 EVENTS = Channel("/wheelwire/events", *ros_messages.LOG)
 CHANNELS = (ODOM, TRANSFORMS, JOINT_STATES, BATTERY, IMU, EVENTS)
-"""Those of every file. One of a sensor begins with its first measurement."""
+"""Channels of every file. A sensor's channel begins with its first measurement."""
 BUMPERS = Channel("/bumpers", *ros_messages.CLOUD)
 RATE_HZ = 50.0
-"""Of the motion and of the IMU, as fast as the node publishes by default."""
+"""Rate of motion and IMU: the default rate at which the node publishes."""
 BATTERY_PERIOD_S = 1.0
 JOINTS = ("left_wheel_joint", "right_wheel_joint")
 """The default of the ROS node's parameters, as are the frames below."""
@@ -102,7 +101,7 @@ class Views:
             self._said.append((logging.INFO, f"{measurement.supervisor.name}{faults}"))
 
     def _motion(self, session: Session, sample: WheelSample, time_ns: int) -> Iterator[View]:
-        values = session.watched_values
+        values = session.reported.watched_values
         if values is None:
             return
         odometry = self._odometry

@@ -1,7 +1,7 @@
 """Covariance of a dead-reckoned pose: error propagation over the odometry's updates.
 
-The motion model, its Jacobians and the error model are those of Siegwart and Nourbakhsh,
-Introduction to Autonomous Mobile Robots, section 5.2.4.
+The motion model, its Jacobians and the error model are from Siegwart and Nourbakhsh, Introduction
+to Autonomous Mobile Robots, section 5.2.4.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class PoseCovariance:
             unseen_m = np.array([update.unseen_right_m, update.unseen_left_m])
             distance = float(unseen_m.sum()) / 2
             turn = float(unseen_m[0] - unseen_m[1]) / wheel_separation
-            # The pose has not moved, so it is that of the unseen arc's beginning.
+            # The pose has not moved, so it is still at the beginning of the unseen arc.
             by_travel = _by_travel(heading + turn / 2, distance, wheel_separation)
             # Correlated, since both wheels stopped at the same time; the diagonal is the roll-out.
             errors = np.outer(unseen_m, unseen_m) + np.diag((ROLL_OUT * unseen_m) ** 2)
@@ -58,7 +58,7 @@ class PoseCovariance:
             self.matrix = self.matrix + by_travel @ errors @ by_travel.T + bent
             return self.matrix
         distance, turn = update.distance_m, update.turn_rad
-        # The pose is that of the arc's end.
+        # The pose is at the end of the arc.
         middle = heading - turn / 2
         cosine, sine = math.cos(middle), math.sin(middle)
         by_pose = np.array([[1, 0, -distance * sine], [0, 1, distance * cosine], [0, 0, 1.0]])

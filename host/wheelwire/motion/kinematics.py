@@ -10,11 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, decimal_of_float32
 
 from ..arguments import is_number
 from ..errors import ParameterOutOfRange
-from ..parameters import decimal_of_float32
 
 GEOMETRY = tuple(
     PARAMETER_BY_NAME[name].id

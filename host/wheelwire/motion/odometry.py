@@ -91,7 +91,7 @@ class Odometry:
         self.pose = self.pose.advance(distance, turn)
         dt = travel.dt_s
         twist = Twist(distance / dt, turn / dt) if dt > 0 else Twist(0.0, 0.0)
-        # By the host's clock: the device's began anew at the reset.
+        # By the host's clock: the device's restarted at the reset.
         unseen_s = min(sample.stamp - last.stamp, LONGEST_UNSEEN_S) if travel.rebased else 0.0
         return OdometryUpdate(
             self.pose,

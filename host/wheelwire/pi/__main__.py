@@ -24,7 +24,7 @@ from .guard import Heartbeat, Phase
 from .settings import McuSettings
 
 if TYPE_CHECKING:
-    from wheelwire_protocol.native import Sensors
+    from wheelwire_protocol.core import Sensors
 
 GUARD_START_S = 10.0
 _PARENT_ENDED = "wheelwire: the application ended before its pins were opened"
@@ -72,8 +72,9 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
 
 
 def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | None]) -> int:
-    """Run the core, and beside it what reads its buses."""
-    from wheelwire_protocol.native import NativeMissingError, Sensors
+    """Run the core, and the processes that read its buses."""
+    from wheelwire_protocol.core import Sensors
+    from wheelwire_protocol.native import NativeMissingError
 
     from .core import check_board
     from .i2c import BusReaders
@@ -140,7 +141,7 @@ def _run_on_pins(
         # Once the application knows that all is well, the socket carries frames.
         return _print_error(error) if started else _fail(settings, error)
     finally:
-        # In this order: if the closing hangs or dies, the guard still pulls EN low.
+        # In this order: if closing hangs or dies, the guard still pulls EN low.
         gpio.close()
         heartbeat.phase = Phase.CLOSED
     return 0
@@ -161,7 +162,7 @@ def _pidfd_of_parent(pid: int | None) -> int | None:
 
 def _open_end_signal() -> int:
     """A descriptor that becomes readable on SIGTERM or SIGHUP."""
-    # Not a flag: after a signal `select` goes on waiting (PEP 475), and nobody would look at it.
+    # Not a flag: after a signal, `select` goes on waiting (PEP 475), so nothing would check it.
     receiver, sender = socket.socketpair()
     receiver.setblocking(False)
     sender.setblocking(False)

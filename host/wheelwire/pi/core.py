@@ -10,7 +10,7 @@ from pathlib import Path
 from secrets import randbits
 
 from wheelwire_protocol.codes import Chip, ResetReason, SupervisorState
-from wheelwire_protocol.native import Core, Identity, Outputs, Sensors
+from wheelwire_protocol.core import Core, Identity, Outputs, Sensors
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..errors import ConfigurationError
@@ -116,13 +116,14 @@ class McuLoop:
 
     def run(self) -> None:
         """Run until the end. Raises `LinkLost` if the pins can no longer be reached."""
-        # Until the process is to end and the core has finished its stop.
+        # Until the process has to end and the core has finished its stop.
         while not (self._ending and self._low_steps >= STOPPED_STEPS):
             ready = self._wait()
             if any(ending in ready for ending in self._endings):
                 self._end()
             if data := self._line.receive(ready):
-                # Nothing is cut off: its queue holds a whole read, which the calls below take out.
+                # Nothing is cut off: the core's queue holds a whole read, and the calls below empty
+                # it.
                 self._core.feed(data)
                 for _ in range(0, len(data), SERVICE_SIZE):  # at least once for any data
                     self._apply(self._core.service(self._now_us()))
@@ -135,7 +136,7 @@ class McuLoop:
             # In each turn: a host that never pauses must not delay the steps.
             self._step_if_due()
             self._line.send(self._core)
-            # Last: a beat stands for a whole turn.
+            # Last: a beat confirms a whole pass.
             self._heartbeat.beat()
 
     def _now_us(self) -> int:

@@ -129,13 +129,13 @@ def watch(
     Returns:
         The exit status of the core's process.
     """
-    # A pidfd, because waitpid has no time-out: the heartbeat has to be looked at meanwhile.
+    # A pidfd, because waitpid has no time-out, and the guard must also check the heartbeat.
     core = os.pidfd_open(core_pid)
     enable_low = _prepared(prepare_enable_low, heartbeat)
     while not _ended(core):
         if heartbeat.phase is Phase.RUNNING and heartbeat.age_s > core_timeout_s:
-            # If the guard itself was not scheduled for a while, neither was the core: give it one
-            # check's time to beat again before it is killed.
+            # If the guard itself was not scheduled for a while, the core may not have been either.
+            # Give it one check's time to beat again before killing it.
             if _ended(core, wait_s=CHECK_S) or heartbeat.age_s <= core_timeout_s:
                 continue
             os.kill(core_pid, signal.SIGKILL)

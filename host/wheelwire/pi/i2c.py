@@ -1,8 +1,8 @@
 """This computer's I2C buses: a process for each reads it, with the firmware's drivers, by smbus2.
 
-A transfer on a bus that hangs waits in the kernel, and nothing can end it there: neither the core
-nor the guard may wait for a process that makes one. So the reader is a child of the core's process,
-which starts it before it claims any pin, and shares only the memory of `Sensors` with it.
+A transfer on a hung bus waits in the kernel, and nothing can end it there. So neither the core nor
+the guard may wait for a process that makes transfers. The core's process starts the reader as a
+child before it claims any pin, and shares only the memory of `Sensors` with it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from wheelwire_protocol.native import Sensors, TransferResult
+from wheelwire_protocol.core import Sensors, TransferResult
 
 from ..errors import DriverUnavailable
 from . import guard
@@ -187,7 +187,7 @@ class BusReader:
     def _carry(self, address: int, out: bytes, size: int) -> tuple[TransferResult, bytes, int]:
         try:
             result, data = self._transfer(address, out, size)
-        except Exception:  # one that nobody thought of must not pass for an answer
+        except Exception:  # an unforeseen one must not look like an answer
             traceback.print_exc()
             result, data = TransferResult.HUNG, b""
         return result, data, self._now_us()

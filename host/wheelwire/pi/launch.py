@@ -136,6 +136,6 @@ def _raise_error_of(answer: dict[str, Any]) -> dict[str, Any]:
     if "error" not in answer:
         return answer
     kinds = (errors.DriverUnavailable, errors.ConfigurationError)
-    # Anything else, such as a missing library, means that the driver cannot be had.
+    # Anything else, such as a missing library, means that the driver is not available.
     kind = next((k for k in kinds if k.__name__ == answer["error"]), errors.DriverUnavailable)
     raise kind(answer["text"])

@@ -7,12 +7,12 @@ from abc import ABC, abstractmethod
 from contextlib import suppress
 from pathlib import Path
 
-from wheelwire_protocol.native import Core
+from wheelwire_protocol.core import Core
 
 READ_SIZE = 4096
 SEND_BUFFER = 4608
-"""Little more than the smallest that Linux allows, so that states do not age in a queue that nobody
-reads."""
+"""Little more than the smallest that Linux allows, so that states do not grow old in an unread
+queue."""
 
 
 class Line(ABC):
@@ -39,7 +39,7 @@ class Line(ABC):
         try:
             data = self._host.recv(READ_SIZE)
         except BlockingIOError:
-            # Nothing has come, but that is no end.
+            # Nothing has arrived, but this is not the end.
             return b""
         except OSError:
             pass  # an end like any other
@@ -50,7 +50,7 @@ class Line(ABC):
     def send(self, core: Core) -> None:
         """Send the core's output as far as there is room; the rest stays in the core."""
         if self._host is None:
-            core.take()  # nobody to send it to; the core's queue must not fill up
+            core.take()  # no application is connected; the core's queue must not fill up
             return
         # First the rest of what was sent in part: no frame may begin inside another.
         self._output = self._output or core.take()
@@ -99,7 +99,7 @@ class ListeningLine(Line):
     """One application at a time; others are disconnected at once.
 
     Args:
-        path: Path of the socket. A stale one, on which nobody listens, is replaced.
+        path: Path of the socket. A stale one, without a listener, is replaced.
 
     Raises:
         OSError: It cannot be created, or another process listens there.
@@ -124,7 +124,7 @@ class ListeningLine(Line):
         """Also accepts a new application."""
         if self._server is not None and self._server.fileno() in ready:
             with suppress(BlockingIOError):
-                # Whoever connected may have gone again: then there is nobody to accept.
+                # The application may have disconnected already: then there is nothing to accept.
                 host, _ = self._server.accept()
                 if self._host is None:
                     self._adopt_host(host)
@@ -134,7 +134,7 @@ class ListeningLine(Line):
 
     def next_host(self) -> bool:
         """Another application may connect at any time."""
-        # Not this class's own, which would also end the listening.
+        # Not this class's own `close`, which would also stop listening.
         super().close()
         return True
 

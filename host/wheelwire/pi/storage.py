@@ -6,6 +6,7 @@ and a fault end with the computer's power at the latest, and writing one waits f
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import sys
@@ -13,23 +14,12 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from wheelwire_protocol.native import RECORDER_SIZE, Core
+from wheelwire_protocol.core import RECORDER_SIZE, Core
 
 from ..errors import ConfigurationError
+from ..whole_file import write_whole
 from .guard import Heartbeat
 from .settings import McuSettings
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Replace the content of `path`: after a crash the old content or the new one is there."""
-    # In the same folder: only within one file system is a rename atomic.
-    new = path.with_name(path.name + ".new")
-    with new.open("wb") as file:
-        file.write(content)
-        file.flush()
-        # Without it a power cut may leave the new name with nothing behind it.
-        os.fsync(file.fileno())
-    new.replace(path)
 
 
 class ParameterFile:
@@ -52,7 +42,7 @@ class ParameterFile:
         except FileNotFoundError:
             return b""
         except OSError as error:
-            # Not an empty store: with the defaults it would drive as nobody has set it up.
+            # Not an empty store: the robot would drive with defaults that nobody chose for it.
             raise ConfigurationError(
                 f"{self._path}: {error.strerror}: correct the path of the store or its permissions"
             ) from error
@@ -74,7 +64,7 @@ class ParameterFile:
 
 
 def recorder_path(settings: McuSettings) -> Path:
-    """The file, beside the saved parameters; without those in memory, until the power is off."""
+    """The file next to the saved parameters; without those, memory, until the power is off."""
     if settings.store is not None:
         store = Path(settings.store)
         return store.with_name(f"{store.name}.recorder")
@@ -103,8 +93,8 @@ class RecorderFile:
     def __init__(self, path: Path, heartbeat: Heartbeat) -> None:
         self._path = path
         self._heartbeat = heartbeat
-        # Each write is on the disk before the next: so a cut of the power leaves what one of a
-        # chip's flash does, of which the core makes out an old box or a new one.
+        # Each write is on the disk before the next. So after a power cut it looks like a chip's
+        # flash after one, where the core finds either an old box or a new one.
         flags = os.O_RDWR | os.O_CREAT | os.O_DSYNC | os.O_CLOEXEC | os.O_NOFOLLOW
         self._file = os.open(path, flags, 0o600)
         self.content = os.pread(self._file, RECORDER_SIZE + 1, 0)
@@ -113,7 +103,10 @@ class RecorderFile:
             # Another file's, or one that a crash cut off: as flash that was never written.
             self.content = b"\xff" * RECORDER_SIZE
             os.ftruncate(self._file, 0)
-            os.pwrite(self._file, self.content, 0)
+            if os.pwrite(self._file, self.content, 0) < RECORDER_SIZE:
+                os.close(self._file)
+                path.unlink()
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def write(self, offset: int, data: bytes) -> bool:
         """Write a part; returns False if the disk refuses."""
@@ -127,7 +120,7 @@ class RecorderFile:
 
 DIRECTORY_VARIABLE = "WHEELWIRE_RUNTIME_DIR"
 UNREADABLE = b"unreadable"
-"""Bytes that are no record, which the core treats as an e-stop."""
+"""Bytes that are not a record; the core treats them as an e-stop."""
 
 
 class LatchFile:
@@ -153,10 +146,8 @@ class LatchFile:
 
     def save(self, record: bytes) -> bool:
         """Replace the record. Called while driving: without waiting for a disk."""
-        new = self._path.with_suffix(".new")
         try:
-            new.write_bytes(record)
-            new.replace(self._path)
+            write_whole(self._path, record, sync=False)
         except OSError as error:
             sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}\n")
             return False
@@ -167,7 +158,7 @@ def latch_file(settings: McuSettings) -> LatchFile:
     """The record of the robot with these settings.
 
     Raises:
-        ConfigurationError: There is no directory in which it would be safe.
+        ConfigurationError: No directory is safe for it.
     """
     name = f"{settings.identity}.latch"
     return LatchFile(runtime_directory() / name.replace(os.sep, "_"))
@@ -192,7 +183,7 @@ def runtime_directory() -> Path:
 def _own(path: Path) -> Path:
     path.mkdir(mode=0o700, exist_ok=True)
     found = path.lstat()
-    # Whoever can write there could end an e-stop.
+    # Anyone who can write there could end an e-stop.
     is_ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
     if not is_ours or found.st_mode & 0o022:
         raise ConfigurationError(

@@ -5,20 +5,21 @@ Each operation is written once, for asyncio and for threads.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import cast
+from dataclasses import dataclass
+from typing import NamedTuple, cast
 
-from wheelwire_protocol.black_box import head_of
+from wheelwire_protocol.black_box import BoxHead, head_of
 from wheelwire_protocol.codes import Group, RefusalCode, ResetReason, SupervisorEvent
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
-from ..link.info import Ledger, Recorded, StoredBox
 from .calls import Requests, blocking
 
 _MOST_BOXES = 255
 _ROUNDS = 3
-"""So often boxes are listed, for those that are stored while others are read."""
+"""How often boxes are listed, to find those that are stored while others are read."""
 _STOPS = (
     SupervisorEvent.SESSION,
     SupervisorEvent.STOP,
@@ -26,6 +27,51 @@ _STOPS = (
     SupervisorEvent.ESTOP,
     SupervisorEvent.FAULT,
 )
+
+
+class StoredBox(NamedTuple):
+    """A black box that a device has stored.
+
+    Attributes:
+        head: Why, when and on which board it was stored.
+        size: In bytes.
+        is_current: Whether it ends with the device's present state, or with the reset that began
+            this boot.
+    """
+
+    head: BoxHead
+    size: int
+    is_current: bool
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """What happened to a robot in its life.
+
+    Attributes:
+        uptime_s: In all [s]. A power cut costs all counts of the last ten minutes at most, any
+            other reset a second of this.
+        resets: Starts by their reason.
+        stops: E-stops and faults, and drives that a session, a stop or a deadline ended.
+    """
+
+    uptime_s: int
+    resets: Mapping[ResetReason, int]
+    stops: Mapping[SupervisorEvent, int]
+
+
+class Recorded(NamedTuple):
+    """All that a device has recorded.
+
+    Attributes:
+        boxes: With what each of them holds, the oldest first.
+        ledger: None: it has none, or does not say.
+        why_none: Why nothing could be read; empty if something was.
+    """
+
+    boxes: Sequence[tuple[StoredBox, bytes]] = ()
+    ledger: Ledger | None = None
+    why_none: str = ""
 
 
 class AwaitableRecorder:
@@ -44,7 +90,7 @@ class AwaitableRecorder:
             LinkLost, RequestTimeout: The device was not reached.
         """
         await self._requests.check_group(Group.RECORDER)
-        # By number: one that is stored meanwhile makes all others older.
+        # By number: a box stored during the download makes all others older.
         found: dict[int, StoredBox] = {}
         for age in range(_MOST_BOXES):
             value = cast("BoxValue", await self._requests.ask(BoxGet(0, 0, age)))
@@ -101,7 +147,7 @@ class AwaitableRecorder:
     async def read(self, *, boxes: bool = True) -> Recorded:
         """Read all of it. If the robot drives or the device has no recorder, `why_none` says so.
 
-        A box that is stored meanwhile is read, too. One that cannot be read is empty.
+        This also reads a box that is stored during the call. A box that cannot be read is empty.
 
         Args:
             boxes: False: the ledger alone.

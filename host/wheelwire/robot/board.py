@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import cast
 
-from wheelwire_protocol.board import STAGES, ConfigurationState
-from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.codes import Contradiction, Group
+from wheelwire_protocol.board import STAGES
+from wheelwire_protocol.codec import BOARD, BY_TYPE, ENTRY, assembled, fingerprint_of
+from wheelwire_protocol.codes import ConfigurationState, Contradiction, Group
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -28,7 +28,7 @@ from wheelwire_protocol.types import (
     Restart,
 )
 
-from ..board import BOARD, ENTRY, Configuration, assembled, fingerprint_of, packed_entry, unpacked
+from ..board import Configuration, packed_entry, unpacked
 from ..errors import BoardNotKept, ConfigurationError, LinkLost, WheelwireError
 from ..parameters import number_text
 from .calls import Requests, blocking
@@ -51,7 +51,7 @@ class AwaitableBoard:
         None in place of the board: what is stored cannot be used.
 
         Raises:
-            GroupUnavailable: The device has no messages about boards, or those of another release.
+            GroupUnavailable: The device has no messages about boards, or another release's.
             ConfigurationError: The board has codes that are unknown here.
             LinkLost, RequestTimeout: The device was not reached.
         """
@@ -120,14 +120,14 @@ class AwaitableBoard:
             board: The board that the device is on, as `read` reported it.
 
         Raises:
-            BoardNotKept: The device is on another board by now, or came back without this one.
+            BoardNotKept: The device is now on another board, or came back without this one.
             DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
         """
         state, found = await self.read()
         # A trial may have ended while somebody compared the board.
         if found is None or not _is_same(found, board):
             raise BoardNotKept(
-                f"the device is on {found.name if found else 'no board'} by now, not on "
+                f"the device is now on {found.name if found else 'no board'}, not on "
                 f"{board.name}: nothing was confirmed; write the board again"
             )
         before = self._requests.link.info.device.boot_id
@@ -162,7 +162,7 @@ class AwaitableBoard:
         if contradicting:
             await self.restart()  # ends the trial
             raise BoardNotKept(
-                f"{board.name} was tried and not kept, for nothing would drive on it: "
+                f"{board.name} was tried and not kept, because nothing would drive on it: "
                 f"{' '.join(contradicting)} Then write the board again"
             )
         # The device was reached on it, so its line to the host is right at least.

@@ -8,15 +8,14 @@ import weakref
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from inspect import iscoroutinefunction
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from ..errors import InvalidArgument, WheelwireError, shown
-from ..link.notices import Happening, Listener, Notice, StandingNotice
 from ..link.threads import Notifier
+from ..link.traffic import Happening, Listener, Notice, StandingNotice
 
 LAST_CALL_S = 1.0
 """How long closing waits for a callback that runs; calls of the robot in there end at once."""
@@ -26,12 +25,12 @@ Handler: TypeAlias = Callable[[Any], object]
 _log = logging.getLogger("wheelwire")
 
 
-@dataclass(eq=False)
 class _Assignment:
     """A function that was assigned, and whether it was called since."""
 
-    handler: Handler
-    was_called: bool = False
+    def __init__(self, handler: Handler) -> None:
+        self.handler = handler
+        self.was_called = False
 
 
 class Callbacks(ABC):
@@ -71,8 +70,8 @@ class Callbacks(ABC):
     def _handler_for(self, notice: Notice) -> Handler | None:
         """The function that is to be called now for `notice`, if one is."""
         assigned = self._assigned.get(notice[0])
-        # What happens after the assignment and before the link knows of it is passed on like all
-        # else, and then once more as what is so already.
+        # An event between the assignment and the link's learning of it is reported twice: as an
+        # event, and then as the present state.
         if assigned is None or (assigned.was_called and isinstance(notice, StandingNotice)):
             return None
         assigned.was_called = True
@@ -143,7 +142,8 @@ class ThreadCallbacks(Callbacks):
         super().set(happening, handler)
         if handler is None or self._thread is not None or self.inbox.closed:
             return
-        # Weakly, for the functions commonly refer to the driver: one that is forgotten ends it.
+        # Weakly, because the functions commonly refer to the driver: when the driver is forgotten,
+        # this thread ends.
         self._thread = threading.Thread(
             target=_run,
             args=(weakref.ref(self), self.inbox.notices),
@@ -196,7 +196,7 @@ def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[Notice | No
         this = callbacks()
         if this is None or not this.call(notice):
             return
-        # While it waits it must keep neither alive.
+        # While it waits, it must not keep either of them alive.
         del this, notice
 
 

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractContextManager
 from functools import wraps
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 from wheelwire_protocol.codec import schema_hash
@@ -48,14 +47,9 @@ class Explanations(AbstractContextManager["Explanations"]):
         held_by = None if hold is None else self.link.held_by(hold)
         explain(error, self.watch, lambda: self.link.sensors, self.link.name, held_by)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if isinstance(error, WheelwireError):
-            self.explain(error)
+    def __exit__(self, *raised: object) -> None:
+        if isinstance(raised[1], WheelwireError):
+            self.explain(raised[1])
 
 
 class Requests:
@@ -78,8 +72,11 @@ class Requests:
 
     def answer_to(self, message: RequestMessage) -> Answer:
         """As `Link.request`, for what cannot be awaited."""
-        with self.explanations:
+        try:  # with `explanations` it would take two more calls
             return self.link.request(message)
+        except WheelwireError as error:
+            self.explanations.explain(error)
+            raise
 
     async def request(self, message: RequestMessage) -> Answer:
         """As `Link.request`."""

@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from inspect import isawaitable
 
-from ..link.notices import Happening, Listener, Notice
+from ..link.traffic import Happening, Listener, Notice
 from .callbacks import LAST_CALL_S, Callbacks, Handler, log_failure
 
 
@@ -43,12 +43,12 @@ class LoopCallbacks(Callbacks):
         return lambda notice: call_in_loop(partial(tell, notice))
 
     def tell(self, notice: Notice) -> None:
-        """Call the function for a notice, after those of earlier ones."""
+        """Call the function for a notice, after the functions for earlier notices."""
         if self._closed or self.get(notice[0]) is None:
             return
         self._notices.append(notice)
         if self._task is None or self._task.done():  # an eager task is done at once
-            with suppress(RuntimeError):  # there is no loop any more
+            with suppress(RuntimeError):  # the loop has been closed
                 self._task = asyncio.get_running_loop().create_task(
                     self._run(), name="wheelwire callbacks"
                 )
@@ -76,7 +76,7 @@ class LoopCallbacks(Callbacks):
                     except Exception:
                         log_failure(notice[0])
         finally:
-            # Nothing is awaited between the last look at the queue and this.
+            # There is no await between the last check of the queue and this.
             self._task = None
 
     async def _finish(self, result: Awaitable[object]) -> None:
@@ -85,7 +85,7 @@ class LoopCallbacks(Callbacks):
         try:
             await asyncio.wait([awaited])
         finally:
-            awaited.cancel()  # when this task was cancelled; else it is done
+            awaited.cancel()  # if this task was cancelled; otherwise it is done
             self._awaited = None
         if awaited.cancelled():
             raise RuntimeError("it was cancelled")

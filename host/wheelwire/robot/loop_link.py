@@ -1,4 +1,4 @@
-"""How coroutines wait for a link, whose thread is not that of their loop."""
+"""How coroutines wait for a link, whose thread is not their loop's."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ LONGEST_RUN_S = 0.005
 class LoopLink(Requests):
     """A link, and the loop that waits for it.
 
-    One thread serves the ports of all links of a loop, and wakes it. Where time is virtual there is
-    no such thread, and waiting makes time pass.
+    One thread serves the ports of all links of a loop, and wakes it. In virtual time there is no
+    such thread, and waiting makes time pass.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -70,7 +70,8 @@ class LoopLink(Requests):
                 for ready, timeout_s in link.opening():
                     await self.wait_for(link.changed, ready, timeout_s)
         except BaseException:
-            # A cancellation, too: the thread would go on serving a port that nobody can close.
+            # Also at a cancellation: otherwise the thread would go on serving a port that nothing
+            # can close.
             await self.close()
             raise
 
@@ -86,7 +87,7 @@ class LoopLink(Requests):
             await asyncio.wait([guard], timeout=CLOSE_TIMEOUT_S)
 
     def abandon(self) -> None:
-        """Stop the robot of a link that nobody uses any more, without making a loop wait."""
+        """Stop the robot of a link that is no longer used, without making a loop wait."""
         if isinstance(self.link, Link) and self._loop is not None and self._loop.is_running():
             self.link.finish()
         else:
@@ -120,10 +121,10 @@ class LoopLink(Requests):
                 return False
             waiter = _Waiter(loop, self.call_in_loop)
             changed.add(waiter)
-            # It ends the same wait: when time is up, `ready` is asked once more, too.
+            # It ends the same wait: when time is up, `ready` is called again, too.
             timer = None if end_s is None else loop.call_at(end_s, waiter.end)
             try:
-                # What changed before it was added wakes nobody.
+                # A change before it was added did not wake it.
                 if not ready():
                     await waiter
             finally:
@@ -149,7 +150,7 @@ class LoopLink(Requests):
         try:
             await self.wait_for(answered, lambda: bool(results), CALL_TIMEOUT_S)
         except BaseException:
-            # A late copy would be carried out after whatever the program does next.
+            # A late copy would take effect after the program's next action.
             self.link.withdraw(done)
             raise
         if not results:
@@ -206,7 +207,7 @@ class LoopCalls:
     """
 
     _of_loops: ClassVar[WeakValueDictionary[int, LoopCalls]] = WeakValueDictionary()
-    """By the loop's `id`, which no other object has while its `LoopCalls` refers to it."""
+    """Keys are the loop's `id`, which no other object has while its `LoopCalls` refers to it."""
 
     @classmethod
     def of(cls, loop: asyncio.AbstractEventLoop) -> LoopCalls:
@@ -240,7 +241,7 @@ class LoopCalls:
                 self._calls.clear()
 
     def _run(self) -> None:
-        self._is_woken = False  # first: what comes from now on wakes the loop once more
+        self._is_woken = False  # first: what comes from now on wakes the loop again
         end_s = time.monotonic() + LONGEST_RUN_S
         try:
             while self._calls:
@@ -300,7 +301,7 @@ async def _pass_until(link: InlineLink, ready: Callable[[], bool], timeout_s: fl
         if end_us is not None and link.now_us >= end_us:
             return False
         link.advance(STEP_S)
-        await asyncio.sleep(0)  # others have the loop meanwhile, and this may be cancelled
+        await asyncio.sleep(0)  # lets others use the loop, and this be cancelled
     return True
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import builtins
 from collections.abc import Mapping
 from contextlib import AbstractAsyncContextManager, suppress
-from types import TracebackType
 from typing import cast
 
 from wheelwire_protocol.codes import TrialAction
-from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Parameter
+from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Parameter, decimal_of_float32
 from wheelwire_protocol.types import (
     ParameterEntry,
     ParameterGet,
@@ -32,7 +31,6 @@ from ..parameters import (
     Parameters,
     Trial,
     check_value,
-    decimal_of_float32,
     definition_of,
     set_all_or_none,
 )
@@ -84,7 +82,7 @@ class AwaitableParameters(ParameterMapping):
         return await set_all_or_none(self, values, self._requests.pause, save=save)
 
     async def refresh(self, name: str | None = None) -> None:
-        """Ask the device anew for one value, or for all."""
+        """Ask the device again for one value, or for all."""
         for definition in PARAMETERS if name is None else (definition_of(name),):
             await self._get(definition.id)
 
@@ -97,7 +95,7 @@ class AwaitableParameters(ParameterMapping):
             self._unsure.discard(entry.parameter)
             entries.append(entry)
         infos = tuple(_info(entry) for entry in entries)
-        # Only with the whole list: after one that broke off the next `set` lists anew.
+        # Only with the whole list: if listing broke off, the next `set` lists them again.
         for entry, info in zip(entries, infos, strict=True):
             self._bounds[entry.parameter] = info.minimum, info.maximum
         return infos
@@ -171,7 +169,7 @@ class AwaitableTrial(AbstractAsyncContextManager["AwaitableTrial"]):
 
         Raises:
             DeviceRefused: The trial was lost; the previous values are active.
-            RequestTimeout: Nobody knows whether the device kept the values.
+            RequestTimeout: It is unknown whether the device kept the values.
         """
         await self._requests.ask(ParameterTrial(0, 0, TrialAction.KEEP, 0.0))
         # Only once it is acknowledged: until then the end of the block has to revert.
@@ -181,26 +179,21 @@ class AwaitableTrial(AbstractAsyncContextManager["AwaitableTrial"]):
         try:
             await self._requests.ask(ParameterTrial(0, 0, TrialAction.BEGIN, self._timeout_s))
         except DeviceRefused:
-            raise  # none was begun; the other one goes on, with what it tried
-        except BaseException:  # it may have been begun, and nobody will be there to end it
+            raise  # this one was not begun; the other goes on, with its values
+        except BaseException:  # it may have begun, and nothing else would end it
             self._abandon()
             raise
         self._parameters._tried.clear()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *raised: object) -> None:
         # After a KEEP the session has released the trial already.
         if self._kept:
             return
         try:
             await self._parameters._revert_trial()
         except WheelwireError:
-            if error is None:  # else that one says more
+            if raised[1] is None:  # otherwise that error says more
                 raise
         except BaseException:  # cancelled: what was asked for is not repeated any more
             self._abandon()

@@ -1,4 +1,4 @@
-"""A robot with every verb, for threads: by a link, or by whatever a driver of another package does.
+"""A robot with every verb, for threads: by a link, or by a driver of another package.
 
 `wheelwire.aio` has its twin for asyncio.
 """
@@ -9,19 +9,16 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn, TypeVar, cast
 
 from ..arguments import timeout_s
 from ..errors import DriverUnavailable, InvalidCommand, RequestTimeout
 from ..link.device_link import DeviceLink
-from ..link.notices import Happening, Listener
 from ..link.sample_stream import LatestSample, SampleIterator
-from ..parameters import Parameters
+from ..link.traffic import Happening, Listener
 from ..samples import ImuSample, InputsSample, PowerSample, WheelSample
 from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks, check_plain
 from .calls import Requests, blocking
-from .parameters import DeviceParameters
 from .verbs import Questions, Verbs, WaitingVerbs
 
 if TYPE_CHECKING:
@@ -29,8 +26,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..log.recorder import Recorder
-    from ..log.why import Stop
+    from ..log.why.diagnosis import Stop
     from ..log.why.watch import StopWatch
+    from ..parameters import Parameters
     from .black_boxes import DeviceRecorder
     from .board import DeviceBoard
     from .sensors import Ranges, Sensor, Sensors
@@ -54,7 +52,7 @@ def opened_later() -> Iterator[None]:
 
 @contextmanager
 def opened_to_look() -> Iterator[None]:
-    """A robot that is made inside this is not armed: whoever made it drives nothing."""
+    """A robot made inside this is not armed: its program does not drive."""
     before = _only_looks.set(True)
     try:
         yield
@@ -75,8 +73,9 @@ class Robot(Verbs, Questions):
 
     Args:
         make_link: Makes the link to its device, which puts samples into the argument. The robot
-            opens and closes it. None: a driver of another package reaches its robot otherwise, and
-            defines all of `OWN`; what it does not define beside that raises `DriverUnavailable`.
+            opens and closes it. None: a driver of another package reaches its robot in another way,
+            and defines all of `OWN`. Any other method that it does not define raises
+            `DriverUnavailable`.
 
     Raises:
         TypeError: There is no link, and the driver lacks one of `OWN`.
@@ -102,7 +101,6 @@ class Robot(Verbs, Questions):
         # Also runs when the robot is garbage-collected, and at the interpreter's exit.
         self._finalizer: weakref.finalize[..., Robot] = weakref.finalize(self, _close, inbox, link)
         self._awaited = WaitingVerbs(self._requests)
-        self._parameters: Parameters = DeviceParameters(self._requests)
         self._sensors: Sensors | None = None
         self._recorders: list[Recorder] = []
 
@@ -115,18 +113,18 @@ class Robot(Verbs, Questions):
 
     def close(self) -> None:
         """Same as `shutdown`; the name that files and sockets use."""
+        # The `shutdown` of another package's driver knows nothing of callbacks and iterators.
         self._callbacks.close()
-        # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         self.shutdown()
         self._callbacks.wait()
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Safe to call more than once."""
-        # Also for those who call this in place of `close`: iterators then end.
         self._callbacks.close()
+        # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
-        # Not by the finalizer: one that was interrupted would do nothing the next time.
+        # Not by the finalizer: if interrupted, it would do nothing the next time.
         self._link.close()
         for recorder in self._recorders:
             recorder.close()
@@ -138,12 +136,7 @@ class Robot(Verbs, Questions):
             self._check_link()  # raises why
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     # --- measuring -----------------------------------------------------------------------------
@@ -153,7 +146,7 @@ class Robot(Verbs, Questions):
 
         A sample that was left unread for 0.1 s, or for two periods of a slower stream, is too old:
         this waits for the next one. It also waits through a reconnection if `timeout` [s], at most
-        an hour, is long enough.
+        an hour, is long enough. Of several threads that wait, each gets the next sample.
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
@@ -192,7 +185,7 @@ class Robot(Verbs, Questions):
         try:
             return self._latest_sample.ticks(FIRST_SAMPLE_S)
         except RequestTimeout:
-            self._check_link()  # it may have been lost meanwhile
+            self._check_link()  # it may have been lost during the wait
             raise
 
     @property
@@ -236,7 +229,13 @@ class Robot(Verbs, Questions):
     @property
     def parameters(self) -> Parameters:
         """The device's parameters, by name: a mapping of the values known in this session."""
-        return self._parameters
+        from .parameters import DeviceParameters  # here, as above
+
+        # One for all threads, whichever asks first.
+        parameters: Parameters = vars(self).setdefault(
+            "_parameters", DeviceParameters(self._requests)
+        )
+        return parameters
 
     @property
     def board(self) -> DeviceBoard:
@@ -275,14 +274,14 @@ class Robot(Verbs, Questions):
     def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
         """Report each stop of the robot with its cause, until the robot is closed.
 
-        Errors that the robot raises meanwhile have the same sentence in `why`.
+        Until then, errors that the robot raises have the same sentence in `why`.
 
         Args:
             report: Called some 60 ms after a stop, up to 1.2 s after one by a sensor, in a thread
-                of its own.
+                of its own, which logs what it raises. `error` of the watch says why it has ended.
 
         Raises:
-            InvalidArgument: `report` is no plain function.
+            InvalidArgument: `report` is not a plain function.
             InvalidCommand: The robot is in virtual time, or is a recording.
         """
         from ..log.why.watch import StopWatch  # here, for most programs ask for none
@@ -319,7 +318,7 @@ class _MissingError(DriverUnavailable, AttributeError):
 
 
 class _NoDevice:
-    """In place of the link of a driver that has none: of a device it knows nothing."""
+    """Replaces the link for a driver without one; it knows of no device."""
 
     arms = False
     in_virtual_time = False
@@ -327,7 +326,6 @@ class _NoDevice:
     name = "robot"
     hold = None
     rolling_mps = None
-    is_unarmed = False
     watched_if_open = None
 
     def open(self) -> None:
@@ -343,7 +341,7 @@ class _NoDevice:
         """Nothing is recorded."""
 
     def listen(self, _listener: Listener, happening: Happening) -> None:
-        """Nobody reports anything.
+        """Refuse: this robot cannot report stops.
 
         Raises:
             InvalidCommand: Always.

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 from wheelwire_protocol.codes import Group
+from wheelwire_protocol.sensors import INPUTS as INPUT_KINDS
 from wheelwire_protocol.sensors import PeripheralKind, SensorState
 from wheelwire_protocol.types import ConfigurationGet, SensorStream
 
 from ..arguments import timeout_s, whole
-from ..board import INPUTS as INPUT_KINDS
 from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
 from ..link.sample_stream import LatestSample, SampleIterator
 from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
@@ -45,25 +45,25 @@ IN_FILE = (
     "in the board's file, and store that with `wheelwire board write`; a robot on a computer's own "
     "pins has it in the robot's file"
 )
-"""Where a sensor that a robot lacks is to be named."""
+"""Where to name a sensor that a robot lacks."""
 
 Sample = TypeVar("Sample", ImuSample, PowerSample, InputsSample)
 AnySample: TypeAlias = ImuSample | PowerSample | RangeSample | InputsSample
 
 
 Find: TypeAlias = Callable[[tuple[SensorInfo, ...]], SensorInfo | None]
-"""Finds a sensor's channel among those of a robot."""
+"""Finds a sensor's channel on a robot."""
 
 
 class SensorStatus(NamedTuple):
-    """A channel at one moment.
+    """One channel at one moment.
 
     Attributes:
         info: Description of the channel.
         state: Whether the channel's samples can be used.
-        age_s: Age of the newest sample; None if there is none that can be used. [s]
+        age_s: Age of the newest sample; None if none can be used. [s]
         sample: The newest sample; for an input, that of all inputs.
-        identity: What another chip in its place says it is; 0: there is none.
+        identity: The identity that a wrong chip in its place reports; 0: no wrong chip.
     """
 
     info: SensorInfo
@@ -115,7 +115,7 @@ class Streams:
         await self.start(whole("rate_hz", rate_hz, 1, MAX_RATE_HZ))
 
     async def ask(self, rate_hz: int) -> None:
-        """As `start`, without waiting for a sample, and whoever has asked before."""
+        """As `start`, but without waiting for a sample, and even if already asked for."""
         link = self.requests.link
         await self.requests.check_group(Group.SENSOR)
         try:
@@ -129,7 +129,7 @@ class Streams:
     def known(self, info: SensorInfo | None) -> tuple[SensorState, AnySample | None]:
         """The state of a channel at this moment, and its newest sample while the state is OK.
 
-        For an input that is the sample of all inputs.
+        For an input, this is the sample of all inputs.
         """
         if info is None:
             return SensorState.UNREAD, None
@@ -149,7 +149,7 @@ class Streams:
         return state, sample
 
     def known_by(self, name: str, find: Find) -> tuple[SensorState, AnySample | None]:
-        """As `known`; INPUTS means all inputs together, whatever the state of one of them."""
+        """As `known`; INPUTS means all inputs together, whatever the state of each."""
         info = find(self.infos)
         return self._newest(name, _INPUTS_HZ) if info and name == INPUTS else self.known(info)
 
@@ -202,8 +202,8 @@ class Streams:
         return max(0.0, self.latest.now_us() / 1e6 - sample.stamp)
 
 
-class Sensor(Generic[Sample]):
-    """One sensor of a robot, or all its inputs together.
+class KnownSensor(Generic[Sample]):
+    """What is known of a sensor without waiting, and how it is read, for threads and asyncio.
 
     Args:
         streams: The robot's streams.
@@ -228,7 +228,7 @@ class Sensor(Generic[Sample]):
 
     @property
     def latest(self) -> Sample | None:
-        """The newest sample; None while there is none that can be used. Never waits.
+        """The newest usable sample; None if there is none. Never waits.
 
         A sample can be used up to an age of 0.1 s or three periods, and while its sensor is not
         STALE. There are samples only after the first use: see `read` and `Sensors.start`.
@@ -250,6 +250,10 @@ class Sensor(Generic[Sample]):
         limit_s = timeout_s("timeout", timeout)
         await self._begin()
         return cast("Sample", await self._streams.read(self._name, self._find, limit_s))
+
+
+class Sensor(KnownSensor[Sample]):
+    """One sensor of a robot, or all its inputs together."""
 
     def read(self, timeout: float = 1.0) -> Sample:
         """Return the newest sample, like `latest`; waits for the first one.
@@ -277,8 +281,8 @@ class Sensor(Generic[Sample]):
         return self._streams.latest.iterate_sensor(self._name)
 
 
-class Ranges:
-    """The range sensors of a robot. A sensor's name is its place, such as `front`."""
+class KnownRanges:
+    """What is known of the range sensors without waiting, and how each is read."""
 
     def __init__(self, streams: Streams) -> None:
         self._streams = streams
@@ -312,6 +316,10 @@ class Ranges:
         read = self._streams.read(known[name].name, range_named(name), limit_s)
         return cast("RangeSample", await read)
 
+
+class Ranges(KnownRanges):
+    """The range sensors of a robot. A sensor's name is its place, such as `front`."""
+
     def read(self, name: str, timeout: float = 1.0) -> RangeSample:
         """Return the newest sample of one sensor, like `latest`; waits for the first one.
 
@@ -332,7 +340,19 @@ class Ranges:
         return self._streams.latest.iterate_sensor(RANGE)
 
 
-class Sensors:
+class KnownSensors:
+    """What is known of all sensors without waiting."""
+
+    def __init__(self, requests: Requests, latest: LatestSample) -> None:
+        self._streams = Streams(requests, latest)
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        """All channels as they are now, by number; empty before the first use. Never waits."""
+        return tuple(map(self._streams.status, self._streams.infos))
+
+
+class Sensors(KnownSensors):
     """All sensors of a robot.
 
     Attributes:
@@ -343,21 +363,16 @@ class Sensors:
     """
 
     def __init__(self, requests: Requests, latest: LatestSample) -> None:
-        self._streams = streams = Streams(requests, latest)
-        self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
-        self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
-        self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
-        self.ranges = Ranges(streams)
-
-    @property
-    def channels(self) -> tuple[SensorStatus, ...]:
-        """All channels as they are now, by number; empty before the first use. Never waits."""
-        return tuple(map(self._streams.status, self._streams.infos))
+        super().__init__(requests, latest)
+        self.imu: Sensor[ImuSample] = Sensor(self._streams, *OF_IMU)
+        self.power: Sensor[PowerSample] = Sensor(self._streams, *OF_POWER)
+        self.inputs: Sensor[InputsSample] = Sensor(self._streams, *OF_INPUTS)
+        self.ranges = Ranges(self._streams)
 
     def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """Ask for samples from now on, in this session and in all later ones.
 
-        The first use of a sensor asks by itself, with 200 Hz.
+        The first use of a sensor does this by itself, with 200 Hz.
 
         Args:
             rate_hz: Highest rate of the IMU, which gets what the wheels' samples leave of the line.
@@ -365,7 +380,7 @@ class Sensors:
                 the inputs on each change and once a second.
 
         Raises:
-            InvalidArgument: The rate is no whole number from 1 to 1000.
+            InvalidArgument: The rate is not a whole number from 1 to 1000.
             GroupUnavailable, InvalidCommand, LinkLost, RequestTimeout: As `Sensor.read`.
         """
         run(self._streams.start_at, rate_hz)

@@ -1,6 +1,6 @@
 """The verbs of a robot, each described once, for threads and for asyncio.
 
-Those that wait for nothing are plain methods and properties. Those that wait are coroutines, which
+Verbs that never wait are plain methods and properties. Verbs that wait are coroutines, which
 asyncio awaits and threads run (`calls.blocking`).
 """
 
@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
-from typing import Any, Generic, NamedTuple, NoReturn, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, NoReturn, TypeVar, cast
 
-from wheelwire_protocol.board import ConfigurationState
 from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import (
+    ConfigurationState,
     Contradiction,
     Fault,
     Group,
@@ -21,7 +21,7 @@ from wheelwire_protocol.codes import (
     StopMode,
     SupervisorState,
 )
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, decimal_of_float32
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
@@ -54,16 +54,18 @@ from ..errors import (
     meant,
     shown,
 )
-from ..holds import HeldBy, Holding, LastStop
-from ..link.info import DeviceInfo, Health, LinkInfo, LinkStatistics
-from ..link.notices import Happening, Notice
+from ..holds import UNARMED, HeldBy, Holding, LastStop
+from ..link.info import DeviceInfo, LinkInfo
 from ..link.requests import Answer
 from ..link.sample_stream import Latest, LatestSample
+from ..link.traffic import Happening, Notice
 from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
-from ..parameters import decimal_of_float32
 from ..samples import Setpoint
 from .callbacks import Callbacks
 from .calls import Requests, blocking
+
+if TYPE_CHECKING:
+    from ..link.statistics import Health, LinkStatistics
 
 DEFAULT_TTL_S = 0.5
 
@@ -283,6 +285,8 @@ class Verbs:
     @property
     def health(self) -> Health:
         """Whether the robot is in reach and fit to drive, in one look. Never waits."""
+        from ..link.statistics import Health
+
         counted, latest = self.statistics, self._latest_sample.latest
         state = latest.sample.state if latest else SupervisorState.BOOT
         return Health(
@@ -309,7 +313,7 @@ class Verbs:
 
     @property
     def rolling_mps(self) -> float | None:
-        """How fast the robot rolled [m/s] when it reported that it rolls though nothing drives it.
+        """The speed [m/s] at which the robot last reported rolling although nothing drives it.
 
         None before such a report, and after the robot slowed down or drove. Never waits.
         """
@@ -339,17 +343,18 @@ class Verbs:
     def is_unarmed(self) -> bool:
         """Whether setpoints are refused until a zero one or a pause. Never waits.
 
-        After a clear, a start of the chip and a bumper that held the robot. Known once a setpoint
-        was refused; False again once the robot obeys one.
+        After a clear, a start of the chip and a bumper that held the robot, from the first setpoint
+        that was refused or held off: `held_by` says so. False while the robot is out of reach.
         """
-        return self._link.is_unarmed
+        held_by = self.held_by
+        return held_by is not None and bool(held_by.flags & UNARMED)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences: what of its board keeps the device from driving, or makes it less safe.
+        """Sentences: what about its board keeps the device from driving, or makes it less safe.
 
-        That is a board that nobody confirmed, or one on trial, or an e-stop contact whose input is
-        switched off. Never waits. `contradictions` finds parameters that contradict each other.
+        Such as an unconfirmed board, a board on trial, or an e-stop contact whose input is switched
+        off. Never waits. `contradictions` finds parameters that contradict each other.
 
         Raises:
             LinkLost: The robot is out of reach.
@@ -358,7 +363,7 @@ class Verbs:
         board = info.board
         if board is not None and board.state in _DOES_NOT_DRIVE:
             return (_DOES_NOT_DRIVE[board.state],)
-        # The contact of a board that nobody confirmed counts for nothing either way.
+        # The contact of an unconfirmed board is ignored in any case.
         if board is not None and board.has_contact and not values[_ESTOP_INPUT]:
             return (CONTACT_IGNORED,)
         return ()
@@ -396,7 +401,10 @@ class Verbs:
                     link.post(MemoryGet(0, 0), newest.note)
 
         with suppress(LinkLost, LinkClosed, DriverUnavailable):
-            link.post(GroupGet(0, 0, Group.PLATFORM), ask)
+            if known is not None and known.session_id == link.session_id:  # it has said so before
+                link.post(MemoryGet(0, 0), newest.note)
+            else:
+                link.post(GroupGet(0, 0, Group.PLATFORM), ask)
         return known
 
     # --- what is reported ----------------------------------------------------------------------
@@ -444,8 +452,8 @@ class Verbs:
     def on_held(self) -> Callable[[HeldBy], object] | None:
         """Called with all that holds the robot when that has changed; see `on_lost`.
 
-        With one that is false, `held_by`, nothing holds it any more. Assigned while something
-        does, it is called for that. It needs no sensor stream.
+        With a false `held_by`, nothing holds it any more. Assigned while something does, it is
+        called for that. It needs no sensor stream.
         """
         return self._callbacks.get(Happening.HELD)
 
@@ -498,15 +506,15 @@ class Verbs:
             self._limits()
 
     def _limits(self) -> Limits:
-        """The device's limits, read anew once the parameters have changed."""
+        """The device's limits, read again once the parameters have changed."""
         values, known = self._link.watched_if_open, self._known_limits
-        # By identity, which is enough: the link replaces the values as a whole.
+        # Comparing identity is enough: the link replaces the values as a whole.
         if values is not known.values:
             known = Limits(None, None, None)
             if values is not None:
                 ttl_max_s = decimal_of_float32(values[TTL_MAX])
                 known = Limits(values, DifferentialDrive.of_device(values), ttl_max_s)
-            # In one assignment: no thread finds new values beside the old geometry.
+            # In one assignment, so that no thread finds new values with the old geometry.
             self._known_limits = known
         return known
 
@@ -551,8 +559,8 @@ class Verbs:
 
     def __reduce__(self) -> NoReturn:
         raise InvalidArgument(
-            f"{self._name}: a robot can be neither copied nor given to another process: open it in "
-            "the process that drives, and give the others what they need to know"
+            f"{self._name}: a robot cannot be copied or passed to another process: open it in "
+            "the process that drives, and pass the others its values"
         )
 
     def __repr__(self) -> str:
@@ -582,7 +590,7 @@ class WaitingVerbs:
         """Stop both wheels and wait for the acknowledgement.
 
         Raises:
-            LinkLost: There is no session; the stop was sent if the port is there.
+            LinkLost: There is no session; the stop was sent if the port is open.
             RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
         """
         await self._requests.stop(StopMode.CONFIGURED)
@@ -604,7 +612,7 @@ class WaitingVerbs:
         return cast("LinkCounters", await self._requests.request(LinkCountersGet(0, 0)))
 
     async def contradictions(self) -> Contradiction:
-        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
+        """Which active parameters contradict each other or the board, so that nothing drives."""
         answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
         return Contradiction(answer.active)
 

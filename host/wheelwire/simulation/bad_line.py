@@ -106,7 +106,7 @@ class LineProfile:
 
 BUFFER = 4096
 """Bytes that a line with a baud rate buffers: the usual size of a kernel's buffer."""
-# A frame with those of its delimiters that the write contains, or a delimiter alone.
+# A frame with its delimiters, as far as the write contains them, or a delimiter alone.
 _PIECE = re.compile(rb"\0?[^\0]+\0?|\0")
 
 

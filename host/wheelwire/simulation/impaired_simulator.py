@@ -124,8 +124,8 @@ class ImpairedRelay:
         device = _opened(self._device_port)
         if device is None:
             return
-        # The slave stays open here as well. Linux reports a hang-up on the master while nobody has
-        # it open, and its settings tell which baud rate the host has chosen.
+        # The slave stays open here as well. Otherwise Linux would report a hang-up on the master
+        # while no host has it open. Its settings also show which baud rate the host has chosen.
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave, termios.TCSANOW)
@@ -208,7 +208,7 @@ def _opened(port: Path) -> int | None:
 
 def _written(descriptor: int, waiting: bytes, pieces: list[bytes]) -> bytes:
     """Write what is queued, then each piece separately; returns what did not fit."""
-    # Without anything new, what is queued is tried once more.
+    # Without new bytes, send the queued ones again.
     for piece in pieces or [b""]:
         waiting += piece
         if waiting:
@@ -253,7 +253,7 @@ class ImpairedSimulator(Simulator):
         try:
             self._relay.start()
         except BaseException:
-            # Else the process would go on with nobody to end it.
+            # Otherwise nothing would end the process.
             super().close()
             raise
 

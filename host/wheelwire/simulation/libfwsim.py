@@ -7,7 +7,6 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import ResetReason, SupervisorState
@@ -84,12 +83,7 @@ class FwSim:
     def __enter__(self) -> FwSim:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __del__(self) -> None:

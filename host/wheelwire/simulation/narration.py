@@ -1,4 +1,4 @@
-"""What a person beside the simulated robot would see of its wheels, in sentences."""
+"""What a person next to the simulated robot would see its wheels do, in sentences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SIDES = ("left", "right")
 SEEN_TURNS = 0.005
 """A person does not see a smaller turn."""
 REST_S = 0.4
-"""Wheels that stand for less go on with the same motion: setup pulses a motor several times."""
+"""A shorter standstill belongs to the same motion: setup pulses a motor several times."""
 
 
 @dataclass
@@ -24,7 +24,7 @@ class _Wheel:
         self.backward += max(-turns, 0.0)
 
     def said(self) -> str:
-        """Which way the wheel turned, and how far; empty if nobody saw it."""
+        """Which way the wheel turned, and how far; empty if it was too little to see."""
         ways = [
             f"{way} {turns:.2f} turns"
             for way, turns in (("forward", self.forward), ("backward", self.backward))

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from ..errors import WheelwireError
@@ -44,7 +43,7 @@ class RemoteConsole:
         self._listener = socket.socket(socket.AF_UNIX)
         try:
             self._listener.bind(str(self._path))
-            self._path.chmod(0o600)  # before it listens, so that nobody gets in meanwhile
+            self._path.chmod(0o600)  # before it listens, so that nobody can connect earlier
             self._listener.listen()
         except OSError:
             self._listener.close()
@@ -54,12 +53,7 @@ class RemoteConsole:
     def __enter__(self) -> RemoteConsole:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._path.unlink(missing_ok=True)
         # Only a shutdown wakes the thread that accepts.
         with suppress(OSError):

@@ -18,7 +18,6 @@ from pathlib import Path
 from secrets import token_hex
 from socket import socket as Socket  # noqa: N812 - `socket` is an argument
 from tempfile import gettempdir
-from types import TracebackType
 from typing import IO, Any, TypeVar, cast
 
 from wheelwire_protocol import native
@@ -44,7 +43,7 @@ def find_simulator() -> Path:
     """Find the simulator's program: $WHEELWIRE_FWSIM, a checkout's build, or the wheel's own.
 
     Raises:
-        SimulatorNotFound: There is none.
+        SimulatorNotFound: The program was not found.
     """
     named = os.environ.get(ENVIRONMENT)
     if named:
@@ -150,8 +149,8 @@ class Simulator:
         socket: Socket | None = None,
     ) -> None:
         if link is None and socket is None:
-            # Not the pseudo-terminal's own name: that is given to another terminal later, and
-            # whoever waits for this simulator to come back would open that one.
+            # Not the pseudo-terminal's own name: the system may give that to another terminal, and
+            # a program that waits for this simulator to return would open it.
             link = Path(gettempdir()) / f"wheelwire-{token_hex(8)}"
         options = {
             "link": link,
@@ -212,7 +211,7 @@ class Simulator:
         try:
             self._port = str(self._answer(None)["port"])
         except BaseException:
-            # Also after Ctrl-C: nobody else knows of the process yet.
+            # Also after Ctrl-C: nothing else knows of the process yet.
             self.close()
             raise
 
@@ -238,7 +237,7 @@ class Simulator:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-        # Before the pipe is closed, from which that thread reads.
+        # Before closing the pipe that the thread reads.
         if self._reader:
             self._reader.join()
         _pipe(process.stdout).close()
@@ -248,12 +247,7 @@ class Simulator:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -288,8 +282,8 @@ class Simulator:
 
     def _ask(self, line: str) -> dict[str, Any]:
         commands = _pipe(self._running().stdin)
-        # When a signal handler's exception ends the wait, the answer comes all the same, and is not
-        # to be mistaken for the next command's.
+        # When a signal handler's exception ends the wait, the answer still comes, and is not to be
+        # mistaken for the next command's.
         number = next(self._numbers)
         try:
             commands.write(f"#{number} {line}\n")
@@ -320,7 +314,7 @@ class Simulator:
 
     def take_states(self) -> list[TrueState]:
         """Take the true states since the last call, oldest first."""
-        # Not copied and then cleared: the reading thread appends meanwhile.
+        # Not copied and then cleared: the reading thread may append in between.
         return [self._states.popleft() for _ in range(len(self._states))]
 
     def _inheritance(self) -> tuple[list[int], list[str]]:

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
-from secrets import randbits
 
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout
 from ..link.device_link import InlineLink, arming
-from ..link.info import LinkStatistics
 from ..link.requests import Done, RequestMessage
 from ..link.sample_stream import LatestSample
-from ..link.session import Phase, Session
+from ..link.session import Phase, Session, random_nonce
+from ..link.statistics import LinkStatistics
 from ..link.traffic import Kind, TrafficReader
 from .libfwsim import FwSim
 
@@ -46,9 +43,9 @@ class VirtualLink(InlineLink):
         latest_sample.now_us = lambda: self.now_us
         latest_sample.wait_for = self.wait_for
         self._sim = sim
-        self._session = Session(partial(randbits, 32), None, watched)
+        self._session = Session(random_nonce, None, watched)
         self._plugged = False
-        # The first connection, in `plug` below, is no reconnection.
+        # The first connection, in `plug` below, is not a reconnection.
         self._reconnects = -1
 
     def open(self) -> None:
@@ -99,12 +96,12 @@ class VirtualLink(InlineLink):
     @property
     def statistics(self) -> LinkStatistics:
         """Counters since the link was opened."""
-        return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
+        return self._session.statistics(self.now_us, self._reconnects)
 
     def listen_to_traffic(self, reader: TrafficReader) -> None:
-        """As `Link.listen_to_traffic`; whatever is asked for after it is passed on."""
+        """As `Link.listen_to_traffic`; everything asked for afterwards is passed on."""
         self._session.listen(reader, self.now_us)
-        # It begins once the session knows its board, for which virtual time has to pass.
+        # It begins once the session knows its board; until then virtual time has to pass.
         self.wait_for(lambda: reader in self.traffic.readers, OPEN_S)
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
@@ -138,7 +135,7 @@ class VirtualLink(InlineLink):
         if self._end is not None:
             return
         if self._session.phase is Phase.OPEN:
-            # One step takes the stop to the device, whose answer nobody waits for.
+            # One step takes the stop to the device; nothing waits for the answer.
             self._session.stop(StopMode.CONFIGURED, lambda _: None, self.now_us)
             self._step()
         elif self._session.setpoints.moves_until_us > self.now_us:

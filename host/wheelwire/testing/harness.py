@@ -66,7 +66,7 @@ Condition = Callable[[WheelSample], bool]
 
 
 class DriveHarness:
-    """A driver and the samples read from it. Time is that of the samples; nothing here sleeps."""
+    """A driver and the samples read from it. Time comes from the samples; nothing here sleeps."""
 
     def __init__(self, driver: Robot) -> None:
         self.driver = driver

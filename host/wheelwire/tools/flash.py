@@ -56,7 +56,8 @@ _BOOTLOADERS = {0x1000: {0: Chip.ESP32}, 0: {9: Chip.ESP32S3, 13: Chip.ESP32C6}}
 # Magic, type, subtype, offset, size, label, flags.
 _ENTRY = struct.Struct("<2sBBII16sI")
 _ENTRY_MAGIC = b"\xaa\x50"
-# In place of an entry: 14 bytes of 0xff follow, then the MD5 of all entries before it.
+# Marks the checksum instead of an entry: 14 bytes of 0xff follow, then the MD5 of all entries
+# before.
 _DIGEST_MAGIC = b"\xeb\xeb"
 _APPLICATION = 0
 # Type and subtype. It selects the application that the boot loader starts.
@@ -64,19 +65,27 @@ _OTADATA = (1, 0)
 
 
 def built_image(chip: Chip, build: Path = CHECKOUT_BUILD) -> Image:
-    """The image that was built in this checkout for a chip.
+    """This checkout's built image for a chip.
 
     Raises:
-        FlashFailed: There is none.
+        FlashFailed: No image was built.
     """
-    name = f"wheelwire-{chip.name.lower()}.bin"
-    path = build / chip.name.lower() / name
+    path = _built_path(chip, build)
     if not path.exists():
         raise FlashFailed(
-            f"no firmware image for the {chip.name}: download {name} from a release and give it "
-            f"with --image, or build it as {path}"
+            f"no firmware image for the {chip.name}: download {path.name} from a release and give "
+            f"it with --image, or build it as {path}"
         )
     return read_image(path)
+
+
+def built_chips(build: Path = CHECKOUT_BUILD) -> list[Chip]:
+    """The chips for which this checkout has a built image."""
+    return [chip for chip in Chip if _built_path(chip, build).exists()]
+
+
+def _built_path(chip: Chip, build: Path) -> Path:
+    return build / chip.name.lower() / f"wheelwire-{chip.name.lower()}.bin"
 
 
 def ensure_stopped(port: str) -> None:
@@ -172,16 +181,17 @@ def write_plan(port: str, chip: Chip, plan: Plan, report: Callable[[float], None
             path = Path(folder) / f"{index}.bin"
             path.write_bytes(part.content)
             arguments += [f"{part.offset:#x}", str(path)]
-        # In one call, which resets the chip at its end: no start finds only some of the parts.
+        # In one call, which resets the chip at its end, so that the chip never starts with only
+        # some of the parts.
         for line in _esptool(*_chip_at(port, chip), "--baud", str(FLASH_BAUD_RATE), *arguments):
-            # By the address: esptool's own percentage begins anew with each part.
+            # By the address: esptool's own percentage restarts with each part.
             if writing := _WRITING.search(line):
                 report(_written(plan.writes, int(writing[1], 16)))
 
 
 def _written(parts: Sequence[Part], address: int) -> float:
     """The fraction of the parts that lies before an address, 0 to 1."""
-    # What lies between two parts is not written, so the address alone is no fraction.
+    # What lies between two parts is not written, so the address alone gives no fraction.
     before = [min(max(address - part.offset, 0), len(part.content)) for part in parts]
     return sum(before) / max(1, sum(len(part.content) for part in parts))
 
@@ -204,7 +214,7 @@ def verify(port: str, chip: Chip) -> DeviceInfo:
                 device = robot.info.device
             break
         except PortUnavailable:
-            # Only a missing port is waited for: at one that opens, the firmware has to answer.
+            # Wait only for a missing port: once the port opens, the firmware has to answer.
             if time.monotonic() > end:
                 raise
             time.sleep(REOPEN_PERIOD_S)
@@ -218,7 +228,7 @@ def verify(port: str, chip: Chip) -> DeviceInfo:
 
 def _esptool(*arguments: str) -> Iterator[str]:
     """Run esptool; yields its output line by line, progress included, as it is printed."""
-    # Else the process would end with Python's own words about a missing module.
+    # Otherwise the process would end with Python's message about a missing module.
     if importlib.util.find_spec("esptool") is None:
         raise FlashFailed("esptool is not installed: run pip install 'wheelwire[tools]'")
     process = subprocess.Popen(
@@ -272,7 +282,7 @@ class Partition:
     @property
     def holds_data(self) -> bool:
         """Whether it holds data of the user or the firmware, rather than a part of the image."""
-        # Neither code nor otadata, which has to select the code that is written.
+        # Not the code, nor otadata, which must select the code that is written.
         return self.kind != _APPLICATION and (self.kind, self.subtype) != _OTADATA
 
 
@@ -401,8 +411,8 @@ def plan_flash(image: Image, chip_table: Sequence[Partition], *, erase_all: bool
 
 
 def _valid_until(partition: Partition, chip_table: Sequence[Partition]) -> int:
-    """Up to which offset the chip holds valid content of a partition."""
-    # At the same offset only: NVS, for one, can be read from nowhere but its beginning.
+    """The offset up to which the chip holds valid content of a partition."""
+    # Only at the same offset: NVS, for example, can only be read from its beginning.
     for on_chip in chip_table:
         same_kind = (on_chip.kind, on_chip.subtype) == (partition.kind, partition.subtype)
         if same_kind and on_chip.offset == partition.offset:
@@ -417,7 +427,7 @@ def _ordered(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 def _bootloader_of(content: bytes) -> tuple[Chip, int] | None:
     """The chip that an image is for, and the offset of its boot loader."""
-    # The chip id alone is no proof: a boot loader of another chip may lie at another offset.
+    # The chip id alone proves nothing: a boot loader of another chip may lie at another offset.
     for offset, boards in _BOOTLOADERS.items():
         header = content[offset : offset + _CHIP_ID_OFFSET + 2]
         chip_id = int.from_bytes(header[_CHIP_ID_OFFSET:], "little")

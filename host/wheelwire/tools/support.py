@@ -33,11 +33,11 @@ LEFT_OUT = (
 _NETWORK = re.compile(r"(socket|rfc2217|tcp)://[^\s\"',;]*[^\s\"',;:.]")
 _HOMES = re.compile(r"(/home|/Users|/run/user|/run/media|/media)/[^/\s\"']+")
 _PATH = re.compile(r"(?<![\w/.~-])/(?!/)[^\s\"',;:()<>|]+")
-"""A path from the root. In an address such as `socket://HOST` is none."""
+"""A path from the root. An address such as `socket://HOST` has none."""
 _SYSTEM = ("/dev", "/sys", "/proc", "/usr", "/etc", "/lib", "/bin", "/sbin", "/boot")
 """Folders in which nothing has the name of a person."""
 _COMMON_USERS = ("root", "pi", "robot", "ros", "ubuntu", "debian", "user", "wheelwire")
-"""Users whose names are no person's, and may be words of a message."""
+"""Users that are not people, and whose names may be words of a message."""
 _IPV4 = re.compile(r"\b(?:\d{1,3}\.){3}\d{1,3}\b")
 
 
@@ -50,13 +50,13 @@ class Part(NamedTuple):
 
 
 def versions(now: datetime) -> Part:
-    """Of Wheelwire, Python and the system."""
+    """Versions of Wheelwire, Python and the system."""
     found = {
         "wheelwire": library_version(),
         "protocol": PROTOCOL_VERSION,
         "schema": f"{schema_hash():08x}",
         "python": platform.python_version(),
-        # Not platform.node() nor uname(), which have the computer's name.
+        # Not platform.node() or uname(), which contain the computer's name.
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
         "ros_distro": os.environ.get("ROS_DISTRO"),
         "packages": dict(_packages()),
@@ -118,7 +118,7 @@ def _counters(driver: Robot) -> str:
 
 
 def newest_recording() -> Path | None:
-    """In this folder; None if it has none."""
+    """The newest recording in this folder; None if there is none."""
     found = [file for file in Path().glob(RECORDINGS) if file.is_file()]
     return max(found, key=lambda file: file.stat().st_mtime, default=None)
 
@@ -154,9 +154,9 @@ def _pack_recording(archive: zipfile.ZipFile, source: Path) -> tuple[str, str]:
 @contextmanager
 def _written(target: Path) -> Iterator[zipfile.ZipFile]:
     """A new archive, which gets its name once it is finished."""
-    part = target.with_name(f".{target.name}.part")
     if target.exists():
         raise OutputFailed(f"{target} exists: name another file with --output")
+    part = target.with_name(f".{target.name}.part")
     try:
         with part.open("wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             yield archive

@@ -1,7 +1,7 @@
 """`python -m wheelwire_protocol.generate [--check]`: writes all derived files, or compares them.
 
-Nothing here imports `types` or what stands on it, so that a message can be added or removed while
-`types.py` still has the old ones.
+Nothing here imports `types` or modules that need it, so that a message can be added or removed
+while `types.py` still has the old ones.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ def outputs(root: Path) -> dict[Path, str]:
     cpp_vectors_text = cpp_vectors.generate((root / HANDMADE).read_text("utf-8"), generated)
     return {
         Path("protocol/wheelwire_protocol/types.py"): python.generate(),
+        Path("tests/support/self_test_types.py"): python.generate_self_test(),
         **{
             Path(module): _ruff_format(c_abi.generate(root / FIRMWARE / header, prefix))
             for header, prefix, module in C_ABI
@@ -65,6 +66,9 @@ def outputs(root: Path) -> dict[Path, str]:
         Path("web/src/generated/protocol.ts"): typescript.generate(),
         Path("protocol/vectors/generated.json"): generated,
         Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
+        Path("firmware/esp32/main/self_test_protocol.hpp"): _clang_format(
+            root, cpp.generate_self_test()
+        ),
         Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),
         Path("firmware/esp32/core/sensor_tables.hpp"): _clang_format(
             root, sensor_tables.generate()
@@ -74,7 +78,7 @@ def outputs(root: Path) -> dict[Path, str]:
 
 
 def stale(root: Path) -> dict[Path, str]:
-    """Those of `outputs` whose file is missing or differs."""
+    """The `outputs` whose file is missing or differs."""
     return {
         path: text
         for path, text in outputs(root).items()

@@ -15,14 +15,13 @@ from ..board import (
     WARNINGS,
     Action,
     BoardPin,
-    ChipTable,
     Level,
     Stage,
     StageTable,
 )
-from ..codes import Chip
-from ..messages import BOARD_SIZE, board_fields
+from ..board_layout import BOARD_SIZE, board_fields
 from .cpp import cpp_codec, cpp_member
+from .cpp_tables import cpp_table
 from .text import banner, constant_name
 
 
@@ -73,23 +72,26 @@ def _stage_row(stage: Stage, table: StageTable) -> str:
     )
 
 
-def _chip_row(chip: Chip, table: ChipTable) -> str:
-    sets = (
-        table.existing,
-        table.strapping,
-        table.memory,
-        table.input_only,
-        table.adc,
-        table.uart,
-        table.usb,
-        table.pulled_up,
-        table.held_high,
-    )
-    numbers = ", ".join(map(_mask, sets))
-    return (
-        f"    {{Chip::{constant_name(chip.name)}, {numbers}, {table.counters}, "
-        f"{table.pwm_outputs}, {str(table.has_led).lower()}}},"
-    )
+_CHIP = """
+Chip chip
+PinMask existing
+PinMask strapping Their level at reset selects how the chip starts.
+PinMask memory Flash and PSRAM, on any module.
+PinMask input_only No output driver and no pull resistors.
+PinMask adc
+PinMask uart
+PinMask usb Of the chip's own USB.
+PinMask pulled_up By the chip, until the firmware sets them.
+PinMask held_high Until then, against a pull-down, too.
+uint8_t counters
+uint8_t pwm_outputs
+bool has_led
+"""
+_MODULE = """
+Module module
+Chip chip
+PinMask memory
+"""
 
 
 def generate() -> str:
@@ -143,42 +145,15 @@ def generate() -> str:
         "/// GPIO numbers as bits.",
         "using PinMask = uint64_t;",
         "",
-        "/// What a chip and its usual modules do with their pins.",
-        "struct ChipTable {",
-        "  Chip chip;",
-        "  PinMask existing;",
-        "  PinMask strapping;   ///< Their level at reset selects how the chip starts.",
-        "  PinMask memory;      ///< Flash and PSRAM, on any module.",
-        "  PinMask input_only;  ///< No output driver and no pull resistors.",
-        "  PinMask adc;",
-        "  PinMask uart;",
-        "  PinMask usb;        ///< Of the chip's own USB.",
-        "  PinMask pulled_up;  ///< By the chip, until the firmware sets them.",
-        "  PinMask held_high;  ///< Until then, against a pull-down, too.",
-        "  uint8_t counters;",
-        "  uint8_t pwm_outputs;",
-        "  bool has_led;",
-        "};",
-        "",
-        "constexpr ChipTable kChipTables[] = {",
-        *[_chip_row(chip, table) for chip, table in CHIPS.items()],
-        "};",
-        "",
-        "/// A module that is named has these pins of its chip for flash and PSRAM, and no others.",
-        "struct ModuleTable {",
-        "  Module module;",
-        "  Chip chip;",
-        "  PinMask memory;",
-        "};",
-        "",
-        "constexpr ModuleTable kModuleTables[] = {",
-        *[
-            f"    {{Module::{constant_name(module.name)}, "
-            f"Chip::{constant_name(table.chip.name)}, {_mask(table.memory)}}},"
-            for module, table in MODULES.items()
-        ],
-        "};",
-        "",
+        *cpp_table(
+            "ChipTable", "What a chip and its usual modules do with their pins.", _CHIP, CHIPS
+        ),
+        *cpp_table(
+            "ModuleTable",
+            "A module that is named has these pins of its chip for flash and PSRAM, and no others.",
+            _MODULE,
+            MODULES,
+        ),
         "/// What is worth a sentence, but refuses no board.",
         "constexpr bool is_warning(BoardFault fault) {",
         "  return "

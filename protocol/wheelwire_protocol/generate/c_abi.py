@@ -42,13 +42,13 @@ class _Writer:
         self.signatures: list[str] = []
         self._prefix = prefix
         self._types: dict[str, str] = {}
-        """Of the header's own, by their names in C: a class, or a pointer to what is not known."""
+        """The header's own types, by their C names: a class, or a pointer to an unknown type."""
 
     def take(self, declaration: str) -> None:
         """Take any declaration.
 
         Raises:
-            ValueError: It is none of those that are known here.
+            ValueError: The declaration is of an unknown kind.
         """
         for pattern, take in (
             (_OPAQUE, self._take_opaque),
@@ -112,8 +112,8 @@ class _Writer:
             raise ValueError(f"{variable}: this type is not known here")
         constant, name, stars, _, length = found.groups()
         depth = len(stars)
-        # Bytes that are only read may be given as such. Not those that a callback gets: as a string
-        # they would end at the first zero.
+        # Bytes that are only read may be passed as such. Not the bytes that a callback gets: as a
+        # string they would end at the first zero.
         if depth and name in ("char", "uint8_t") and constant and not of_callback:
             return "ctypes.c_char_p"
         if depth and name in ("void", "char", "uint8_t"):

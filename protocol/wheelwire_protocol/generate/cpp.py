@@ -7,14 +7,25 @@ from collections.abc import Iterable
 from itertools import chain
 
 from ..board import CODES as BOARD_CODES
-from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
+from ..codes import (
+    ENUMERATIONS,
+    FLAGS,
+    RECORDER_CODES,
+    DocumentedEnum,
+    DocumentedFlag,
+    Failure,
+    Group,
+)
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..self_test import GROUP as SELF_TEST
+from ..self_test import MESSAGES as SELF_TEST_MESSAGES
+from ..self_test import PERMISSION
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS
-from .text import banner, constant_name, unit_note
-from .wire_layout import layout_hash
+from .text import banner, constant_name, field_note, unit_note
+from .wire_layout import layout_hash, self_test_hash
 
 _CPP_TYPES = {
     "B": "uint8_t",
@@ -61,7 +72,9 @@ def cpp_member(field: Field, initial: str = "") -> str:
     """A field as a member of a struct."""
     array = f"[{field.format[:-1]}]" if field.format.endswith("s") else ""
     kind = "char" if array else cpp_type(field)
-    return f"  {kind} {field.name}{array}{{{initial}}};  ///< {field.docs}{unit_note(field.unit)}"
+    note = field_note(field)
+    comment = f"  ///< {note}" if note else ""
+    return f"  {kind} {field.name}{array}{{{initial}}};{comment}"
 
 
 def cpp_codec(struct: str, variable: str, fields: Iterable[Field]) -> list[str]:
@@ -204,12 +217,12 @@ def _groups() -> list[str]:
     ]
 
 
-def _body_sizes() -> list[str]:
+def _body_sizes(function: str, messages: Iterable[Message]) -> list[str]:
     return [
         "/// Body size of the message with this id; -1 where there is none.",
-        "constexpr int body_size(uint8_t id) {",
+        f"constexpr int {function}(uint8_t id) {{",
         "  switch (id) {",
-        *(f"    case {m.name}::kId:\n      return {m.name}::kSize;" for m in MESSAGES),
+        *(f"    case {m.name}::kId:\n      return {m.name}::kSize;" for m in messages),
         "    default:",
         "      return -1;",
         "  }",
@@ -245,10 +258,33 @@ def generate() -> str:
         *chain.from_iterable(map(cpp_enumeration, (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES))),
         *chain.from_iterable(map(_flags, SENSOR_FLAGS)),
         *chain.from_iterable(map(_message, MESSAGES)),
-        *_body_sizes(),
+        *_body_sizes("body_size", MESSAGES),
         *_groups(),
         *_parameters(),
         *_platform_defaults(),
+        "}  // namespace wheelwire",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def generate_self_test() -> str:
+    """The text of `self_test_protocol.hpp`."""
+    lines = [
+        f"// {banner('Messages of the self-test image')}",
+        "#pragma once",
+        "",
+        '#include "protocol.hpp"',
+        "",
+        "namespace wheelwire {",
+        "",
+        f"constexpr uint8_t kSelfTestGroup = {SELF_TEST};",
+        f"constexpr uint32_t kSelfTestHash = 0x{self_test_hash():08x};",
+        f"constexpr uint32_t kSelfTestPermission = 0x{PERMISSION:08x};",
+        "",
+        *cpp_enumeration(Failure),
+        *chain.from_iterable(map(_message, SELF_TEST_MESSAGES)),
+        *_body_sizes("self_test_body_size", SELF_TEST_MESSAGES),
         "}  // namespace wheelwire",
         "",
     ]

@@ -1,34 +1,131 @@
-"""MESSAGES.md: every message, code and parameter as tables for people."""
+"""MESSAGES.md: every message, code and parameter, for people."""
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Iterable
-from itertools import chain
+from collections.abc import Iterable, Iterator
+from itertools import chain, groupby
+from typing import NamedTuple
 
 from ..board import CODES as BOARD_CODES
-from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
-from ..message import Field, Message
-from ..messages import MESSAGES, PROTOCOL_VERSION
-from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
+from ..board import BoardFault, BoardPin, Stage
+from ..board_layout import board_fields, peripheral_fields
+from ..codes import (
+    ENUMERATIONS,
+    FLAGS,
+    RECORDER_CODES,
+    BoxCause,
+    Chip,
+    ConfigurationState,
+    DocumentedEnum,
+    DocumentedFlag,
+    Failure,
+    Group,
+    Held,
+    ResetReason,
+    SupervisorEvent,
+    SupervisorState,
+    TrialAction,
+    Unit,
+)
+from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
+from ..messages import (
+    IMU,
+    MESSAGES,
+    PING,
+    PROTOCOL_VERSION,
+    SET_DUTY,
+)
+from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS
-from .text import banner
-from .wire_layout import layout_hash
-
-_ENUMERATIONS = (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES)
+from ..sensors import Axis, BatteryLevel, PeripheralFault, Place, SensorChip, SensorEventCode
+from .text import banner, unit_note
+from .wire_layout import layout_hash, self_test_hash
 
 FRAMING_SIZE = 3
 """Bytes a frame has beyond its payload: one COBS code, two delimiters."""
 
-_INTRODUCTION = """\
-Protocol version {version}, schema hash `0x{hash:08x}` of the group BASE. How the messages work
-together is in [SPEC.md](SPEC.md).
+_CODES: tuple[type[DocumentedEnum] | type[DocumentedFlag], ...] = (
+    *ENUMERATIONS,
+    *BOARD_CODES,
+    *RECORDER_CODES,
+    *SENSOR_CODES,
+    *FLAGS,
+    *SENSOR_FLAGS,
+)
+_NAMES_SAY_IT = (
+    SupervisorState,
+    SupervisorEvent,
+    Group,
+    TrialAction,
+    ResetReason,
+    Chip,
+    ConfigurationState,
+    BoardPin,
+    BoardFault,
+    BoxCause,
+    SensorChip,
+    Place,
+    Axis,
+    BatteryLevel,
+    PeripheralFault,
+    Held,
+)
+"""Codes whose names, or SPEC.md, say what they mean."""
+_UNITS_IN_NAMES = (
+    Unit.NONE,
+    Unit.TICK,
+    Unit.COUNT,
+    Unit.MICROSECOND,
+    Unit.NANOSECOND,
+    Unit.SECOND,
+    Unit.MILLIMETRE,
+    Unit.METRE_PER_SECOND,
+    Unit.MILLIMETRE_PER_SECOND,
+    Unit.HERTZ,
+    Unit.MILLIVOLT,
+    Unit.MILLIAMPERE,
+    Unit.MILLIAMPERE_HOUR,
+    Unit.CENTIDEGREE_CELSIUS,
+    Unit.DUTY_Q15,
+)
+"""Units that every field's name ends in."""
+_IN_FULL = (Stage, SensorEventCode)
+"""A member's doc says after its first clause what the code means, not what follows from it."""
 
-Sizes are in bytes: *body* is the fields alone, *frame* is all that is sent, with id, seq, CRC, COBS
-and delimiters. Types are little-endian and packed: `u16` is an unsigned, `i16` a signed integer of
-16 bits, `f32` an IEEE 754 binary32, `char[n]` n bytes, of a name its ASCII filled up with zeros. A
-*frozen* message has the same layout in every protocol version."""
+_INTRODUCTION = """\
+Every message, code and parameter of protocol version {version}. [SPEC.md](SPEC.md) explains how
+they work together.
+
+Numbers are little-endian and packed: `u16` is unsigned, `i16` signed, `f32` an IEEE 754 binary32;
+`char[n]` has n bytes, filled up with zeros. The last part of a name is its unit; `_q15` is a value
+x 32767, `_cdeg` hundredths of a degree Celsius. Several names before one type are as many fields. A
+frame is {overhead} bytes longer than its body."""
+
+_PARTS_INTRODUCTION = """\
+A body has these fields where its message names them; a name after the size is that of the first."""
+
+_CODES_INTRODUCTION = """\
+[Troubleshooting](../docs/troubleshooting.md) says what to do about those that stop a robot."""
+
+
+class _Part(NamedTuple):
+    """Fields that several messages have in common."""
+
+    name: str
+    fields: tuple[Field, ...]
+
+
+_PARTS = (
+    _Part("request", PING.fields[:2]),
+    _Part("setpoint", SET_DUTY.fields[:3]),
+    _Part("sample", IMU.fields[:3]),
+    _Part("board", tuple(board_fields())),
+    _Part("peripheral", tuple(peripheral_fields())),
+)
 
 
 def wire_type(field: Field) -> str:
@@ -39,161 +136,151 @@ def wire_type(field: Field) -> str:
     return f"{kind}{8 * struct.calcsize('<' + field.format)}"
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    titles = list(head)
-    lines = [titles, ["-"] * len(titles), *rows]
-    return [f"| {' | '.join(cells)} |".replace("|  |", "| |") for cells in lines] + [""]
+def _note(field: Field) -> str:
+    """What name and type of a field do not say: its unit and doc."""
+    unit = "" if field.unit in _UNITS_IN_NAMES else unit_note(field.unit).strip()
+    return f"{unit} {field.docs}".strip()
 
 
-def _anchor(name: str) -> str:
-    return f"[{name}](#{name.lower()})"
+def _columns(item: _Part | Field) -> tuple[str, str]:
+    if isinstance(item, _Part):
+        return (f"*{item.name}*", "")
+    codes = item.enumeration.__name__ if item.enumeration else ""
+    link = f" [{codes}](#{codes.lower()})" if codes else ""
+    return (f"{wire_type(item)}{link}", _note(item))
 
 
-def _overview(messages: Iterable[Message]) -> list[str]:
-    return _table(
-        ("id", "message", "body", "frame", "meaning"),
-        (
-            (
-                f"`0x{message.id:02x}`",
-                _anchor(message.name),
-                str(message.body_size),
-                str(message.payload_size + FRAMING_SIZE),
-                message.doc,
-            )
-            for message in messages
-        ),
-    )
+def _fields(items: Iterable[_Part | Field]) -> Iterator[str]:
+    """One line for each field, or for consecutive ones that are alike or need no words."""
+    plain: list[str] = []
+    for (kind, note), alike in groupby(items, key=_columns):
+        names = ", ".join(f"`{one.name}`" for one in alike if isinstance(one, Field))
+        text = f"{names} {kind}".strip()
+        if not note:
+            plain.append(text)
+            continue
+        if plain:
+            yield f"- {'; '.join(plain)}"
+            plain = []
+        yield f"- {text}: {note}"
+    if plain:
+        yield f"- {'; '.join(plain)}"
 
 
-def _field_row(field: Field) -> tuple[str, ...]:
-    codes = f" {_anchor(field.enumeration.__name__)}." if field.enumeration else ""
-    return (f"`{field.name}`", wire_type(field), field.unit.value, f"{field.docs}{codes}")
+def _parted(fields: tuple[Field, ...]) -> Iterator[_Part | Field]:
+    """The fields of a message; the fields of a part appear as the part."""
+
+    def layout(fields: Iterable[Field]) -> list[tuple[str, ...]]:
+        return [(field.name, *_columns(field)) for field in fields]
+
+    while fields:
+        for part in _PARTS:
+            if layout(fields[: len(part.fields)]) == layout(part.fields):
+                yield part
+                fields = fields[len(part.fields) :]
+                break
+        else:
+            yield fields[0]
+            fields = fields[1:]
 
 
 def _message(message: Message) -> list[str]:
-    frozen = ", frozen" if message.frozen else ""
-    return [
-        f"### {message.name}",
-        "",
-        f"`0x{message.id:02x}`, body {message.body_size}, "
-        f"frame {message.payload_size + FRAMING_SIZE}{frozen}. {message.doc}",
-        "",
-        *_table(("field", "type", "unit", "meaning"), map(_field_row, message.fields)),
-    ]
+    items = list(_parted(message.fields))
+    begins = f", *{items.pop(0).name}*" if isinstance(items[0], _Part) else ""
+    size = f"{message.body_size} bytes"
+    head = f"**{message.name}** `0x{message.id:02x}`, {size}{begins}. {message.doc}"
+    return [head, "", *_fields(items), *([""] if items else [])]
 
 
-def _codes(
-    codes: type[DocumentedEnum] | type[DocumentedFlag], number: str, remark: str = ""
-) -> list[str]:
-    rows = ((str(m.value), f"`{m.name}`", m.doc) for m in codes)
-    return [
-        f"### {codes.__name__}",
-        "",
-        (codes.__doc__ or "").strip() + remark,
-        "",
-        *_table((number, "name", "meaning"), rows),
-    ]
+def _parts() -> Iterator[str]:
+    for part in _PARTS:
+        yield from (f"*{part.name}*", "", *_fields(part.fields), "")
 
 
-def _parameter_row(parameter: Parameter) -> tuple[str, ...]:
-    bounds = f"{parameter.minimum:.9g} to {parameter.maximum:.9g}"
+def _clause(doc: str) -> str:
+    """The first clause of a code's doc."""
+    return re.split("[;:.] ", doc)[0].rstrip(".")
+
+
+def _codes(codes: type[DocumentedEnum] | type[DocumentedFlag]) -> list[str]:
+    what = (codes.__doc__ or "").strip()
+    bits = " Bits." if issubclass(codes, DocumentedFlag) else ""
+    head = [f"### {codes.__name__}", "", what + bits]
+    if codes in _NAMES_SAY_IT:
+        return [*head, "", ", ".join(f"{m.value:d} `{m.name}`" for m in codes) + ".", ""]
+    whole = codes in _IN_FULL
+    rows = (f"- {m.value:d} `{m.name}`: {m.doc if whole else _clause(m.doc)}" for m in codes)
+    return [*head, "", *rows, ""]
+
+
+def _parameter_line(parameter: Parameter) -> str:
+    bounds = f"{parameter.minimum:.9g}..{parameter.maximum:.9g}"
     if parameter.kind is Kind.SWITCH:
         bounds = "0, 1"
-    return (
-        str(parameter.id),
-        f"`{parameter.name}`",
-        parameter.unit.value,
-        parameter.kind.value,
-        f"{parameter.default:.9g}",
-        bounds,
-        parameter.changes.value,
-        parameter.doc,
-    )
+    if parameter.kind is Kind.WHOLE:
+        bounds += ", whole"
+    unit = parameter.unit.value.partition(" (")[0]  # without the range of a duty
+    default = f"{parameter.default:.9g} {unit}".strip()
+    changes = "" if parameter.changes is Changes.STOPPED else f", *{parameter.changes.value}*"
+    what = f"{default} ({bounds}){changes}. {parameter.doc}"
+    return f"- {parameter.id} `{parameter.name}`: {what}"
 
 
 def _parameters() -> list[str]:
+    others = [
+        f"Defaults on `{chip.name}`: "
+        + ", ".join(f"`{name}` {value:.9g}" for name, value in defaults.items())
+        + "."
+        for chip, defaults in PLATFORM_DEFAULTS.items()
+    ]
     return [
         "## Parameters",
         "",
-        "Every value travels as `f32`. A *whole* one takes whole numbers only, a *switch* 0 or 1.",
-        "Bounds are inclusive. *Changes* says when another value is taken: *always*, or only when",
-        "*stopped*, so not in DRIVING, or *released*, so neither in DRIVING nor in ESTOPPED.",
+        "Each with its id, default and inclusive bounds. Every value is an `f32` in its unit. A",
+        "parameter changes only when *stopped* (not in DRIVING), unless it says *always*, or",
+        "*released*: neither in DRIVING nor in ESTOPPED.",
+        *others,
         "",
-        *_table(
-            ("id", "name", "unit", "kind", "default", "bounds", "changes", "meaning"),
-            map(_parameter_row, PARAMETERS),
-        ),
-        "Other defaults by board:",
-        "",
-        *_table(
-            ("board", "parameter", "default"),
-            (
-                (f"`{board.name}`", f"`{name}`", f"{value:.9g}")
-                for board, defaults in PLATFORM_DEFAULTS.items()
-                for name, value in defaults.items()
-            ),
-        ),
-    ]
-
-
-def _contents(from_host: list[Message], from_device: list[Message]) -> list[str]:
-    codes = ", ".join(_anchor(e.__name__) for e in (*_ENUMERATIONS, *FLAGS, *SENSOR_FLAGS))
-    return [
-        "**From the host**",
-        "",
-        *_overview(from_host),
-        "**From the device**",
-        "",
-        *_overview(from_device),
-        "**Groups**: every device has the first. A message of another group may be sent once its",
-        "hash is known to be the same on both sides, by GroupGet.",
-        "",
-        *_groups(),
-        f"**Codes**: {codes}.",
-        "",
-        f"**{_anchor('Parameters')}**: {len(PARAMETERS)}.",
+        *map(_parameter_line, PARAMETERS),
         "",
     ]
-
-
-def _groups() -> list[str]:
-    rows = (
-        (
-            str(group.value),
-            f"`{group.name}`",
-            f"`0x{layout_hash(group):08x}`",
-            ", ".join(_anchor(m.name) for m in MESSAGES if m.group is group)
-            if group
-            else "all others",
-        )
-        for group in Group
-    )
-    return _table(("group", "name", "hash", "messages"), rows)
 
 
 def generate() -> str:
     """The text of `MESSAGES.md`."""
-    from_host = [message for message in MESSAGES if not message.from_device]
-    from_device = [message for message in MESSAGES if message.from_device]
+    overhead = HEADER_SIZE + CRC_SIZE + FRAMING_SIZE
+    hashes = ", ".join(f"`{group.name}` `0x{layout_hash(group):08x}`" for group in Group)
     lines = [
         f"<!-- {banner('Tables')} -->",
         "# Messages",
         "",
-        _INTRODUCTION.format(version=PROTOCOL_VERSION, hash=layout_hash()),
+        _INTRODUCTION.format(version=PROTOCOL_VERSION, overhead=overhead),
         "",
-        *_contents(from_host, from_device),
+        f"Hashes of the [groups](SPEC.md#groups): {hashes}.",
+        "",
         "## From the host",
         "",
-        *chain.from_iterable(map(_message, from_host)),
+        *chain.from_iterable(_message(one) for one in MESSAGES if not one.from_device),
         "## From the device",
         "",
-        *chain.from_iterable(map(_message, from_device)),
+        *chain.from_iterable(_message(one) for one in MESSAGES if one.from_device),
+        "## Fields in common",
+        "",
+        _PARTS_INTRODUCTION,
+        "",
+        *_parts(),
         "## Codes",
         "",
-        *chain.from_iterable(_codes(each, "code") for each in _ENUMERATIONS),
-        *chain.from_iterable(
-            _codes(each, "bit", " Several may be set at once.") for each in (*FLAGS, *SENSOR_FLAGS)
-        ),
+        _CODES_INTRODUCTION,
+        "",
+        *chain.from_iterable(map(_codes, _CODES)),
         *_parameters(),
+        "## Of the self-test image",
+        "",
+        f"Only [an image that tests a board](SPEC.md#the-self-test-image) has them. Hash: "
+        f"`0x{self_test_hash():08x}`.",
+        "",
+        *chain.from_iterable(map(_message, SELF_TEST_MESSAGES)),
+        *_codes(Failure),
     ]
     return "\n".join(lines)

@@ -1,7 +1,7 @@
 """The typed message classes: static types for editors and mypy, tuples for speed.
 
-The layouts beside them are all that the fast path knows: construct takes longer to import than all
-of the rest, and is the generator's and the tests' only.
+The fast path uses only the layouts written next to them. Only the generator and the tests use
+construct, which takes longer to import than everything else.
 """
 
 from __future__ import annotations
@@ -9,20 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import chain
 
+from ..board_layout import board_fields, peripheral_fields
 from ..codes import Group
 from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import MESSAGES, PING, PROTOCOL_VERSION, board_fields, peripheral_fields
-from .text import banner, unit_note
-from .wire_layout import layout_hash
+from ..messages import MESSAGES, PING, PROTOCOL_VERSION
+from ..self_test import MESSAGES as SELF_TEST_MESSAGES
+from .text import banner, field_note
+from .wire_layout import layout_hash, self_test_hash
 
 _PYTHON_TYPES = {"f": "float"}
 
 
 def _field(field: Field) -> list[str]:
-    codes = f" See `codes.{field.enumeration.__name__}`." if field.enumeration else ""
+    codes = f"See `codes.{field.enumeration.__name__}`." if field.enumeration else ""
+    note = f"{field_note(field)} {codes}".strip()
     return [
         f"    {field.name}: {'bytes' if field.is_text else _PYTHON_TYPES.get(field.format, 'int')}",
-        f'    """{field.docs}{unit_note(field.unit)}{codes}"""',
+        *([f'    """{note}"""'] if note else []),
     ]
 
 
@@ -44,8 +47,6 @@ def generate() -> str:
         "",
         banner("Python types"),
         '"""',
-        "",
-        "from __future__ import annotations",
         "",
         "from typing import NamedTuple",
         "",
@@ -120,3 +121,28 @@ def _packed_layout(what: str, fields: Iterable[Field]) -> list[str]:
         ")",
         f'"""The fields of the packed {what}, and their format characters."""',
     ]
+
+
+def generate_self_test() -> str:
+    """The text of `self_test_types.py`, which only the tests of a board need."""
+    lines = [
+        '"""The messages of the self-test image as typed tuples, one class each.',
+        "",
+        banner("Python types"),
+        '"""',
+        "",
+        "from __future__ import annotations",
+        "",
+        "from typing import Any, NamedTuple",
+        "",
+        f"HASH = 0x{self_test_hash():08X}",
+        "",
+        "",
+        *chain.from_iterable(map(_message, SELF_TEST_MESSAGES)),
+        "LAYOUTS: tuple[tuple[int, type[Any], str], ...] = (",
+        *(f'    (0x{m.id:02X}, {m.name}, "{m.body_format}"),' for m in SELF_TEST_MESSAGES),
+        ")",
+        '"""Id, class, and the body in the format characters of `struct`."""',
+        "",
+    ]
+    return "\n".join(lines)

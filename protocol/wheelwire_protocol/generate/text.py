@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..codes import Unit
+from ..message import Field
 
 
 def banner(what: str, source: str = "protocol/wheelwire_protocol") -> str:
@@ -13,6 +14,11 @@ def banner(what: str, source: str = "protocol/wheelwire_protocol") -> str:
 def unit_note(unit: Unit) -> str:
     """` [mV]`, to be put behind a doc; empty for a value without a unit."""
     return f" [{unit.value}]" if unit.value else ""
+
+
+def field_note(field: Field) -> str:
+    """`Drawn. [mA]`: the doc and unit of a field; empty if its name says everything."""
+    return f"{field.docs}{unit_note(field.unit)}".strip()
 
 
 def constant_name(name: str) -> str:

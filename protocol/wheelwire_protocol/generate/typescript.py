@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from itertools import chain
 
-from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
+from ..board import CODES as BOARD_CODES
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS
-from .text import banner, unit_note
+from .text import banner, field_note, unit_note
 from .wire_layout import layout_hash
 
 _WIDE = ("Q", "q")
@@ -27,7 +28,8 @@ def _interface(message: Message) -> list[str]:
         f"/** {message.doc} */",
         f"export interface {message.name} {{",
         *(
-            f"  /** {field.docs}{unit_note(field.unit)} */\n  {field.name}: {_type(field)};"
+            (f"  /** {note} */\n" if (note := field_note(field)) else "")
+            + f"  {field.name}: {_type(field)};"
             for field in message.fields
         ),
         "}",
@@ -68,7 +70,7 @@ def generate() -> str:
         "/** What users are shown of each code. */",
         "export type Sentences<Codes> = Readonly<Record<keyof Codes, string>>;",
         "",
-        *chain.from_iterable(map(_codes, ENUMERATIONS)),
+        *chain.from_iterable(map(_codes, (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES))),
         *chain.from_iterable(map(_codes, FLAGS)),
         *chain.from_iterable(map(_interface, MESSAGES)),
         "/** All messages by name. */",
@@ -79,6 +81,11 @@ def generate() -> str:
         "/** Of each message the id, and its fields with their formats as in Python's `struct`. */",
         "export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>> = {",
         *map(_layout, MESSAGES),
+        "};",
+        "",
+        "/** The hash of each group of messages. */",
+        "export const GROUP_HASHES: Readonly<Record<keyof typeof Group, number>> = {",
+        *(f"  {group.name}: 0x{layout_hash(group):08x}," for group in Group),
         "};",
         "",
         "/** The ids of the parameters. */",

@@ -1,6 +1,6 @@
 """vectors/generated.json: frames of every message, for all languages to encode and to decode.
 
-Built with plain construct, not with the fast path: whoever runs the vectors is held to it.
+Built with plain construct, not with the fast path, so that the vectors test the latter, too.
 """
 
 from __future__ import annotations

@@ -6,8 +6,9 @@ import enum
 import hashlib
 from collections.abc import Iterable
 
-from .. import board, sensors
-from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Chip, Group
+from .. import board, self_test, sensors
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Chip, Failure, Group
+from ..message import Message
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS
 
@@ -17,7 +18,7 @@ CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.RECORDER: RECORDER_CODES,
     Group.SENSOR: (*sensors.CODES, *sensors.FLAGS),
 }
-# A new group is no change of BASE, or each would part all hosts from all devices before it.
+# A new group leaves the hash of BASE as it is: older devices must still be usable.
 _GROUPS_OF_BASE = (Group.BASE, Group.CONFIGURATION)
 # The hash covers these names: devices in the field have it with this one.
 _LAYOUT_NAMES: dict[type[enum.Enum], str] = {Chip: "Board"}
@@ -25,19 +26,29 @@ _LAYOUT_NAMES: dict[type[enum.Enum], str] = {Chip: "Board"}
 
 def wire_layout(group: Group = Group.BASE) -> str:
     """The layout as text: all that must agree between host and device, and no prose."""
-    lines = [
-        f"{m.id} {m.name} " + " ".join(f"{f.name}:{f.format}" for f in m.fields)
-        for m in MESSAGES
-        if m.group is group
-    ]
+    lines = _message_lines(m for m in MESSAGES if m.group is group)
     if group is Group.BASE:
         lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
-    lines += [
+    return "\n".join(lines + _code_lines(CODES.get(group, ())))
+
+
+def self_test_layout() -> str:
+    """As `wire_layout`, of the self-test's messages."""
+    return "\n".join(_message_lines(self_test.MESSAGES) + _code_lines([Failure]))
+
+
+def _message_lines(messages: Iterable[Message]) -> list[str]:
+    return [
+        f"{m.id} {m.name} " + " ".join(f"{f.name}:{f.format}" for f in m.fields) for m in messages
+    ]
+
+
+def _code_lines(codes: Iterable[type[enum.Enum]]) -> list[str]:
+    return [
         f"{_LAYOUT_NAMES.get(e, e.__name__)} "
         + " ".join(f"{m.name}={m.value}" for m in _members(e))
-        for e in CODES.get(group, ())
+        for e in codes
     ]
-    return "\n".join(lines)
 
 
 def _members(codes: type[enum.Enum]) -> Iterable[enum.Enum]:
@@ -46,4 +57,13 @@ def _members(codes: type[enum.Enum]) -> Iterable[enum.Enum]:
 
 def layout_hash(group: Group = Group.BASE) -> int:
     """First four bytes of the SHA-256 of `wire_layout`, little-endian."""
-    return int.from_bytes(hashlib.sha256(wire_layout(group).encode()).digest()[:4], "little")
+    return _hash(wire_layout(group))
+
+
+def self_test_hash() -> int:
+    """As `layout_hash`, of the self-test's messages."""
+    return _hash(self_test_layout())
+
+
+def _hash(layout: str) -> int:
+    return int.from_bytes(hashlib.sha256(layout.encode()).digest()[:4], "little")

@@ -78,7 +78,7 @@ class ChipPin(MockPWMPin):  # type: ignore[misc]
         if self.info.pull not in (value, ""):
             raise PinFixedPull(f"{self!r} has a physical pull-{self.info.pull} resistor")
         self._pull = value
-        # An ioctl is done when it returns: nobody can look at the chip before it has the pull.
+        # An ioctl is done when it returns: no program sees the chip before it has the pull.
         self.factory.ask(f"pull {self._number} {value}")
 
     def _set_when_changed(self, value: Any) -> None:

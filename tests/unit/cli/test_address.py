@@ -118,7 +118,7 @@ def test_every_command_takes_the_robot_that_the_environment_names(
 
 
 @pytest.mark.parametrize("command", MOVING)
-def test_what_moves_wheels_refuses_where_nobody_can_be_asked(
+def test_a_command_that_moves_wheels_refuses_if_nobody_can_be_asked(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plug_in(monkeypatch, "/dev/no-such-port")
@@ -141,7 +141,7 @@ def test_what_moves_wheels_refuses_where_nobody_can_be_asked(
         ("0", False),
     ],
 )
-def test_an_address_is_told_from_a_parameters_name(
+def test_an_address_is_distinguished_from_a_parameters_name(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, expected: bool
 ) -> None:
     monkeypatch.chdir(tmp_path)

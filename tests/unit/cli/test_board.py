@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
 
-from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
+from support.command import Result, check_error, run, run_json
 from wheelwire import errors
 from wheelwire.tools.files.board import board_mapping, load_board, shipped_boards
 
@@ -21,16 +20,9 @@ ANSWERS = [
 ]
 
 
-def ask(*arguments: str, answers: list[str]) -> subprocess.CompletedProcess[str]:
+def ask(*arguments: str, answers: list[str]) -> Result:
     """Run a command whose questions are answered by these lines."""
-    return subprocess.run(
-        [*PROGRAM, "board", *arguments],
-        input="".join(f"{answer}\n" for answer in answers),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    return run("board", *arguments, typed="".join(f"{answer}\n" for answer in answers))
 
 
 def test_the_list_has_all_built_in_boards() -> None:
@@ -57,7 +49,7 @@ def test_a_good_board_is_found_good() -> None:
     }
 
 
-def test_all_that_is_wrong_is_told_a_line_each(tmp_path: Path) -> None:
+def test_every_problem_has_its_line(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     text = json.dumps(board_mapping(load_board("l298n")) | {"pwm_frequency_hz": 50, "led": 36})
     file.write_text(text)
@@ -104,7 +96,7 @@ def test_a_board_like_another_is_made_by_enter_alone(tmp_path: Path) -> None:
     assert load_board(file) == load_board("tb6612")
 
 
-def test_a_missing_resistor_is_told_and_the_answers_are_kept(tmp_path: Path) -> None:
+def test_a_missing_resistor_is_reported_and_the_answers_are_kept(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     answers = [""] * 18 + ["n", "n"]  # no resistor on either enable
     result = ask("init", str(file), "--like", "l298n", answers=answers)

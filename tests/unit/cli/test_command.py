@@ -169,7 +169,7 @@ def test_demo_looks_at_its_folder_before_it_drives(tmp_path: Path) -> None:
 
 
 def test_brackets_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
-    """They are no markup: `pip install 'wheelwire[tools]'` is to be copied."""
+    """They are not markup: users copy `pip install 'wheelwire[tools]'`."""
     output.print_facts("Facts", [("picture", "none: pip install 'wheelwire[tools]'")])
     output.console.print("pip install 'wheelwire[tools]'")
     assert capsys.readouterr().out.count("'wheelwire[tools]'") == 2

@@ -31,8 +31,26 @@ def test_no_setpoint_lives_for_less_than_the_clocks_error(lives: list[float]) ->
     """At the end of a drive little is left of it, on a bad line less than the clock's bound."""
     with open_driver("mock") as robot:
         commands._drive(robot, Twist(0.1, 0.0), SECONDS)
-    assert max(lives) <= SECONDS
+    assert max(lives) <= SECONDS + commands.COMMAND_PERIOD_S
     assert min(lives) >= commands.COMMAND_PERIOD_S
+
+
+def test_a_stop_ends_the_drive_and_not_the_last_setpoints_expiry(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its expiry would look like a program that was killed."""
+    with open_driver("mock") as robot:
+        send, valid_until = robot.set_velocity, [0.0]
+
+        def noted(linear: float, angular: float, ttl: float) -> None:
+            if linear:
+                valid_until.append(time.monotonic() + ttl)
+            send(linear, angular, ttl)
+
+        monkeypatch.setattr(robot, "set_velocity", noted)
+        begin = time.monotonic()
+        commands._drive(robot, Twist(0.1, 0.0), SECONDS)
+    assert valid_until[-1] >= begin + SECONDS + commands.COMMAND_PERIOD_S
 
 
 def test_the_last_setpoint_lasts_to_the_end(lives: list[float]) -> None:
@@ -76,7 +94,8 @@ def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
 def test_a_drive_shorter_than_the_command_period_drives(lives: list[float]) -> None:
     with open_driver("mock") as robot:
         commands._drive(robot, Twist(0.1, 0.0), commands.COMMAND_PERIOD_S / 2)
-    assert lives == [commands.COMMAND_PERIOD_S]
+    (life,) = lives
+    assert commands.COMMAND_PERIOD_S < life <= 1.5 * commands.COMMAND_PERIOD_S
 
 
 def test_a_drive_of_no_time_sends_nothing(lives: list[float]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from support.cases import each
 from support.command import run
@@ -50,7 +51,7 @@ def test_a_section_is_shown_alone(address: str, capsys: pytest.CaptureFixture[st
 
 
 def test_a_section_ends_at_the_next_one_of_its_level(capsys: pytest.CaptureFixture[str]) -> None:
-    # Comments in blocks of commands begin with # as well.
+    # Comments in blocks of commands begin with #, too.
     text = shown(capsys, "pi-pins/a-process-for-the-pins")
     assert "### A service of its own" in text
     assert "systemd/system/wheelwire.service" in text
@@ -69,6 +70,47 @@ def test_a_section_ends_at_the_next_one_of_its_level(capsys: pytest.CaptureFixtu
 def test_a_page_that_is_not_there_says_what_is(address: str, says: str) -> None:
     with pytest.raises(typer.BadParameter, match=says):
         help_page(address)
+
+
+def found(*words: str) -> list[str]:
+    result = CliRunner().invoke(app, ["help", *words])
+    assert result.exit_code == 0, result.output
+    return [line.rstrip() for line in result.output.splitlines()]
+
+
+def test_a_word_finds_the_commands_and_the_sections_that_mention_it() -> None:
+    first, *lines = found("PLOT")
+    assert first == "no page or command is called 'PLOT'; these mention it:"
+    called = [line.split("  ")[0] for line in lines]
+    # By name, option and text; the help itself is no find.
+    by_name = [name for name in called if not name.startswith("wheelwire help")]
+    assert by_name == [
+        f"wheelwire {name}" for name in ("setup", "tune", "monitor", "why", "log plot")
+    ]
+    assert any(
+        line.endswith("Show wheel speeds, duties, state, and why it stopped.") for line in lines
+    )
+    assert "wheelwire help recording/look-at-it" in called
+    assert len(called) <= len(by_name) + 8
+
+
+def test_words_of_a_symptom_find_its_section() -> None:
+    assert found("hums", "but", "does") == found("hums but does")
+    assert found("hums", "but", "does")[1:] == ["wheelwire help troubleshooting/it-does-not-drive"]
+    # Troubleshooting comes before all others.
+    assert found("fuse")[1] == "wheelwire help troubleshooting/it-does-not-drive"
+
+
+@each("words", [("setup",), ("troubleshooting/port",), ("log", "plot"), ("docs/wiring.md#levels",)])
+def test_what_is_a_page_or_a_command_is_not_searched(words: tuple[str, ...]) -> None:
+    assert not any("mention it" in line for line in found(*words))
+
+
+def test_what_nothing_mentions_names_the_nearest_command() -> None:
+    result = CliRunner().invoke(app, ["help", "montor"])
+    assert result.exit_code == 2
+    said = " ".join(re.sub("[│╭╮╰╯─]", " ", result.output).split())
+    assert "no page or command is called 'montor' or mentions it; did you mean monitor?" in said
 
 
 @each("kind", PAGE_OF)

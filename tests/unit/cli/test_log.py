@@ -22,7 +22,7 @@ from wheelwire import errors, open_driver
 from wheelwire.cli import log
 from wheelwire.cli.app import app
 from wheelwire.link.traffic import Kind, Record, TrafficReader
-from wheelwire.log.reader import records
+from wheelwire.log.reader import MAGIC, records
 from wheelwire.log.recorder import RecordingFile
 
 OFFSET_NS = 1_700_000_000_000_000_000
@@ -207,7 +207,7 @@ def wrong(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     elif kind == "pipe":
         os.mkfifo(path)
     elif kind in ("text", "empty", "magic"):
-        path.write_bytes({"text": b"hello", "empty": b"", "magic": b"\x89MCAP0\r\n"}[kind])
+        path.write_bytes({"text": b"hello", "empty": b"", "magic": MAGIC}[kind])
     elif kind != "missing":
         names = {"foreign": "NONE", "lz4": "LZ4", "zstd": "ZSTD"}
         foreign(path, CompressionType[names[kind]])
@@ -222,11 +222,11 @@ def refused(*arguments: str) -> str:
 
 
 @each("command", ["info", "decode", "plot", "repair"])
-def test_what_is_no_recording_is_one_line(command: str, wrong: Path) -> None:
+def test_a_file_that_is_no_recording_gives_one_line(command: str, wrong: Path) -> None:
     before = wrong.read_bytes() if wrong.is_file() else None
     line = refused("log", command, str(wrong))
     assert str(wrong) in line
-    assert "name a" in line  # what to do
+    assert ("record again" if before == MAGIC else "name a") in line  # what to do
     assert "\n" not in line
     assert before is None or wrong.read_bytes() == before
 
@@ -273,7 +273,7 @@ def test_a_record_that_means_nothing(tmp_path: Path) -> None:
     assert "of this release" in line
 
 
-def test_a_torn_one_is_read_as_far_as_it_goes(day: Path, tmp_path: Path) -> None:
+def test_a_torn_recording_is_read_as_far_as_it_goes(day: Path, tmp_path: Path) -> None:
     path = torn(day, tmp_path)
     rows = output("log", "decode", str(path)).splitlines()
     assert 1 < len(rows) <= len(output("log", "decode", str(day)).splitlines())

@@ -69,7 +69,7 @@ def test_it_goes_on_when_a_silent_device_speaks_again() -> None:
     assert found[-1] is SAMPLE
 
 
-def test_a_short_silence_is_no_news() -> None:
+def test_a_short_silence_is_not_reported() -> None:
     results = itertools.chain([SAMPLE], [SILENT], itertools.repeat(SAMPLE))
     assert news(Robot(results, at_once=False).watched(5)) == []
 
@@ -99,7 +99,7 @@ def test_a_loss_says_what_to_do_and_not_that_it_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize("make", [lambda: BoardMismatch("a", "b"), lambda: LinkClosed("closed")])
-def test_what_no_cable_mends_is_told_as_it_is(make: Callable[[], Exception]) -> None:
+def test_an_error_that_no_cable_causes_passes_unchanged(make: Callable[[], Exception]) -> None:
     error = make()
     with pytest.raises(type(error)) as raised, ended_by_a_loss():
         raise error

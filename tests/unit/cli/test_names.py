@@ -87,6 +87,8 @@ def test_a_port_that_this_program_holds_itself(device: PtyDevice) -> None:
         ("info COM3", errors.PortUnavailable, "did you mean /dev/ttyUSB0?"),
         ("estop /dev/ttyusb0", errors.PortUnavailable, "did you mean /dev/ttyUSB0?"),
         ("info L298N", errors.InvalidArgument, "did you mean l298n as"),
+        ("info Mock", errors.InvalidArgument, "did you mean mock,"),
+        ("info Serial", errors.InvalidArgument, "did you mean serial as"),
         ("info tb6612fng", errors.InvalidArgument, "did you mean tb6612 as"),
         ("board show L298N", errors.ConfigurationError, "did you mean l298n?"),
         ("board check tb6612fng", errors.ConfigurationError, "did you mean tb6612?"),
@@ -97,7 +99,7 @@ def test_a_port_that_this_program_holds_itself(device: PtyDevice) -> None:
         ("info driver.yaml", errors.ConfigurationError, "did you mean l298n?"),
     ],
 )
-def test_what_is_nearly_right_is_asked_back(
+def test_a_nearly_right_answer_is_asked_back(
     words: str,
     kind: type[errors.WheelwireError],
     hint: str,
@@ -158,7 +160,7 @@ def test_help_of_a_command(words: str) -> None:
     assert output("help", *words.split()) == output(*words.split(), "--help")
 
 
-def test_help_of_what_is_neither() -> None:
+def test_help_of_an_unknown_name_suggests_a_command() -> None:
     assert "did you mean drive?" in run("help", "dirve").stderr
-    assert "no command is called" in run("help", "params", "sett").stderr
+    assert "did you mean params set?" in run("help", "params", "sett").stderr
     assert output("help", "doctor").startswith("# ")  # a page comes first

@@ -12,15 +12,19 @@ import pytest
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
+import wheelwire
 from support.cases import each
 from support.command import check_error, output, run, run_json
 from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire import errors
+from wheelwire.cli.log import _checked
+from wheelwire.cli.why import _of_recording
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log.reader import RECEIVED, SENT, SESSION, TOPICS, records
+from wheelwire.log.reader import RECEIVED, SENT, SESSION, TOPICS, check_left_out, records
 from wheelwire.log.recorder import Recorder, RecordingFile
+from wheelwire.log.summary import summary
 from wheelwire_protocol.types import ClearEstop
 
 SAID = {"driver": "mock", "board_id": "0a1b2c3d4e5f"}
@@ -75,6 +79,15 @@ def rewritten(
     return path
 
 
+def decoded(path: Path) -> None:
+    if not list(_checked(path)):
+        check_left_out(path)
+
+
+def explained(path: Path) -> None:
+    _of_recording(path, None)
+
+
 def causes(path: Path) -> list[str]:
     return [stop["cause"] for stop in run_json("why", str(path))]
 
@@ -108,7 +121,7 @@ def test_a_recording_without_its_input_says_so(
         return
     assert result.returncode == errors.RecordingError.exit_code, result.stdout
     assert result.stderr.startswith("wheelwire: ")
-    assert "what crossed the link is not in it" in result.stderr or command.startswith("monitor")
+    assert "it lacks data of the link" in result.stderr or command.startswith("monitor")
 
 
 def test_a_robot_that_was_out_of_reach_all_the_time(tmp_path: Path) -> None:
@@ -130,7 +143,7 @@ def test_a_file_that_is_cut_was_not_always_cut_by_the_program(
     assert causes(path) == ["estop_by_session", CUT]
 
 
-def test_what_was_closed_before_the_file_was_cut_is_no_kill(
+def test_a_recording_closed_before_it_was_cut_does_not_count_as_killed(
     drive: list[Record], tmp_path: Path
 ) -> None:
     last = drive[-1]
@@ -194,9 +207,25 @@ def test_a_copy_of_half_a_file(drive: list[Record], tmp_path: Path) -> None:
     assert causes(half)[-1:] == [CUT]
 
 
+@pytest.mark.whole
+@each("read", [summary, decoded, explained, wheelwire.connect], ids=lambda one: one.__name__)
+def test_what_is_cut_off_is_readable_up_to_there_or_says_so(
+    read: Callable[[Path], object], drive: list[Record], tmp_path: Path
+) -> None:
+    whole = write(tmp_path / f"{read.__name__}.mcap", drive[:8]).read_bytes()
+    path = tmp_path / "day.mcap"
+    # Each byte of the head; then what counts is whether the first chunk is there.
+    for size in (*range(1, 280), *range(280, len(whole), 100)):
+        path.write_bytes(whole[:size])
+        said = ""
+        try:
+            read(path)
+        except errors.RecordingError as error:
+            said = str(error)
+        assert "it was cut off" in said if said else list(records(path)) == drive[:8], size
+
+
 def test_received_alone_is_decoded(drive: list[Record], tmp_path: Path) -> None:
     path = rewritten(write(tmp_path / "day.mcap", drive), tmp_path / "a.mcap", (RECEIVED,))
     assert "WheelState" in output("log", "decode", str(path))
-    assert "what crossed the link is not" in check_error(
-        run("why", str(path)), errors.RecordingError
-    )
+    assert "it lacks data of the link" in check_error(run("why", str(path)), errors.RecordingError)

@@ -28,6 +28,17 @@ class Terminal(io.TextIOWrapper):
     def press(self, keys: bytes) -> None:
         os.write(self.keyboard, keys)
 
+    def answer(self, monkeypatch: pytest.MonkeyPatch, *lines: bytes) -> None:
+        """Type one of the lines at each question."""
+        waiting, show = list(lines), prompts._show
+
+        def shown(text: str, *, err: bool) -> None:
+            show(text, err=err)
+            if text.endswith(" "):
+                self.press(waiting.pop(0))
+
+        monkeypatch.setattr(prompts, "_show", shown)
+
 
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
@@ -121,15 +132,44 @@ def test_a_signal_whose_handler_returns_ends_no_wait(terminal: Terminal) -> None
 
 
 def test_enter_gives_the_default_and_without_one_the_question_comes_again(
-    terminal: Terminal, capsys: pytest.CaptureFixture[str]
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    terminal.press(b"\n\nright\n")
+    terminal.answer(monkeypatch, b"\n", b"\n", b"right\n")
     assert [prompts.ask("Which?", "left", err=False), prompts.ask("Which?")] == ["left", "right"]
     assert capsys.readouterr() == ("Which? [left]: ", "Which?: Which?: ")
 
 
-def test_yes_or_no(terminal: Terminal, capsys: pytest.CaptureFixture[str]) -> None:
-    terminal.press(b"\nYes\nmaybe\nn\n")
+def test_an_enter_pressed_during_the_step_before_answers_nothing(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two of them drove a robot that had been set up."""
+    terminal.press(b"\n\n")
+    terminal.answer(monkeypatch, b"skip\n", b"n\n")
+    assert prompts.ask("Drive 20 cm forward?", "yes") == "skip"
+    terminal.press(b"yes\n")
+    assert not prompts.ask_yes_or_no("Save them on the robot?")
+
+
+def test_what_follows_a_wrong_answer_counts(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It may be typed before the question is there again."""
+
+    def parse(given: str) -> float:
+        try:
+            return float(given)
+        except ValueError:
+            raise InvalidArgument("give a number") from None
+
+    terminal.answer(monkeypatch, b"much\n2\n", b"")
+    assert prompts.ask_until("How far?", parse) == 2.0
+    assert capsys.readouterr().err == "How far?: give a number\nHow far?: "
+
+
+def test_yes_or_no(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal.answer(monkeypatch, b"\n", b"Yes\n", b"maybe\n", b"n\n")
     assert [prompts.ask_yes_or_no("Go on?", default=d) for d in (True, False, True)] == [
         True,
         True,

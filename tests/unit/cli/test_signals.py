@@ -64,7 +64,7 @@ def test_ctrl_c_at_a_question_stops_the_robot_too(robot: MockDriver) -> None:
             raise typer.Abort
 
 
-def test_a_stop_that_nobody_acknowledged_is_not_called_one(
+def test_an_unacknowledged_stop_is_not_reported_as_a_stop(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost() -> None:

@@ -51,7 +51,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Stopping]:
 
 
 @pytest.mark.parametrize("command", [robot.stop, robot.estop])
-def test_it_is_tried_again_at_whoever_is_there_by_then(
+def test_it_tries_again_with_the_program_that_holds_the_port_by_then(
     opened: list[Stopping], command: Callable[..., None]
 ) -> None:
     good = Stopping(ends=False)

@@ -99,6 +99,11 @@ def test_a_disk_that_becomes_full_or_read_only_leaves_no_archive_of_that_name(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_folder_is_no_archive() -> None:
+    with pytest.raises(errors.OutputFailed, match="name another file"):
+        archive_with(Path(), None)
+
+
 def test_names_of_mounted_disks_and_of_the_user_are_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

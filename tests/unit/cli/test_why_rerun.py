@@ -164,7 +164,7 @@ def test_a_named_file_is_written_anywhere(box: Path, tmp_path: Path) -> None:
     assert f"wheelwire why --rerun {tmp_path / 'mine.box'}" in said
 
 
-def test_what_is_there_is_not_overwritten(box: Path, tmp_path: Path, checkout: Path) -> None:
+def test_an_existing_file_is_not_overwritten(box: Path, tmp_path: Path, checkout: Path) -> None:
     arguments = "why", "--rerun", str(box), "--export-test"
     run_json(*arguments, str(checkout))
     refused(run(*arguments, str(checkout)), errors.OutputFailed, "has this box already: run cd")
@@ -174,7 +174,7 @@ def test_what_is_there_is_not_overwritten(box: Path, tmp_path: Path, checkout: P
     assert other.read_text() == "mine"
 
 
-def test_a_folder_that_takes_nothing_is_named(box: Path) -> None:
+def test_an_unwritable_folder_is_named(box: Path) -> None:
     # Not by permissions, which do not hold for root.
     result = run("why", "--rerun", str(box), "--export-test", "/proc")
     refused(result, errors.OutputFailed, "cannot write /proc/stop-")
@@ -195,7 +195,7 @@ def test_no_folder_to_write_to_is_named(box: Path, tmp_path: Path) -> None:
         (bytes(BOX_SIZE + 1), "is no black box"),
     ],
 )
-def test_what_is_no_box_is_refused(content: bytes, text: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_box_is_refused(content: bytes, text: str, tmp_path: Path) -> None:
     file = tmp_path / "other.bin"
     file.write_bytes(content)
     refused(run("why", "--rerun", str(file)), errors.RecordingError, text)

@@ -113,7 +113,7 @@ def test_a_robot_whose_sensors_are_not_read_yet_is_armed_as_soon_as_they_are(
         assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
 
 
-def test_a_zero_that_is_refused_is_sent_once_and_not_told_to_the_first_setpoint(
+def test_a_refused_zero_is_sent_once_and_does_not_fail_the_first_setpoint(
     tmp_path: Path,
 ) -> None:
     core = CoreDevice()

@@ -1,4 +1,4 @@
-"""What the wheels are asked for now, for whoever only looks."""
+"""What the wheels are asked for now, for programs that only look."""
 
 import pytest
 

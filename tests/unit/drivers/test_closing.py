@@ -57,7 +57,7 @@ def test_the_same_in_virtual_time(caplog: pytest.LogCaptureFixture) -> None:
 
 
 @pytest.mark.parametrize("before", ["stopped", "standing", "driving"])
-def test_nothing_is_said_of_a_robot_that_stands_or_is_stopped(
+def test_nothing_is_logged_for_a_robot_that_stands_or_is_stopped(
     device: PtyDevice, robot: SerialDriver, caplog: pytest.LogCaptureFixture, before: str
 ) -> None:
     if before != "standing":

@@ -16,7 +16,7 @@ opening = import_module("wheelwire.connect")
 """The module, beside the function that `wheelwire` has of that name."""
 
 
-def test_an_unknown_driver_is_told_with_those_there_are() -> None:
+def test_an_unknown_driver_is_refused_with_the_known_ones() -> None:
     with pytest.raises(DriverUnavailable, match="there are: l298n, mock, pigpio, replay, serial"):
         wheelwire.open_driver("serail")
 

@@ -38,7 +38,7 @@ def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(
     assert robot.read(10).stamp > plugged_s
 
 
-def test_a_device_that_falls_silent_is_not_taken_for_alive(
+def test_a_device_that_falls_silent_does_not_count_as_alive(
     device: PtyDevice, robot: SerialDriver
 ) -> None:
     robot.read()

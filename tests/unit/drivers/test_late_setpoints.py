@@ -78,7 +78,9 @@ def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(
         assert robot.statistics.setpoints_expired == late
 
 
-def test_a_line_on_which_all_come_too_late_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_line_that_delays_every_setpoint_is_reported_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     robot = StagedRobot()
     robot.open()
     robot.drive(0.2, 0.2, 0.3)
@@ -102,7 +104,7 @@ def test_some_that_come_too_late_are_not_worth_a_line(
             robot.delay_us = 120_000
             robot.drive(0.2, 0.2, 0.06, ttl_s=0.1)
             robot.delay_us = 0
-            robot.run(0.15)  # what is on its way comes first
+            robot.run(0.15)  # frames in flight arrive first
             robot.drive(0.2, 0.2, 0.04, ttl_s=0.1)
     assert robot.session.setpoints.expired > 12
     assert robot.sample.state is SupervisorState.DRIVING

@@ -21,6 +21,7 @@ from support.cases import each
 from support.command import check_error, run
 from support.waiting import until
 from wheelwire import aio, errors, open_driver
+from wheelwire.link.handover import start_of
 from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.reader import records
@@ -133,7 +134,7 @@ def test_a_closed_robot_is_not_entered_again() -> None:
         pass
 
 
-async def test_nor_in_a_loop() -> None:
+async def test_a_closed_robot_is_not_entered_again_in_a_loop() -> None:
     robot = await aio.open_driver("mock", realtime=False)
     await robot.close()
     with pytest.raises(errors.LinkClosed, match="open it again"):
@@ -148,9 +149,14 @@ def test_a_recording_needs_a_path() -> None:
             robot.record(5)  # type: ignore[arg-type]
         with pytest.raises(errors.InvalidArgument, match="no file can have this name"):
             robot.record("a\0.mcap")
+        for name in ("/dev/full", "day", "day.mcap.bak"):
+            with pytest.raises(errors.InvalidArgument, match=r"ends in \.mcap, or name a folder"):
+                robot.record(name)
 
 
-def test_a_folder_is_no_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_is_refused_as_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert "name a recording" in check_error(run("log", "plot", "."), errors.RecordingError)
 
@@ -165,7 +171,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: Session) -> Any:
         raise TypeError("cannot pickle 'itertools.count' object")
 
-    monkeypatch.setattr(Session, "_snapshot", fail)
+    monkeypatch.setattr("wheelwire.link.handover.start_of", fail)
 
 
 @pytest.mark.usefixtures("broken")
@@ -191,7 +197,7 @@ def test_a_session_says_which_number_comes_next_without_a_copy() -> None:
         session = robot._link._session
         for _ in range(3):
             robot.set_velocity(0.1, 0.0)
-        known = session._snapshot()["command_seq"]
+        known = json.loads(start_of(session))["command_seq"]
         assert next(session._command_seqs) == known
 
 
@@ -208,7 +214,7 @@ def test_whatever_fails_in_a_recorder_ends_it_with_an_error(
             recorder._thread.join(20)
     assert recorder.error is not None
     assert "ZeroDivisionError('mine')" in str(recorder.error)
-    assert "the robot is driven on" in caplog.text
+    assert "the robot still drives" in caplog.text
 
 
 # --- what is closed ----------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def test_the_limit_is_the_devices_and_follows_it(device: PtyDevice, robot: Seria
     robot.stop()  # it changes only then
     robot.parameters.set("ttl_max_s", 4.0)
     robot.set_duty(0.1, 0.1, ttl=4.0)
-    # Another program has changed it: whoever opens the next session reads it.
+    # Another program has changed it: the next session reads it.
     device.device.parameters["ttl_max_s"] = 0.5
     device.device.reset()
     while robot.sessions < 2 or not robot.is_open:

@@ -186,7 +186,7 @@ class TestSession:
         assert [type(m) for m in line.sent if isinstance(m, Stop)] == [Stop]
         assert [type(one) for one in results] == [LinkLost]
 
-    def test_who_follows_the_session_counts_as_it_does(self, line: VirtualLine) -> None:
+    def test_a_rerun_counts_as_the_session_does(self, line: VirtualLine) -> None:
         reader, rerun = TrafficReader(), Rerun()
         line.session.listen(reader, line.now_us)
         line.drive()
@@ -238,7 +238,9 @@ class TestBeside:
             (0, 0, StopMode.CONFIGURED)
         }
 
-    def test_whoever_stops_is_named(self, device: PtyDevice, owner: SerialDriver) -> None:
+    def test_an_attached_stop_names_its_program(
+        self, device: PtyDevice, owner: SerialDriver
+    ) -> None:
         reader = TrafficReader()
         owner._link.listen_to_traffic(reader)
         with AttachedDriver(holder_of(str(device.path))) as attached:
@@ -311,7 +313,7 @@ class TestBeside:
 
 class TestFolders:
     @pytest.mark.parametrize("offered_in", ["session", "temporary", "other temporary"])
-    def test_whoever_looks_finds_a_holder_of_another_environment(
+    def test_a_holder_in_another_environment_is_found(
         self,
         device: PtyDevice,
         tmp_path_factory: pytest.TempPathFactory,
@@ -341,7 +343,7 @@ class TestFolders:
             holder = find_holder(str(device.path))
             assert holder is not None
             holder.connection.close()
-            # A folder that others get into is none to look in.
+            # A folder that others can enter is not searched.
             theirs.chmod(0o755)
             assert find_holder(str(device.path)) is None
             theirs.chmod(0o700)

@@ -1,7 +1,7 @@
 from wheelwire.link.port_policy import FIRST_US, NEXT_US, ROUND_US, USUAL_RATES, BaudSearch
 
 
-def test_every_usual_rate_is_tried_in_turn_and_then_the_port_is_to_be_opened_anew() -> None:
+def test_every_usual_rate_is_tried_in_turn_before_the_port_is_reopened() -> None:
     search = BaudSearch(115_200, 0)
     assert search.next(FIRST_US - 1) is None
     others = len(USUAL_RATES) - 1

@@ -103,7 +103,7 @@ def test_an_empty_estimator_says_so() -> None:
 
 
 def test_the_bound_covers_ways_that_turn_unequal_in_the_worst_order() -> None:
-    # First all delay is on the way out, later all of it on the way back: a drift that is none.
+    # First all delay is on the way out, later all of it on the way back: an apparent drift.
     estimator = ClockEstimator()
     for number in range(64):
         sent = 10**9 + number * 500_000

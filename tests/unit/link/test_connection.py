@@ -47,7 +47,7 @@ def pty_with(speech: bytes, period_s: float = 0.02) -> Iterator[str]:
         while not end.wait(period_s):
             while select.select([master], [], [], 0)[0]:
                 os.read(master, 4096)
-            with suppress(BlockingIOError):  # nobody reads any more
+            with suppress(BlockingIOError):  # the other end has stopped reading
                 os.write(master, speech)
 
     thread = threading.Thread(target=speak)
@@ -311,7 +311,7 @@ def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
     def files() -> int:
         return len(list(Path("/proc/self/fd").iterdir()))
 
-    # The tap's socket is opened a moment later, and is none of the port's.
+    # The tap's socket opens a moment later, and does not belong to the port.
     with (
         PtyDevice(tmp_path / "port") as device,
         SerialDriver(str(device.path), tap=False) as robot,

@@ -1,15 +1,15 @@
-"""After the chip has started anew, a program that never stopped asking for motion gets none."""
+"""After the chip has restarted, a program that never stopped asking for motion gets none."""
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 
 import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, WheelwireError
-from wheelwire.link.session import Phase, Session
+from wheelwire.link.handover import resumed, start_of
+from wheelwire.link.session import Phase
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ClearEstop, ParameterValue, SetDuty, SetWheelVelocity
@@ -74,7 +74,7 @@ def warned() -> WarnedLine:
 
 @pytest.mark.parametrize("outage_s", [0.3, 3.0])
 @pytest.mark.parametrize("period_s", [0.02, 0.3, 0.55, 0.9])
-def test_whoever_publishes_through_a_reset_is_held_and_told_once(
+def test_a_program_that_publishes_through_a_reset_is_held_and_warned_once(
     warned: WarnedLine, outage_s: float, period_s: float
 ) -> None:
     warned.outage(outage_s, reset=True)
@@ -111,7 +111,7 @@ def test_one_wheel_at_rest_is_no_zero_nor_is_a_duty_let_through(
     assert not warned.asked()
 
 
-def test_a_stop_ends_it_not(warned: WarnedLine) -> None:
+def test_a_stop_does_not_end_it(warned: WarnedLine) -> None:
     warned.outage(0.3, reset=True)
     warned.publish(1.0)
     warned.stop()
@@ -122,7 +122,9 @@ def test_a_stop_ends_it_not(warned: WarnedLine) -> None:
 def test_so_does_a_pause(warned: WarnedLine) -> None:
     warned.outage(3.0, reset=True)
     assert warned.publish(1.0)
+    assert warned.session.setpoints.is_unarmed
     warned.run(1.01)
+    assert not warned.session.setpoints.is_unarmed
     assert warned.publish(0.2) == []
     assert warned.moved()
 
@@ -164,7 +166,7 @@ def test_a_session_that_is_lost_meanwhile_holds_on(warned: WarnedLine) -> None:
     assert len(warned.warnings) == 1
 
 
-def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) -> None:
+def test_a_slow_preparation_does_not_count_as_a_pause(warned: WarnedLine) -> None:
     warned.publish(0.2)
     warned.device.lost.add(ParameterValue)
     warned.device.reset()
@@ -175,7 +177,7 @@ def test_a_session_that_takes_long_to_prepare_is_no_pause(warned: WarnedLine) ->
     assert not warned.asked()
 
 
-def test_the_next_reset_is_told_again(warned: WarnedLine) -> None:
+def test_the_next_reset_is_reported_again(warned: WarnedLine) -> None:
     for times in (1, 2):
         warned.outage(0.3, reset=True)
         warned.publish(0.5)
@@ -202,17 +204,17 @@ def test_nothing_is_sent_while_it_is_held(warned: WarnedLine) -> None:
     assert not warned.asked()
 
 
-def test_who_follows_the_session_knows_of_it(warned: WarnedLine) -> None:
+def test_a_resumed_session_knows_what_is_held(warned: WarnedLine) -> None:
     warned.outage(0.3, reset=True)
     warned.publish(1.0)
-    resumed = Session.resumed(json.dumps(warned.session._snapshot()).encode(), lambda: 0)
-    assert resumed.setpoints.held == warned.session.setpoints.held
-    assert resumed.setpoints.is_unarmed
+    follower = resumed(start_of(warned.session), lambda: 0)
+    assert follower.setpoints.held == warned.session.setpoints.held
+    assert follower.setpoints.is_unarmed
     with pytest.raises(DeviceRefused):
-        resumed.setpoints.velocity_frame(0.1, 0.1, warned.now_us + 500_000, warned.now_us)
+        follower.setpoints.velocity_frame(0.1, 0.1, warned.now_us + 500_000, warned.now_us)
 
 
-def test_a_refusal_by_the_device_is_told_as_well(warned: WarnedLine) -> None:
+def test_a_refusal_by_the_device_is_reported_too(warned: WarnedLine) -> None:
     warned.estop()
     warned.run(0.05)
     warned.request(ClearEstop(0, 0))

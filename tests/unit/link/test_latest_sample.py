@@ -1,8 +1,11 @@
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import pytest
 
 from support.host_samples import measurement
+from support.waiting import wait_until
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.sample_stream import ATTENTION_US, FRESH_US, LatestSample
@@ -29,6 +32,21 @@ def test_a_waiting_thread_gets_the_sample(latest_sample: LatestSample) -> None:
 
     threading.Timer(0.02, put).start()
     assert latest_sample.take(10).t_us == 5
+
+
+def test_of_several_that_wait_each_gets_the_sample_once(latest_sample: LatestSample) -> None:
+    def read() -> list[int]:
+        found = [latest_sample.take(10).t_us]
+        with suppress(RequestTimeout):
+            found.append(latest_sample.take(0).t_us)
+        return found
+
+    with ThreadPoolExecutor(3) as readers:
+        results = [readers.submit(read) for _ in range(3)]
+        wait_until(lambda: len(latest_sample.changed.waiting) == 3)
+        latest_sample.put(measurement(t_us=5))
+        latest_sample.notify_all()
+        assert [one.result() for one in results] == [[5]] * 3
 
 
 def test_after_a_failure_there_is_only_the_error(latest_sample: LatestSample) -> None:

@@ -27,7 +27,7 @@ def test_a_gap_is_followed_by_no_burst() -> None:
     assert published(Pacer(50), times) == [0, *range(2_000_000, 2_100_000, 20_000)]
 
 
-def test_a_device_that_starts_anew_is_heard_at_once() -> None:
+def test_a_restarted_device_is_heard_at_once() -> None:
     pacer = Pacer(50)
     published(pacer, [0, 90_000_000])
     assert published(pacer, [100, 5_100, 20_100], boot_id=2) == [100, 20_100]

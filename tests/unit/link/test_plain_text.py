@@ -78,7 +78,7 @@ def test_noise_says_nothing() -> None:
 
 
 @pytest.mark.parametrize("text", [BROWN_OUT, b"invalid header: 0xffffffff\r\n"], ids=len)
-def test_whoever_opens_the_port_is_told(text: bytes) -> None:
+def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
     """A bridge or a chip that says this again and again."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         end = threading.Event()

@@ -14,7 +14,13 @@ import pytest
 
 from support.answering_port import Port
 from support.core_device import CoreDevice
-from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.errors import (
+    LinkClosed,
+    LinkLost,
+    PortUnavailable,
+    RequestTimeout,
+    WheelwireError,
+)
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.port_loop import MAX_FRAME, OUTPUT_LIMIT, PortLoop
 from wheelwire.link.port_policy import FIRST_PAUSE_S
@@ -22,6 +28,7 @@ from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.shared_thread import SharedThread
 from wheelwire.link.threads import Notifier
+from wheelwire.link.traffic import Happening, Notice
 from wheelwire.link.transports import Transport
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.decoder import Decoder
@@ -113,7 +120,7 @@ def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> No
     assert len(stops) > 1  # repeated, as often as this computer gets to it
 
 
-def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
+def test_bytes_that_a_port_does_not_take_are_dropped() -> None:
     refused = 0
     rig: Rig
 
@@ -130,7 +137,7 @@ def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
     rig = Rig(port)
     rig.loop.run()
     assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
-    # Whole frames alone: the part of one would damage the frame behind it.
+    # Only whole frames: a part of one would damage the next frame.
     decoder = Decoder()
     messages = decoder.feed(b"".join(port.written))
     assert any(isinstance(message, Estop) for message in messages)
@@ -177,7 +184,7 @@ def test_an_unplugged_port_is_opened_again_at_once() -> None:
     assert len(port.messages()) <= 2  # at once, not after a second of hellos
 
 
-def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
+def test_frames_for_a_lost_port_are_not_sent_to_the_next() -> None:
     asked = False
     rig: Rig
 
@@ -298,6 +305,84 @@ def test_calls_learn_at_once_that_there_is_no_session() -> None:
     rig = Rig(port, call_once)
     rig.loop.run()
     assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]
+
+
+def broken(_done: object, _now_us: int) -> None:
+    raise ValueError("a bug")
+
+
+def run_with(begin: Callable[[Rig], None]) -> Rig:
+    """A loop that does something at its first write, and is finished at a later one."""
+    has_begun = False
+    rig: Rig
+
+    def accepts() -> bool:
+        nonlocal has_begun
+        if has_begun:
+            rig.loop.finish()
+        else:
+            has_begun = True
+            begin(rig)
+        return True
+
+    rig = Rig(Port(CoreDevice(), accepts))
+    rig.loop.run()
+    return rig
+
+
+def test_what_a_call_raises_reaches_its_caller_and_the_link_goes_on() -> None:
+    outcomes: list[object] = []
+    rig = run_with(lambda rig: rig.loop.call(broken, outcomes.append))
+    assert [type(outcome) for outcome in outcomes] == [WheelwireError]
+    assert "a bug" in str(outcomes[0])
+    assert rig.loop.end is not None
+    assert rig.loop.end.__cause__ is None
+
+
+def test_what_a_call_raises_that_nobody_awaits_ends_the_link() -> None:
+    outcomes: list[object] = []
+
+    def begin(rig: Rig) -> None:
+        rig.loop.call(broken, ignore, is_awaited=False)
+        rig.loop.call(lambda done, _now_us: done(None), outcomes.append)
+
+    rig = run_with(begin)
+    assert outcomes == [rig.loop.end]
+    assert "a bug" in str(rig.loop.end)
+    with pytest.raises(LinkClosed, match="a bug"):
+        rig.latest_sample.ticks(0)
+
+
+def test_a_listener_that_raises_ends_the_link() -> None:
+    def listener(_notice: Notice) -> None:
+        raise LinkLost("not of the port")  # a port that is lost is opened again
+
+    def listen(rig: Rig) -> None:
+        rig.loop.call(
+            lambda _done, _now_us: rig.loop.listen(listener, Happening.LOST),
+            ignore,
+            is_awaited=False,
+        )
+
+    assert "not of the port" in str(run_with(listen).loop.end)
+
+
+def test_each_caller_learns_of_the_end_though_telling_one_fails() -> None:
+    outcomes: list[object] = []
+
+    def fail(_result: object) -> None:
+        raise IndexError("a bug")
+
+    rig = Rig(Port())
+    for done in (outcomes.append, fail, outcomes.append):
+        rig.loop.call(lambda done, _now_us: done(None), done)
+    with pytest.raises(IndexError, match="a bug"):
+        rig.loop.finish()
+    assert outcomes == [rig.loop.end, rig.loop.end]
+    with pytest.raises(LinkClosed):
+        rig.latest_sample.ticks(0)
+    assert rig.unopened is not None
+    rig.unopened.close()
 
 
 class Narrow(Port):
@@ -547,7 +632,7 @@ def test_behind_requests_that_wait_no_setpoint_is_taken() -> None:
 
 
 @pytest.mark.parametrize("part", [1, 7, 20])
-def test_what_a_port_takes_in_parts_arrives_whole_and_once(part: int) -> None:
+def test_a_frame_taken_in_parts_arrives_whole_and_once(part: int) -> None:
     rig = Blocked(lambda rig: rig.estop(), *[opened(part)] * 20, opened(WIDE), a_turn)
     messages = rig.run()
     estops = [message for message in messages if isinstance(message, Estop)]

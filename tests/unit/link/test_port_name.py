@@ -67,7 +67,7 @@ def test_other_names_that_mean_the_same(one: str, other: str) -> None:
         "0a1b2c3d4e5f",
     ],
 )
-def test_what_is_no_path_stays(name: str) -> None:
+def test_a_name_that_is_no_path_stays(name: str) -> None:
     assert port_name(name) == name
 
 

@@ -87,7 +87,7 @@ def test_the_settings_are_checked_now_and_then(policy: PortPolicy) -> None:
     assert policy.takes_check(2 * CHECK_US)
 
 
-def test_a_device_that_answered_and_fell_silent_has_its_port_opened_anew(
+def test_the_port_of_a_device_that_fell_silent_is_reopened(
     policy: PortPolicy, session: Session
 ) -> None:
     now_us = opened(session, CoreDevice())
@@ -129,7 +129,9 @@ def test_a_port_without_a_rate_is_opened_with_none(session: Session) -> None:
     assert policy.rate == 0
 
 
-def test_another_board_is_left_alone_and_told_once(policy: PortPolicy, session: Session) -> None:
+def test_another_board_is_left_alone_and_reported_once(
+    policy: PortPolicy, session: Session
+) -> None:
     opened(session, CoreDevice())
     session.disconnect(LinkLost("unplugged"))
     session.connect(FIRST_US)
@@ -151,7 +153,7 @@ def test_a_port_that_nobody_answers_at_is_not_lost_itself(policy: PortPolicy) ->
     assert policy.lost is None
 
 
-def test_a_port_that_is_not_there_is_no_news_and_any_other_failure_is(policy: PortPolicy) -> None:
+def test_a_missing_port_is_not_reported_but_other_failures_are(policy: PortPolicy) -> None:
     assert policy.error_of_failure(PortUnavailable("port", "gone")) is None
     news = policy.error_of_failure(DriverUnavailable("pigpiod does not run"))
     assert str(news) == "pigpiod does not run; trying again"

@@ -72,7 +72,7 @@ def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
         assert driver.info.baud_rate == 115_200
 
 
-def test_a_device_that_no_longer_answers_has_its_port_opened_anew(robot: PtyDevice) -> None:
+def test_the_port_of_a_device_that_no_longer_answers_is_reopened(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         robot.device.mute = True
         wait_until(lambda: driver.statistics.reconnects >= 1)
@@ -96,7 +96,7 @@ def test_a_device_that_comes_back_at_another_baud_rate_is_found(
         assert driver.info.baud_rate == 460_800
 
 
-def test_a_port_where_nothing_answers_is_opened_anew_after_each_round(
+def test_a_silent_port_is_reopened_after_each_round(
     robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened, tried = [], []
@@ -121,7 +121,7 @@ def test_a_port_where_nothing_answers_is_opened_anew_after_each_round(
 
 
 def exclusive(port: Path) -> bool:
-    file = os.open(port, os.O_RDWR | os.O_NOCTTY)  # which root may, all the same
+    file = os.open(port, os.O_RDWR | os.O_NOCTTY)  # root may do so
     try:
         flag = array.array("i", [0])
         fcntl.ioctl(file, TIOCGEXCL, flag)

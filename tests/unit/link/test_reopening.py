@@ -75,7 +75,7 @@ def is_open(link: Link) -> bool:
     return True
 
 
-def test_any_failure_to_open_again_is_told_and_tried_again(places: Places) -> None:
+def test_any_failure_to_reopen_is_reported_and_retried(places: Places) -> None:
     link = open_link(places)
     places.failure = errors.DriverUnavailable("pigpiod does not run")
     places.hang_up()

@@ -1,8 +1,10 @@
+from collections.abc import Callable
+
 import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, RequestTimeout
-from wheelwire.link.requests import RequestQueue
+from wheelwire.link.requests import REPEAT_US, RequestQueue
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
@@ -177,12 +179,77 @@ def test_request_ids_wrap_at_65536() -> None:
         request = sent[-1]
         assert isinstance(request, ParameterGet)
         answer = ParameterValue(7, request.request_id, 1, 0.5)
-        assert queue.answered_by(answer) == request
-        queue.on_answer(answer, 0)
-    assert [m.request_id for m in sent[-3:] if isinstance(m, ParameterGet)] == [65535, 0, 1]
+        asked = queue.answered_by(answer)
+        assert asked is not None
+        assert asked.message == request
+        queue.finish(asked, answer, 0)
+    # Without 0, which copies of stops have.
+    assert [m.request_id for m in sent[-3:] if isinstance(m, ParameterGet)] == [65535, 1, 2]
 
 
-def test_request_ids_begin_anew_in_a_new_session() -> None:
+def test_a_thread_claims_the_line_only_where_nothing_is_on_its_way() -> None:
+    sent: list[AnyMessage] = []
+    results: list[object] = []
+    queue = RequestQueue(sent.append)
+    claimed = queue.claim(ParameterGet(0, 0, 1), results.append, 0)
+    assert claimed is not None
+    assert queue.claim(ParameterGet(0, 0, 2), results.append, 0) is None
+    queue.submit(ParameterGet(7, 0, 3), results.append, 0)
+    assert not sent, "a request overtook the one that its thread is about to write"
+    assert queue.begin_claimed(claimed, 7) == ParameterGet(7, 1, 1)
+    answer = ParameterValue(7, 1, 1, 0.5)
+    asked = queue.answered_by(answer)
+    assert asked is claimed
+    queue.finish(asked, answer, 0)
+    assert results == [answer]
+    assert sent == [ParameterGet(7, 2, 3)]
+    assert queue.claim(ParameterGet(0, 0, 4), results.append, 0) is None, "the line had a gap"
+
+
+def test_what_a_thread_has_begun_is_repeated_like_any_other() -> None:
+    sent: list[AnyMessage] = []
+    queue = RequestQueue(sent.append)
+    claimed = queue.claim(ParameterGet(0, 0, 1), lambda _: None, 0)
+    assert claimed is not None
+    queue.advance(REPEAT_US)  # the thread that has claimed the line was held up
+    assert not sent
+    begun = queue.begin_claimed(claimed, 7)
+    queue.advance(2 * REPEAT_US)
+    assert sent == [begun]
+
+
+def test_what_was_claimed_and_given_up_is_never_sent() -> None:
+    sent: list[AnyMessage] = []
+    queue = RequestQueue(sent.append)
+    done: Callable[[object], None] = list[object]().append
+    assert queue.claim(ParameterGet(0, 0, 1), done, 0) is not None
+    queue.withdraw(done)
+    queue.submit(ParameterGet(7, 0, 2), lambda _: None, 0)
+    queue.advance(REPEAT_US)
+    assert sent == [ParameterGet(7, 1, 2)]
+
+
+def test_the_end_of_a_session_ends_what_was_claimed() -> None:
+    results: list[object] = []
+    queue = RequestQueue(lambda _: None)
+    claimed = queue.claim(ParameterGet(0, 0, 1), results.append, 0)
+    assert claimed is not None
+    error = LinkLost("gone")
+    queue.abort(error)
+    assert results == [error]
+    assert not queue.release_claimed(claimed)
+
+
+def test_a_snapshot_counts_the_id_that_a_thread_is_about_to_draw() -> None:
+    queue = RequestQueue(lambda _: None)
+    claimed = queue.claim(ParameterGet(0, 0, 1), lambda _: None, 0)
+    assert claimed is not None
+    before = queue.snapshot()
+    queue.begin_claimed(claimed, 7)
+    assert before == queue.snapshot() == [(False, 1)]
+
+
+def test_request_ids_restart_in_a_new_session() -> None:
     line = VirtualLine(watched=(1, 2)).open()
     line.reset_device()
     ids = [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)]
@@ -195,7 +262,7 @@ def test_an_answer_that_comes_twice_is_taken_once() -> None:
     assert isinstance(line.request(ParameterSet(0, 0, 1, 0.05)), ParameterValue)
     line.run(0.01)
     assert line.session.statistics(line.now_us).foreign == foreign + 1
-    assert line.session.values[1] == pytest.approx(0.05)
+    assert line.session.reported.values[1] == pytest.approx(0.05)
 
 
 def test_pings_between_a_request_and_its_repeat_do_not_age_it(line: VirtualLine) -> None:
@@ -220,6 +287,20 @@ def test_disconnecting_ends_every_request(line: VirtualLine, outcomes: list[obje
     assert line.session.next_deadline_us is None
     with pytest.raises(LinkLost, match="unplugged"):
         line.drive()
+
+
+def test_disconnecting_ends_every_request_though_one_caller_fails(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
+    def fail(_result: object) -> None:
+        raise ValueError("a bug")
+
+    line.device.mute = True
+    for done in (outcomes.append, fail, outcomes.append):
+        line.session.request(ParameterGet(0, 0, 1), done, line.now_us)
+    with pytest.raises(ValueError, match="a bug"):
+        line.session.disconnect(LinkLost("unplugged"))
+    assert [type(outcome) for outcome in outcomes] == [LinkLost, LinkLost]
 
 
 def test_a_stop_without_a_session_is_sent_all_the_same(outcomes: list[object]) -> None:

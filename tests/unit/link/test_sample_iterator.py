@@ -42,7 +42,7 @@ def test_iterators_and_read_take_nothing_from_each_other() -> None:
         assert len(list(islice(second, 10))) == 10
 
 
-def test_whoever_is_slow_misses_the_oldest_and_can_see_how_many() -> None:
+def test_a_slow_reader_misses_the_oldest_samples_and_their_number_is_known() -> None:
     with MockDriver(realtime=False) as robot:
         samples = robot.samples()
         robot.advance(3.0)
@@ -82,7 +82,7 @@ def test_it_waits_across_a_reconnection(device: PtyDevice, robot: SerialDriver) 
     assert next(sample for sample in samples if sample.stamp > plugged_s)
 
 
-def test_a_link_that_ends_otherwise_is_told(
+def test_a_link_that_ends_for_another_reason_raises(
     robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: SerialTransport) -> bytes:
@@ -108,7 +108,7 @@ def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
     taken: list[int] = []
 
     class Racing(deque[Any]):
-        """Whoever iterates takes one each time the other thread has looked at the oldest."""
+        """The iterator takes one each time the other thread has looked at the oldest."""
 
         def __getitem__(self, index: Any) -> Any:
             oldest = super().__getitem__(index)

@@ -336,7 +336,7 @@ def test_an_event_waits_until_its_channel_says_what_it_is(known: Stream) -> None
     assert stream.infos[0].rate_hz == 200
 
 
-def test_events_of_channels_that_there_are_not_fill_no_memory(known: Stream) -> None:
+def test_events_of_unknown_channels_fill_no_memory(known: Stream) -> None:
     for _ in range(1000):
         known.stream.take_event(
             EventMessage(BOOT, 2_000_000, 200, SensorEventCode.REDUCED, 1), known.clock, 1_000_000

@@ -32,7 +32,7 @@ def test_a_session_opens_with_a_known_clock_rate_and_parameters() -> None:
     count = len(line.samples)
     line.run(1.0)
     assert len(line.samples) - count == pytest.approx(200, abs=1)
-    assert line.session.values == pytest.approx({1: 0.033, 6: 0.4})
+    assert line.session.reported.values == pytest.approx({1: 0.033, 6: 0.4})
     assert len(line.sent_of(Ping)) >= 8
     assert line.session.device is not None
     assert line.session.device.release.release == __version__
@@ -99,11 +99,11 @@ def test_answers_of_another_session_are_ignored_and_counted() -> None:
     line.device.send(Refuse(other, message_id(SetWheelVelocity), RefusalCode.ESTOPPED, 1))
     line.run(0.01)
     assert line.session.statistics(line.now_us).foreign == foreign + 2
-    assert line.session.values[1] == pytest.approx(0.033)
+    assert line.session.reported.values[1] == pytest.approx(0.033)
     line.drive()
 
 
-def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile(outcomes: list[object]) -> None:
+def test_a_reset_is_reported_and_a_new_session_follows(outcomes: list[object]) -> None:
     line = VirtualLine(stream_rate_hz=50, watched=(1,)).open()
     line.drive()
     line.device.reset()
@@ -174,7 +174,7 @@ def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once(line: Virt
     assert len(line.sent_of(Hello)) == hellos + 1
 
 
-def test_a_late_state_frame_of_a_former_boot_changes_nothing(line: VirtualLine) -> None:
+def test_a_late_state_frame_of_a_previous_boot_changes_nothing(line: VirtualLine) -> None:
     late = line.device.state
     line.reset_device()
     count = len(line.samples)
@@ -200,7 +200,7 @@ def test_silence_ends_the_session_and_the_answer_opens_a_new_one(line: VirtualLi
     assert line.session.statistics(line.now_us).device_resets == 0
 
 
-def test_a_rate_that_the_device_refuses_is_told() -> None:
+def test_a_rate_that_the_device_refuses_raises() -> None:
     line = VirtualLine(stream_rate_hz=5000)
     line.session.connect(line.now_us)
     line.run_until(lambda: isinstance(line.session.error, DeviceRefused))
@@ -212,7 +212,7 @@ def test_a_rate_that_the_device_refuses_is_told() -> None:
     assert len(line.sent_of(Hello)) > hellos
 
 
-def test_after_the_port_was_opened_again_sequence_numbers_start_anew(line: VirtualLine) -> None:
+def test_sequence_numbers_restart_after_the_port_was_reopened(line: VirtualLine) -> None:
     line.run(1.0)
     line.session.disconnect(LinkLost("unplugged"))
     line.session.connect(line.now_us)
@@ -221,11 +221,11 @@ def test_after_the_port_was_opened_again_sequence_numbers_start_anew(line: Virtu
     assert line.device.counters.seq_lost == 0
 
 
-def test_after_a_reset_no_value_of_the_former_boot_is_left() -> None:
+def test_after_a_reset_no_value_of_the_previous_boot_is_left() -> None:
     line = VirtualLine(watched=(1,)).open()
     line.device.reset()
     line.run_until(lambda: line.session.phase is Phase.PREPARING)
-    assert line.session.values == {}
+    assert line.session.reported.values == {}
 
 
 def test_each_session_has_a_nonce_of_its_own(line: VirtualLine) -> None:
@@ -234,12 +234,12 @@ def test_each_session_has_a_nonce_of_its_own(line: VirtualLine) -> None:
     assert hellos[-1].nonce != hellos[0].nonce
 
 
-def test_whoever_is_told_that_a_value_was_set_finds_it_in_force() -> None:
+def test_a_value_is_active_once_its_change_is_confirmed() -> None:
     line = VirtualLine(watched=(1,)).open()
     found: list[object] = []
 
     def look(_answer: object) -> None:
-        found.extend([line.session.values[1], line.session.watched_values])
+        found.extend([line.session.reported.values[1], line.session.reported.watched_values])
 
     line.session.request(ParameterSet(0, 0, 1, 0.05), look, line.now_us)
     line.run(0.1)
@@ -270,7 +270,7 @@ def test_a_pong_for_another_session_sets_no_clock(line: VirtualLine) -> None:
     assert line.session.statistics(line.now_us).clock_error_us >= error_us
 
 
-def test_an_event_of_a_former_boot_keeps_nobody_from_driving(line: VirtualLine) -> None:
+def test_an_event_of_a_previous_boot_keeps_nobody_from_driving(line: VirtualLine) -> None:
     t_us = line.device.clock(line.now_us) & 0xFFFFFFFF
     states = SupervisorState.IDLE, SupervisorState.ESTOPPED
     late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0, 0.0)
@@ -305,7 +305,7 @@ def test_what_a_device_says_to_others_does_not_keep_a_session_alive(line: Virtua
     assert line.session.phase is Phase.HELLO
 
 
-def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
+def test_a_session_refused_for_an_unforeseen_reason_does_not_open() -> None:
     edits = {DeviceHello: {"refusal": RefusalCode.NOT_STOPPED}}
     line = VirtualLine(device=CoreDevice(edits=edits))
     line.session.connect(line.now_us)

@@ -43,7 +43,7 @@ def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry(line: Virtua
     assert len(line.device.obeyed) == 1
 
 
-def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once(line: VirtualLine) -> None:
+def test_a_program_may_drive_as_soon_as_the_clear_is_confirmed(line: VirtualLine) -> None:
     line.session.stop(None, lambda _: None, line.now_us)
     line.run_until(lambda: line.session.setpoints.supervisor is SupervisorState.ESTOPPED)
     line.device.lost |= {Event, WheelState}  # the answer alone says so
@@ -115,7 +115,7 @@ def test_a_stop_outdates_the_setpoints_before_it(line: VirtualLine) -> None:
 def test_clearing_voids_the_repeat_of_a_setpoint(
     line: VirtualLine, clear: type[ClearEstop | ClearFault]
 ) -> None:
-    """It was lost on its way to a latched device, which would obey its copy after the clear."""
+    """A latched device did not get it, and would obey its copy after the clear."""
     line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.4)
     line.run(0.005)
@@ -210,7 +210,7 @@ def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
 @pytest.mark.parametrize(
     "code", [RefusalCode.UNARMED, RefusalCode.CONTRADICTION, RefusalCode.BOARD_UNCONFIRMED]
 )
-def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one(
+def test_a_setpoint_refused_for_another_reason_raises_once_at_the_next_one(
     line: VirtualLine,
     code: RefusalCode,
 ) -> None:
@@ -314,7 +314,7 @@ def refusals(line: VirtualLine, period_s: float, seconds: float) -> list[int]:
 
 
 @pytest.mark.parametrize("period_s", [0.05, 0.1, 0.2, 0.33, 0.45])
-def test_whoever_never_stops_asking_for_motion_after_a_clear_gets_none(period_s: float) -> None:
+def test_a_program_that_keeps_asking_for_motion_after_a_clear_gets_none(period_s: float) -> None:
     line = unarmed_line()
     codes = refusals(line, period_s, 5.0)
     assert not line.device.obeyed

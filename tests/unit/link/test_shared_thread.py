@@ -305,7 +305,7 @@ class Quiet:
             end.close()
 
 
-def test_who_waits_is_woken_once_for_all_ports_that_have_something() -> None:
+def test_a_waiter_is_woken_once_for_all_ready_ports() -> None:
     happened: list[str] = []
     begun, go_on = threading.Event(), threading.Event()
 

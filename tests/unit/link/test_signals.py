@@ -209,7 +209,7 @@ def test_a_notification_between_look_and_wait_is_not_missed() -> None:
     assert notifier.wait_for(lambda: next(looks), 10)
 
 
-def test_all_who_wait_are_woken() -> None:
+def test_every_waiter_is_woken() -> None:
     notifier, flag = Notifier(), threading.Event()
     woken: list[bool] = []
     threads = [

@@ -44,7 +44,7 @@ def test_a_stops_copy_takes_a_number_of_its_own_among_the_setpoints(
     robot.set_duty(0.0, 0.1, ttl=5.0)
     robot.stop()
     sent = [m for m in device.device.received if isinstance(m, (Stop, SetDuty))]
-    # A busy computer repeats a message as it is, behind others perhaps.
+    # A busy computer may repeat a message unchanged after others.
     numbers = [message.command_seq for message in dict.fromkeys(sent)]
     assert numbers == sorted(set(numbers))
     assert len(numbers) == 6

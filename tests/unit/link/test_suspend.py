@@ -1,4 +1,4 @@
-"""A computer that slept: its monotonic clock stood still meanwhile, the device's went on."""
+"""A computer that slept: its monotonic clock stood still, while the device's went on."""
 
 import time
 from pathlib import Path
@@ -14,7 +14,7 @@ from wheelwire.link.clock import SuspendWatch, host_clock_us
 SLEEP_US = 6_000_000
 
 
-def test_a_step_between_the_clocks_is_told_once() -> None:
+def test_a_step_between_the_clocks_is_reported_once() -> None:
     asleep_us = 1000
     watch = SuspendWatch(lambda: 1000 * (host_clock_us() + asleep_us))
     assert not watch.was_suspended(host_clock_us())
@@ -23,7 +23,7 @@ def test_a_step_between_the_clocks_is_told_once() -> None:
     assert not watch.was_suspended(host_clock_us())
 
 
-def test_a_pause_between_two_readings_is_no_sleep() -> None:
+def test_a_pause_between_two_readings_does_not_count_as_a_sleep() -> None:
     pause_s = 0.0
 
     def slow_clock() -> int:

@@ -7,7 +7,7 @@ SENT_US, RECEIVED_US = 10_000, 12_000
 
 
 def pinged() -> tuple[Synchroniser, Ping]:
-    """One ping is on its way."""
+    """One ping is in flight."""
     sent: list[Ping] = []
     synchroniser = Synchroniser(7, sent.append, 0)
     synchroniser.ping(SENT_US)
@@ -22,7 +22,7 @@ def test_an_answer_is_an_exchange_once() -> None:
     assert synchroniser.on_pong(pong, RECEIVED_US) is None
 
 
-def test_an_answer_that_cannot_be_sets_no_clock() -> None:
+def test_an_impossible_answer_sets_no_clock() -> None:
     synchroniser, ping = pinged()
     pong = Pong(7, ping.request_id, ping.host_us, 500, 600)
     for wrong in (

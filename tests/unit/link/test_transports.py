@@ -69,7 +69,7 @@ def test_modem_lines_are_left_alone_at_opening_and_cleared_in_order_at_closing(
         (errno.ENOSPC, "No space left"),
     ],
 )
-def test_a_port_that_cannot_be_opened_is_told_with_its_remedy(
+def test_a_port_that_cannot_be_opened_is_reported_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, number: int, remedy: str
 ) -> None:
     def fail(*_: object, **__: object) -> None:
@@ -158,7 +158,7 @@ def test_a_unix_socket_is_a_port(tmp_path: Path) -> None:
     transport.close()
 
 
-def test_a_unix_socket_without_a_listener_is_told(tmp_path: Path) -> None:
+def test_a_unix_socket_without_a_listener_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "mcu.sock"
     with pytest.raises(PortUnavailable, match="no such port"):
         open_transport(f"unix:{path}", 921_600)

@@ -24,7 +24,7 @@ class Eager:
             self._waiting.add(Eager(self._waiting, self._depth - 1))
 
 
-def test_whoever_waits_again_is_not_woken_in_place_of_another() -> None:
+def test_a_waiter_that_waits_again_is_not_woken_in_place_of_another() -> None:
     notifier = Notifier()
     waiting = cast("set[Any]", notifier.waiting)
     waiters = [Eager(waiting) for _ in range(WAITERS)]

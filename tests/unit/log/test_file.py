@@ -115,7 +115,7 @@ def test_once_closed_it_closes_no_other_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("hit", ["a page of zeros", "a bit", "cut"])
-def test_what_is_damaged_ends_it(tmp_path: Path, hit: str) -> None:
+def test_damage_ends_the_recording(tmp_path: Path, hit: str) -> None:
     file = begin(tmp_path / "day.mcap")
     add(file, RECORDS[:50])
     file.sync()
@@ -145,13 +145,13 @@ def test_it_overwrites_nothing(tmp_path: Path) -> None:
     assert free_path(path) == tmp_path / "day-3.mcap"
 
 
-@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"no recording at all"])
-def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize("content", [b"", b"MCAP0\r\n", b"no recording at all"])
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "day.mcap"
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"no MCAP file, or nothing of it was written"):
+    with pytest.raises(RecordingError, match=r"not an MCAP file, or it is empty"):
         list(records(path))
-    with pytest.raises(RecordingError, match="no MCAP file"):
+    with pytest.raises(RecordingError, match="not an MCAP file"):
         metadata(path)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
 from itertools import pairwise
 from pathlib import Path
-from random import Random
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -62,7 +63,7 @@ def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., R
     recorder.close()
     samples, session = samples_of(recorder.file)
     assert samples == link.line.samples[known:]
-    assert session.values == link.line.session.values
+    assert session.reported.values == link.line.session.reported.values
     assert (recorder.lost, recorder.error) == (0, None)
     assert metadata(recorder.file)["driver"] == "mock"
     assert not link.traffic.readers
@@ -156,7 +157,7 @@ def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
     recorder.close()
     samples, session = samples_of(recorder.file)
     assert samples[-5:] == link.line.samples[known : known + 5]
-    assert session.values == link.line.session.values
+    assert session.reported.values == link.line.session.reported.values
     kinds = [record.kind for record in records(recorder.file)]
     assert kinds.count(Kind.START) > 1
 
@@ -182,7 +183,7 @@ def test_a_full_disk_ends_the_recording_alone(
     link.drive(0.5)
     recorder.close()
     assert [record.getMessage() for record in caplog.records] == [
-        f"the recording {recorder.file} has ended: No space left on device; the robot is driven on"
+        f"the recording {recorder.file} has ended: No space left on device; the robot still drives"
     ]
     assert not link.traffic.readers
     assert list(records(recorder.file))[: len(written)] == written
@@ -273,6 +274,27 @@ def test_attachments(link: TappedLine, make: Callable[..., Recorder]) -> None:
     assert (found.name, found.media_type, found.data) == ("a.yaml", "application/yaml", b"b: 1\n")
 
 
+def test_attachments_that_fail_are_the_error_of_a_whole_recording(
+    link: TappedLine, make: Callable[..., Recorder]
+) -> None:
+    threads: list[threading.Thread] = []
+
+    def fail() -> Iterator[Attachment]:
+        threads.append(threading.current_thread())
+        yield Attachment("a.yaml", "application/yaml", b"b: 1\n")
+        raise ValueError("a bug")
+
+    recorder = make(attachments=fail)
+    link.drive(0.2)
+    wait_until(lambda: bool(threads) and not threads[0].is_alive())
+    assert recorder.error is None
+    recorder.close()
+    assert "a bug" in str(recorder.error)
+    with recorder.file.open("rb") as file:
+        (found,) = make_reader(file).iter_attachments()
+    assert found.name == "a.yaml"
+
+
 def test_without_a_power_cut_nothing_is_older_than_a_chunk(
     link: TappedLine, make: Callable[..., Recorder]
 ) -> None:
@@ -286,26 +308,51 @@ def test_without_a_power_cut_nothing_is_older_than_a_chunk(
     assert any(topic == "/odom" for topic, _, _ in messages(recorder.file))
 
 
+class RecorderClock:
+    """The recorder's `time` with a clock that the test sets."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.looks = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(time, name)
+
+    def monotonic(self) -> float:
+        self.looks += 1
+        return self.now_s
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass, and wait until the recorder has seen it."""
+        self.now_s += seconds
+        seen = self.looks + 2
+        wait_until(lambda: self.looks > seen)
+
+
 def test_it_syncs_off_the_links_thread_and_each_second(
     link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    clock = RecorderClock()
+    monkeypatch.setattr("wheelwire.log.recorder.time", clock)
     times: list[float] = []
+    threads: set[str] = set()
     sync = RecordingFile.sync
 
     def noted(self: RecordingFile) -> None:
-        times.append(time.monotonic())
+        times.append(clock.now_s)
+        threads.add(threading.current_thread().name)
         sync(self)
 
-    monkeypatch.setattr(RecordingFile, "sync", noted)
     recorder = make()
-    random = Random(1)
-    end = time.monotonic() + 3.3
-    while time.monotonic() < end:
+    monkeypatch.setattr(RecordingFile, "sync", noted)
+    for _ in range(66):
         link.drive(0.05)
-        time.sleep(random.uniform(0, 0.02))
+        clock.advance(0.05)
+    assert [later - earlier for earlier, later in pairwise([0.0, *times])] == [
+        pytest.approx(1.0, abs=0.11)
+    ] * 3
+    assert threads.isdisjoint({threading.current_thread().name})
     recorder.close()
-    assert 3 <= len(times) <= 5
-    assert all(later - earlier < 1.5 for earlier, later in pairwise(times))
 
 
 def test_times_of_day_follow_a_clock_that_is_set(

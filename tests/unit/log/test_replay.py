@@ -8,9 +8,8 @@ import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import InvalidCommand, LinkClosed, LinkLost, RecordingError
-from wheelwire.link.notices import Happening
 from wheelwire.link.sample_stream import LatestSample
-from wheelwire.link.traffic import Kind, Record, TrafficReader
+from wheelwire.link.traffic import Happening, Kind, Record, TrafficReader
 from wheelwire.log.replay import ReplayLink
 from wheelwire.samples import Setpoint
 from wheelwire.simulation.bad_line import Impairment
@@ -110,7 +109,7 @@ def test_the_counters_at_the_end_are_those_of_the_day(day: Day) -> None:
 def test_a_day_on_which_nobody_asked_for_the_sensors_says_so(day: Day) -> None:
     """Its session does not ask by itself whether its firmware has any."""
     link, _ = replay(day)
-    with pytest.raises(InvalidCommand, match="no program had asked for the sensors"):
+    with pytest.raises(InvalidCommand, match="no program had requested the sensors"):
         link.request(GroupGet(0, 0, Group.SENSOR))
 
 
@@ -176,7 +175,7 @@ def test_it_answers_what_is_known(day: Day) -> None:
     answer = link.request(ParameterGet(0, 0, WHEEL_RADIUS))
     assert isinstance(answer, ParameterValue)
     assert answer.value == link.watched_values[WHEEL_RADIUS]
-    # Whoever sets what is set already changes nothing.
+    # Setting an active value changes nothing.
     assert link.request(ParameterSet(0, 0, WHEEL_RADIUS, answer.value)).value == answer.value  # type: ignore[union-attr]
 
 

@@ -107,7 +107,7 @@ def test_a_wrong_speed_is_refused(day: tuple[Path, list[WheelSample]], speed: ob
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", bytes(1000)])
-def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes | None) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "day.mcap"
     if content is not None:
         path.write_bytes(content)

@@ -45,7 +45,7 @@ def test_no_limit_is_a_limit() -> None:
     ("larger", "expected"),
     [("left_radius_multiplier", (0.2, 0.21)), ("right_radius_multiplier", (0.21, 0.2))],
 )
-def test_a_larger_wheel_is_told_to_turn_less(larger: str, expected: tuple[float, float]) -> None:
+def test_a_larger_wheel_turns_less(larger: str, expected: tuple[float, float]) -> None:
     drive = DifferentialDrive(0.2, 0.033, 360, **{larger: 1.05})
     wheels = drive.wheel_velocities(Twist(0.21, 0.0))
     assert wheels == pytest.approx(expected)

@@ -73,7 +73,7 @@ def test_a_counter_wrap_is_no_jump(odometry: Odometry) -> None:
     assert pose.x_m == pytest.approx(10 * FINE.metres_per_tick)
 
 
-def test_a_reset_of_the_device_is_no_jump_and_is_told(odometry: Odometry) -> None:
+def test_a_device_reset_causes_no_jump_and_is_reported(odometry: Odometry) -> None:
     odometry.update(sample(left_ticks=50_000, right_ticks=50_000))
     before = odometry.update(sample(left_ticks=60_000, right_ticks=60_000, t_us=10_000)).pose
     update = odometry.update(sample(boot_id=2, t_us=5))

@@ -12,15 +12,13 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from support.cases import each
-from support.units import NOT_EMULATED, documented_units, without_rights
+from support.confined import NOBODY
+from support.units import EMULATED, NOT_EMULATED, documented_units
 from wheelwire.pi.gpio import gpiozero
 
 UNITS = documented_units()
 OURS = [unit for unit in UNITS if any("wheelwire" in word for word in unit.command)]
-EMULATED = {
-    *("ExecStart", "User", "Group", "RuntimeDirectory", "RuntimeDirectoryPreserve"),
-    *("StateDirectory", "WorkingDirectory", "Environment", "KillMode", "Restart", "RestartSec"),
-}
+PINS = [unit for unit in OURS if "mcu" in unit.command]
 PROGRAM = """
 import json, os, sys
 from wheelwire.pi.gpio.gpiozero import LGPIO_FOLDER, _give_lgpio_a_folder
@@ -37,8 +35,9 @@ print(json.dumps([folder, os.getcwd()]))
 """
 
 
-def test_there_are_some() -> None:
-    assert OURS
+def test_the_pages_have_units() -> None:
+    assert [unit.page for unit in OURS if unit not in PINS]
+    assert PINS
 
 
 @each("number", range(len(UNITS)))
@@ -48,26 +47,33 @@ def test_every_entry_is_emulated_or_known_not_to_be(number: int) -> None:
 
 
 @each("number", range(len(OURS)))
-def test_a_unit_has_a_user_and_a_folder_that_it_can_write_to(number: int) -> None:
+def test_a_unit_has_a_user_without_rights_and_is_found_without_a_path(number: int) -> None:
     unit = OURS[number]
-    assert unit.service["User"] != "root"
+    assert unit.service["User"] not in ("root", "0")
+    assert unit.service["NoNewPrivileges"] == "yes"
+    assert unit.service["ProtectSystem"] in ("full", "strict")
+    assert unit.command[0].startswith("/")  # systemd searches no PATH of a user's
+
+
+@each("number", range(len(PINS)))
+def test_the_unit_of_the_pins_has_a_folder_that_it_can_write_to(number: int) -> None:
+    unit = PINS[number]
     assert unit.folder in unit.writable  # lgpio makes a pipe there
     words = unit.command
-    assert words[0].startswith("/")  # systemd searches no PATH of a user's
     for word in words[1:]:
         assert not word.startswith(("~", "./")), word
     listen = words[words.index("--listen") + 1].removeprefix("unix:")
     assert str(Path(listen).parent) in unit.writable
 
 
-@each("number", range(len(OURS)))
+@each("number", range(len(PINS)))
 def test_lgpio_has_a_folder_for_its_pipe(number: int) -> None:
     """Without a home, in a folder of its own and in the root, as a user without rights."""
-    user = without_rights() or 0
+    user = NOBODY if os.getuid() == 0 else 0
     with TemporaryDirectory(prefix="wheelwire-unit-") as runtime:
         if user:
             os.chown(runtime, user, user)
-        environment = OURS[number].environment | {
+        environment = PINS[number].environment | {
             "WHEELWIRE_RUNTIME_DIR": runtime,
             "PYTHONPATH": os.pathsep.join(sys.path),
         }

@@ -125,7 +125,7 @@ def test_any_changes_whatever_are_judged_as_the_textbook_does(
 
 
 @given(st.sets(st.integers(0, 99), max_size=60))
-def test_lost_edges_are_told_by_each_channels_repeated_levels(lost: set[int]) -> None:
+def test_repeated_levels_of_a_channel_reveal_lost_edges(lost: set[int]) -> None:
     """An even number of a channel's edges lost in a row leaves its levels in turn: no trace."""
     edges = edges_of([1] * 100)
     expected = 0

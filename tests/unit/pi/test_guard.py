@@ -77,7 +77,7 @@ def closes_and_dies(heartbeat: Heartbeat) -> None:
     dies(heartbeat)
 
 
-def test_a_slow_save_is_no_hang() -> None:
+def test_a_slow_save_does_not_count_as_a_hang() -> None:
     assert watch(saves_to_a_slow_card) == Watch(0, 0)
 
 
@@ -93,7 +93,7 @@ def test_a_core_that_ends_without_closing_its_pins_drives_no_more() -> None:
 
 
 def test_pins_that_the_core_has_given_back_are_not_touched() -> None:
-    """Another program may have them by then."""
+    """Another program may have claimed them by then."""
     assert watch(closes_and_dies) == Watch(-signal.SIGKILL, 0)
 
 
@@ -102,7 +102,7 @@ def test_pins_that_the_core_never_had_are_not_touched(act: Callable[[Heartbeat],
     assert watch(act, opening=True).lows == 0
 
 
-def test_a_start_that_takes_long_is_no_hang() -> None:
+def test_a_slow_start_does_not_count_as_a_hang() -> None:
     assert watch(lambda _: time.sleep(3 * CORE_TIMEOUT_S), opening=True) == Watch(0, 0)
 
 

@@ -16,7 +16,7 @@ import smbus2.smbus2 as library
 
 from wheelwire.errors import DriverUnavailable
 from wheelwire.pi.i2c import I2cBus
-from wheelwire_protocol.native import TransferResult
+from wheelwire_protocol.core import TransferResult
 
 READ = 1
 """The flag I2C_M_RD of a message."""
@@ -100,7 +100,7 @@ def test_a_write_reads_nothing(kernel: Kernel) -> None:
         (errno.EBUSY, TransferResult.HUNG),
     ],
 )
-def test_what_the_kernel_says_of_a_failed_transfer(
+def test_errors_of_the_kernel_become_transfer_results(
     kernel: Kernel, error: int, result: TransferResult
 ) -> None:
     bus = I2cBus(1)
@@ -133,7 +133,7 @@ def test_a_bus_that_is_unplugged_and_plugged_is_opened_again(kernel: Kernel) -> 
         (errno.EBUSY, "/dev/i2c-1 cannot be opened: Device or resource busy"),
     ],
 )
-def test_a_bus_that_cannot_be_had_says_what_to_do(kernel: Kernel, error: int, words: str) -> None:
+def test_an_unavailable_bus_says_what_to_do(kernel: Kernel, error: int, words: str) -> None:
     kernel.open_error = error
     with pytest.raises(DriverUnavailable) as raised:
         I2cBus(1)

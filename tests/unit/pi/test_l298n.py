@@ -13,7 +13,7 @@ from wheelwire.errors import ConfigurationError, DeviceRefused, DriverUnavailabl
 from wheelwire.pi.pins import Pins
 
 LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
-"""A busy test machine is no fault of the robot's."""
+"""A busy test machine must not cause a fault."""
 Wire = Callable[[GpioChip], GpioChip]
 
 
@@ -85,7 +85,7 @@ def test_several_chips_are_a_question(tmp_path: Path, wire: Wire) -> None:
             L298NDriver(pwm_directory=tmp_path, pwm_chip=7)
 
 
-def test_without_the_kernels_pwm_the_librarys_limit_is_told(
+def test_without_kernel_pwm_the_librarys_limit_is_reported(
     tmp_path: Path, wire: Wire, caplog: pytest.LogCaptureFixture
 ) -> None:
     with GpioChip(tmp_path, kernel_pwm=False) as chip, open_on(wire(chip)) as driver:
@@ -132,12 +132,12 @@ def test_an_open_estop_contact_stops_and_is_cleared_when_closed(chip: GpioChip) 
 def cleared(driver: L298NDriver) -> bool:
     try:
         driver.clear_estop()
-    except DeviceRefused:  # the contact's level is on its way
+    except DeviceRefused:  # the contact's level has not arrived yet
         return False
     return True
 
 
-def test_a_parameter_that_is_none_is_refused_before_anything_is_started() -> None:
+def test_an_unknown_parameter_is_refused_before_anything_starts() -> None:
     with pytest.raises(ConfigurationError, match="left_pwm = 99"):
         L298NDriver(pins=Pins(left_pwm=99))
 

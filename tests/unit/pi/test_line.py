@@ -11,7 +11,7 @@ from typing import cast
 import pytest
 
 from wheelwire.pi.line import ConnectedLine, ListeningLine
-from wheelwire_protocol.native import Core
+from wheelwire_protocol.core import Core
 
 FRAME = 100
 """Bytes of each frame: its number, in each of them."""
@@ -59,7 +59,7 @@ def read(theirs: socket.socket, size: int) -> bytes:
     return data
 
 
-def test_what_does_not_fit_waits_and_loses_no_byte(
+def test_bytes_that_do_not_fit_wait(
     ends: tuple[ConnectedLine, socket.socket],
 ) -> None:
     line, theirs = ends
@@ -105,7 +105,7 @@ def test_what_an_application_said_last_is_read_before_its_end(
     theirs.sendall(b"stop")
     theirs.close()
     readable = line.wait_set()[0]
-    line.send(core(Frames(1)))  # which finds that nobody is there
+    line.send(core(Frames(1)))  # which finds that the other end is gone
     assert line.receive(readable) == b"stop"
     assert line.receive(readable) == b""
     assert line.hung_up

@@ -139,7 +139,7 @@ def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
             # The last sample of before may not have been read.
             wait_until(lambda: driver.read(LONG_S).boot_id != first)
             assert driver.statistics.reconnects == 1
-            driver.set_velocity(0.0, 0.0)  # its core started anew, so it is unarmed
+            driver.set_velocity(0.0, 0.0)  # its core restarted, so it is unarmed
             driver.set_velocity(0.1, 0.0)
     daemon.close()
 

@@ -111,7 +111,7 @@ def test_each_bus_is_named_once_in_order() -> None:
     assert McuSettings("l298n", board).buses == [1, 3]
 
 
-def test_a_bus_of_this_computer_is_none_of_another_one_s() -> None:
+def test_a_sensor_bus_cannot_be_on_another_computer() -> None:
     with pytest.raises(
         ConfigurationError, match=r"pigpio.host = 'robot.local': the pins are there"
     ):

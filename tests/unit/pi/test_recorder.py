@@ -18,11 +18,11 @@ from wheelwire.pi.settings import McuSettings
 from wheelwire.pi.storage import RecorderFile, keep_recorder, recorder_path
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, Fault, SupervisorState
-from wheelwire_protocol.native import RECORDER_SIZE
+from wheelwire_protocol.core import RECORDER_SIZE
 from wheelwire_protocol.types import BoxGet, BoxValue, ClearEstop
 
 STORED_S = 15.0
-"""A box is in the file by then: not within ten seconds of a start, and then at rest."""
+"""By then a box is in the file: it is written at rest, ten seconds after a start."""
 TICKS_PER_S = 400
 
 
@@ -108,7 +108,7 @@ def test_without_a_store_it_lasts_as_long_as_the_computer_runs() -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"other", bytes(RECORDER_SIZE + 1)])
-def test_a_file_that_is_no_recorder_is_begun_anew(content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_recorder_is_started_again(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "recorder"
     path.write_bytes(content)
     file = RecorderFile(path, Heartbeat())

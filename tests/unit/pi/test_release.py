@@ -17,7 +17,7 @@ from wheelwire.pi.settings import McuSettings
 from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.board import OUTPUTS, Stage
 from wheelwire_protocol.codes import Fault, SupervisorState
-from wheelwire_protocol.native import Outputs, StageInputs
+from wheelwire_protocol.core import Outputs, StageInputs
 
 PINS = {"enable": (12, 13), "in1": (23, 20), "in2": (24, 21), "pwm": (18, 19), "dir": (22, 26)}
 STANDBY = 25

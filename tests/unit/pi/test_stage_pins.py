@@ -6,7 +6,7 @@ import pytest
 
 from wheelwire.pi.gpio.base import HIGH_Q15, StagePins
 from wheelwire_protocol.board import OUTPUTS, STAGES, Stage
-from wheelwire_protocol.native import StageInputs
+from wheelwire_protocol.core import StageInputs
 
 LOW = StageInputs(0, 0, 0, 0, 0)
 HIGH = StageInputs(*[HIGH_Q15] * len(OUTPUTS))

@@ -192,7 +192,7 @@ def test_each_stage_is_released_when_its_core_is_killed(
         (guard,) = (pid for pid in children(os.getpid()) if children(pid))
         (core,) = children(guard)
         os.kill(core, signal.SIGKILL)
-        # Standby may be high again: the driver starts its process anew.
+        # Standby may be high again: the driver restarts its process.
         inputs = set(release_pins(board)) - {board.standby}
         wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
         assert not is_driven(chip)

@@ -100,7 +100,7 @@ def test_a_core_that_fails_in_another_way_has_closed_its_pins(scene: Scene) -> N
     assert scene.heartbeat.phase is Phase.CLOSED
 
 
-def test_pins_that_cannot_be_had_are_told_of_and_never_driven(scene: Scene) -> None:
+def test_unavailable_pins_are_reported_and_never_driven(scene: Scene) -> None:
     scene.open_failure = DriverUnavailable("in use")
     assert scene.run() == program.FAILED
     os.close(scene.settings.socket or 0)
@@ -109,7 +109,7 @@ def test_pins_that_cannot_be_had_are_told_of_and_never_driven(scene: Scene) -> N
     assert scene.heartbeat.phase is Phase.OPENING
 
 
-def test_a_pin_of_the_bus_is_told_of_before_the_bus_is_looked_for(scene: Scene) -> None:
+def test_a_pin_of_the_bus_is_refused_before_the_bus_is_opened(scene: Scene) -> None:
     imu = ImuSensor(SensorChip.MPU6050, None, None, forward=Axis.Y, up=Axis.Z, bus=1)
     bumper = DigitalInput(PeripheralKind.BUMPER, Place.FRONT, 2)
     scene.settings = replace(scene.settings, board=replace(Pins(), peripherals=(imu, bumper)))

@@ -1,5 +1,7 @@
 """The parameters that a computer's robot keeps in a file."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -18,7 +20,7 @@ def in_force(store: Path, **parameters: float) -> dict[str, float]:
     return active_parameters(settings)
 
 
-def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
+def test_saved_values_are_there_again(tmp_path: Path) -> None:
     store = tmp_path / "parameters"
     with MockDriver(realtime=False, store=store) as driver:
         default = driver.parameters["integral_gain"]
@@ -52,7 +54,9 @@ def test_without_a_file_nothing_can_be_saved() -> None:
         _save_on(McuSettings(backend="l298n", board=Pins()))
 
 
-def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> None:
+def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store = tmp_path / "parameters"
     _save_on(
         McuSettings(
@@ -60,17 +64,22 @@ def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> Non
         )
     )
     before = store.read_bytes()
-    (tmp_path / "parameters.new").symlink_to("/dev/full")
+    monkeypatch.setattr("wheelwire.whole_file.os.fsync", _full)
     with pytest.raises(DeviceRefused, match="store"):
         _save_on(McuSettings(backend="l298n", board=Pins(), store=str(store)))
     assert store.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [store]
+
+
+def _full(_: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _save_on(settings: McuSettings) -> None:
     CoreHost(make_core(settings)).ask(ParameterSave(0, 0, 0))
 
 
-def test_a_change_is_in_force_at_once() -> None:
+def test_a_change_takes_effect_at_once() -> None:
     with MockDriver(realtime=False) as driver:
         driver.parameters.set("right_motor_inverted", 1)
         driver.set_duty(0.5, 0.5)

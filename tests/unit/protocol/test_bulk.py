@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wheelwire_protocol import decode_capture, dtype, iter_capture, native
-from wheelwire_protocol.framing import PythonDecoder, encode_frame
+from wheelwire_protocol.framing import encode_frame
+from wheelwire_protocol.python_decoder import PythonDecoder
 from wheelwire_protocol.types import ClearFault, ConfigurationValue, Estop, WheelState
 
 
@@ -67,7 +68,7 @@ def test_a_frame_with_a_flipped_bit_is_no_row() -> None:
         assert decode_capture(damaged, Estop).tolist() == []
 
 
-def test_another_message_of_the_same_size_is_no_row() -> None:
+def test_another_message_of_the_same_size_is_not_decoded() -> None:
     other = encode_frame(ClearFault(session_id=0x1A2B3C4D, request_id=7), 5)
     assert len(other) == len(FRAME)
     assert decode_capture(other + FRAME + other, Estop).tolist() == [(0x1A2B3C4D, 7)]

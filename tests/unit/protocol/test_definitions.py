@@ -21,7 +21,7 @@ def test_payloads_need_one_cobs_code_byte_more_at_most() -> None:
 @each("message", MESSAGES, ids=lambda message: message.name)
 def test_message_is_documented(message: Message) -> None:
     assert message.doc.endswith(".")
-    assert all(field.docs.endswith(".") for field in message.fields)
+    assert all(field.docs.endswith(".") for field in message.fields if field.docs)
 
 
 @each("flags", FLAGS, ids=lambda flags: flags.__name__)

@@ -2,14 +2,8 @@ import struct
 
 import pytest
 
-from wheelwire_protocol.framing import (
-    DELIMITER,
-    MAX_ENCODED,
-    Counters,
-    Encoder,
-    PythonDecoder,
-    encode_frame,
-)
+from wheelwire_protocol.framing import DELIMITER, MAX_ENCODED, Counters, Encoder, encode_frame
+from wheelwire_protocol.python_decoder import PythonDecoder
 from wheelwire_protocol.types import Estop, SetStreamRate
 
 FRAME = encode_frame(Estop(1, 2), 0)

@@ -20,9 +20,11 @@ INPUTS = [
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
+    "firmware/esp32/main/self_test_protocol.hpp",
     "firmware/esp32/sim/libfwsim.h",
     "firmware/esp32/test",
     "host/wheelwire/simulation/fwsim_abi.py",
+    "tests/support/self_test_types.py",
     "web/src/generated",
 ]
 OUTPUTS = [
@@ -34,10 +36,13 @@ OUTPUTS = [
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
+    "firmware/esp32/main/self_test_protocol.hpp",
     "firmware/esp32/test/vectors.hpp",
+    "tests/support/self_test_types.py",
     "web/src/generated/protocol.ts",
 ]
-OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name and "_abi" not in name]
+_APART = ("_tables", "_abi", "self_test_")
+OF_MESSAGES = [name for name in OUTPUTS if not any(part in name for part in _APART)]
 
 
 @pytest.fixture
@@ -95,7 +100,7 @@ def test_check_names_each_file_and_the_remedy(
 def test_a_new_message_goes_through(checkout: Path) -> None:
     definitions = checkout / "protocol/wheelwire_protocol/messages.py"
     text = definitions.read_text("utf-8")
-    new = 'NEW = Message(id=0x7F, name="Brandnew", doc="New.", body=Struct(_session()))'
+    new = 'NEW = message(0x7F, "Brandnew", "New.", _session())'
     definitions.write_text(text.replace("\nMESSAGES =", f"\n{new}\n\nMESSAGES ="), "utf-8")
 
     check = run(checkout, "--check")
@@ -105,7 +110,7 @@ def test_a_new_message_goes_through(checkout: Path) -> None:
     assert "struct Brandnew" in (checkout / "firmware/esp32/core/protocol.hpp").read_text("utf-8")
 
 
-def test_types_that_do_not_parse_are_written_anew(checkout: Path) -> None:
+def test_types_that_do_not_parse_are_rewritten(checkout: Path) -> None:
     (checkout / OUTPUTS[0]).write_text("<<<<<<< a conflict\n", "utf-8")
     assert run(checkout).stdout == f"{OUTPUTS[0]} written\n"
     assert run(checkout, "--check").returncode == 0

@@ -19,9 +19,10 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.decoder import NativeDecoder
-from wheelwire_protocol.framing import PythonDecoder, encode_frame, encode_payload
+from wheelwire_protocol.framing import encode_frame, encode_payload
 from wheelwire_protocol.message import Message
 from wheelwire_protocol.messages import MESSAGES
+from wheelwire_protocol.python_decoder import PythonDecoder
 
 HEADER = 3
 """Bytes before a body: the id, and the number of the frame in two."""
@@ -102,7 +103,7 @@ def test_the_table_has_each_message_of_the_base_group() -> None:
 
 
 def values_of(message: Message) -> dict[str, int | float]:
-    """A value for each field, no two alike, of bytes that differ from one another."""
+    """A value for each field: no two are equal, and their bytes differ."""
     values: dict[str, int | float] = {}
     for number, field in enumerate(message.fields):
         _, kind, _ = LAYOUTS[message.name][2][number]

@@ -32,5 +32,5 @@ def test_a_decoder_needs_no_numpy_crcmod_or_construct() -> None:
 
 
 @pytest.mark.parametrize("package", ["wheelwire", "wheelwire_protocol"])
-def test_type_checkers_are_told_that_it_is_typed(package: str) -> None:
+def test_the_package_is_marked_as_typed(package: str) -> None:
     assert (files(package) / "py.typed").is_file()

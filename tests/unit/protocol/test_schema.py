@@ -17,12 +17,12 @@ def hash_with(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> int:
     return wire_layout.layout_hash()
 
 
-def test_the_hash_in_force_is_that_of_the_definitions() -> None:
+def test_the_hash_is_that_of_the_definitions() -> None:
     assert schema_hash() == wire_layout.layout_hash()
 
 
 def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
-    return Message(id=0x7F, name="P", doc=doc, body=Struct(field(name, subcon, unit, doc)))
+    return Message(id=0x7F, name="P", doc=doc, body=Struct(field(subcon, name, doc, unit=unit)))
 
 
 PING = ping(Int32ul, "host_us", Unit.MICROSECOND, "a doc")
@@ -32,7 +32,7 @@ def test_hash_ignores_prose(monkeypatch: pytest.MonkeyPatch) -> None:
     before = hash_with(monkeypatch, "MESSAGES", (PING,))
     again = ping(Int32ul, "host_us", Unit.MICROSECOND, "another doc")
     assert hash_with(monkeypatch, "MESSAGES", (again,)) == before
-    reworded = tuple(replace(parameter, doc="another doc") for parameter in PARAMETERS)
+    reworded = tuple(parameter._replace(doc="another doc") for parameter in PARAMETERS)
     assert hash_with(monkeypatch, "PARAMETERS", reworded) == before
 
 
@@ -58,7 +58,7 @@ def test_hash_changes_with_a_message_more(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_hash_changes_with_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     before = schema_hash()
-    renamed = (replace(PARAMETERS[0], name="radius"), *PARAMETERS[1:])
+    renamed = (PARAMETERS[0]._replace(name="radius"), *PARAMETERS[1:])
     assert hash_with(monkeypatch, "PARAMETERS", renamed) != before
 
 

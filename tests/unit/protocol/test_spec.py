@@ -5,8 +5,9 @@ import re
 from pathlib import Path
 
 from wheelwire_protocol.codec import MIN_PAYLOAD
-from wheelwire_protocol.framing import CRC_RESIDUE, REPEAT_WINDOW, SEQ_MODULUS
+from wheelwire_protocol.framing import CRC_RESIDUE, SEQ_MODULUS
 from wheelwire_protocol.messages import MAX_PAYLOAD, MESSAGES
+from wheelwire_protocol.python_decoder import REPEAT_WINDOW
 
 PROTOCOL = Path(__file__).parents[3] / "protocol"
 SPEC = (PROTOCOL / "SPEC.md").read_text("utf-8")
@@ -35,10 +36,9 @@ def test_steps_of_the_worked_example_add_up() -> None:
 
 def steps(example: str) -> tuple[list[bytes], list[int]]:
     """Every prefix of the covered bytes, and the register that the page gives after it."""
-    cells = re.findall(r"`([0-9a-f]{2})` \| ([0-9a-f]{8})", example)
-    ordered = cells[::2] + cells[1::2]  # the table has two columns
-    data = bytes.fromhex("".join(byte for byte, _ in ordered))
-    return [data[: end + 1] for end in range(len(data))], [int(value, 16) for _, value in ordered]
+    found = re.findall(r"\b([0-9a-f]{2}): ([0-9a-f]{8})\b", example)
+    data = bytes.fromhex("".join(byte for byte, _ in found))
+    return [data[: end + 1] for end in range(len(data))], [int(value, 16) for _, value in found]
 
 
 def bitwise_register(data: bytes) -> int:

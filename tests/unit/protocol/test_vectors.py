@@ -8,8 +8,9 @@ from typing import Any
 from support.cases import each
 from wheelwire_protocol import types
 from wheelwire_protocol.decoder import NativeDecoder
-from wheelwire_protocol.framing import PythonDecoder, encode_frame, encode_payload
+from wheelwire_protocol.framing import encode_frame, encode_payload
 from wheelwire_protocol.messages import MESSAGES
+from wheelwire_protocol.python_decoder import PythonDecoder
 
 DECODERS = (PythonDecoder, NativeDecoder)
 VECTORS = Path(__file__).parents[3] / "protocol/vectors"

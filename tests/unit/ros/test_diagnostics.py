@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -12,7 +12,8 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from support.host_samples import sample
-from wheelwire import BaseDriver, HeldBy, LastStop, LinkLost, LinkStatistics, WheelSample
+from support.linkless_robot import LinklessRobot
+from wheelwire import HeldBy, LastStop, LinkLost, LinkStatistics, WheelSample
 from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
 from wheelwire_protocol.types import ControlCounters, MemoryValue
 from wheelwire_ros import diagnostics
@@ -24,14 +25,14 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
 
-class Robot:
-    """Only what diagnostics ask a driver that has no device."""
+class Robot(LinklessRobot):
+    """It has counted."""
 
     statistics = LinkStatistics(sessions=2, round_trip_p50_us=812.5)
 
 
 class CountingRobot(Robot):
-    """It has a device."""
+    """It answers what only a device knows."""
 
     def latest_control_counters(self) -> ControlCounters:
         return ControlCounters(7, 7, 1, 2, 3, 4, 5)
@@ -50,7 +51,7 @@ def statuses(
     held_by: HeldBy | None = None,
     last_stop: LastStop | None = None,
 ) -> dict[str, Any]:
-    connection = RobotConnection(cast("BaseDriver", robot or Robot()), {}, Tuning(), lambda: None)
+    connection = RobotConnection(robot or Robot(), {}, Tuning(), lambda: None)
     if ignored is not None:
         connection.ignored[ignored] += 1
     newest = newest or sample()
@@ -93,7 +94,7 @@ def test_a_latched_robot_says_why(state: SupervisorState) -> None:
     assert statuses(newest=newest)["robot"].message
 
 
-def test_what_holds_it_is_a_warning_with_its_code() -> None:
+def test_the_cause_of_a_hold_is_a_warning_with_its_code() -> None:
     held_by = HeldBy(Held.BUMPER_FRONT | Held.UNARMED_FORWARD)
     robot = statuses(newest=sample(state=SupervisorState.DRIVING), held_by=held_by)["robot"]
     assert (robot.level, robot.message) == (WARN, Held.BUMPER_FRONT.doc)
@@ -136,7 +137,7 @@ def test_what_is_in_order() -> None:
     assert link["clock_error_us"] == ""
 
 
-def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
+def test_diagnostics_show_the_latest_control_counters() -> None:
     assert "latest_step_us" not in values(statuses()["robot"])
     told = values(statuses(CountingRobot())["robot"])
     assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")
@@ -162,7 +163,7 @@ def test_faults_by_name_and_meaning() -> None:
 class WarningRobot(Robot):
     """Its board is not confirmed, and it rolls."""
 
-    warnings = ("Nobody has confirmed it.",)
+    warnings: tuple[str, ...] = ("Nobody has confirmed it.",)
     rolling_mps: float | None = 0.5
 
 
@@ -174,7 +175,7 @@ class LostRobot(Robot):
         raise LinkLost("unplugged")
 
 
-def test_what_the_board_and_rolling_warn_of_is_told_as_long_as_it_lasts() -> None:
+def test_warnings_of_the_board_and_of_rolling_last_as_long_as_their_cause() -> None:
     robot = WarningRobot()
     status = statuses(robot)["robot"]
     assert status.level == WARN
@@ -197,7 +198,7 @@ def test_commands_that_nobody_hears() -> None:
     assert "cmd_vel_type" in status.message
 
 
-def test_a_node_that_was_killed_is_no_twin() -> None:
+def test_a_killed_node_does_not_count_as_a_second_one() -> None:
     twins = TwinWatch()
     assert not any(twins.look(2, float(now_s)) for now_s in range(int(FORGOTTEN_S)))
     assert not twins.look(1, FORGOTTEN_S)

@@ -116,7 +116,7 @@ def test_without_a_known_noise_no_bias_is_taken() -> None:
     assert robot.bias.radps == (0, 0, 0)
 
 
-def test_a_steady_turn_on_a_turntable_is_none_of_the_bias() -> None:
+def test_a_steady_turn_on_a_turntable_is_not_bias() -> None:
     robot = Robot()
     robot.run(2.0)
     robot.run(6.0, 1.6 / 6)

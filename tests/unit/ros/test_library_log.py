@@ -79,7 +79,7 @@ def test_two_nodes_get_it_each(library: logging.Logger) -> None:
     assert [name for name, _, _ in lines] == ["left.wheelwire", "right.wheelwire"]
 
 
-def test_an_exception_is_told(library: logging.Logger) -> None:
+def test_an_exception_is_logged(library: logging.Logger) -> None:
     lines: list[tuple[str, str, str]] = []
     forward_library_log(Logger("robot", lines))
     library.error("reading failed", exc_info=OSError("unplugged"))

@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from support.host_samples import sample
 from wheelwire import Pose, SupervisorState, WheelSample
-from wheelwire_ros import open_robot, parameters
+from wheelwire_ros import parameters
 from wheelwire_ros.open_robot import OpenRobot
 
 IDLE, DRIVING = SupervisorState.IDLE, SupervisorState.DRIVING
@@ -76,6 +76,20 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> Parts:
     return Parts()
 
 
+def test_a_callback_of_the_driver_that_fails_stops_the_robot_and_ends_the_node(
+    parts: Parts,
+) -> None:
+    error = RuntimeError("a defect")
+    parts.calls.update_state.side_effect = error
+    for report in (parts.open._on_held, parts.open._on_stop):
+        parts.calls.mock_calls.clear()
+        report(Mock())
+        assert parts.calls.mock_calls[-2:] == [
+            call.connection.robot.shutdown(),
+            call.threads.fail(error),
+        ]
+
+
 def test_a_thread_of_samples_that_fails_stops_the_robot_first(parts: Parts) -> None:
     error = RuntimeError("a defect")
     parts.open._fail(error)
@@ -83,7 +97,7 @@ def test_a_thread_of_samples_that_fails_stops_the_robot_first(parts: Parts) -> N
     assert [made for made in parts.calls.mock_calls if made != call.context.ok()] == expected
 
 
-def test_a_failure_of_the_closing_is_none(parts: Parts) -> None:
+def test_a_failure_to_close_is_ignored(parts: Parts) -> None:
     parts.open._closing = True
     parts.open._fail(RuntimeError("the closing"))
     assert parts.calls.mock_calls == []
@@ -135,7 +149,7 @@ def test_the_commands_hear_of_each_end_of_a_drive(parts: Parts, after: Superviso
     assert call.connection.note_standstill() not in parts.samples(sample(state=after))
 
 
-def test_each_change_of_state_or_faults_is_told_of(parts: Parts) -> None:
+def test_each_change_of_state_or_faults_is_reported(parts: Parts) -> None:
     told = call.update_state()
     assert told in parts.samples(sample(state=IDLE))
     assert told not in parts.samples(sample(state=IDLE))
@@ -158,16 +172,12 @@ def test_a_sample_is_counted_also_where_it_is_not_published(parts: Parts) -> Non
     assert len(parts.calls.publisher.publish.mock_calls) == 1
 
 
-def test_a_pose_that_is_set_goes_to_odometry_and_recording(
-    parts: Parts, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    noted: list[Any] = []
-    monkeypatch.setattr(open_robot, "note", lambda *arguments: noted.append(arguments))
+def test_a_pose_that_is_set_goes_to_odometry_and_recording(parts: Parts) -> None:
     parts.open._poses = Mock()
     parts.calls.estimator.set_pose.return_value = None
     parts.open.set_pose(Pose(1.0, 2.0, 0.5), "covariance")
     assert parts.calls.estimator.set_pose.mock_calls == [call(Pose(1.0, 2.0, 0.5), "covariance")]
-    assert noted == []
+    assert parts.calls.connection.robot.note.mock_calls == []
 
 
 def test_a_fault_that_is_cleared_ends_the_warning_of_a_reset(parts: Parts) -> None:

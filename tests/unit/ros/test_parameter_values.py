@@ -42,7 +42,7 @@ AGREEING: dict[str, Any] = {
         (checks.only(math.nan, ""), math.nan),
     ],
 )
-def test_what_is_valid_is_accepted(check: checks.Check, value: Any) -> None:
+def test_a_valid_value_is_accepted(check: checks.Check, value: Any) -> None:
     assert check(value) is None
 
 
@@ -55,8 +55,8 @@ def test_what_is_valid_is_accepted(check: checks.Check, value: Any) -> None:
         (checks.frame, "", "a frame has a name"),
         (checks.frame, "/", "a frame has a name"),
         (checks.wheel_names, [], "at least one name"),
-        (checks.wheel_names, ["a", ""], "none that is empty"),
-        (checks.command_timeout, 0.0, "without an end is not offered: .* 0.02 to 5.0"),
+        (checks.wheel_names, ["a", ""], "no empty one"),
+        (checks.command_timeout, 0.0, "must expire: .* 0.02 to 5.0"),
         (checks.at_least_zero, -0.1, "at least 0.0, or .NAN"),
         (checks.at_least_zero, math.inf, ".NAN for no limit"),
         (checks.at_most_zero, 0.1, "at most 0.0, or .NAN"),
@@ -64,7 +64,7 @@ def test_what_is_valid_is_accepted(check: checks.Check, value: Any) -> None:
         (checks.only(False, "leave it out"), True, "leave it out"),
     ],
 )
-def test_what_is_not_is_refused_with_what_to_write(
+def test_an_invalid_value_is_refused_with_what_to_write(
     check: checks.Check, value: Any, words: str
 ) -> None:
     reason = check(value)
@@ -78,7 +78,7 @@ def test_what_is_not_is_refused_with_what_to_write(
         ({"base_frame_id": "/odom"}, "equal"),
         ({"left_wheel_names": ["a", "b"]}, "2 wheels on the left and 1 on the right"),
         ({"left_wheel_names": ["right"]}, "right: named more than once"),
-        ({"ttl_max_s": 0.3}, "0.5 s lives longer than the robot lets one, 0.3 s"),
+        ({"ttl_max_s": 0.3}, "0.5 s is longer than the robot allows, 0.3 s"),
         ({"battery_full_v": 8.4}, "one is given without the other"),
         ({"battery_empty_v": 8.4, "battery_full_v": 6.0}, "swap them"),
         ({"wheels_per_side": 2}, "leave out wheels_per_side"),
@@ -90,7 +90,7 @@ def test_what_contradicts_itself_is_named(changes: dict[str, Any], words: str) -
     assert set(changes) <= set(found.names)
 
 
-def test_what_agrees_is_not_named() -> None:
+def test_values_that_agree_are_not_named() -> None:
     assert list(checks.disagreements(AGREEING.__getitem__)) == []
     two = {"left_wheel_names": ["a", "b"], "right_wheel_names": ["c", "d"], "wheels_per_side": 2}
     assert list(checks.disagreements({**AGREEING, **two}.__getitem__)) == []

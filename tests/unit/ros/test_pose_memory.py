@@ -33,7 +33,7 @@ RECORD = PoseRecord(
 )
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_the_pose_is_read_as_written(tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "pose.json"
     assert pose_memory.read(path) is None
     pose_memory.write(path, RECORD)
@@ -54,12 +54,12 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         {"saved_s": math.inf},
     ],
 )
-def test_what_cannot_be_is_refused_with_the_files_name(
+def test_an_impossible_value_is_refused_with_the_files_name(
     tmp_path: Path, change: dict[str, object]
 ) -> None:
     path = tmp_path / "pose.json"
     pose_memory.write(path, replace(RECORD, **change))  # type: ignore[arg-type]
-    with pytest.raises(PoseFileError, match=r"pose\.json: it is no pose file"):
+    with pytest.raises(PoseFileError, match=r"pose\.json: it is not a pose file"):
         pose_memory.read(path)
 
 

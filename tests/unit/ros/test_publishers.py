@@ -133,7 +133,7 @@ def test_a_batterys_current_is_negative_while_it_discharges(current_a: float, st
     assert message.power_supply_status == getattr(message, f"POWER_SUPPLY_STATUS_{status}")
 
 
-def test_a_battery_is_published_once_a_second_of_a_clock_that_begins_anew() -> None:
+def test_a_battery_is_published_once_a_second_although_the_clock_restarts() -> None:
     pace = publishers.BatteryPace()
     half_seconds = [*range(200, 220), *range(2, 22)]
     assert sum(pace.is_due(one * publishers.NANOSECONDS // 2) for one in half_seconds) == 20

@@ -73,7 +73,7 @@ def test_samples_that_come_together_are_all_handed_over() -> None:
     assert events(one, [two, three], count=4) == ["change", one, two, three]
 
 
-def test_a_silence_is_told_when_its_cause_is_known() -> None:
+def test_a_silence_is_reported_when_its_cause_is_known() -> None:
     """A link that is lost without a sign finds that out a moment after the last sample."""
     one, unexplained = sample(t_us=1), [RequestTimeout("no sample")] * UNEXPLAINED
     told = events(one, *unexplained, LinkLost("the robot does not answer"), count=3)

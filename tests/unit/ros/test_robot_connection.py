@@ -40,6 +40,7 @@ class RecordingRobot:
         self.ttl_max_s: float | None = None
         self.error: Exception | None = None
         self.parameters = self
+        self.has_device = True
         self.info: Any = SimpleNamespace(device=SimpleNamespace(boot_id=0))
         self.is_unarmed = False
 
@@ -168,7 +169,7 @@ def test_a_new_session_gets_the_parameters_and_the_estop_before_any_command(
     assert robot.told[-2:-1] == ["clear_estop"]
 
 
-def test_a_command_of_the_former_session_is_not_replayed(
+def test_a_command_of_the_previous_session_is_not_replayed(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     born_s = time.monotonic()
@@ -221,7 +222,7 @@ def test_a_robot_that_waits_for_a_zero_command_is_a_reason_of_its_own(
     assert robot.told == []  # no zero of the node's own
 
 
-def test_an_estop_that_did_not_arrive_is_told_later(
+def test_an_estop_that_did_not_arrive_is_reported_later(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     robot.error = LinkLost("gone")
@@ -234,7 +235,7 @@ def test_an_estop_that_did_not_arrive_is_told_later(
     assert robot.told[0] == "estop"
 
 
-def test_an_estop_that_was_not_acknowledged_is_told_again_in_the_same_session(
+def test_an_unacknowledged_estop_is_sent_again_in_the_same_session(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     robot.error = RequestTimeout("no answer")
@@ -305,7 +306,7 @@ def test_an_estop_that_is_cleared_while_a_new_session_sets_it_again_is_cleared(
 def test_no_command_is_sent_after_the_deactivation(
     connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Another thread deactivates while a command is on its way: the stop comes after it."""
+    """Another thread deactivates while a command is in flight: the stop comes after it."""
     send = robot.set_wheel_velocity
     threads = []
 
@@ -494,7 +495,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return clock
 
 
-def test_a_device_that_has_started_anew_is_not_driven_by_who_goes_on_commanding(
+def test_a_program_that_keeps_commanding_does_not_drive_a_restarted_device(
     clock: Clock, connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
@@ -512,7 +513,9 @@ def test_a_device_that_has_started_anew_is_not_driven_by_who_goes_on_commanding(
             clock.now_s += 0.1
             assert ignored(connection, clock.now_s) is Ignored.UNARMED
         with pytest.raises(CommandIgnored, match="held: unarmed"):
-            connection.command(Twist(0.0, 0.5), clock.now_s)  # on the spot is no standstill
+            connection.command(
+                Twist(0.0, 0.5), clock.now_s
+            )  # turning on the spot is not a standstill
         assert connection.is_held
         assert connection.holds == holds
         assert robot.told == []
@@ -532,7 +535,7 @@ def test_a_hold_lasts_until_the_robot_says_that_it_obeys(
     robot.is_unarmed = True
     assert ignored(connection) is Ignored.UNARMED
     robot.error = None
-    connection.command(Twist(0.2, 0.0), time.monotonic())  # its refusal is still on its way
+    connection.command(Twist(0.2, 0.0), time.monotonic())  # its refusal has not arrived yet
     assert connection.is_held
     robot.is_unarmed = False
     connection.command(Twist(0.0, 0.0), time.monotonic())
@@ -572,7 +575,7 @@ def test_a_command_counts_until_the_end_of_its_life(
     connection.connected_s = 0.0
     connection.command(Twist(0.4, 0.0), clock.now_s - age_s)
     connection.tuning = replace(connection.tuning, limits=SLOW)
-    clock.now_s += 0.1  # the older one ended meanwhile, and with it the drive
+    clock.now_s += 0.1  # the older one has ended, and with it the drive
     obeyed = connection.command(Twist(0.5, 0.0), clock.now_s)
     assert obeyed.linear_mps == pytest.approx(0.5 if goes_on else FIRST_STEP_S)
 

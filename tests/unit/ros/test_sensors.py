@@ -21,9 +21,8 @@ from wheelwire import (
     SensorState,
     SensorStatus,
 )
-from wheelwire.board import channel_name
 from wheelwire.log.ros_messages import obstacles
-from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip
+from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, channel_name
 from wheelwire_ros.sensors import Limits, channel_words, limits_of, range_message
 
 BUMPER, CLIFF, STAGE = PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT
@@ -73,7 +72,7 @@ def test_a_triggered_input_says_what_it_does(
     assert (values["state"], values["triggered"], values["edges"]) == ("OK", True, 3)
 
 
-def test_what_is_free_and_well_limits_nothing() -> None:
+def test_free_and_healthy_sensors_limit_nothing() -> None:
     one = info(BUMPER, Place.FRONT)
     sample = inputs(one, triggered=False)
     assert limits_of([status(one, sample)], sample) == Limits()
@@ -84,7 +83,7 @@ def test_what_is_free_and_well_limits_nothing() -> None:
     ("state", "is_told"),
     [(SensorState.ABSENT, True), (SensorState.ZERO, True), (SensorState.MISSED, False)],
 )
-def test_a_stale_sensor_is_told_unless_it_may_pass(state: SensorState, is_told: bool) -> None:
+def test_a_stale_sensor_is_reported_unless_it_may_pass(state: SensorState, is_told: bool) -> None:
     stale = status(info(PeripheralKind.IMU), state=state)
     assert bool(limits_of([stale], None).sentences) is is_told
     _, message, values = channel_words(stale)
@@ -102,7 +101,7 @@ def test_a_stale_sensor_is_told_unless_it_may_pass(state: SensorState, is_told: 
         (BatteryLevel.STOP, "stops until the battery is charged"),
     ],
 )
-def test_an_empty_battery_is_told(level: BatteryLevel, words: str) -> None:
+def test_an_empty_battery_is_reported(level: BatteryLevel, words: str) -> None:
     battery = info(PeripheralKind.BATTERY)
     sample = PowerSample(5, 6.5, None, None, level, 1.0, 0.001)
     sentences = limits_of([status(battery, sample)], None).sentences

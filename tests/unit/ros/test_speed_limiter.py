@@ -103,7 +103,7 @@ def test_a_pause_between_commands_gains_no_speed() -> None:
     assert told == pytest.approx([FIRST_STEP_S, FIRST_STEP_S + MAX_STEP_S])
 
 
-def test_a_new_limit_of_the_velocity_is_in_force_at_once() -> None:
+def test_a_new_velocity_limit_takes_effect_at_once() -> None:
     limiter = SpeedLimiter()
     limiter.obeyed(Twist(1.0, 0.0), 100.0, TTL_S)
     slow = Limits(AxisLimits(max_velocity=0.2, max_deceleration=-0.1))

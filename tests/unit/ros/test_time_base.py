@@ -95,7 +95,7 @@ def test_nothing_is_converted_until_the_simulated_clock_runs() -> None:
     assert log.lines[1:] == [("info", "/clock runs: motion is published from now on")]
 
 
-def test_a_time_before_the_beginning_of_the_simulation_is_none() -> None:
+def test_a_time_before_the_simulation_began_is_unknown() -> None:
     clocks, simulated_ns = Clocks([]), 1_000_000
     base = TimeBase(lambda: simulated_ns, Log(), clocks.monotonic_ns)
     assert base.runs
@@ -165,7 +165,7 @@ def test_one_stream_of_samples_takes_no_time_from_another() -> None:
     assert min(found.values()) >= 50
 
 
-def test_a_recording_that_begins_anew_is_followed() -> None:
+def test_a_recording_that_restarts_is_followed() -> None:
     now_ns, start_ns = [10**12], [10**10]
     base = TimeBase(
         lambda: now_ns[0] - 10**12 + start_ns[0], Log(), lambda: now_ns[0], lambda: True
@@ -207,7 +207,7 @@ def test_time_never_runs_backward_in_a_stream() -> None:
     assert ros_ns(base, 4.501) == first + 1_000_000
 
 
-def test_a_clock_that_was_set_back_begins_anew() -> None:
+def test_a_clock_that_was_set_back_starts_again() -> None:
     clocks = Clocks([])
     base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
     first = ros_ns(base, 4.5)

@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from support.launch_stand_in import arguments, load, started
+from support.units import DOCKER, services
 
-ROOT = Path(__file__).parents[3]
-PACKAGE = ROOT / "ros_node"
-DOCKER = PACKAGE / "docker"
-COMPOSE = DOCKER / "docker-compose.pi.yml"
-
-
-def interpolated(**environment: str) -> dict[str, Any]:
-    """The services, with the environment's values where the file asks for them."""
-    text = COMPOSE.read_text()
-    text = re.sub(r"\$\{(\w+):-([^}]*)\}", lambda m: environment.get(m[1]) or m[2], text)
-    assert "${" not in text, "another form of interpolation"
-    return dict(yaml.safe_load(text)["services"])
+PACKAGE = DOCKER.parent
 
 
 @pytest.fixture(scope="module")
 def robot() -> dict[str, Any]:
-    return dict(interpolated()["robot"])
+    return dict(services()["robot"])
 
 
 def test_the_command_is_the_launch_files(robot: dict[str, Any]) -> None:
@@ -45,12 +33,12 @@ def test_the_command_is_the_launch_files(robot: dict[str, Any]) -> None:
 
 
 def test_a_namespace_reaches_the_nodes_and_the_health_check() -> None:
-    robot = interpolated(NAMESPACE="robot1", FRAME_PREFIX="robot1")["robot"]
+    robot = services(NAMESPACE="robot1", FRAME_PREFIX="robot1")["robot"]
     assert {"namespace:=robot1", "frame_prefix:=robot1"} <= set(robot["command"])
     assert robot["healthcheck"]["test"][-1] == "robot1/hardware_robot"
 
 
-def test_a_slash_is_no_prefix_and_no_namespace(robot: dict[str, Any]) -> None:
+def test_a_slash_means_no_prefix_and_no_namespace(robot: dict[str, Any]) -> None:
     given = dict(argument.split(":=") for argument in robot["command"] if ":=" in argument)
     # A volume of the container.
     given["params_file"] = str(PACKAGE / given["params_file"].removeprefix("/"))
@@ -58,3 +46,11 @@ def test_a_slash_is_no_prefix_and_no_namespace(robot: dict[str, Any]) -> None:
     assert {node.namespace for node in nodes.values()} == {"/"}
     assert "tf_frame_prefix" not in nodes["hardware_robot"].parameters[1]
     assert robot["healthcheck"]["test"][-1] == "/hardware_robot"
+
+
+def test_no_service_has_rights() -> None:
+    for service in services().values():
+        assert service["user"].split(":") == ["1000", "1000"]
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert not service.keys() & {"privileged", "cap_add", "devices", "pid"}

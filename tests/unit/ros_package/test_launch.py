@@ -83,7 +83,7 @@ def test_arguments_go_before_the_file(bringup: LaunchDescription, tmp_path: Path
 
 @pytest.mark.parametrize("argument", ["params_file", "model"])
 @pytest.mark.parametrize("given", ["missing", "~/missing", "."])
-def test_a_file_that_is_none_ends_the_launch_with_one_line(
+def test_an_invalid_file_ends_the_launch_with_one_line(
     bringup: LaunchDescription, argument: str, given: str
 ) -> None:
     """Without its file the robot would start without its limits."""
@@ -142,7 +142,7 @@ def test_a_lidar_may_be_faster(bringup: LaunchDescription) -> None:
 
 
 @pytest.mark.parametrize("executable", [ROBOT, LIDAR, MODEL])
-def test_what_ends_is_started_again(bringup: LaunchDescription, executable: str) -> None:
+def test_launch_restarts_a_node_that_ends(bringup: LaunchDescription, executable: str) -> None:
     node = started(bringup)[executable]
     assert node.respawn
     assert node.respawn_delay == 2.0

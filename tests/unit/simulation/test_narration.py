@@ -50,7 +50,7 @@ def test_a_motion_is_one_sentence(steps: list[tuple[int, int]], sentence: str) -
     assert said(steps) == [sentence]
 
 
-def test_what_nobody_sees_is_not_said() -> None:
+def test_invisible_movements_are_not_mentioned() -> None:
     assert said([(2, -2)]) == []
     assert said([(100, 2)]) == ["the left wheel turned forward 0.10 turns"]
 

@@ -100,7 +100,7 @@ def test_a_bad_file_is_refused(content: object) -> None:
         parse_plant(content)
 
 
-def test_an_unknown_plant_is_told_the_known_ones(tmp_path: Path) -> None:
+def test_an_unknown_plant_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="25ga-1440, jgb37-520, tt-1-48"):
         load_plant("nothing")
     (tmp_path / "bad.yaml").write_text("{")

@@ -28,7 +28,7 @@ def alarms() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("alarms")
-def test_a_command_in_a_handler_is_told_when_it_interrupts_another(simulator: Simulator) -> None:
+def test_a_command_in_a_handler_is_refused_when_it_interrupts_another(simulator: Simulator) -> None:
     values: list[float] = []
     refused: list[str] = []
 
@@ -74,7 +74,7 @@ def test_an_interrupted_command_leaves_its_answer_to_nobody(simulator: Simulator
     assert interrupted
 
 
-def test_what_on_state_raises_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_exception_in_on_state_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
     seen: list[TrueState] = []
 
     def note(state: TrueState) -> None:

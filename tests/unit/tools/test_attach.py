@@ -24,15 +24,19 @@ class Places:
 
     Attributes:
         peer: The other end of the newest connection to a holder; None while there is to be none.
+        is_in_use: Whether opening fails because a program has the port open.
+        offered_after: How often a holder is looked for before it offers its link.
     """
 
     def __init__(self) -> None:
         self.tried: list[Any] = []
         self.peer: socket.socket | None = None
+        self.is_in_use = False
+        self.offered_after = 0
 
     def find_holder(self, identity: str, board_id: str) -> Holder | None:
         self.tried.append((identity, board_id))
-        if self.peer is None:
+        if self.peer is None or len(self.tried) <= self.offered_after:
             return None
         ours, peer = socket.socketpair()
         # Closed already, it is the connection to a program that has just ended.
@@ -44,7 +48,7 @@ class Places:
 
     def open_driver(self, _name: str, **options: Any) -> None:
         self.tried.append("open")
-        raise PortUnavailable(options["port"], "in use")
+        raise PortUnavailable(options["port"], "in use", is_in_use=self.is_in_use)
 
 
 @pytest.fixture
@@ -98,17 +102,34 @@ def test_pins_are_found_by_their_wiring(places: Places) -> None:
     assert len(set(found)) == len(robots)
 
 
-def test_a_simulated_robot_of_its_own_is_never_anothers(places: Places) -> None:
+def test_mock_never_attaches_to_another_program(places: Places) -> None:
     with pytest.raises(PortUnavailable):
         open_or_attach("mock", {"port": "mock"})
     assert places.tried == ["open"]
 
 
-def test_whoever_has_just_ended_holds_nothing(places: Places, peer: socket.socket) -> None:
+def test_a_program_that_has_just_ended_holds_nothing(places: Places, peer: socket.socket) -> None:
     peer.close()
     with pytest.raises(PortUnavailable):
         open_or_attach("serial", {"port": "unix:x"})
     assert "open" in places.tried
+
+
+@pytest.mark.usefixtures("peer")
+def test_a_program_that_has_just_opened_the_port_is_waited_for(places: Places) -> None:
+    places.is_in_use, places.offered_after = True, 4
+    open_or_attach("serial", {"port": "/dev/ttyUSB0"}, listens=False).close()
+    assert places.tried == ["open", *[("/dev/ttyUSB0", "")] * 4]
+
+
+def test_a_program_that_never_offers_its_link_is_not_waited_for_long(
+    places: Places, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(attach, "OFFER_S", 0.1)
+    places.is_in_use = True
+    with pytest.raises(PortUnavailable):
+        open_or_attach("serial", {"port": "/dev/ttyUSB0"})
+    assert len(places.tried) > 2
 
 
 @pytest.mark.usefixtures("peer")

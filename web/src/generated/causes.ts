@@ -8,11 +8,11 @@ export interface Why {
 
 /** By the name of the stop's cause. */
 export const WHY_STOPPED: Readonly<Record<string, Why>> = {
-  DEADLINE: { sentence: "The program asked for nothing any more while its link went on; or the program ended without closing the robot: it was killed, or its computer lost power; or the program stood still: nothing of it ran, not even its link; or the connection to the robot was lost.", lookAt: "the program: it stopped sending setpoints, then the system's log, then the host's load, then the cable's plug" },
-  STOP: { sentence: "The stop was asked for over this link.", lookAt: "the program that asked" },
+  DEADLINE: { sentence: "The program sent no more setpoints, although its link went on; or the program ended without closing the robot: it was killed, or its computer lost power; or the program was frozen: not even its link ran; or the connection to the robot was lost.", lookAt: "the program: it stopped sending setpoints, then the system's log, then the host's load, then the cable's plug" },
+  STOP: { sentence: "The stop was requested over this link.", lookAt: "the program that asked" },
   STOP_OTHER: { sentence: "Another program sent a stop to the port.", lookAt: "who else has the port" },
   ESTOP_CONTACT: { sentence: "The emergency stop's contact opened.", lookAt: "the emergency stop's button, then its wire" },
-  ESTOP_SESSION: { sentence: "The emergency stop was asked for over this link.", lookAt: "the program that asked" },
+  ESTOP_SESSION: { sentence: "The emergency stop was requested over this link.", lookAt: "the program that asked" },
   ESTOP_OTHER: { sentence: "Another program sent an emergency stop to the port.", lookAt: "who else has the port" },
   NEW_SESSION: { sentence: "Another program opened a session, which ended this one.", lookAt: "who else has the port" },
   HANG_UP: { sentence: "The program closed the link while the robot drove.", lookAt: "the program's log" },
@@ -21,14 +21,14 @@ export const WHY_STOPPED: Readonly<Record<string, Why>> = {
 
 /** By the name of the fault. */
 export const WHY_FAULT: Readonly<Record<string, Why>> = {
-  LEFT_NOT_COUNTING: { sentence: "Left wheel stopped counting at full speed although it was driven on; or left wheel was held fast while driven.", lookAt: "the encoder's plug and its wires, then what touches the wheel" },
-  RIGHT_NOT_COUNTING: { sentence: "Right wheel stopped counting at full speed although it was driven on; or right wheel was held fast while driven.", lookAt: "the encoder's plug and its wires, then what touches the wheel" },
+  LEFT_NOT_COUNTING: { sentence: "Left wheel stopped counting at full speed although it was still driven; or left wheel was held fast while driven.", lookAt: "the encoder's plug and its wires, then what touches the wheel" },
+  RIGHT_NOT_COUNTING: { sentence: "Right wheel stopped counting at full speed although it was still driven; or right wheel was held fast while driven.", lookAt: "the encoder's plug and its wires, then what touches the wheel" },
   LEFT_REVERSED: { sentence: "Left wheel's speed grew against its drive.", lookAt: "whether the wheel turned backward: if so its motor is reversed, else its encoder; `wheelwire setup` finds out, and corrects the right one" },
   RIGHT_REVERSED: { sentence: "Right wheel's speed grew against its drive.", lookAt: "whether the wheel turned backward: if so its motor is reversed, else its encoder; `wheelwire setup` finds out, and corrects the right one" },
   CONTROL_OVERRUN: { sentence: "The control loop ran too late.", lookAt: "what was written to flash just then; overrun_limit_us" },
   DRIVER_FAILED: { sentence: "A motor or encoder peripheral did not start.", lookAt: "the pins in the wiring guide" },
-  LEFT_ENCODER_IMPLAUSIBLE: { sentence: "Left wheel was driven harder than its measured speed explains, while it counted on.", lookAt: "the encoder, which may lose edges; then the load" },
-  RIGHT_ENCODER_IMPLAUSIBLE: { sentence: "Right wheel was driven harder than its measured speed explains, while it counted on.", lookAt: "the encoder, which may lose edges; then the load" },
+  LEFT_ENCODER_IMPLAUSIBLE: { sentence: "Left wheel was driven harder than its measured speed explains, while it still counted.", lookAt: "the encoder, which may lose edges; then the load" },
+  RIGHT_ENCODER_IMPLAUSIBLE: { sentence: "Right wheel was driven harder than its measured speed explains, while it still counted.", lookAt: "the encoder, which may lose edges; then the load" },
   STORE_FULL: { sentence: "The flash of the saved parameters has no free page.", lookAt: "the flash: reset the parameters" },
   STORE_NEWER: { sentence: "The saved parameters are of a newer firmware.", lookAt: "the firmware's release" },
   STORE_UNREADABLE: { sentence: "The saved parameters are damaged or gone.", lookAt: "`wheelwire params import`, or a reset of them" },
@@ -47,9 +47,9 @@ export const WHY_SENSOR: Readonly<Record<string, Why>> = {
   BUMPER_REAR_LEFT: { sentence: "Bumper rear left was pressed, and held the robot off.", lookAt: "what it touches, then that bumper and its wire" },
   BUMPER_REAR_RIGHT: { sentence: "Bumper rear right was pressed, and held the robot off.", lookAt: "what it touches, then that bumper and its wire" },
   CLIFF: { sentence: "Cliff saw no floor.", lookAt: "where the robot stands, then that sensor" },
-  FAULT_INPUT: { sentence: "Fault input said that a power stage has tripped.", lookAt: "the motors' currents, then its heat" },
+  FAULT_INPUT: { sentence: "Fault input reported that a power stage has tripped.", lookAt: "the motors' currents, then its heat" },
   BATTERY: { sentence: "The battery fell to the level at which the robot stops.", lookAt: "the battery's charge" },
-  BATTERY_UNKNOWN: { sentence: "Battery unknown, which can stop the robot, gave nothing that can be used.", lookAt: "`wheelwire sensors`, then that sensor's wires" },
+  BATTERY_UNKNOWN: { sentence: "Battery unknown, which can stop the robot, gave no usable samples.", lookAt: "`wheelwire sensors`, then that sensor's wires" },
 };
 
 /** By the name of the reset's reason. */
@@ -66,9 +66,9 @@ export const WHY_RESET: Readonly<Record<string, Why>> = {
 
 /** By the name of the cause. */
 export const WHY_HOST: Readonly<Record<string, Why>> = {
-  program_paused: { sentence: "The program asked for nothing any more while its link went on.", lookAt: "the program: it stopped sending setpoints" },
-  host_frozen: { sentence: "The program stood still: nothing of it ran, not even its link.", lookAt: "the host's load" },
+  program_paused: { sentence: "The program sent no more setpoints, although its link went on.", lookAt: "the program: it stopped sending setpoints" },
+  host_frozen: { sentence: "The program was frozen: not even its link ran.", lookAt: "the host's load" },
   cable_pulled: { sentence: "The connection to the robot was lost.", lookAt: "the cable's plug" },
-  line_corrupt: { sentence: "Setpoints were sent and did not arrive whole.", lookAt: "the cable, the common ground, the baud rate" },
+  line_corrupt: { sentence: "Setpoints were damaged on the line.", lookAt: "the cable, the common ground, the baud rate" },
   protocol_mismatch: { sentence: "Host and firmware are of different releases.", lookAt: "the releases on both sides" },
 };

@@ -191,12 +191,12 @@ export const EventCode = {
 } as const;
 export const EventCodeDocs: Sentences<typeof EventCode> = {
   SUPERVISOR: "The supervisor changed its state.",
-  CONFIGURATION_COPY_LOST: "One of the two stored copies of the configuration was lost; it is written anew from the other one as soon as the robot stands.",
+  CONFIGURATION_COPY_LOST: "One of the two stored copies of the configuration was lost; it is rewritten from the other one once the robot stands.",
   STORE_EMPTY: "No parameters were saved yet; the defaults are active.",
   TRIAL_EXPIRED: "A trial was not renewed in time: stopped, with the previous parameters.",
   ROLLING: "The robot rolls although it is not driven: a slope, or somebody pushes it.",
   PARAMETERS_COPY_LOST: "As CONFIGURATION_COPY_LOST, of the saved parameters.",
-  LATCHES_COPY_LOST: "As CONFIGURATION_COPY_LOST, of the note whether an e-stop is latched.",
+  LATCHES_COPY_LOST: "As CONFIGURATION_COPY_LOST, of the record of a latched e-stop.",
 };
 
 /** What the firmware runs on. */
@@ -230,7 +230,7 @@ export const EstopSourceDocs: Sentences<typeof EstopSource> = {
   SESSION: "The program whose session was open.",
   OTHER_PROGRAM: "A program beside the one whose session was open.",
   BEFORE_POWER_ON: "Not known: it was latched before the power came on.",
-  DAMAGED_RECORD: "The record of what was latched is damaged, which counts as an e-stop.",
+  DAMAGED_RECORD: "The record of latched e-stops is damaged, which counts as an e-stop.",
 };
 
 /** What ended the last motion. */
@@ -253,8 +253,8 @@ export const StopCause = {
   RESET: 15,
 } as const;
 export const StopCauseDocs: Sentences<typeof StopCause> = {
-  UNKNOWN: "It is not known what ended the last motion: the robot has lost its power since, or has not moved.",
-  DEADLINE: "The setpoint of the program that drove ran out, and no newer one came.",
+  UNKNOWN: "What ended the last motion is unknown: the robot has lost power since, or has not moved.",
+  DEADLINE: "The setpoint of the program that drove expired, and no newer one came.",
   STOP: "The program that drove stopped it.",
   STOP_OTHER: "A program beside the one that drove stopped it.",
   ESTOP_CONTACT: "The e-stop contact opened.",
@@ -269,6 +269,210 @@ export const StopCauseDocs: Sentences<typeof StopCause> = {
   HANG_UP: "The line of the program that drove was closed.",
   TRIAL_ENDED: "A trial of parameters ended while it drove.",
   RESET: "The device was reset while it drove.",
+};
+
+/** What stands between the chip's pins and a motor. */
+export const Stage = {
+  ENABLE_IN1_IN2: 0,
+  PWM_IN1_IN2: 1,
+  IN_IN: 2,
+  HALF_BRIDGES: 3,
+  PWM_DIR: 4,
+} as const;
+export const StageDocs: Sentences<typeof Stage> = {
+  ENABLE_IN1_IN2: "An enable with the PWM and two direction inputs: L298N, L293D.",
+  PWM_IN1_IN2: "A PWM input, whose low level brakes, and two direction inputs: TB6612FNG.",
+  IN_IN: "Two inputs, the PWM on one of them: DRV8833, DRV8871, MX1508.",
+  HALF_BRIDGES: "Two half bridges with a common enable: BTS7960 (IBT-2).",
+  PWM_DIR: "A PWM and a direction input: Cytron MD10C, MDD10A.",
+};
+
+/** What holds an encoder's outputs high. */
+export const EncoderPulls = {
+  INTERNAL: 0,
+  EXTERNAL: 1,
+} as const;
+export const EncoderPullsDocs: Sentences<typeof EncoderPulls> = {
+  INTERNAL: "The chip's own pull-ups.",
+  EXTERNAL: "Resistors on the board, or outputs that drive both levels.",
+};
+
+/** What the e-stop contact does when it is pressed. */
+export const ContactKind = {
+  NORMALLY_CLOSED: 0,
+  NORMALLY_OPEN: 1,
+} as const;
+export const ContactKindDocs: Sentences<typeof ContactKind> = {
+  NORMALLY_CLOSED: "It opens; a broken wire is an e-stop, too.",
+  NORMALLY_OPEN: "It closes to ground; a broken wire goes unnoticed.",
+};
+
+/** The line to the host. */
+export const BoardLine = {
+  UART: 0,
+  USB: 1,
+} as const;
+export const BoardLineDocs: Sentences<typeof BoardLine> = {
+  UART: "UART0, through the board's USB bridge.",
+  USB: "The chip's own USB.",
+};
+
+/** Where the active configuration is from. */
+export const ConfigurationState = {
+  DAMAGED: 0,
+  BUILT_IN: 1,
+  STORED: 2,
+  TRIAL: 3,
+} as const;
+export const ConfigurationStateDocs: Sentences<typeof ConfigurationState> = {
+  DAMAGED: "The stored configuration cannot be used: nothing is driven.",
+  BUILT_IN: "It is the firmware's own, which nobody confirmed: nothing is driven.",
+  STORED: "It was confirmed.",
+  TRIAL: "It was written, and waits for its confirmation: nothing drives.",
+};
+
+/** What carries the chip: it decides which pins flash and PSRAM take. */
+export const Module = {
+  ANY: 0,
+  WROOM_32: 1,
+  WROVER: 2,
+  S3_QUAD: 3,
+  S3_OCTAL: 4,
+} as const;
+export const ModuleDocs: Sentences<typeof Module> = {
+  ANY: "Not named: the pins that any module needs for its memory stay free.",
+  WROOM_32: "ESP32-WROOM-32, -32D, -32E, -32U: no PSRAM; GPIO 16 and 17 are free.",
+  WROVER: "ESP32-WROVER: GPIO 16 and 17 lead to its PSRAM.",
+  S3_QUAD: "An ESP32-S3 module with quad flash and quad or no PSRAM, as N8 and N8R2.",
+  S3_OCTAL: "An ESP32-S3 module with octal PSRAM or flash, as N8R8: it takes GPIO 33 to 37.",
+};
+
+/** The functions that a board gives to pins, with the names that users are shown. */
+export const BoardPin = {
+  LEFT_ENABLE: 0,
+  LEFT_IN1: 1,
+  LEFT_IN2: 2,
+  LEFT_PWM: 3,
+  LEFT_DIR: 4,
+  LEFT_ENCODER_A: 5,
+  LEFT_ENCODER_B: 6,
+  RIGHT_ENABLE: 7,
+  RIGHT_IN1: 8,
+  RIGHT_IN2: 9,
+  RIGHT_PWM: 10,
+  RIGHT_DIR: 11,
+  RIGHT_ENCODER_A: 12,
+  RIGHT_ENCODER_B: 13,
+  STANDBY: 14,
+  ESTOP: 15,
+  BATTERY: 16,
+  LED: 17,
+} as const;
+export const BoardPinDocs: Sentences<typeof BoardPin> = {
+  LEFT_ENABLE: "left.enable",
+  LEFT_IN1: "left.in1",
+  LEFT_IN2: "left.in2",
+  LEFT_PWM: "left.pwm",
+  LEFT_DIR: "left.dir",
+  LEFT_ENCODER_A: "left.encoder_a",
+  LEFT_ENCODER_B: "left.encoder_b",
+  RIGHT_ENABLE: "right.enable",
+  RIGHT_IN1: "right.in1",
+  RIGHT_IN2: "right.in2",
+  RIGHT_PWM: "right.pwm",
+  RIGHT_DIR: "right.dir",
+  RIGHT_ENCODER_A: "right.encoder_a",
+  RIGHT_ENCODER_B: "right.encoder_b",
+  STANDBY: "standby",
+  ESTOP: "estop.pin",
+  BATTERY: "battery.pin",
+  LED: "led",
+};
+
+/** Why a board is refused. `{pin}` is a GPIO, `{function}` what the board uses it for. */
+export const BoardFault = {
+  NONE: 0,
+  VERSION: 1,
+  DAMAGED: 2,
+  NAME: 3,
+  CHIP: 4,
+  OTHER_CHIP: 5,
+  STAGE: 6,
+  PIN_MISSING: 7,
+  PIN_WITHOUT_USE: 8,
+  PIN_ABSENT: 9,
+  PIN_TWICE: 10,
+  PIN_OF_MEMORY: 11,
+  PIN_OF_LINK: 12,
+  PIN_STRAPPING: 13,
+  PIN_INPUT_ONLY: 14,
+  NO_PULL_UP: 15,
+  NO_PULL_UP_FOR_CONTACT: 16,
+  NO_ADC: 17,
+  NOT_ON_THIS_CHIP: 18,
+  NO_PULL_DOWN: 19,
+  PULL_DOWN_WITHOUT_USE: 20,
+  FREQUENCY_HIGH: 21,
+  FREQUENCY_LOW: 22,
+  COUNTERS: 23,
+  PWM_OUTPUTS: 24,
+  FILTER: 25,
+  DIVIDER: 26,
+  LINE: 27,
+  CODE: 28,
+  PIN_HELD_HIGH: 29,
+  PIN_PULLED_UP: 30,
+  MODULE: 31,
+  LED_ON_STRAP: 32,
+} as const;
+export const BoardFaultDocs: Sentences<typeof BoardFault> = {
+  NONE: "Nothing is wrong.",
+  VERSION: "its format is version {value}, this firmware knows {limit}: update the older one",
+  DAMAGED: "its checksum is wrong: write it again",
+  NAME: "name: give it 1 to 24 printable ASCII characters",
+  CHIP: "chip: no such chip is known",
+  OTHER_CHIP: "chip: it is for {chip}, this device is another one",
+  STAGE: "stage: no such power stage is known",
+  PIN_MISSING: "{function}: the stage {stage} needs this pin",
+  PIN_WITHOUT_USE: "{function} = {pin}: the stage {stage} has no such input; leave it out",
+  PIN_ABSENT: "{function} = {pin}: {chip} has no GPIO {pin} on its pins",
+  PIN_TWICE: "{function} = {pin}: GPIO {pin} is {other} already; choose a free one",
+  PIN_OF_MEMORY: "{function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM, on some modules at least; choose another, or name the module",
+  PIN_OF_LINK: "{function} = {pin}: GPIO {pin} of {chip} carries the line to the computer; choose another",
+  PIN_STRAPPING: "{function} = {pin}: the level of GPIO {pin} at reset selects how {chip} starts; choose another",
+  PIN_INPUT_ONLY: "{function} = {pin}: GPIO {pin} of {chip} is an input only; choose one that can drive",
+  NO_PULL_UP: "{function} = {pin}: GPIO {pin} of {chip} has no pull-up of its own, so an open wire counts ticks; choose another, or fit resistors to 3.3 V and write `encoder_pulls: external`",
+  NO_PULL_UP_FOR_CONTACT: "{function} = {pin}: GPIO {pin} of {chip} has no pull-up, so an open contact reads as nothing; choose another",
+  NO_ADC: "{function} = {pin}: GPIO {pin} of {chip} cannot measure; choose one of ADC1",
+  NOT_ON_THIS_CHIP: "{function} = {pin}: {chip} has no support for it; leave it out",
+  NO_PULL_DOWN: "{function} = {pin}: the stage {stage} drives whenever this input floats, as it does while {chip} is in reset; fit some 10 kOhm to ground and add {pin} to pulldowns",
+  PULL_DOWN_WITHOUT_USE: "pulldowns: GPIO {pin} is not an output of this board; leave it out, or correct the number",
+  FREQUENCY_HIGH: "pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most",
+  FREQUENCY_LOW: "pwm_frequency_hz = {value}: choose {limit} at least",
+  COUNTERS: "{chip} has {limit} pulse counters, two wheels need {value}",
+  PWM_OUTPUTS: "{chip} has {limit} PWM outputs, the stage {stage} needs {value}",
+  FILTER: "encoder_filter_ns = {value}: the chip's filter ends at {limit}",
+  DIVIDER: "battery.divider = {value} thousandths: choose 1 to 20, battery volts per volt at the pin",
+  LINE: "link: {chip} has no USB of its own, and a Raspberry Pi none at all; write uart",
+  CODE: "a code is unknown to this firmware: update it",
+  PIN_HELD_HIGH: "{function} = {pin}: GPIO {pin} of {chip} is high while it starts, which may drive a motor, and 10 kOhm to ground does not change that; choose another",
+  PIN_PULLED_UP: "{function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a motor; choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns",
+  MODULE: "module: {chip} has no such module; leave it out, or name another",
+  LED_ON_STRAP: "{function} = {pin}: the level of GPIO {pin} at reset selects how {chip} starts, and the LED pulls on it; if the chip does not start, or takes no firmware, choose another",
+};
+
+/** Why a black box was stored. */
+export const BoxCause = {
+  REQUEST: 0,
+  FAULT: 1,
+  ESTOP: 2,
+  RESET: 3,
+} as const;
+export const BoxCauseDocs: Sentences<typeof BoxCause> = {
+  REQUEST: "Somebody asked for it.",
+  FAULT: "A fault.",
+  ESTOP: "An emergency stop.",
+  RESET: "A panic or a watchdog reset the device.",
 };
 
 /** Latched fault flags; any of them stops both wheels. */
@@ -383,7 +587,7 @@ export const HeldDocs: Sentences<typeof Held> = {
   CONTACT: "Its e-stop contact is open: release it, and check its wire.",
   ESTOP: "An e-stop is latched: look, then clear it with `wheelwire clear`.",
   FAULT: "A fault is latched: remove its cause, then clear it with `wheelwire clear`.",
-  UNARMED: "It started, or was cleared, and its program went on with a speed at once: it waits for a zero setpoint or a pause.",
+  UNARMED: "It started, or was cleared, and its program sent a speed at once: it waits for a zero setpoint or a pause.",
   UNARMED_FORWARD: "A bumper held it off: it waits for a zero setpoint or a pause before it goes forward.",
   UNARMED_REVERSE: "A bumper held it off: it waits for a zero setpoint or a pause before it goes backward.",
   CONFIGURATION_UNCONFIRMED: "Nobody has confirmed its board: look, then `wheelwire board confirm`.",
@@ -399,61 +603,54 @@ export const StopFlag = {
   EARLIER_START: 2,
 } as const;
 export const StopFlagDocs: Sentences<typeof StopFlag> = {
-  AT_REST: "The wheels stand since: rolled_mm is final.",
+  AT_REST: "The wheels have come to rest: rolled_mm is final.",
   EARLIER_START: "It was before the device last started.",
 };
 
-/** Opens a session. Repeating it with the same nonce changes nothing. */
+/** Opens a session. */
 export interface Hello {
-  /** Random; with boot_id it names the session. */
+  /** Random; names the session, with boot_id. */
   nonce: number;
-  /** The host's protocol version. */
   protocol_version: number;
-  /** Hash of the host's message definitions. */
   schema_hash: number;
 }
 
-/** Stops both wheels at once, bypassing the slew limit. Needs no session. */
+/** Stops both wheels at once. Needs no session. */
 export interface Stop {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Setpoints of this session up to this number are void. */
+  /** Setpoints up to this one are void. */
   command_seq: number;
-  /** How to stop. */
   mode: number;
 }
 
-/** Stops both wheels and latches until cleared. Needs no session. */
+/** Stops both wheels until cleared. Needs no session. */
 export interface Estop {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Velocity setpoint of both wheels, closed loop. The latest wins. */
+/** Wheel velocities, closed loop. */
 export interface SetWheelVelocity {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up; only a newer one is obeyed. */
+  /** Counts up; older ones are ignored. */
   command_seq: number;
-  /** Device clock at which it expires. [us] */
+  /** Device clock when it expires. [us] */
   expiry_us: bigint;
-  /** At the rim, forward positive. [m/s] */
+  /** Forward positive. [m/s] */
   left_mps: number;
-  /** At the rim, forward positive. [m/s] */
+  /** Forward positive. [m/s] */
   right_mps: number;
 }
 
-/** Duty setpoint of both wheels, open loop. The latest wins. */
+/** Duties, open loop. */
 export interface SetDuty {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up; only a newer one is obeyed. */
+  /** Counts up; older ones are ignored. */
   command_seq: number;
-  /** Device clock at which it expires. [us] */
+  /** Device clock when it expires. [us] */
   expiry_us: bigint;
   /** Forward positive. [duty x 32767] */
   left_duty_q15: number;
@@ -461,189 +658,161 @@ export interface SetDuty {
   right_duty_q15: number;
 }
 
-/** One exchange of the clock synchronisation. Never repeated: a lost one stays lost. */
+/** Synchronises the clocks. Never repeated. */
 export interface Ping {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Host clock at sending. [us] */
+  /** Host clock when sent. [us] */
   host_us: bigint;
 }
 
-/** Ends the emergency stop; refused while its cause lasts. */
+/** Ends the e-stop, if its cause is gone. */
 export interface ClearEstop {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Clears all latched faults; refused while their cause lasts. */
+/** Ends all faults, if their causes are gone. */
 export interface ClearFault {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Sets how often WheelState is sent in this session. */
+/** Sets the rate of WheelState for this session. */
 export interface SetStreamRate {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** 0 is off. [Hz] */
+  /** 0: off. [Hz] */
   rate_hz: number;
 }
 
-/** Asks for one parameter; the answer is ParameterValue. */
+/** Asks for one parameter. */
 export interface ParameterGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Parameter id, from the table of parameters. */
   parameter: number;
 }
 
-/** Sets one parameter until the next reset; the answer is ParameterValue. */
+/** Sets one parameter until the next reset. */
 export interface ParameterSet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Parameter id, from the table of parameters. */
   parameter: number;
-  /** In the parameter's unit. */
   value: number;
 }
 
-/** Writes parameters to the store. Only while stopped: flash writes stall the chip. */
+/** Saves parameters in flash. Only while stopped. */
 export interface ParameterSave {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Id of the one to save; the others stay as they are in the store. 0: save all. */
+  /** 0: all. */
   parameter: number;
 }
 
-/** Sets all parameters to their defaults and empties the store. Only while stopped. */
+/** Restores and saves all defaults. Only while stopped. */
 export interface ParameterReset {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks for the parameter at an index; the answer is ParameterEntry. */
+/** Asks for the parameter at an index. */
 export interface ParameterList {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
   /** 0 to parameter_count - 1. */
   parameter_index: number;
 }
 
-/** Asks for the device's link counters; the answer is LinkCounters. */
+/** Asks for LinkCounters. */
 export interface LinkCountersGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks for the control loop's counters; the answer is ControlCounters. */
+/** Asks for ControlCounters. */
 export interface ControlCountersGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Begins, renews or ends a trial of parameters, which the session's end reverts. */
+/** Begins, renews or ends a trial of parameters. */
 export interface ParameterTrial {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** What to do. */
   action: number;
-  /** Life of the trial after BEGIN or RENEW: 0.2 to 60. [s] */
+  /** Of BEGIN and RENEW: 0.2 to 60. [s] */
   timeout_s: number;
 }
 
-/** Asks for the hash of a group of messages; the answer is GroupInfo. */
+/** Asks for the hash of a group of messages. */
 export interface GroupGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Which. */
   group: number;
 }
 
-/** Restarts the device, shortly after the Ack. Only while stopped. */
+/** Restarts the device. Only while stopped. */
 export interface Restart {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks which parameters contradict each other; the answer is Contradictions. */
+/** Asks for Contradictions. */
 export interface ContradictionsGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks what holds the robot, and what ended its last motion; the answer is Hold. */
+/** Asks for Hold. */
 export interface HoldGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks for the active configuration; the answer is ConfigurationValue. */
+/** Asks for the active configuration. */
 export interface ConfigurationGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks for one of its peripherals; the answer is PeripheralValue. */
+/** Asks for one of its peripherals. */
 export interface PeripheralGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Index of the entry, from 0. */
   channel: number;
 }
 
-/** Sets the board that ConfigurationWrite stores. Nothing changes before that. */
+/** Prepares the board for ConfigurationWrite. */
 export interface BoardSet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Version of this struct. */
+  /** Of this layout. */
   version: number;
-  /** The chip whose pins these are. */
   chip: number;
-  /** What carries the chip. */
   module: number;
-  /** The power stage of both wheels. */
+  /** Of both wheels. */
   stage: number;
-  /** The line to the host. */
   line: number;
-  /** ASCII, filled up with zeros. */
+  /** ASCII. */
   name: Uint8Array;
   /** GPIO; -1: none. */
   left_enable: number;
@@ -681,35 +850,28 @@ export interface BoardSet {
   battery: number;
   /** GPIO; -1: none. */
   led: number;
-  /** Pulls of all four encoder inputs. */
   encoder_pulls: number;
-  /** What a press does. */
   estop_contact: number;
-  /** Default of the parameter of this name. [Hz] */
+  /** Default of this parameter. [Hz] */
   pwm_frequency_hz: number;
   /** Default of glitch_filter_ns. [ns] */
   encoder_filter_ns: number;
-  /** Battery volts per volt at the pin, times 1000. */
+  /** Battery voltage / pin voltage x 1000. */
   battery_divider_permille: number;
-  /** GPIOs with an external pull-down, as bits. */
+  /** Bit n: GPIO n has an external pull-down. */
   pulldowns: bigint;
 }
 
-/** As BoardSet, one of its peripherals. */
+/** Prepares a peripheral for ConfigurationWrite. */
 export interface PeripheralSet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Index of the entry, from 0. */
   channel: number;
-  /** What it is. */
   kind: number;
-  /** The chip of an IMU, POWER or RANGE. */
+  /** Of an IMU, POWER or RANGE. */
   chip: number;
-  /** Where it is. */
   place: number;
-  /** Properties of its pin. */
   flags: number;
   /** GPIO; -1: none. */
   pin_a: number;
@@ -717,377 +879,307 @@ export interface PeripheralSet {
   pin_b: number;
   /** GPIO; -1: none. */
   pin_c: number;
-  /** Its address on the I2C bus; 0: the chip's usual one. */
+  /** On the I2C bus; 0: the chip's default. */
   address: number;
-  /** The IMU's axis that points forward. */
   forward: number;
-  /** The IMU's axis that points up. */
   up: number;
-  /** Depends on the kind; see SPEC.md. */
+  /** By kind: see SPEC.md. */
   value_a: number;
-  /** Depends on the kind. */
+  /** By kind: see SPEC.md. */
   value_b: number;
-  /** Depends on the kind. */
+  /** By kind: see SPEC.md. */
   value_c: number;
 }
 
-/** Stores what was set, to be tried from the next restart on. Only while stopped. */
+/** Stores the prepared configuration on trial. Only while stopped. */
 export interface ConfigurationWrite {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** How many peripherals count; 0: there is none. */
   peripheral_count: number;
-  /** Of the configuration that is meant: see SPEC.md. */
   fingerprint: number;
 }
 
-/** Confirms the configuration on trial, or the image's own. Only while stopped. */
+/** Confirms the configuration. Only while stopped. */
 export interface ConfigurationConfirm {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Of the configuration that is meant. */
   fingerprint: number;
 }
 
-/** Asks for what one of the stored black boxes is of; the answer is BoxValue. */
+/** Asks what a stored black box contains. */
 export interface BoxGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** How many were stored after it; 0: the newest. */
+  /** 0: the newest box. */
   age: number;
 }
 
-/** Asks for a part of a black box; the answer is BoxPart. Not while driving. */
+/** Asks for a part of a black box. Only while stopped. */
 export interface BoxRead {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Number of the box. */
   number: number;
-  /** Offset from its beginning, in bytes. */
+  /** In bytes. */
   offset: number;
 }
 
-/** Asks for the counts that outlive a reset; the answer is LedgerValue. */
+/** Asks for the counts that survive a reset. */
 export interface LedgerGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks which parameters a reset would change; the answer is UnsavedValue. */
+/** Asks which parameters are not saved. */
 export interface UnsavedGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Asks for a SensorInfo of each channel, and for samples in this session. */
+/** Asks for SensorInfo and samples, for this session. */
 export interface SensorStream {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Highest rate of the IMU; other sensors have their own. 0: no samples. [Hz] */
+  /** Highest rate of the IMU; 0: no samples. [Hz] */
   rate_hz: number;
 }
 
-/** Asks how much of the chip's memory is left; the answer is MemoryValue. */
+/** Asks how much memory is free. */
 export interface MemoryGet {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
 }
 
-/** Answers Hello: who this is, and whether the session is open. */
+/** Answers Hello: identity, and whether the session is open. */
 export interface DeviceHello {
-  /** The host's, repeated. */
+  /** From Hello. */
   nonce: number;
-  /** The device's protocol version. */
   protocol_version: number;
-  /** Hash of the device's message definitions. */
   schema_hash: number;
   /** NONE: the session is open. */
   refusal: number;
-  /** Random at reset. A new value voids all earlier ticks. */
+  /** Random at each reset, which zeroes the ticks. */
   boot_id: number;
-  /** Device clock, from reset. [us] */
+  /** [us] */
   device_us: bigint;
-  /** Why the device last started. */
   reset_reason: number;
-  /** What the firmware runs on. */
   board: number;
   /** The chip's MAC address. */
   board_id: bigint;
-  /** What this device can do. */
   capabilities: number;
-  /** The firmware's major version. */
+  /** Of the firmware. */
   version_major: number;
-  /** The firmware's minor version. */
+  /** Of the firmware. */
   version_minor: number;
-  /** The firmware's patch version. */
+  /** Of the firmware. */
   version_patch: number;
-  /** First 8 hex digits of the firmware's commit; 0: unknown. */
+  /** First 8 hex digits of its commit; 0: unknown. */
   git_hash: number;
 }
 
-/** Both encoders, latched at the same instant, and the state of the controller. */
+/** Both encoders, read at one instant, and the controller's state. */
 export interface WheelState {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock at the latch. Wraps after 71.6 min. [us] */
+  /** Device clock. Wraps after 71.6 min. [us] */
   t_us: number;
-  /** Cumulative, forward positive. Wraps at 2^32. [tick] */
+  /** Forward positive. Wraps. [tick] */
   left_ticks: number;
-  /** Cumulative, forward positive. Wraps at 2^32. [tick] */
+  /** Forward positive. Wraps. [tick] */
   right_ticks: number;
   /** Measured at the rim. [m/s] */
   left_mps: number;
   /** Measured at the rim. [m/s] */
   right_mps: number;
-  /** On the output now; 0 when not driving. [duty x 32767] */
+  /** Applied; 0 when not driving. [duty x 32767] */
   left_duty_q15: number;
-  /** On the output now; 0 when not driving. [duty x 32767] */
+  /** Applied; 0 when not driving. [duty x 32767] */
   right_duty_q15: number;
-  /** Setpoint obeyed, or last obeyed; 0: none yet. */
+  /** Setpoint obeyed last; 0: none yet. */
   command_seq: number;
-  /** The safety supervisor's state. */
   supervisor: number;
-  /** Latched fault flags. */
   faults: number;
-  /** Control steps that came late, since reset. Wraps. */
+  /** Late control steps since reset. Wraps. */
   overruns: number;
-  /** Battery voltage; 0: not measured. [mV] */
+  /** 0: not measured. [mV] */
   battery_mv: number;
 }
 
-/** A request or setpoint was not obeyed. Nothing moved or changed because of it. */
+/** Refuses a request or setpoint: nothing moved or changed. */
 export interface Refuse {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Id of the message refused. */
+  /** Of the refused message. */
   message_id: number;
-  /** Why. */
   code: number;
-  /** Its request_id, or its command_seq. */
+  /** Its request_id or command_seq. */
   reference: number;
 }
 
-/** The request was carried out. */
+/** Confirms that a request was carried out. */
 export interface Ack {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Id of the message carried out. */
+  /** Of the request. */
   message_id: number;
 }
 
-/** Answers Ping. */
+/** Answers Ping, with the device clock. */
 export interface Pong {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** From the Ping. [us] */
+  /** From Ping. [us] */
   host_us: bigint;
-  /** Device clock when the Ping was read. [us] */
+  /** [us] */
   received_us: bigint;
-  /** Device clock when this was written. [us] */
+  /** [us] */
   sent_us: bigint;
 }
 
-/** The active value. */
+/** A parameter's active value. */
 export interface ParameterValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Parameter id, from the table of parameters. */
   parameter: number;
-  /** In the parameter's unit. */
   value: number;
 }
 
-/** One parameter with this device's bounds. */
+/** One parameter, with its bounds. */
 export interface ParameterEntry {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** As asked. */
   parameter_index: number;
-  /** How many parameters there are. */
   parameter_count: number;
-  /** Parameter id, from the table of parameters. */
   parameter: number;
-  /** The active value. */
   value: number;
-  /** After a ParameterReset. */
   default_value: number;
-  /** Smallest value allowed. */
   minimum: number;
-  /** Largest value allowed. */
   maximum: number;
 }
 
-/** Reports what a state frame may show too late or not at all. */
+/** Reports a change of state, or another incident. */
 export interface Event {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock when it happened. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** What. */
   code: number;
-  /** What moved the supervisor. */
   cause: number;
-  /** State left. */
   before: number;
-  /** State entered. */
   after: number;
-  /** Latched fault flags. */
   faults: number;
-  /** With ROLLING, the speed of the faster wheel; otherwise 0. [m/s] */
+  /** With ROLLING: of the faster wheel. [m/s] */
   speed_mps: number;
 }
 
-/** Counts of the device's receiver, sender and supervisor since reset. All wrap. */
+/** Counts of the link since reset. All wrap. */
 export interface LinkCounters {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Good frames. */
   frames_received: number;
-  /** Frames handed to the line. */
   frames_sent: number;
-  /** Frames with a wrong CRC. */
   bad_crc: number;
-  /** Frames that are not COBS, or too short or long. */
+  /** Not COBS, too short or too long. */
   bad_cobs: number;
-  /** Good frames with an unknown id. */
   unknown_id: number;
-  /** Good frames with the wrong length for their id. */
   wrong_length: number;
-  /** Frames missing by their sequence numbers, less those that came late. */
+  /** Frames missing by seq. */
   seq_lost: number;
-  /** Frames not sent because the line was full. */
+  /** The line was full. */
   send_dropped: number;
-  /** Requests and setpoints refused. */
+  /** Requests and setpoints. */
   refused: number;
-  /** Faults tripped, including those cleared at once. */
   faults_tripped: number;
 }
 
-/** Counts of the control loop and the encoders since reset. All wrap. */
+/** Counts of the control loop since reset. All wrap. */
 export interface ControlCounters {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Steps more than half a period late. */
+  /** More than half a period late. */
   late_steps: number;
-  /** Longest time between two steps. [us] */
+  /** Longest time between steps. [us] */
   latest_step_us: number;
-  /** Steps in which a wheel's velocity loop needed more than its output can give. */
+  /** Steps in which a wheel needed more duty than there is. */
   saturated_steps: number;
-  /** Impossible transitions of the left encoder: lost edges. A chip's counter sees none. */
+  /** Lost edges; always 0 on a chip. */
   left_illegal: number;
-  /** As left_illegal. */
+  /** Lost edges; always 0 on a chip. */
   right_illegal: number;
 }
 
 /** The hash of a group of messages. */
 export interface GroupInfo {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** As asked. */
   group: number;
-  /** 0: this device has no such group. */
+  /** 0: no such group. */
   hash: number;
 }
 
-/** Which parameters contradict each other, or the board. */
+/** Parameters that contradict each other or the board. */
 export interface Contradictions {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Contradictions of the active values: nothing drives. */
   active: number;
-  /** Contradictions of the values that this session was last refused. */
+  /** Of the values refused last. */
   refused: number;
 }
 
-/** What holds the robot, and what ended its last motion. Sent unasked, too, when a session opens, when one of them changes, and each second. */
+/** What holds the robot, and what ended its last motion. */
 export interface Hold {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** As asked; 0: nobody asked. */
+  /** 0: sent unasked. */
   request_id: number;
-  /** What holds it now; 0: nothing. */
+  /** 0: nothing. */
   held: number;
-  /** Who latched the e-stop. */
   estop_source: number;
-  /** Contradictions of the active parameters. */
   contradictions: number;
-  /** What ended the last motion. */
   stop_cause: number;
-  /** More about that stop. */
   stop_flags: number;
-  /** With RESET: why. */
+  /** With RESET. */
   stop_reset: number;
-  /** What held the robot once it had stopped. */
   stop_held: number;
-  /** Faults latched at it. */
   stop_faults: number;
-  /** Session whose setpoint drove until then. */
   stop_session: number;
-  /** Number of that setpoint. */
+  /** Its last setpoint. */
   stop_command: number;
-  /** Device clock at it; 0: before the last start. [us] */
+  /** Device clock; 0: before this start. [us] */
   stop_us: bigint;
-  /** Speed of the faster wheel at it. [mm/s] */
+  /** Of the faster wheel. [mm/s] */
   stop_mmps: number;
-  /** How far that wheel has turned since. [mm] */
+  /** How far that wheel turned since. [mm] */
   rolled_mm: number;
 }
 
-/** The active configuration, without its peripherals. */
+/** The active configuration. */
 export interface ConfigurationValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Where it is from. */
   state: number;
-  /** How many peripherals it has. */
   peripheral_count: number;
-  /** Its checksum: see SPEC.md. */
   fingerprint: number;
-  /** Version of this struct. */
+  /** Of this layout. */
   version: number;
-  /** The chip whose pins these are. */
   chip: number;
-  /** What carries the chip. */
   module: number;
-  /** The power stage of both wheels. */
+  /** Of both wheels. */
   stage: number;
-  /** The line to the host. */
   line: number;
-  /** ASCII, filled up with zeros. */
+  /** ASCII. */
   name: Uint8Array;
   /** GPIO; -1: none. */
   left_enable: number;
@@ -1125,35 +1217,28 @@ export interface ConfigurationValue {
   battery: number;
   /** GPIO; -1: none. */
   led: number;
-  /** Pulls of all four encoder inputs. */
   encoder_pulls: number;
-  /** What a press does. */
   estop_contact: number;
-  /** Default of the parameter of this name. [Hz] */
+  /** Default of this parameter. [Hz] */
   pwm_frequency_hz: number;
   /** Default of glitch_filter_ns. [ns] */
   encoder_filter_ns: number;
-  /** Battery volts per volt at the pin, times 1000. */
+  /** Battery voltage / pin voltage x 1000. */
   battery_divider_permille: number;
-  /** GPIOs with an external pull-down, as bits. */
+  /** Bit n: GPIO n has an external pull-down. */
   pulldowns: bigint;
 }
 
-/** One of its peripherals; of kind NONE if it has fewer. */
+/** A peripheral; of kind NONE if it has fewer. */
 export interface PeripheralValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Index of the entry, from 0. */
   channel: number;
-  /** What it is. */
   kind: number;
-  /** The chip of an IMU, POWER or RANGE. */
+  /** Of an IMU, POWER or RANGE. */
   chip: number;
-  /** Where it is. */
   place: number;
-  /** Properties of its pin. */
   flags: number;
   /** GPIO; -1: none. */
   pin_a: number;
@@ -1161,139 +1246,107 @@ export interface PeripheralValue {
   pin_b: number;
   /** GPIO; -1: none. */
   pin_c: number;
-  /** Its address on the I2C bus; 0: the chip's usual one. */
+  /** On the I2C bus; 0: the chip's default. */
   address: number;
-  /** The IMU's axis that points forward. */
   forward: number;
-  /** The IMU's axis that points up. */
   up: number;
-  /** Depends on the kind; see SPEC.md. */
+  /** By kind: see SPEC.md. */
   value_a: number;
-  /** Depends on the kind. */
+  /** By kind: see SPEC.md. */
   value_b: number;
-  /** Depends on the kind. */
+  /** By kind: see SPEC.md. */
   value_c: number;
 }
 
-/** What a stored black box is of. With number 0 there is none of this age. */
+/** What a stored black box contains. */
 export interface BoxValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** How many boxes are stored. */
   box_count: number;
-  /** As asked. */
   age: number;
-  /** 1: what it ends with is how the device stands now, or the reset that began this boot. */
+  /** 1: it ends with the present latch, or the last reset. */
   is_current: number;
-  /** Counts up over all boxes of the device, from 1. */
+  /** From 1; 0: no such box. */
   number: number;
-  /** Size in bytes. */
+  /** In bytes. */
   size: number;
-  /** Why it was stored. */
   cause: number;
-  /** Reason for the reset before the boot in which it was stored. */
+  /** Before the boot that stored it. */
   reset_reason: number;
-  /** Number of the boot in which it was recorded. */
+  /** Boot that recorded it. */
   boot_id: number;
-  /** Hash of the core that recorded it. */
+  /** Hash of the firmware's core. */
   core: number;
-  /** The firmware's version: major << 16, minor << 8, patch. */
+  /** Firmware: major << 16, minor << 8, patch. */
   release: number;
-  /** First 8 hex digits of the firmware's commit; 0: unknown. */
+  /** First 8 hex digits of its commit; 0: unknown. */
   git_hash: number;
-  /** Fingerprint of the board; 0: none. */
+  /** Fingerprint; 0: none. */
   board: number;
-  /** Latched when it was stored. */
   faults: number;
-  /** Device clock when it was stored. [us] */
+  /** [us] */
   stored_us: bigint;
 }
 
-/** A part of a black box. With size 0 the device has no such box, or it is not that long. */
+/** A part of a black box. */
 export interface BoxPart {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** As asked. */
   number: number;
-  /** As asked. */
   offset: number;
-  /** Bytes of the data that count; less at the end alone. */
+  /** Valid bytes; 0: no such box, or past its end. */
   size: number;
-  /** The bytes, filled up with zeros. */
   data: Uint8Array;
 }
 
-/** What happened to the robot in its life, up to now. All counts wrap. */
+/** Counts over the robot's life. All wrap. */
 export interface LedgerValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** In all. [s] */
+  /** [s] */
   uptime_s: number;
-  /** Starts for the reason UNKNOWN. */
   resets_unknown: number;
-  /** Starts for the reason POWER_ON. */
   resets_power_on: number;
-  /** Starts for the reason EXTERNAL. */
   resets_external: number;
-  /** Starts for the reason SOFTWARE. */
   resets_software: number;
-  /** Starts for the reason PANIC. */
   resets_panic: number;
-  /** Starts for the reason TASK_WATCHDOG. */
   resets_task_watchdog: number;
-  /** Starts for the reason INTERRUPT_WATCHDOG. */
   resets_interrupt_watchdog: number;
-  /** Starts for the reason BROWNOUT. */
   resets_brownout: number;
-  /** Drives that a new session ended. */
+  /** Drives that it ended. */
   stops_session: number;
-  /** Drives that a stop ended. */
+  /** Drives that it ended. */
   stops_stop: number;
-  /** Drives that ended because a setpoint ran out. */
+  /** Drives that it ended. */
   stops_deadline: number;
-  /** Emergency stops. */
   stops_estop: number;
-  /** Faults. */
   stops_fault: number;
 }
 
-/** The parameters whose active value is not the one that the next start would load. */
+/** Parameters whose active value is not saved. */
 export interface UnsavedValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Bit n: the parameter with id n + 1. */
+  /** Bit n: parameter n + 1. */
   parameters: bigint;
 }
 
-/** What a channel is, and in which units it measures. */
+/** A sensor, and its units. */
 export interface SensorInfo {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Index of the peripheral's entry. */
   channel: number;
-  /** How many channels there are. */
   channel_count: number;
-  /** What it is. */
   kind: number;
-  /** Which chip. */
   chip: number;
-  /** Where it is. */
   place: number;
-  /** The IMU's axis that points forward. */
   forward: number;
-  /** The IMU's axis that points up. */
   up: number;
-  /** Whether its samples can be used. */
   state: number;
-  /** At which samples are sent; 0: on a change. [Hz] */
+  /** Rate of samples; 0: on a change. [Hz] */
   rate_hz: number;
   /** One count. [rad/s] */
   gyro_scale: number;
@@ -1303,25 +1356,23 @@ export interface SensorInfo {
   gyro_noise: number;
   /** Standard deviation. [m/s^2] */
   accelerometer_noise: number;
-  /** As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count] */
+  /** value_a, value_b, value_c of the peripheral. [count] */
   bias_x: number;
-  /** As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count] */
+  /** value_a, value_b, value_c of the peripheral. [count] */
   bias_y: number;
-  /** As its entry says: an IMU's bias at rest, in counts of its gyroscope, or an analogue input's divider and number. [count] */
+  /** value_a, value_b, value_c of the peripheral. [count] */
   bias_z: number;
 }
 
-/** One sample of an IMU, in the axes of its chip. Never sent twice. */
+/** A sample of an IMU, in its chip's axes. */
 export interface Imu {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock, as in WheelState. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** Index of the peripheral's entry. */
   channel: number;
-  /** Counts the samples that the chip gave. Wraps. */
+  /** Counts samples. Wraps. */
   sample: number;
-  /** It was measured at t_us, give or take so much. [us] */
+  /** Uncertainty of t_us. [us] */
   bound_us: number;
   /** Times gyro_scale of SensorInfo. [count] */
   gyro_x: number;
@@ -1335,121 +1386,108 @@ export interface Imu {
   accelerometer_y: number;
   /** Times accelerometer_scale of SensorInfo. [count] */
   accelerometer_z: number;
-  /** Temperature of the chip. [0.01 degC] */
+  /** [0.01 degC] */
   temperature_cdeg: number;
 }
 
-/** The supply: of a power sensor, or of the board's battery divider. */
+/** The supply, by power sensor or battery divider. */
 export interface Power {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock, as in WheelState. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** Index of the peripheral's entry. */
   channel: number;
-  /** Measured. [mV] */
+  /** [mV] */
   voltage_mv: number;
-  /** Drawn; 0 if nothing measures it. [mA] */
+  /** Drawn; 0: not measured. [mA] */
   current_ma: number;
-  /** Drawn since the device started. [mAh] */
+  /** Since the start. [mAh] */
   used_mah: number;
-  /** Level of the battery. */
   level: number;
 }
 
-/** All digital inputs, and what the sensors forbid. Sent on a change, and each second. */
+/** All inputs, and what the sensors forbid. */
 export interface Inputs {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock, as in WheelState. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** Bit n: the level at the pin of channel n. */
+  /** Bit n: level at the pin of channel n. */
   levels: number;
-  /** Bit n: channel n acts on the robot. */
+  /** Bit n: channel n has triggered. */
   triggered: number;
-  /** Bit n: the samples of channel n cannot be used. */
+  /** Bit n: channel n has no valid samples. */
   stale: number;
-  /** What is forbidden now. */
   reflexes: number;
-  /** Level of the battery. */
   level: number;
-  /** Edges at channel 0 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_0: number;
-  /** Edges at channel 1 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_1: number;
-  /** Edges at channel 2 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_2: number;
-  /** Edges at channel 3 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_3: number;
-  /** Edges at channel 4 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_4: number;
-  /** Edges at channel 5 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_5: number;
-  /** Edges at channel 6 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_6: number;
-  /** Edges at channel 7 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_7: number;
-  /** Edges at channel 8 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_8: number;
-  /** Edges at channel 9 since reset. Wraps. */
+  /** Since reset. Wraps. */
   edges_9: number;
-  /** Analogue input 1; 0: none. [mV] */
+  /** 0: none. [mV] */
   analog_1_mv: number;
-  /** Analogue input 2; 0: none. [mV] */
+  /** 0: none. [mV] */
   analog_2_mv: number;
-  /** Analogue input 3; 0: none. [mV] */
+  /** 0: none. [mV] */
   analog_3_mv: number;
-  /** Analogue input 4; 0: none. [mV] */
+  /** 0: none. [mV] */
   analog_4_mv: number;
 }
 
-/** Something happened to a channel, or its reflex acted. */
+/** A sensor's change, or its reflex. */
 export interface SensorEvent {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock, as in WheelState. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** Index of the peripheral's entry. */
   channel: number;
-  /** What. */
   code: number;
-  /** By code. */
+  /** See SensorEventCode. */
   value: number;
 }
 
-/** One measurement of a range sensor. Never sent twice. */
+/** A measurement of a range sensor. */
 export interface Range {
-  /** Random at reset. A new value voids all earlier ticks. */
   boot_id: number;
-  /** Device clock, as in WheelState. [us] */
+  /** Device clock. [us] */
   t_us: number;
-  /** Index of the peripheral's entry. */
   channel: number;
-  /** Counts the measurements. Wraps. */
+  /** Counts samples. Wraps. */
   sample: number;
-  /** As in Imu. [us] */
+  /** Uncertainty of t_us. [us] */
   bound_us: number;
-  /** Has a meaning only if quality is GOOD. [mm] */
+  /** Only if quality is GOOD. [mm] */
   distance_mm: number;
-  /** What the echo says. */
   quality: number;
 }
 
-/** How much of the chip's memory is left, measured once a second. */
+/** Bytes of free memory, measured once a second. */
 export interface MemoryValue {
-  /** Nonce XOR boot_id of the session. */
   session_id: number;
-  /** Counts up in a session; the answer returns it. */
+  /** Counts up; the answer repeats it. */
   request_id: number;
-  /** Bytes of heap that are free now. */
+  /** Now. */
   free_heap: number;
-  /** Fewest bytes of heap that were free since the start. */
+  /** Least since the start. */
   least_free_heap: number;
-  /** Fewest bytes that were left of the control task's stack. */
+  /** Least since the start. */
   control_stack: number;
-  /** The same of the housekeeping task. */
+  /** Least since the start. */
   housekeeping_stack: number;
-  /** The same of the task that reads sensors; 0: there is none. */
+  /** Least since the start; 0: no such task. */
   sensors_stack: number;
 }
 
@@ -1579,51 +1617,61 @@ export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>
   MemoryValue: [0xe0, "session_id:L request_id:H free_heap:L least_free_heap:L control_stack:L housekeeping_stack:L sensors_stack:L"],
 };
 
+/** The hash of each group of messages. */
+export const GROUP_HASHES: Readonly<Record<keyof typeof Group, number>> = {
+  BASE: 0x4bc399f6,
+  CONFIGURATION: 0x3fe4ddfc,
+  RECORDER: 0x20fc1481,
+  STORE: 0x7b6bfe88,
+  SENSOR: 0x1cc0245f,
+  PLATFORM: 0x578e71f1,
+};
+
 /** The ids of the parameters. */
 export const Parameter = {
   /** Radius of the driven wheels. [m] */
   wheel_radius: 1,
-  /** Between the contact points of the wheels. Stored on the device, with the robot. [m] */
+  /** Between the wheels' contact points. [m] */
   wheel_separation: 2,
   /** Ticks per wheel turn, after x4 decoding and the gearbox. [tick] */
   counts_per_revolution: 3,
-  /** Rate of the control loop. Above 1000 tested in simulation only. [Hz] */
+  /** Rate of the control loop; above 1000 tested in simulation only. [Hz] */
   control_rate_hz: 4,
-  /** PWM frequency on the bridge's enable inputs. Takes effect after a reset. [Hz] */
+  /** Of the power stage's PWM. Takes effect after a reset. [Hz] */
   pwm_frequency_hz: 5,
-  /** Limit of each wheel; above it both setpoints are scaled by one factor. [m/s] */
+  /** Limit of each wheel; beyond it both are scaled alike. [m/s] */
   max_velocity_mps: 6,
-  /** Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2] */
+  /** Slew limit of velocity setpoints; a stop bypasses it. [m/s^2] */
   max_acceleration_mps2: 7,
   /** Limit of either output. [duty (-1..1)] */
   max_duty: 8,
-  /** Slew limit of duty setpoints. A stop bypasses it. [duty/s] */
+  /** Slew limit of duty setpoints; a stop bypasses it. [duty/s] */
   max_duty_rate_per_s: 9,
-  /** Proportional gain of the velocity loop. [duty/(m/s)] */
+  /** Of the velocity loop. [duty/(m/s)] */
   proportional_gain: 10,
-  /** Integral gain of the velocity loop. [duty/m] */
+  /** Of the velocity loop. [duty/m] */
   integral_gain: 11,
-  /** Duty per speed: (1 - static_feedforward) / no-load speed, at nominal_supply_v. [duty/(m/s)] */
+  /** (1 - static_feedforward) / no-load speed, at nominal_supply_v. [duty/(m/s)] */
   velocity_feedforward: 12,
-  /** Duty per acceleration: velocity_feedforward x the drive's mechanical time constant. [duty/(m/s^2)] */
+  /** velocity_feedforward x the drive's mechanical time constant. [duty/(m/s^2)] */
   acceleration_feedforward: 13,
-  /** Dead-band compensation: the duty that keeps a slow wheel turning. [duty (-1..1)] */
+  /** Duty that keeps a slow wheel turning. [duty (-1..1)] */
   static_feedforward: 14,
-  /** Velocity is measured between ticks about this long apart. [us] */
+  /** Time over which velocity is measured. [us] */
   velocity_window_us: 15,
-  /** A setpoint expires at the latest this long after its arrival. [s] */
+  /** Longest life of a setpoint, from its arrival. [s] */
   ttl_max_s: 16,
-  /** 1: coast. 2: brake for brake_time_s, then coast. 3: brake until driven, as on a slope; the power stage then stays switched on. */
+  /** 1: coast. 2: brake for brake_time_s, then coast. 3: brake until the next drive, as on a slope. */
   stop_mode: 17,
   /** How long a stop brakes. [s] */
   brake_time_s: 18,
-  /** At this duty or more a wheel must count, or NOT_COUNTING trips. [duty (-1..1)] */
+  /** At this duty a wheel that does not count trips NOT_COUNTING. [duty (-1..1)] */
   stall_duty: 19,
-  /** For how long the wheel may fail to count. [s] */
+  /** How long it may fail to count. [s] */
   stall_time_s: 20,
-  /** At this duty or more speed must not grow against the drive, or REVERSED trips. [duty (-1..1)] */
+  /** At this duty a speed that grows against the drive trips REVERSED. [duty (-1..1)] */
   reversal_duty: 21,
-  /** By how much the speed may grow. [m/s] */
+  /** How much it may grow. [m/s] */
   reversal_velocity_mps: 22,
   /** A control step this late trips CONTROL_OVERRUN. [us] */
   overrun_limit_us: 23,
@@ -1635,39 +1683,39 @@ export const Parameter = {
   left_encoder_inverted: 26,
   /** Forward is B before A. */
   right_encoder_inverted: 27,
-  /** The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop. If none is fitted, connect its pin to ground while you set this to 0. */
+  /** A normally closed e-stop contact is fitted. Ground its pin before you set 0. */
   estop_input_enabled: 28,
   /** Shorter encoder pulses are ignored. Takes effect after a reset. [ns] */
   glitch_filter_ns: 29,
   /** Rate of WheelState when a session opens. [Hz] */
   stream_rate_hz: 30,
-  /** Speed added for each metre that a wheel is behind the integral of its setpoint. With this and heading_gain 0 the loop controls velocity alone. [1/s] */
+  /** Speed added per metre that a wheel lags. With both gains 0 only velocity is controlled. [1/s] */
   path_gain: 31,
-  /** Speed taken from one wheel and added to the other for each metre that the other is further behind, to hold the heading. [1/s] */
+  /** Speed shifted between the wheels per metre that one lags more: holds the heading. [1/s] */
   heading_gain: 32,
-  /** Fraction of its setpoint by which a wheel may turn faster to catch up. */
+  /** How much faster than its setpoint a wheel may catch up, as a fraction. */
   path_catch_up: 33,
-  /** A wheel never has more than this to catch up; the rest is dropped. [m] */
+  /** Largest lag that a wheel catches up. [m] */
   path_error_limit_m: 34,
-  /** Duty beyond the feed-forward that a load may need, at nominal_supply_v. More than that at the measured speed trips ENCODER_IMPLAUSIBLE; 1.25 times that limits the duty of a velocity setpoint. [duty (-1..1)] */
+  /** Duty beyond the feed-forward, at nominal_supply_v, that trips ENCODER_IMPLAUSIBLE; 1.25 times this limits a velocity setpoint's duty. [duty (-1..1)] */
   plausibility_margin: 35,
-  /** For how long the duty may exceed plausibility_margin. [s] */
+  /** How long the duty may exceed it. [s] */
   plausibility_time_s: 36,
   /** Battery voltage at which the feed-forward holds. [V] */
   nominal_supply_v: 37,
-  /** Voltage drop of the bridge. [V] */
+  /** Voltage drop of the power stage. [V] */
   supply_drop_v: 38,
-  /** Battery voltage assumed if it is not measured; a lower value allows more duty. [V] */
+  /** Battery voltage assumed if not measured; lower allows more duty. [V] */
   unmeasured_supply_v: 39,
-  /** The left bridge drives the right wheel's motor, and the right bridge the left one's. left_motor_inverted is always of the left wheel's motor. */
+  /** Each power stage drives the other side's motor. left_motor_inverted stays with the left wheel. */
   motors_swapped: 40,
-  /** The left encoder's pins have the right wheel's encoder, and the right ones the left wheel's. left_encoder_inverted is always of the left wheel's encoder. */
+  /** Each encoder is on the other side's pins. left_encoder_inverted stays with the left wheel. */
   encoders_swapped: 41,
-  /** After a start, after an e-stop or a fault was cleared, and after a bumper held it off, the robot drives once a zero setpoint came, or none for this long and for ttl_max_s. [s] */
+  /** A pause of this and of ttl_max_s arms an unarmed robot; a zero setpoint arms it at once. [s] */
   rearm_gap_s: 42,
-  /** A wheel that turns this fast without drive, and does not slow down, is reported as ROLLING. [m/s] */
+  /** A wheel this fast without drive, and not slowing down, is reported as ROLLING. [m/s] */
   rolling_velocity_mps: 43,
-  /** What an e-stop does, by message or by its contact. 1: coast, for a robot that falls over when it brakes. 2: brake for brake_time_s and until the wheels are still, again whenever they turn; until driven if stop_mode is 3. */
+  /** 1: an e-stop coasts. 2: it brakes for brake_time_s and until the wheels are still, again whenever they turn; until the next drive if stop_mode is 3. */
   estop_mode: 44,
 } as const;
 

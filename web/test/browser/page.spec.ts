@@ -1,41 +1,17 @@
 // What a person finds in the page: at both sizes, light and dark, by keyboard, by touch, offline.
 import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { gzipSync } from "node:zlib";
 import { BREAKS } from "../../src/breaks.js";
 import { SupervisorState } from "../../src/generated/protocol.js";
-import { expect, test } from "./page.js";
+import { TOUCH, dragStick, expect, test } from "./page.js";
 
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
-const FILES = ["index.html", "page.js", "page.css", "icon.svg"];
-const BUDGET = 150_000;
-
-const LOOKS = [1280, 390].flatMap((width) =>
-  (["light", "dark"] as const).map((colorScheme) => ({ width, colorScheme })),
-);
-
-for (const { width, colorScheme } of LOOKS) {
-  test.describe(`${width} px, ${colorScheme}`, () => {
-    test.use({ viewport: { width, height: 844 }, colorScheme });
-
-    test("everything fits, and axe finds nothing serious", async ({ robot, page }) => {
-      await robot.open();
-      await robot.drive();
-      await robot.button("open the e-stop contact").click();
-      await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
-      const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-      expect(wide).toBeLessThanOrEqual(width);
-      // Not by a script element, which the page's policy forbids.
-      await page.evaluate(AXE);
-      const found = await page.evaluate(async () => {
-        const { axe } = globalThis as unknown as { axe: { run: () => Promise<{ violations: { id: string; impact: string; nodes: { html: string }[] }[] }> } };
-        const { violations } = await axe.run();
-        return violations.map(({ id, impact, nodes }) => [impact, id, nodes[0]?.html]);
-      });
-      expect(found.filter(([impact]) => impact === "serious" || impact === "critical")).toEqual([]);
-    });
-  });
-}
+test("at both sizes, light and dark, everything fits, and axe finds nothing serious", async ({ robot }) => {
+  await robot.open();
+  await robot.drive();
+  await robot.button("open the e-stop contact").click();
+  await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
+  await robot.looks("simulated");
+});
 
 test("each of the buttons has its name, and says beforehand what should happen", async ({ robot, page }) => {
   await robot.open();
@@ -101,23 +77,14 @@ test("a key that is held through a fault drives no more, until it is pressed ane
 });
 
 test.describe("with a touch screen", () => {
-  test.use({ hasTouch: true, viewport: { width: 390, height: 844 } });
+  test.use(TOUCH);
 
   test("the stick drives while it is held", async ({ robot, page }) => {
     await robot.open();
-    const stick = page.locator("#stick");
-    await stick.scrollIntoViewIfNeeded();
-    const box = await stick.boundingBox();
-    if (box === null) throw new Error("the stick is not shown");
-    const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
-    const touch = await page.context().newCDPSession(page);
-    const send = (type: "touchStart" | "touchMove" | "touchEnd", points: { x: number; y: number }[]): Promise<unknown> =>
-      touch.send("Input.dispatchTouchEvent", { type, touchPoints: points });
-    await send("touchStart", [{ x, y }]);
-    await send("touchMove", [{ x, y: y - 30 }]);
+    const lift = await dragStick(page);
     await expect(robot.status).toHaveText("DRIVING");
     await expect.poll(() => robot.get("true.x_m")).toBeGreaterThan(0.05);
-    await send("touchEnd", []);
+    await lift();
     await expect(robot.status).toHaveText("IDLE");
   });
 });
@@ -162,11 +129,21 @@ test("the policy allows WebAssembly, and no inline script", async ({ robot, page
   robot.complaints.length = 0; // the browser's own about that script
 });
 
-test("the page's code is within its budget", () => {
-  const size = FILES.reduce((total, name) => {
-    const path = new URL(`../../../build/web/${name}`, import.meta.url);
-    return total + gzipSync(readFileSync(path), { level: 9 }).length;
-  }, 0);
-  console.log(`the page's code: ${size} bytes gzipped`);
-  expect(size).toBeLessThanOrEqual(BUDGET);
+for (const { what, files, budget } of [
+  { what: "the page's code", files: ["index.html", "page.js", "page.css", "icon.svg"], budget: 150_000 },
+  { what: "what flashes, loaded when it is needed", files: ["esptool.js", "boot.svg"], budget: 80_000 },
+]) {
+  test(`${what} is within its budget`, () => {
+    const size = files.reduce((total, name) => {
+      const path = new URL(`../../../build/web/${name}`, import.meta.url);
+      return total + gzipSync(readFileSync(path), { level: 9 }).length;
+    }, 0);
+    console.log(`${what}: ${size} bytes gzipped`);
+    expect(size).toBeLessThanOrEqual(budget);
+  });
+}
+
+test("what flashes is not loaded before it is needed", async ({ robot }) => {
+  await robot.open();
+  expect(robot.requests.filter((one) => one.includes("esptool"))).toEqual([]);
 });

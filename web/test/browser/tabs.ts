@@ -58,6 +58,7 @@ export class TabBrowser {
     const { sessionId } = attached as { sessionId: string };
     const tab = new Tab(this, targetId, sessionId, behind);
     await tab.send("Debugger.enable");
+    await tab.send("Inspector.enable");
     await tab.toFront();
     return tab;
   }
@@ -147,6 +148,14 @@ export class Tab {
     await pause(ms);
     await this.send("Page.setWebLifecycleState", { state: "active" });
     await this.toFront();
+  }
+
+  /** Its process is killed, and the browser loads it anew, as when memory was short. */
+  async kill(): Promise<void> {
+    const killed = this.browser.once("Inspector.targetCrashed", this.sessionId);
+    this.send("Page.crash").catch(() => undefined); // nobody is left to answer it
+    await killed;
+    await this.send("Page.reload");
   }
 
   /** Nothing of the page runs, and nothing announces it: as if the computer slept. */

@@ -21,7 +21,8 @@ std::vector<std::string> split(const std::string& line) {
   return words;
 }
 
-/// Takes a leading `#NUMBER` out of the words. What is no number stays, and is no command.
+/// Removes a leading `#NUMBER` from the words. If it is not a number it stays, and the line is not
+/// a command.
 std::optional<uint64_t> take_number(std::vector<std::string>& words) {
   constexpr size_t kDigits = 18;  // any number of them fits into 64 bits
   if (words.empty() || words[0][0] != '#') return std::nullopt;

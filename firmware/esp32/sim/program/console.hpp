@@ -1,4 +1,4 @@
-// Standard input and standard output, line by line; neither may delay simulated time.
+// Standard input and output, line by line. They must not delay simulated time.
 #pragma once
 
 #include <deque>

@@ -24,8 +24,8 @@ class PtyPort final : public HostPort {
   bool ended() const override { return false; }
 
   Bytes read() override;
-  /// What does not fit is lost. While nobody reads, so is everything but the latest write: a closed
-  /// serial port buffers nothing, either.
+  /// What does not fit is lost. Without a reader only the latest write is buffered: a closed serial
+  /// port buffers nothing, either.
   void write(const Bytes& data) override;
 
  private:

@@ -16,7 +16,7 @@ class TruthStream {
 
   /// Call after every advance.
   void report(const Simulator& simulator, Console& console);
-  /// When the next one is due, whatever the drive does.
+  /// When the next periodic one is due.
   Nanoseconds due() const {
     return interval_ == 0 ? std::numeric_limits<Nanoseconds>::max() : next_;
   }

@@ -41,7 +41,7 @@ constexpr double kDrift = 0.11;  ///< Of the slow clock, since it was measured.
 
 void (*const kHandlers[])(void*) = {__wrap_panicHandler, __wrap_xt_unhandled_exception};
 
-/// From a reset: memory as start-up code sets it up, registers as a power-on leaves them.
+/// A reset: memory as start-up code sets it up, registers as a power-on leaves them.
 void reset_chip() {
   static const std::vector<uint8_t> initial(__start_fake_dram, __stop_fake_dram);
   std::copy(initial.begin(), initial.end(), __start_fake_dram);

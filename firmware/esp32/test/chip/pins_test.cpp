@@ -140,7 +140,7 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   WiredRobot robot(kImageBoard);
   start(robot, ConfigurationState::kBuiltIn, kImageBoard);
   CHECK(driven() == 0 && lurking() == 0);
-  // And once more: nothing of it is left for the bootloader.
+  // Again: nothing is left for the bootloader.
   bootloader_before_init();
   CHECK(driven() == 0);
 }

@@ -67,7 +67,7 @@ class World {
   bool data_shorted = false;
   int sleeps = 0;
 
-  /// Runs the task for so long; the chip measures 200 times a second, and `each_ms` is called each
+  /// Runs the task for this long. The chip measures 200 times a second; `each_ms` is called each
   /// millisecond.
   void run_task(Sensors& sensors, const PeripheralList& list, int milliseconds,
                 const std::function<void()>& each_ms) {

@@ -50,7 +50,7 @@ struct Bench {
     return Asks::kNothing;
   }
 
-  /// Control steps that call `act`. Adds what the stage is asked for meanwhile to `seen`.
+  /// Control steps that call `act`. Adds what they ask of the stage to `seen`.
   template <typename Act>
   void steps(int count, Act act) {
     for (int i = 0; i < count; ++i) {

@@ -32,7 +32,7 @@ class Wheel {
   bool is_started() const { return started_; }
   int32_t read() { return total_.update(encoders_.latch().left, false), total_.ticks(); }
 
-  /// By so many edges, up or down.
+  /// Moves by this many edges, up or down.
   void turn(int32_t edges) {
     const int32_t step = edges < 0 ? -1 : 1;
     for (int32_t i = 0; i != edges; i += step) {

@@ -62,7 +62,7 @@ class HostEnd {
   void ping() {
     ++pings;
     send(Ping{.session_id = kNonce,
-              .request_id = ++request_id_,
+              .request_id = ++ping_id_,
               .host_us = static_cast<uint64_t>(fake_time_us)});
   }
   void save() {
@@ -115,6 +115,7 @@ class HostEnd {
 
   uint16_t seq_ = 0;
   uint16_t request_id_ = 0;
+  uint16_t ping_id_ = 0;  // Apart: a request far ahead of the newest one counts as an old one.
   uint32_t command_seq_ = 0;
   int64_t next_us_ = 0;
   int64_t next_ping_us_ = 0;

@@ -34,7 +34,7 @@ std::string measure_line(int times) {
       fake_time_us += 100;
       chip.host().advance();
     }
-    // A task hangs meanwhile: the watchdog must have been asked for more time.
+    // A task hangs during this: the watchdog must have been given more time.
     if (int64_t{1000} * fake_task_watchdog.timeout_ms < kEraseUs) ++resets;
   };
   const End end = chip.run([&] {

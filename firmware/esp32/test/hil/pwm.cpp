@@ -125,8 +125,8 @@ Json measure_changes(uint32_t frequency_hz, int changes) {
   return Json{}.put("frequency_hz", frequency_hz).put("changes", changes).put("wrong", wrong);
 }
 
-/// From nearly full to little, the other way round: the most that a period of the new direction
-/// shows, and what of the old one comes after it.
+/// Reverses from nearly full duty to a little: the most that a period of the new direction shows,
+/// and how much of the old one comes after it.
 Json measure_reversals(uint32_t frequency_hz, int reversals) {
   constexpr int16_t kMuch = 30'000;
   constexpr int16_t kLittle = 3'000;

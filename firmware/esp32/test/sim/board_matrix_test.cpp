@@ -206,8 +206,8 @@ TEST(matrix_release) {
   }
 }
 
-/// As in reset, without a board, and with one that nobody has confirmed: the firmware's motors do
-/// what they like, and no pin follows.
+/// In reset, without a board, and on an unconfirmed board: whatever the firmware's motors do, no
+/// pin follows.
 TEST(matrix_floating) {
   for (const Pair& pair : kPairs) {
     for (const bool floating_level : {false, true}) {
@@ -298,8 +298,8 @@ bool may_drive_afloat(Stage stage, uint8_t held_low) {
 
 }  // namespace
 
-/// The pull-downs that a stage is said to need hold it off whatever its other inputs pick up, and
-/// without them it may drive.
+/// The pull-downs that a stage's table requires hold it off, whatever its other inputs pick up.
+/// Without them it may drive.
 TEST(matrix_pull_downs_are_needed_and_enough) {
   for (const Stage stage : {Stage::kEnableIn1In2, Stage::kHalfBridges, Stage::kPwmDir}) {
     CHECK(!may_drive_afloat(stage, table_of(stage)->pull_downs));

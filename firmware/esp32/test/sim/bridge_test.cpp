@@ -177,7 +177,7 @@ TEST(bridge_with_several_duties_gets_their_average) {
   // Shorted while both are high, then reverse until the enable ends.
   const BridgeState last = state_of(Stage::kHalfBridges, with(0.75, 0.25, 1.0));
   CHECK(near(last.signed_duty(), -0.5));
-  // Nothing but shorted and open.
+  // Only shorted and open.
   const BridgeState none = state_of(Stage::kInIn, with(0.0, 0.3, 0.3));
   CHECK(!none.drives() && near(none.shorted(), 0.3));
 }

@@ -112,7 +112,7 @@ TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 2), z, 10));
   };
   imu.up = 3;
-  check_gravity(0, g);  // where forward is, nobody has said
+  check_gravity(0, g);  // which way is forward is unknown
   imu.forward = 2;
   check_gravity(-g, 0);
   imu.forward = 0;
@@ -193,8 +193,7 @@ TEST(samples_go_on_after_a_reset_of_the_processor) {
 
 namespace {
 
-/// The rotation that maps the axes of a robot at `tilt` to those of the level one, column by
-/// column.
+/// The rotation that maps the axes of a robot at `tilt` to a level robot's, column by column.
 struct Attitude {
   explicit Attitude(const Tilt& tilt) {
     const double sr = std::sin(tilt.roll_rad), cr = std::cos(tilt.roll_rad);

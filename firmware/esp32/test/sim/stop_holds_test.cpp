@@ -1,4 +1,4 @@
-// A stop holds, whatever came before it: how far and how fast the simulated robot still rolls.
+// A stop holds, whatever came before: how far and how fast the simulated robot still rolls.
 #include <cmath>
 #include <cstdio>
 

@@ -1,17 +1,18 @@
-"""A link beside the program that holds the port: it reads, stops and e-stops, and never drives.
+"""A link through the program that holds the port: it reads, stops and e-stops, but never drives.
 
-That program passes on what crosses its link (`server`). From that this one runs the session
-again, so a caller can read here whatever it can read of a link.
+That program passes on what crosses its link (`server`). From this, the attached link runs the
+session again, so a caller can read everything that it could read from a link.
 """
 
 from __future__ import annotations
 
+import logging
 import select
 import socket
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -25,11 +26,12 @@ from wheelwire_protocol.types import Estop, Stop
 from ...errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, WheelwireError
 from ...link.connection import CONNECT_TIMEOUT_S
 from ...link.device_link import CALL_TIMEOUT_S
-from ...link.info import LinkInfo, LinkStatistics
+from ...link.info import LinkInfo
 from ...link.ports import device_of
 from ...link.programs import SUFFIX, sharing_folders
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.sample_stream import LatestSample
+from ...link.statistics import LinkStatistics
 from ...link.traffic import Kind, Record, Traffic, TrafficReader
 from ..rerun import RerunLink
 from .wire import (
@@ -50,6 +52,8 @@ never answers."""
 LONGEST_MESSAGE = 1 << 24
 CLOSED = "the link is closed; open it again"
 
+_log = logging.getLogger("wheelwire")
+
 
 @dataclass
 class Holder:
@@ -57,7 +61,7 @@ class Holder:
 
     Attributes:
         name: For messages: `python3, process 4711`.
-        identity: The robot's port, or what stands for it.
+        identity: The robot's port, or the name used in its place.
         port: The port that it holds, for messages.
         board_id: The id of the board at the port.
     """
@@ -73,12 +77,12 @@ class Holder:
 
 
 def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
-    """The program that holds this robot, or the one that this board is at; None if there is none.
+    """The program that holds this robot, or this board; None if no program does.
 
     The caller closes `Holder.connection`, or the link that it makes of it.
 
     Args:
-        identity: A port, or what stands for it (`LinkOptions.identity`).
+        identity: A port, or the name used in its place (`LinkOptions.identity`).
         board_id: The id of the board; the identity is then ignored.
     """
     wanted = device_of(identity)
@@ -92,7 +96,7 @@ def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
 def _holders(board_id: str) -> Iterator[Holder]:
     """All programs that offer a link, or those whose socket has this board's name.
 
-    Those that answer first come first, so that a suspended one does not hide the others.
+    Programs that answer first come first, so that a suspended one does not hide the others.
     """
     paths: list[Path] = []
     for folder in sharing_folders():
@@ -147,16 +151,16 @@ def _greeted(connection: socket.socket) -> Holder | None:
 
 
 class AttachedLink(RerunLink):
-    """A link that another program holds.
+    """A link held by another program.
 
     Args:
         latest_sample: Takes the samples.
         holder: That program; its connection is closed with this link.
-        listens: Whether what crosses the link is wanted: a stop alone needs nothing of it.
+        listens: Whether to receive what crosses the link; a stop does not need it.
 
     Attributes:
-        lost: How many records this program took too late; after each loss it took the session over
-            anew.
+        lost: How many records this program was too slow to take; after each loss it took over the
+            session again.
     """
 
     def __init__(
@@ -225,10 +229,11 @@ class AttachedLink(RerunLink):
         self._end = end
         with suppress(OSError):  # the other side was faster
             self.holder.connection.shutdown(socket.SHUT_RDWR)
-        for tag in tuple(self._asked):
-            self._answer(tag, end)
-        self._latest_sample.fail(end)
-        self.changed.notify_all()
+        with ExitStack() as last:  # all of it happens, in the opposite order, though a part fails
+            last.callback(self.changed.notify_all)
+            last.callback(self._latest_sample.fail, end)
+            for tag in tuple(self._asked):
+                last.callback(self._answer, tag, end)
 
     # --- what comes ----------------------------------------------------------------------------
 
@@ -250,6 +255,9 @@ class AttachedLink(RerunLink):
             end = f"{holder.name} holds {self.name} and cannot be understood ({error}): " + (
                 "use one release of Wheelwire in both programs"
             )
+        except Exception as error:  # no caller may wait for a thread that is gone
+            _log.exception("the thread of an attached robot failed")
+            end = f"following {holder.name} failed ({error!r}): report this, with the log"
         self._finish(LinkClosed(end))
 
     @property
@@ -306,8 +314,8 @@ class AttachedLink(RerunLink):
             status.get("baud_rate"),
             status.get("low_latency"),
             device,
-            session.board,
-            session.copies_lost,
+            session.reported.board,
+            session.reported.copies_lost,
         )
 
     @property
@@ -321,7 +329,7 @@ class AttachedLink(RerunLink):
         return self._traffic
 
     def note(self, what: Mapping[str, Any]) -> None:
-        """Nothing: the notes, and the recording, are the other program's."""
+        """Do nothing: the notes and the recording belong to the other program."""
 
     def listen_to_traffic(self, reader: TrafficReader) -> None:
         """As `Link.listen_to_traffic`; records that this program takes too late are missing."""
@@ -384,9 +392,9 @@ class AttachedLink(RerunLink):
     def refused_rate(self, rate_hz: int, error: InvalidCommand) -> InvalidCommand:  # noqa: ARG002
         """As `DeviceLink.refused_rate`; says which program can ask."""
         has = self.sensors.rate_hz
-        asked = f"has asked for its sensors at {has} Hz" if has else "has not asked for them"
+        asked = f"has requested its sensors at {has} Hz" if has else "has not requested them"
         return InvalidCommand(
-            f"only the program that holds {self.name} can ask for its sensors at {rate_hz} Hz, "
+            f"only the program that holds {self.name} can request its sensors at {rate_hz} Hz, "
             f"and {self.holder.name} {asked}: call `robot.sensors.start({rate_hz})` there, "
             "then this program gets the samples, too; or end that program and run this again"
         )
@@ -395,5 +403,5 @@ class AttachedLink(RerunLink):
         """As `DeviceLink.no_answer`; says whose answer it is."""
         return RequestTimeout(
             f"{self.holder.name}, which holds {self.name}, gave no answer for "
-            f"{CALL_TIMEOUT_S:g} s: whether it was done is not known; look at that program"
+            f"{CALL_TIMEOUT_S:g} s: it is unknown whether that was done; look at that program"
         )

@@ -1,4 +1,4 @@
-"""What a program that holds a port and one that is attached to it say to each other.
+"""The messages between a program that holds a port and one that is attached to it.
 
 Each side begins with one byte, `VERSION`. Messages follow: length of the data (u32), kind (u8),
 data. All numbers are little-endian.
@@ -28,9 +28,9 @@ class Say(enum.IntEnum):
     """What a message says, and what its data is."""
 
     GREETING = 0
-    """Who holds which port: JSON."""
+    """The program that holds the port, and the port: JSON."""
     STATUS = 1
-    """How the link is: JSON. To whoever listens, once a second."""
+    """How the link is: JSON. To each listener, once a second."""
     RECORDS = 2
     """What crossed the link: number (u64), kind (u8), host's clock (i64), length (u32), data."""
     LOST = 3
@@ -105,7 +105,7 @@ def decoded_error(data: bytes) -> errors.WheelwireError:
     """The error in the data of FAILURE.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The data is not an error.
     """
     known = decoded_json(data)
     kind = getattr(errors, str(known.get("error")), None)
@@ -125,7 +125,7 @@ def decoded_json(data: bytes) -> dict[str, Any]:
     """The object in a message's data.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The data is not a JSON object.
     """
     known = json.loads(data)
     if isinstance(known, dict):

@@ -71,7 +71,7 @@ def read_box(path: Path) -> Box:
     """The black box in this file.
 
     Raises:
-        RecordingError: It cannot be read, or is no black box.
+        RecordingError: It cannot be read, or is not a black box.
         NativeMissingError: The firmware's library is missing or of another release.
     """
     try:
@@ -92,7 +92,7 @@ def rerun_box(path: Path) -> Rerun:
     """Give the inputs in this file to the firmware's core again, in virtual time.
 
     Raises:
-        RecordingError: It cannot be read, is no black box, or is one of another core.
+        RecordingError: It cannot be read, is not a black box, or is from another core.
         NativeMissingError: The firmware's library is missing or of another release.
     """
     box = read_box(path)
@@ -140,12 +140,12 @@ _OF_A_SESSION = (SetWheelVelocity, SetDuty, Ping)
 def stops_of_box(box: Box, added_us: int = 0) -> list[Stop]:
     """The stops that a black box is of; none if nothing in it stopped the robot.
 
-    Two where a fault or an e-stop had ended it, and a reset came before it was stored.
+    There are two if a fault or an e-stop had ended it and a reset came before it was stored.
 
     Args:
         box: The box of any device.
-        added_us: From the device's clock in the boot that it was recorded in to the host's, if a
-            host knows it. Else the stop's time is on the device's clock.
+        added_us: The difference from the device's clock, in the boot that was recorded, to the
+            host's. None: unknown, and the stop's time is on the device's clock.
 
     Raises:
         BoxError: A record has a code of a later release.
@@ -178,7 +178,7 @@ def stop_of_damaged_box(head: BoxHead, error: BoxError, added_us: int = 0) -> St
     """
     evidence = [
         f"black box {head.number} of boot {head.boot_id:08x} cannot be read: {error}",
-        f"by its head it is of: {head.cause.name}. {head.cause.doc}",
+        f"its header says: {head.cause.name}. {head.cause.doc}",
         f"it was stored {head.stored_us / 1e6:.2f} s after a start, some time after the stop",
     ]
     causes: tuple[str, ...] = ESTOPPED
@@ -412,11 +412,13 @@ def _deadline(story: _Story, stop: Transition) -> _Judged:
     quiet_s = (stop.t_us - max(times)) / 1e6
     evidence = [f"the last setpoint came {quiet_s:.2f} s before"]
     others = [one.t_us for one in story.received if one.t_us <= stop.t_us]
-    # What came between two setpoints says nothing of what the program did after the last one.
+    # Messages between two setpoints do not show what the program did after the last one.
     if others[-1] > max(times) + MISSED * _setpoint_period_us(story):
-        text = f"a message that is none came {(others[-1] - max(times)) / 1e6:.2f} s after it"
+        text = (
+            f"a message other than a setpoint came {(others[-1] - max(times)) / 1e6:.2f} s after it"
+        )
         return ("program_paused",), (*evidence, text), ""
-    evidence.append("nothing came since: in a box these are all silence")
+    evidence.append("nothing came since: a black box cannot tell these apart")
     return ("program_paused", *_SILENT), evidence, ""
 
 
@@ -445,9 +447,7 @@ def _reset(story: _Story, added_us: int) -> Stop:
     ]
     end_us = head.stored_us
     if story.is_ended and story.stop is not None:
-        evidence.append(
-            "a fault or an e-stop had ended the box before: how long before is not in it"
-        )
+        evidence.append("a fault or an e-stop had ended the box earlier; the box does not say when")
         return stop_of(story.stop.t_us + added_us, (RESETS[reason],), evidence)
     if story.steps:
         last = story.steps[-1]

@@ -32,7 +32,7 @@ class Cause(NamedTuple):
 CAUSES: dict[str, Cause] = {
     # --- faults of a wheel
     "encoder_dead": Cause(
-        "{wheel} wheel stopped counting at full speed although it was driven on",
+        "{wheel} wheel stopped counting at full speed although it was still driven",
         "the encoder's plug and its wires",
     ),
     "encoder_one_channel": Cause(
@@ -56,7 +56,7 @@ CAUSES: dict[str, Cause] = {
         "`wheelwire setup` finds out, and corrects the right one",
     ),
     "encoder_implausible": Cause(
-        "{wheel} wheel was driven harder than its measured speed explains, while it counted on",
+        "{wheel} wheel was driven harder than its measured speed explains, while it still counted",
         "the encoder, which may lose edges; then the load",
     ),
     # --- other faults
@@ -87,13 +87,13 @@ CAUSES: dict[str, Cause] = {
     ),
     "cliff_seen": Cause("{channel} saw no floor", "where the robot stands, then that sensor"),
     "stage_tripped": Cause(
-        "{channel} said that a power stage has tripped", "the motors' currents, then its heat"
+        "{channel} reported that a power stage has tripped", "the motors' currents, then its heat"
     ),
     "battery_at_stop": Cause(
         "The battery fell to the level at which the robot stops", "the battery's charge"
     ),
     "sensor_stale": Cause(
-        "{channel}, which can stop the robot, gave nothing that can be used",
+        "{channel}, which can stop the robot, gave no usable samples",
         "`wheelwire sensors`, then that sensor's wires",
     ),
     "bumper_pressed": Cause(
@@ -105,7 +105,7 @@ CAUSES: dict[str, Cause] = {
         "The emergency stop's contact opened", "the emergency stop's button, then its wire"
     ),
     "estop_by_session": Cause(
-        "The emergency stop was asked for over this link", "the program that asked"
+        "The emergency stop was requested over this link", "the program that asked"
     ),
     "estop_by_stranger": Cause(
         "Another program sent an emergency stop to the port", "who else has the port"
@@ -115,16 +115,16 @@ CAUSES: dict[str, Cause] = {
         "what caused it; then clear it",
     ),
     "latch_record_damaged": Cause(
-        "The record of what was latched is damaged, which counts as an emergency stop",
+        "The record of latched e-stops is damaged, which counts as an emergency stop",
         "the robot; then clear it",
     ),
     "fault_before_reset": Cause(
         "A fault was latched before the device's reset", "the fault that is named in the evidence"
     ),
-    "stop_by_session": Cause("The stop was asked for over this link", "the program that asked"),
+    "stop_by_session": Cause("The stop was requested over this link", "the program that asked"),
     "stop_by_stranger": Cause("Another program sent a stop to the port", "who else has the port"),
     "zero_setpoint": Cause(
-        "The wheels stand because the program asked for a speed of zero",
+        "The wheels stand still because the program sent a speed of zero",
         "the program that asked",
     ),
     "new_session": Cause(
@@ -144,12 +144,10 @@ CAUSES: dict[str, Cause] = {
         "the file was copied",
         "the disk that was recorded to",
     ),
-    "host_frozen": Cause(
-        "The program stood still: nothing of it ran, not even its link", "the host's load"
-    ),
+    "host_frozen": Cause("The program was frozen: not even its link ran", "the host's load"),
     "cable_pulled": Cause("The connection to the robot was lost", "the cable's plug"),
     "line_corrupt": Cause(
-        "Setpoints were sent and did not arrive whole",
+        "Setpoints were damaged on the line",
         "the cable, the common ground, the baud rate",
     ),
     "setpoints_refused": Cause("The device refused the setpoints", "what the refusal says"),
@@ -158,11 +156,11 @@ CAUSES: dict[str, Cause] = {
         "the host's load and the setpoints' time to live",
     ),
     "ttl_too_short": Cause(
-        "Each setpoint ran out before the next one: the robot starts and stops",
+        "Each setpoint expired before the next one came: the robot starts and stops",
         "the program's loop: send more often, or give a longer ttl",
     ),
     "program_paused": Cause(
-        "The program asked for nothing any more while its link went on",
+        "The program sent no more setpoints, although its link went on",
         "the program: it stopped sending setpoints",
     ),
     # --- resets
@@ -179,7 +177,7 @@ CAUSES: dict[str, Cause] = {
     ),
     "power_lost": Cause("The device lost its power", "the supply"),
     "reset_pin": Cause("The reset pin restarted the device", "the button, or who opened the port"),
-    "restart_requested": Cause("A program asked for the restart", "the program that asked"),
+    "restart_requested": Cause("A program requested the restart", "the program that asked"),
     "restarted_itself": Cause("The firmware restarted itself", "the board on trial"),
     "reset_unknown": Cause("The device was reset, and cannot say why", "the supply"),
     # --- it never drove
@@ -190,10 +188,10 @@ CAUSES: dict[str, Cause] = {
     "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
     "command_numbers_spent": Cause(
         "The session has used up its 4294967295 command numbers, so no setpoint of it is obeyed",
-        "the program: opening the robot anew begins at 1",
+        "the program: opening the robot again begins at 1",
     ),
     "unarmed": Cause(
-        "After a clear, a start of the chip or a bumper the program went on with a speed at once",
+        "After a clear, a start of the chip or a bumper the program sent a speed at once",
         "the program: it must send zero first, or pause",
     ),
     "clock_unsynchronised": Cause("The clock is not synchronised yet", "the program"),
@@ -220,9 +218,9 @@ CAUSES: dict[str, Cause] = {
         "The robot drives, or an emergency stop is latched: nothing is changed meanwhile",
         "the state: stop it, or clear the emergency stop, and ask again",
     ),
-    "store_failed": Cause("The flash did not take what was to be saved", "the flash"),
+    "store_failed": Cause("The flash could not be written", "the flash"),
     "rate_too_high": Cause(
-        "More was asked for than the control loop or the line carries",
+        "The rate is higher than the control loop or the line allows",
         "control_rate_hz, then the baud rate",
     ),
     "still_starting": Cause(
@@ -241,7 +239,7 @@ CAUSES: dict[str, Cause] = {
     "not_supported": Cause("This device cannot do that", "`wheelwire info`: it names the device"),
     # --- the supply
     "battery_low": Cause(
-        "The battery was low already at rest, and the device reset", "the battery's charge"
+        "The battery was already low at rest, and the device reset", "the battery's charge"
     ),
     "battery_sags": Cause(
         "The supply is good at rest, falls under load, and the device reset",
@@ -335,7 +333,7 @@ REQUEST_REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.NO_BOARD_ON_TRIAL: "no_board_on_trial",
     RefusalCode.NOT_SUPPORTED: "not_supported",
 }
-"""Causes by the refusal of a request, beside those above."""
+"""Causes by the refusal of a request, in addition to those above."""
 LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
 """The robot has stopped before, by what is latched."""
 HELD = (*LATCHED, RefusalCode.CAUSE_PRESENT)
@@ -401,11 +399,11 @@ def latched_causes(
 
 
 STORED = Fault.NO_BOARD | Fault.STORE_UNREADABLE | Fault.STORE_OUTDATED
-"""What is stored cannot be used: each start finds it anew, until it is written anew."""
+"""What is stored cannot be used: each start finds this again until it is rewritten."""
 
 
 def cure_of_stores(faults: Fault, robot: str) -> str:
-    """The commands that end these faults, in their order; empty if they are none of `STORED`.
+    """The commands that end these faults, in order; empty if none of them is in `STORED`.
 
     Args:
         faults: Those that are latched.

@@ -1,6 +1,7 @@
-"""Why a robot stopped that nobody watched, and what holds it: by what the device itself says.
+"""Why an unwatched robot stopped, and what holds it, according to the device itself.
 
-Its report of what holds it and of its last stop, its state and flags, its black boxes, its ledger.
+The sources are its report of what holds it and of its last stop, its state and flags, its black
+boxes, and its ledger.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from wheelwire_protocol.codes import (
 )
 
 from ...holds import HeldBy, Holding, LastStop
-from ...link.info import DeviceInfo, Ledger, Recorded
+from ...link.info import DeviceInfo
+from ...robot.black_boxes import Ledger, Recorded
 from ...samples import WheelSample
 from .black_box import stop_of_damaged_box, stops_of_box
 from .causes import ESTOPPED, ESTOPS, LATCHES, RESETS, channel_of, latched_causes, sensed_causes
@@ -48,7 +50,7 @@ def last_stop(stop: LastStop, host_us: int) -> list[Stop]:
 
     Args:
         stop: As the robot reports it.
-        host_us: The host's clock, for one whose time is not known.
+        host_us: The host's clock, for a stop whose time is unknown.
     """
     if stop.cause is StopCause.UNKNOWN:
         return []
@@ -74,7 +76,7 @@ def _causes(stop: LastStop) -> tuple[tuple[str, ...], str]:
 
 
 def held_stops(held_by: HeldBy, host_us: int) -> list[Stop]:
-    """What holds it now beside what its state says, each as a cause of its own."""
+    """What else holds it now, apart from its state, each as its own cause."""
     return [
         Stop(host_us, f"held_{str(flag.name).lower()}", held_by.sentence(flag), (), "")
         for flag in held_by
@@ -82,9 +84,9 @@ def held_stops(held_by: HeldBy, host_us: int) -> list[Stop]:
     ]
 
 
-NO_HISTORY = "what came before was not recorded: record the robot's day to see more next time"
+NO_HISTORY = "earlier events were not recorded: record the robot to see more next time"
 _STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL)
-"""The usual starts of a robot, which are no stops."""
+"""The usual starts of a robot, which are not stops."""
 _BEFORE_RESET = {
     SupervisorState.FAULT: "fault_before_reset",
     SupervisorState.ESTOPPED: "estop_before_reset",
@@ -97,7 +99,7 @@ class KnownByBoxes(NamedTuple):
     Attributes:
         reset: The reset that began this boot.
         estop: The e-stop that is latched.
-        faults: Those that are.
+        faults: The latched faults.
         before_reset: Number of the box of an earlier boot that tells of the same latch.
     """
 
@@ -148,7 +150,7 @@ def standing_stops(
     elif state is SupervisorState.TIMED_OUT and holding is not None:
         stops += last_stop(holding.last_stop, host_us)
     elif state is SupervisorState.TIMED_OUT:
-        stops.append(stop_of(host_us, _SILENT, ("its newest setpoint ran out", NO_HISTORY)))
+        stops.append(stop_of(host_us, _SILENT, ("its newest setpoint expired", NO_HISTORY)))
     return stops
 
 
@@ -173,7 +175,7 @@ FAILURES = (
 )
 """Resets that are faults."""
 STORED_US = 20_000_000
-"""Age of a boot from which a latch has its box within seconds, unless many came at once."""
+"""Age of a boot after which a latch gets its box within seconds, unless many came at once."""
 DAMAGED = "box_damaged"
 SAME_US = 1_000_000
 """A black box and a report that are so near to each other are of one stop."""
@@ -230,7 +232,7 @@ def stops_of_device(
             if cause is BoxCause.FAULT or is_ended:
                 faults |= stored.head.faults
     before_reset = None
-    # What was latched in this boot has a box of its own, but for the last seconds.
+    # A latch of this boot has its own box, except in the last seconds.
     if sample.t_us >= STORED_US and not knows_estop and not faults:
         before_reset = _of_earlier_boot(device, sample, recorded)
     known = KnownByBoxes(knows_reset, knows_estop, faults, before_reset)
@@ -249,12 +251,12 @@ def _is_recorded(last: LastStop, found: list[DatedStop]) -> bool:
     """Whether a black box tells of the same stop, and says more of it."""
     if last.cause not in (*_FAULTS, *_ESTOPS):
         return False
-    if last.stamp is None:  # of an earlier boot
+    if last.stamp is None:  # it was in an earlier boot
         return bool(found) and not found[-1].is_dated
     at_us = last.stamp * 1e6
     return any(
         one.is_dated
-        # A damaged one has only the time at which it was stored.
+        # For a damaged box, only the time of storing is known.
         and abs(one.stop.host_us - at_us) < (STORED_US if one.stop.cause == DAMAGED else SAME_US)
         for one in found
     )

@@ -67,7 +67,7 @@ from .history import SPAN_US, Asked, History, battery_v, drives
 DECIDE_US = 60_000
 """A stop is judged this long after it, for later records may explain it."""
 HOLD_US = 200_000
-"""The device says within this time who latched an e-stop, and which sensor stopped it."""
+"""The device reports within this time what latched an e-stop, and which sensor stopped it."""
 INPUTS_US = 1_200_000
 """A stop by a sensor is judged this long after it, unless the device has named the sensor sooner.
 
@@ -93,7 +93,7 @@ LASTING = (
     | Fault.STORE_OUTDATED
     | Fault.NO_BOARD
 )
-"""Faults that each start finds anew."""
+"""Faults that each start finds again."""
 SAG_V = 0.3
 EMPTY_V = 0.3
 EMPTY_S = 60.0
@@ -143,13 +143,13 @@ class _Loss(NamedTuple):
 class Diagnosis:
     """Runs a session again, and reports its stops.
 
-    Live, a stop is reported some 60 ms after it, with the records that come then; that of a
-    setpoint that ran out 0.5 s after it, for the next ones may explain it; one by a sensor up to
-    1.2 s after it, until the device has said which one.
+    Live, it reports a stop some 60 ms later, with the records that come then. An expired setpoint
+    takes 0.5 s, because the next ones may explain it. A sensor takes up to 1.2 s, until the device
+    has said which one.
 
     Attributes:
         latched_before: The state and faults that were latched before the first record, by name.
-        has_heard: Whether the robot was in reach at all.
+        has_heard: Whether the robot was ever in reach.
     """
 
     def __init__(self) -> None:
@@ -179,7 +179,7 @@ class Diagnosis:
         self._hold_us = 0
         self._latched_us = 0
         self._strangers: deque[tuple[int, int]] = deque(maxlen=16)
-        """Answers to other programs: when, and to which message."""
+        """Answers to other programs: their time and the message that they answer."""
         self._contact_seen_us = -ANSWER_US
         self._nominal_v: float | None = None
         self._hung_up = False
@@ -191,10 +191,10 @@ class Diagnosis:
     # --- records in, stops out -------------------------------------------------------------------
 
     def feed(self, record: Record) -> list[Stop]:
-        """Take one record; returns the stops that are decided by now.
+        """Take one record; returns the stops that this decides.
 
         Raises:
-            ValueError: The record is none of this release.
+            ValueError: The record is from another release.
         """
         stops = self._decide(record.host_us)
         session = self._rerun.session
@@ -222,10 +222,11 @@ class Diagnosis:
         return [stop for record in records for stop in self.feed(record)]
 
     def end(self, *, complete: bool) -> list[Stop]:
-        """No record comes any more; returns the stops that are left.
+        """The records have ended; returns the remaining stops.
 
         Args:
-            complete: Whoever recorded ended the recording, or records on; else it was cut off.
+            complete: The recorder closed the recording, or is still recording; False: it was cut
+                off.
         """
         self._by_sensor = None  # nothing more will name it
         stops = self._decide(self._rerun.host_us + 2 * ANSWER_US)
@@ -264,7 +265,7 @@ class Diagnosis:
         return [stop for stop in stops if stop is not None]
 
     def _waits_for_inputs(self, judge: Callable[[], Stop | None], now_us: int) -> bool:
-        """Whether it judges a stop of which the device may still say who or what was the cause."""
+        """Whether it judges a stop whose cause the device may still report."""
         session, stopped, hold_us = self._rerun.session, self._by_sensor, self._hold_us
         if session is None:
             return False
@@ -274,7 +275,7 @@ class Diagnosis:
         if stopped is None or judge is not stopped[0]:
             return False
         is_asked = session.phase is Phase.OPEN and session.sensors.rate_hz > 0
-        # By its name, which the report of what holds the robot does not have.
+        # By name; the report of what holds the robot does not have it.
         is_known = bool(self._history.stopping_sensors(stopped[1]))
         return is_asked and not is_known and now_us < stopped[1] + INPUTS_US
 
@@ -298,8 +299,8 @@ class Diagnosis:
             if self._state in (SupervisorState.FAULT, SupervisorState.ESTOPPED):
                 faults = (str(one.name) for one in Fault if one in self._faults)
                 self.latched_before = self._state.name, *faults
-        self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
-        self._hold = session.hold
+        self._nominal_v = session.reported.values.get(_NOMINAL_SUPPLY)
+        self._hold = session.reported.hold
         if session.device is not None:
             self._boot_id = session.device.boot_id
 
@@ -510,7 +511,7 @@ class Diagnosis:
         if not found and self._hold is not None and self._hold_us >= at_us:
             found = sensed_causes(Held(self._hold.stop_held | self._hold.held))
         if not found:
-            evidence.append("what the sensors measured was not asked for, or not received")
+            evidence.append("the sensors' samples were not requested, or not received")
             return self._stop(at_us, ("external_fault",), evidence)
         channel, cause = next(iter(found.items()))
         evidence += [sentence_of((other,), name) for name, other in found.items()]
@@ -548,7 +549,7 @@ class Diagnosis:
         return self._stop(at_us, ("contact_open", "estop_by_stranger"), evidence)
 
     def _estop_source(self, at_us: int) -> EstopSource:
-        """Who latched the e-stop of then, if the device has said so.
+        """What latched that e-stop, if the device has said so.
 
         At the start of a session it says so before the first sample shows the e-stop.
         """
@@ -604,16 +605,16 @@ class Diagnosis:
         history = self._history
         asked = [one for one in history.asked if one.host_us <= at_us]
         if not asked:
-            return self._stop(at_us, ("program_paused",), ("no setpoint was asked for",))
+            return self._stop(at_us, ("program_paused",), ("no setpoint was sent",))
         last = asked[-1]
         quiet_s = (at_us - last.host_us) / 1e6
         if last.expiry_us > at_us + EXPIRY_US:
             return self._unobeyed(at_us, asked)
         gap_s = history.gap_over_s(at_us, EXPIRY_US)
-        evidence = [f"the last setpoint was asked for {quiet_s:.2f} s before"]
+        evidence = [f"the last setpoint was sent {quiet_s:.2f} s before"]
         if gap_s >= 0.5 * quiet_s:
-            evidence.append(f"for {gap_s:.2f} s nothing of the program ran")
-            evidence.append("what the robot had sent meanwhile was read together afterwards")
+            evidence.append(f"for {gap_s:.2f} s the program did not run")
+            evidence.append("then it read at once what the robot had sent meanwhile")
             return self._stop(at_us, ("host_frozen",), evidence)
         states = sum(1 for one in history.samples if last.host_us < one.arrived_us <= at_us)
         evidence.append(f"{states} samples were received since")
@@ -645,7 +646,7 @@ class Diagnosis:
             text = f"{len(recent)} setpoints were refused: {code.name}. {code.doc}"
             return self._stop(at_us, (name,), (text,))
         evidence = [
-            f"{len(asked)} setpoints of the last seconds were asked for, the newest not obeyed"
+            f"{len(asked)} setpoints were sent in the last seconds; the newest was not obeyed"
         ]
         session = self._rerun.session
         if session is not None:
@@ -660,7 +661,10 @@ class Diagnosis:
         """The robot did not come back."""
         if loss.by_port:
             return self._stop(loss.host_us, ("cable_pulled",), (loss.text,))
-        evidence = (loss.text, "it did not come back: cable or power, the data cannot tell")
+        evidence = (
+            loss.text,
+            "it did not come back: the data do not show whether cable or power failed",
+        )
         return self._stop(loss.host_us, ("cable_pulled", "power_lost"), evidence)
 
     def _back(self, loss: _Loss, now_us: int) -> Stop:

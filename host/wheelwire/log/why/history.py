@@ -29,7 +29,7 @@ COPIES_US = 30_000
 CLOCK_US = 2_000
 """A stop's time, by the device's clock, may be this much too early."""
 NOTED_US = 200_000
-"""Who asked for a stop is recorded this near to it, on a busy computer."""
+"""On a busy computer, the note of who asked for a stop is this close to it."""
 SUPPLY_PERIOD_US = 1_000_000
 SUPPLY_POINTS = 1800
 
@@ -51,7 +51,7 @@ class History:
         asked: Setpoints of the application.
         sent: Messages that the port took, and when.
         refusals: Refusals of setpoints, and when.
-        gaps: From when to when nothing at all happened in the program.
+        gaps: Times, from and to, when nothing at all happened in the program.
         supply: Battery voltage over the last half hour: [us], [V], and whether the wheels drove.
         stop_us: When the application last asked for a stop or an e-stop.
     """
@@ -69,7 +69,7 @@ class History:
         self._stopping: dict[str, str] = {}
         """The sensors that stop the robot now, and the cause."""
         self._stopped: dict[str, tuple[int, str]] = {}
-        """The sensors that stopped the robot before, until when, and the cause."""
+        """The sensors that stopped the robot before, when that ended, and the cause."""
         self._explained: dict[str | int, dict[int, int]] = {}
         """The times of the stops that one kind of message explains, and until when such messages
         were sent that explain no later stop."""
@@ -140,7 +140,8 @@ class History:
     def stops_by(self, kind: type[AnyMessage], at_us: int, span_us: int) -> list[int]:
         """When such messages were sent that may have stopped the robot then.
 
-        One that stopped it before does not count, nor its repeats; so these explain no later stop.
+        A message that stopped it earlier does not count, nor do its repeats, so they do not explain
+        a later stop.
 
         Args:
             kind: Kind of the messages.
@@ -193,7 +194,7 @@ class History:
         return max((one for one in known if one < at_us), default=-SPAN_US)
 
     def who_asked(self, kind: type[AnyMessage], sent: Sequence[int]) -> str:
-        """Who asked this link for the stop or e-stop that it sent at these times."""
+        """The programs that asked this link for the stop or e-stop that it sent at these times."""
         asked_us, by = self._stop_asked
         every = [at for at, message in self.sent if isinstance(message, kind)]
         nearest = min(every, key=lambda at: abs(at - asked_us))

@@ -1,12 +1,12 @@
-"""Watches a link for stops, beside the program that drives."""
+"""Watches a link for stops, while the program drives."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections.abc import Callable
-from types import TracebackType
 
+from ...errors import WheelwireError
 from ...link.traffic import TrafficReader
 from ..recorder import TrafficSource, wait_until_it_began
 from .diagnosis import Diagnosis, Stop
@@ -17,19 +17,23 @@ _LOG = logging.getLogger("wheelwire.log.why")
 
 
 class StopWatch:
-    """Calls `report` for each stop, in a thread of its own, until the link ends or `close`.
+    """Calls `report` for each stop, in its own thread, until the link ends or `close`.
 
     The exit of `with` closes it, too.
 
-    The thread takes its copies of the traffic 20 times a second: it costs the link nothing, and
-    some 12 us of the processor a record. After more records than its queue holds, it begins anew.
+    The thread takes its copies of the traffic 20 times a second. That costs the link nothing, and
+    some 12 us of processor time a record. If its queue overflows, it starts again.
 
     Args:
         link: To be watched.
         report: What it raises is logged.
+
+    Attributes:
+        error: Why it has ended before the link.
     """
 
     def __init__(self, link: TrafficSource, report: Callable[[Stop], object]) -> None:
+        self.error: WheelwireError | None = None
         self._link = link
         self._report = report
         self._closing = threading.Event()
@@ -48,7 +52,7 @@ class StopWatch:
             return None
         try:
             self._take()
-            return self._diagnosis.latched()
+            return None if self.error is not None else self._diagnosis.latched()
         finally:
             self._lock.release()
 
@@ -61,12 +65,7 @@ class StopWatch:
     def __enter__(self) -> StopWatch:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _begin(self) -> None:
@@ -76,7 +75,7 @@ class StopWatch:
 
     def _run(self) -> None:
         try:
-            while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
+            while not self._closing.wait(PERIOD_S) and not self._has_ended:
                 with self._lock:
                     self._take()
                     found, self._found = self._found, []
@@ -85,14 +84,26 @@ class StopWatch:
         finally:
             self._link.traffic.remove(self._reader)
 
+    @property
+    def _has_ended(self) -> bool:
+        return self._link.has_ended or self.error is not None
+
     def _take(self) -> None:
-        records = self._reader.take()
-        if self._reader.lost:
-            # Behind a gap nothing can be done again.
-            self._link.traffic.remove(self._reader)
-            self._begin()
+        if not self._link.has_ended:
+            self.error = self.error or self._reader.failure
+        if self.error is not None:
             return
-        self._found += self._diagnosis.feed_all(records)
+        try:
+            records = self._reader.take()
+            if self._reader.lost:
+                # Behind a gap nothing can be done again.
+                self._link.traffic.remove(self._reader)
+                self._begin()
+                return
+            self._found += self._diagnosis.feed_all(records)
+        except Exception as error:
+            _LOG.exception("the watch for stops has failed; the robot is driven on")
+            self.error = WheelwireError(f"the watch for stops has failed ({error!r}): report this")
 
     def _tell(self, stop: Stop) -> None:
         try:

@@ -21,7 +21,7 @@ from .history import battery_v, drives
 FAST_US = 15_000
 """Samples no farther apart than this show how a count ended."""
 DRIVEN_S = 0.15
-"""The supply at the end is the median over so long."""
+"""The supply at the end is the median over this time."""
 ROLLED_OUT = 0.5
 """Fraction of the speed before; a wheel that still counted had slowed down below it."""
 ROLLS_OUT_S = 0.6
@@ -37,7 +37,7 @@ SLOW_TICKS_S = 150.0
 TURNING = 20
 """Samples that show the supply of a wheel that turns."""
 OSCILLATION = 6
-"""So many changes of a count that lead nowhere are the sign of one dead channel."""
+"""This many changes of a count without progress mean one dead channel."""
 NOISE_V = 0.006
 """A smaller sag shows nothing."""
 DRIVEN_DUTY = 0.05
@@ -92,7 +92,7 @@ def examine(samples: Sequence[Measurement], side: str, *, counting: bool) -> Fin
             ("wheel_never_counted",), (f"{duty}, and not one tick since the drive began",)
         )
     if _oscillates(changes):
-        text = f"the count's last {OSCILLATION} changes led nowhere"
+        text = f"the count's last {OSCILLATION} changes cancelled out"
         return Finding(("encoder_one_channel",), (duty, text))
     last_s = changes[-1][0]
     evidence = [duty]
@@ -128,7 +128,7 @@ def _implausible(
     end_s = points[-1].t_s
     earlier = _speed(changes, end_s - 2 * DRIVEN_S, end_s - DRIVEN_S)
     if _speed(changes, end_s - DRIVEN_S, end_s) >= STILL_ROLLS * earlier:
-        # Whatever drives it, it drives: a count that misses edges grows with the drive, too.
+        # Any drive counts: a counter that misses edges misses more with more drive, too.
         return Finding(("encoder_implausible",), tuple(evidence))
     evidence.append("and became slower and slower while it was driven harder")
     # A count that misses edges by chance may fall once, and hardly twice on end.
@@ -145,7 +145,7 @@ def _by_speed(
     last_s = changes[-1][0]
     period_s = median(later.t_s - earlier.t_s for earlier, later in pairwise(points))
     if period_s * 1e6 > FAST_US:
-        evidence.append(f"a sample each {period_s * 1000:.0f} ms is too few to see how it ended")
+        evidence.append(f"a sample each {period_s * 1000:.0f} ms does not show how it ended")
         return Finding(("encoder_dead", "wheel_blocked", "motor_open"), tuple(evidence))
     full = _speed(changes, last_s - ROLLS_OUT_S - 0.2, last_s - ROLLS_OUT_S)
     if not full:
@@ -159,7 +159,7 @@ def _by_speed(
     # Held fast within less than two samples it looks the same, and the supply shows nothing.
     if full >= SLOW_TICKS_S:
         return Finding(("encoder_dead", "wheel_blocked"), tuple(evidence))
-    evidence.append("which at this speed a wheel without drive may do, too")
+    evidence.append("which an undriven wheel may do at this speed, too")
     return Finding(("encoder_dead", "wheel_blocked", "motor_open"), tuple(evidence))
 
 
@@ -198,11 +198,11 @@ def _by_supply(
 ) -> str | None:
     """The cause, by how far the supply sagged while the wheel turned, and at the end.
 
-    At a steady speed a motor's current is that of its friction, so it loads the supply in
+    At a steady speed a motor's current only overcomes friction, so its load on the supply is in
     proportion to its duty. None: the supply is not measured, or shows too little.
     """
     rest = [volts for one in samples if not drives(one) and (volts := battery_v(one)) is not None]
-    # At a steady speed, and before it may have rolled out, if it drove for so long.
+    # At a steady speed, and before it could have rolled out, if it drove that long.
     turned = [one for one in points if one.t_s < last_s]
     begins = samples[0].t_us / 1e6 < points[0].t_s  # else it drove before
     speeds_up_s = SPEEDS_UP_S if begins else 0.0

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from wheelwire_protocol.board import OUTPUTS, STAGES, Action, ContactKind, Level
-from wheelwire_protocol.native import Outputs, StageInputs
+from wheelwire_protocol.core import Outputs, StageInputs
 
 from ...board import Configuration, DigitalInput, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
@@ -38,7 +38,7 @@ class StagePins(ABC):
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        # In the order of OUTPUTS, which `apply` goes by, whatever order a backend has.
+        # In the order of OUTPUTS, which `apply` uses, whatever the backend's order.
         self._duties = dict.fromkeys(sorted(names, key=OUTPUTS.index), 0)
 
     def apply(self, wanted: StageInputs) -> None:
@@ -53,7 +53,7 @@ class StagePins(ABC):
         others = [name for name in reversed(duties) if name not in falling]
         for name in (*falling, *others):
             self.set_input(name, duties[name] / HIGH_Q15)
-            # Only once it is set: what failed has to count as it was.
+            # Only once it is set: after a failure the old level still counts.
             self._duties[name] = duties[name]
 
     @abstractmethod
@@ -86,7 +86,7 @@ def encoder_pins(wheel: WheelPins) -> tuple[int, int]:
 
 
 def release_inputs(board: Configuration) -> tuple[str, ...]:
-    """The inputs that hold the motor off when they are low, whatever the others do."""
+    """The inputs that hold the motor off when low, whatever the levels of the others."""
     coast = STAGES[board.stage].rows[Action.COAST]
     return tuple(name for name in inputs_of(board) if coast.get(name) is Level.LOW)
 
@@ -142,7 +142,7 @@ class Gpio(ABC):
         """The level of the e-stop contact's pin, which is fitted."""
 
     def input_levels(self) -> int:
-        """The levels of `digital_inputs`: bit n is that of channel n."""
+        """The levels of `digital_inputs`: bit n is channel n."""
         return 0
 
     def is_released(self, outputs: Outputs) -> bool:

@@ -43,7 +43,7 @@ class LibraryStagePins(StagePins):
 
     Args:
         levels: The pins of all inputs that are set by level.
-        pwm: Those that ever take a duty: their names, in the order of `attach`.
+        pwm: Names of the inputs that ever take a duty, in the order of `attach`.
     """
 
     def __init__(self, levels: Mapping[str, Any], pwm: Iterable[str]) -> None:
@@ -103,7 +103,7 @@ class LibraryGpio(Gpio):
             with _driver_unavailable_errors():
                 self._start(settings, parameters)
         except BaseException:
-            # What was claimed so far: where a pin is busy, all are opened again a moment later.
+            # Release the pins claimed so far: if one is busy, all are opened again a moment later.
             self.close()
             raise
 
@@ -288,8 +288,7 @@ def _why_no_gpio(error: Exception) -> str:
     folder = Path(os.environ.get(LGPIO_FOLDER) or Path.cwd())
     if not os.access(folder, os.W_OK):
         return (
-            f"lgpio needs a folder that it can write to, and {folder} is none: set the service's "
-            f"WorkingDirectory, or {LGPIO_FOLDER}"
+            f"lgpio cannot write to {folder}: set the service's WorkingDirectory, or {LGPIO_FOLDER}"
         )
     chips = sorted(Path("/dev").glob("gpiochip*"))
     if not chips:
@@ -300,7 +299,7 @@ def _why_no_gpio(error: Exception) -> str:
     if not any(os.access(chip, os.R_OK | os.W_OK) for chip in chips):
         return f"{chips[0]} cannot be opened: run it as a user in the group gpio"
     return (
-        f"end what else uses {chips[0]}"
+        f"end the other program that uses {chips[0]}"
         if "busy" in str(error).lower()
         else ("look at `gpioinfo`, and at the kernel's log (`dmesg`)")
     )

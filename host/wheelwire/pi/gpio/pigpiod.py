@@ -106,7 +106,7 @@ class PigpioClient:
         with suppress(OSError):
             self._pi.stop()
         self._notify.join(JOIN_S)  # it ends by itself if the daemon acknowledges the close
-        # Else it waits in `recv`: a shutdown wakes it, which closing the socket would not.
+        # Otherwise it waits in `recv`: a shutdown wakes it, but closing the socket would not.
         self._notify_socket.shutdown()
         self._notify.join(JOIN_S)
         self._notify_socket.close()
@@ -143,7 +143,7 @@ class _EndingSocket:
         except OSError:
             data = b""
         if not data:
-            # Else the thread would read nothing again and again.
+            # Otherwise the thread would read nothing again and again.
             self._thread.go = False
         return data
 
@@ -161,7 +161,7 @@ class _EndingSocket:
 
 
 def _probe(host: str, port: int, address: str) -> None:
-    """Connect once with a time-out and a reason, both of which pigpio's own attempt lacks."""
+    """Connect once with a time-out and a reason, which pigpio's own attempt lacks."""
     try:
         socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
     except OSError as error:
@@ -177,7 +177,7 @@ CHECKS = 11
 last refresh."""
 REFRESH_US = 20_000
 SCRIPT_MARK = 0x57574C01
-"""Mark in the last parameter of a script, by which Wheelwire recognises its scripts."""
+"""Marks Wheelwire's scripts, in their last parameter."""
 MAX_SCRIPTS = 32
 FIRST_START_S = 1.0
 
@@ -238,8 +238,8 @@ class PigpioWatchdog:
             _, parameters = self._status(script_id)
             if not parameters or parameters[1:] != tuple(self._parameters[1:]):
                 continue
-            # A script that nobody refreshes ends within its countdown: one that still runs after
-            # twice that time has a program behind it.
+            # A script that is not refreshed ends within its countdown. If it still runs after twice
+            # that time, a program is refreshing it.
             longest_s = 2 * CHECKS * CHECK_MS / 1000
             running = self._library.PI_SCRIPT_RUNNING
             if not self._wait_while(script_id, running, longest_s):
@@ -248,7 +248,7 @@ class PigpioWatchdog:
                     f"another program drives GPIO {gpios} through the pigpiod at "
                     f"{self._client.address}: end it first"
                 )
-            # Its owner may have deleted it meanwhile.
+            # Its owner may have just deleted it.
             with suppress(self._library.error):
                 self._client.call("delete_script", script_id)
 
@@ -279,10 +279,10 @@ class PigpiodStagePins(StagePins):
     Args:
         client: An open connection.
         levels: The GPIOs of the inputs that are set by level.
-        pwm: Those of the inputs that take a duty.
+        pwm: The GPIOs of the inputs that take a duty.
         pwm_hz: Its frequency.
-        by_hardware: Whether all of them have a channel of the PWM hardware; else the daemon times
-            the edges, in steps of 5 us.
+        by_hardware: Whether all of them have a channel of the PWM hardware. Otherwise the daemon
+            times the edges, in steps of 5 us.
     """
 
     def __init__(
@@ -324,7 +324,7 @@ class PigpiodStagePins(StagePins):
             self._client.call("hardware_PWM", self._pwm[name], self._pwm_hz, wanted)
         else:
             self._client.call("set_PWM_dutycycle", self._pwm[name], wanted)
-        # Only once the daemon has taken it: what failed is sent again.
+        # Only once the daemon has accepted it: after a failure it is sent again.
         self._sent[name] = wanted
 
     def forget(self) -> None:
@@ -382,7 +382,7 @@ class PigpiodGpio(Gpio):
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
         if not self._watchdog.keep_alive(now_us):
-            # The script had ended: its pins are low, whatever was sent before.
+            # The script has ended, so its pins are low, whatever was sent before.
             self.left.forget()
             self.right.forget()
             self._end_standby()

@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from wheelwire.link.info import LinkStatistics
+from wheelwire.link.statistics import LinkStatistics
 from wheelwire.motion.odometry import Pose
 from wheelwire.samples import WheelSample
+from wheelwire.whole_file import save_figure
 
 PLAIN_PERIOD_S = 1.0
 LIVE_REFRESH_HZ = 10
@@ -114,7 +115,7 @@ def save_trajectory(
 
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
-    # From the widest to the narrowest, so that each line shows below the next one.
+    # Widest first, so that each line still shows below the next one.
     styles: dict[str, dict[str, Any]] = {
         "commanded": {"color": "#bbbbbb", "linewidth": 5},
         "true (plant)": {"color": "#1b7837", "linewidth": 2},
@@ -126,4 +127,4 @@ def save_trajectory(
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Figure eight, then a hang")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
-    figure.savefig(file, dpi=120)
+    save_figure(figure, file, dpi=120)

@@ -26,7 +26,7 @@ def twist_at(seconds: float) -> Twist:
     """The twist to command `seconds` after the start; straight ahead after DURATION_S."""
     if seconds >= DURATION_S:
         return Twist(SPEED_MPS, 0.0)
-    # The phase goes with the way, not with the time: else the ramp would bend the figure.
+    # The phase follows the distance, not the time: otherwise the ramp would bend the figure.
     rate = min(1.0, seconds / RAMP_S)
     travelled_s = seconds * rate / 2 if seconds < RAMP_S else seconds - RAMP_S / 2
     phase = 2 * math.pi * travelled_s / LAP_S
@@ -38,7 +38,7 @@ def commanded_path(seconds: float, step_s: float = 0.01) -> list[Pose]:
     """The poses of a robot that follows the commands exactly, `step_s` apart."""
     poses = [Pose()]
     for step in range(round(seconds / step_s)):
-        # The twist in the middle of a step stands for all of it.
+        # Use the twist in the middle of a step for all of it.
         linear_mps, angular_radps = twist_at((step + 0.5) * step_s)
         poses.append(poses[-1].advance(linear_mps * step_s, angular_radps * step_s))
     return poses

@@ -1,4 +1,4 @@
-"""The scenario: a figure eight, then a program that hangs; and what is measured meanwhile."""
+"""The scenario: a figure eight, then a program that hangs; and what both measure."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Save: TypeAlias = Callable[[Path, Sequence[Pose], Sequence[Pose], Sequence[Pose]
 
 @dataclass(frozen=True)
 class Report:
-    """The results of one run. Distances are the plant's, not those of the odometry."""
+    """The results of one run. Distances are the plant's, not the odometry's."""
 
     distance_m: float
     position_error_m: float
@@ -44,7 +44,8 @@ class Report:
     frames_lost: int
     crc_errors: int
     setpoints_expired: int
-    """Setpoints that came too late: the wheels stopped meanwhile, for this computer was busy."""
+    """Setpoints that came too late, because this computer was busy: the wheels stopped until
+    then."""
     round_trip_p50_us: float
     round_trip_p99_us: float
     command_age_us: int
@@ -56,7 +57,7 @@ class Report:
     picture: str | None
     """Path of the plot."""
     picture_error: str | None
-    """Why there is no plot."""
+    """Why the plot is missing."""
 
     def rows(self) -> list[tuple[str, str]]:
         """Pairs of name and value, for a table."""
@@ -140,7 +141,7 @@ class _Demonstration:
     def _hang(self) -> None:
         """Send no more commands, like a program that hangs: the firmware must stop the robot."""
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
-        # By the plant's truth, not by what the robot reports about itself.
+        # Measured on the plant, not by what the robot reports about itself.
         while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
             if time.monotonic() > end:
                 raise WheelwireError(

@@ -1,4 +1,4 @@
-"""What will cause trouble on a computer, and on a robot at it: each finding with its cure.
+"""What will cause trouble on a computer and its robot: each finding with its cure.
 
 A check is a function that yields findings. Those of a computer read a `Machine`: files below /sys,
 /proc, /dev and /etc, the environment, the answers of a few commands. None opens a port.

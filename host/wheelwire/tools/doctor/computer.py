@@ -42,7 +42,7 @@ def under_voltage(machine: Machine) -> Iterator[Finding]:
 
 
 def _throttled(machine: Machine) -> int:
-    """The flags of `vcgencmd get_throttled`; 0 where there are none."""
+    """The flags of `vcgencmd get_throttled`; 0 without them."""
     text = machine.read(_THROTTLED)
     if not text and machine.pi_model:
         text = machine.run(["vcgencmd", "get_throttled"]).strip().partition("=0x")[2]
@@ -91,7 +91,7 @@ def pigpiod(machine: Machine) -> Iterator[Finding]:
         if process.program == "pigpiod" and _port(process) in _open_to_all(machine):
             yield Finding(
                 "pigpiod",
-                f"pigpiod listens on all interfaces, port {_port(process)}: whoever is in the "
+                f"pigpiod listens on all interfaces, port {_port(process)}: everyone in the "
                 "network can move the pins.",
                 "start it with -l (docs/pi-pins.md#pigpiod-started-by-systemd)",
             )

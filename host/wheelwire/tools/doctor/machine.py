@@ -27,7 +27,7 @@ class Node:
     Attributes:
         group: The id of its group.
         group_may: Its group may read and write it.
-        accessible: This process may, by whatever right.
+        accessible: This process may, for any reason.
     """
 
     group: int
@@ -99,7 +99,7 @@ def import_error(module: str) -> str:
 
 
 def node_of(path: Path) -> Node | None:
-    """A device file; None if there is none."""
+    """A device file, or None."""
     try:
         found = path.stat()
     except OSError:
@@ -204,7 +204,7 @@ class Machine:
         return [self._adapter(folder, ports.get(folder, [])) for folder in folders]
 
     def usb_folder(self, port: str) -> Path | None:
-        """The folder of /sys of a port's USB device; None: it is no USB port."""
+        """The folder in /sys of a port's USB device; None if it is not a USB port."""
         return self.folder_above(port, "idVendor")
 
     def folder_above(self, port: str, file: str) -> Path | None:

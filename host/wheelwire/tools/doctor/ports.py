@@ -166,7 +166,7 @@ def latency_timer(machine: Machine) -> Iterator[Finding]:
         timer = machine.read(f"/sys/bus/usb-serial/devices/{port}/latency_timer")
         if not timer.isdigit() or int(timer) <= 1:
             continue
-        # A port that nobody has open is no problem yet: Wheelwire asks for it when it opens one.
+        # Harmless while no program has the port open: Wheelwire asks for it when it opens one.
         user = next(users_of(machine, f"/dev/{port}"), None)
         if user is not None:
             yield Finding(
@@ -225,8 +225,8 @@ def _robots_name(machine: Machine, robot: str, adapters: list[Adapter]) -> Itera
     ):
         yield Finding(
             "udev-rule",
-            f"{robot} is not there, though {adapters[0].label} is: no udev rule makes this name "
-            "for it.",
+            f"{robot} is missing, although {adapters[0].label} is there: no udev rule makes "
+            "this name for it.",
             "write the socket into the udev rule and reload the rules: "
             "docs/ros.md#names-for-the-ports",
         )

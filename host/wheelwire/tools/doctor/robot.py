@@ -17,6 +17,7 @@ from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorStat
 from wheelwire_protocol.types import MemoryValue
 
 from ...errors import DeviceRefused, GroupUnavailable, InvalidCommand
+from ...holds import UNARMED
 from ...link.clock import host_clock_us
 from ...link.info import library_version
 from ...log.why.causes import STORED, cure_of_stores, latched_causes, sentence_of
@@ -36,10 +37,8 @@ LEAST_HEAP, LEAST_STACK = 10_000, 512
 _SENSORS = Held.CLIFF | Held.FAULT_INPUT | Held.BATTERY | Held.BATTERY_UNKNOWN
 _SENSORS |= Held.BUMPER_FRONT | Held.BUMPER_FRONT_LEFT | Held.BUMPER_FRONT_RIGHT
 _SENSORS |= Held.BUMPER_REAR | Held.BUMPER_REAR_LEFT | Held.BUMPER_REAR_RIGHT
-_NAMED_ELSEWHERE = (Held.ESTOP | Held.CONTACT | Held.FAULT | Held.CONTRADICTION) | (
-    Held.UNARMED | Held.UNARMED_FORWARD | Held.UNARMED_REVERSE
-)
-"""What another check says; and that it is unarmed, as is each robot that somebody only looks at."""
+_NAMED_ELSEWHERE = Held.ESTOP | Held.CONTACT | Held.FAULT | Held.CONTRADICTION | UNARMED
+"""Holds that other checks report, and being unarmed, as every robot is that is only looked at."""
 
 
 def examine_robot(driver: Robot, address: str, given: Collection[str] = ()) -> Iterator[Finding]:
@@ -48,10 +47,10 @@ def examine_robot(driver: Robot, address: str, given: Collection[str] = ()) -> I
     Args:
         driver: An open driver, or one attached to the program that holds the robot.
         address: As the user named it, for the cures.
-        given: Parameters that the robot file names, and each session sets.
+        given: Parameters in the robot's file, which each session sets.
 
     Raises:
-        LinkLost: It went away meanwhile.
+        LinkLost: The robot went out of reach.
         RequestTimeout: It does not answer.
     """
     for check in (
@@ -87,7 +86,7 @@ def _firmware(driver: Robot, address: str) -> Iterator[Finding]:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """`0.1.0.dev3` -> 0, 1, 0; nothing for what is no version."""
+    """`0.1.0.dev3` -> 0, 1, 0; empty if it is not a version."""
     parts = version.split(".")[:3]
     return tuple(int(part) for part in parts) if all(p.isdigit() for p in parts) else ()
 
@@ -148,7 +147,7 @@ def memory_facts(memory: MemoryValue) -> dict[str, str]:
 
 
 def _stacks(memory: MemoryValue) -> dict[str, int]:
-    """Bytes that were left at least, by task; without those that do not run."""
+    """The fewest bytes ever left, by task; without tasks that do not run."""
     left = memory._asdict()
     return {
         name.removesuffix("_stack"): value
@@ -187,7 +186,7 @@ def _unsaved(driver: Robot, address: str, given: Collection[str]) -> Iterator[Fi
     # It drives; or its firmware, or the program that holds the port, is of an older release.
     except (DeviceRefused, GroupUnavailable, InvalidCommand):
         return
-    # `_contact` reports the e-stop's input, and saving that it is off would be no cure.
+    # `_contact` reports the e-stop's input; saving that it is off would not be a cure.
     names = [name for name in unsaved if name not in (*given, "estop_input_enabled")]
     if names:
         yield Finding(
@@ -228,7 +227,7 @@ def _stops(driver: Robot, address: str) -> Iterator[Finding]:
 
 
 def _held(driver: Robot, address: str, *, is_sensed: bool) -> Iterator[Finding]:
-    """What holds the robot; `is_sensed`: its sensors' samples have named those that do."""
+    """What holds the robot; `is_sensed`: the sensors' samples have already named the sensors."""
     held_by = driver.holding().held_by
     named = _NAMED_ELSEWHERE | (_SENSORS if is_sensed else Held(0))
     if Fault.NO_BOARD in driver.read().faults:
@@ -252,8 +251,8 @@ def _ledger(driver: Robot, address: str) -> Iterator[Finding]:
     if any(counts.values()):
         yield Finding(
             "ledger",
-            f"in {ledger.uptime_s / 3600:.1f} h of its life the robot had {counts_text(counts)}.",
-            f"wheelwire why {address} says what of them is recorded",
+            f"in {ledger.uptime_s / 3600:.1f} h of operation the robot had {counts_text(counts)}.",
+            f"wheelwire why {address} has what was recorded of them",
         )
 
 

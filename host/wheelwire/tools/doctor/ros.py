@@ -39,7 +39,7 @@ def _is_node(process: Process) -> bool:
 
 
 def _settings(environment: Mapping[str, str]) -> dict[str, str] | None:
-    """The variables that decide who hears whom; None outside of ROS."""
+    """The variables that decide which nodes hear each other; None outside ROS."""
     if not environment.get("ROS_DISTRO"):
         return None
     return {name: environment.get(name) or default for name, default in _DEFAULTS.items()}

@@ -1,4 +1,4 @@
-"""Boards as YAML: those that are shipped, and a user's own."""
+"""Boards as YAML: the built-in ones, and a user's own."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def load_board(name: str | Path) -> Configuration:
     """Read a board from a file, or a built-in one by its name, without checking its rules.
 
     Raises:
-        ConfigurationError: There is no such board, or the file is no board. The message has the
-            file, the key, the value and what is allowed.
+        ConfigurationError: The board does not exist, or the file is not a board. The message has
+            the file, the key, the value and what is allowed.
     """
     with reading(file_named(name, shipped_directory(), "board"), "board") as content:
         return parse_board(content)
@@ -131,14 +131,14 @@ def board_mapping(board: Configuration) -> dict[str, Any]:
         "chip": CHIPS[board.chip].name,
         "stage": board.stage.name.lower(),
         "module": None if board.module is Module.ANY else MODULES[board.module].name,
-        # Also pins for which the stage has no input: a board that breaks a rule is shown as it is.
+        # Also pins that the stage has no input for: a board that breaks a rule is shown unchanged.
         "left": without_none(asdict(board.left)),
         "right": without_none(asdict(board.right)),
         "standby": board.standby,
         "pwm_frequency_hz": board.pwm_frequency_hz,
         "encoder_pulls": board.encoder_pulls.name.lower(),
         "encoder_filter_ns": board.encoder_filter_ns,
-        # Without a pin the kind of contact means nothing, nor does the divider below.
+        # Without a pin, neither the kind of contact nor the divider below means anything.
         "estop": None
         if board.estop is None
         else {"pin": board.estop, "contact": board.estop_contact.name.lower()},
@@ -154,7 +154,7 @@ def board_mapping(board: Configuration) -> dict[str, Any]:
 
 def to_yaml(board: Configuration) -> str:
     """The text of a file with this board."""
-    from .yaml_text import dump  # here, for it is slow to import
+    from .yaml_text import dump  # here: it is slow to import
 
     return dump(board_mapping(board))
 

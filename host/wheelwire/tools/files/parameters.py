@@ -89,7 +89,7 @@ def parameter_values(content: object) -> dict[str, float]:
     """The values of a section `parameters`; each is a number, or a number and its unit: `0.033 m`.
 
     Raises:
-        ConfigurationError: A name is unknown, or a value is no number or out of range.
+        ConfigurationError: A name is unknown, or a value is out of range or not a number.
     """
     section = Section({} if content is None else content, PARAMETER_BY_NAME, "parameters")
     return {name: parameter_value(section, name) for name in section.values}

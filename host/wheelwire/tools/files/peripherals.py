@@ -7,6 +7,7 @@ from dataclasses import MISSING
 from typing import Any
 
 from wheelwire_protocol.sensors import (
+    DIGITAL_INPUTS,
     IMUS,
     MAX_SHUNT_UOHM,
     MOST_ANALOG,
@@ -16,11 +17,11 @@ from wheelwire_protocol.sensors import (
     PeripheralKind,
     Place,
     SensorChip,
+    channel_name,
 )
 
 from ...arguments import is_number
 from ...board import (
-    DIGITAL_INPUTS,
     AnalogInput,
     BatteryLevels,
     DigitalInput,
@@ -30,7 +31,6 @@ from ...board import (
     Pull,
     RangeSensor,
     axis_name,
-    channel_name,
     key_of,
     most_bias_radps,
 )
@@ -92,7 +92,7 @@ def parse_peripherals(board: Section) -> tuple[Peripheral, ...]:
 def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
     """The sections of a board's file; `parse_peripherals` makes the same peripherals of them."""
     sections: dict[str, dict[str, Any]] = {}
-    # A section begins with its chip, whatever the channels are; inputs stay in their order.
+    # A section begins with its chip, whatever its channels; inputs keep their order.
     for entry in sorted(peripherals, key=lambda entry: min(entry.kind, PeripheralKind.BUMPER)):
         section, _, name = key_of(entry).partition(".")
         content = sections.setdefault(section, {})

@@ -53,14 +53,14 @@ DEFAULT_FILE = Path(__file__).parent / "pi4b_robot.yaml"
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """One robot. `parameters` has those in the file, under the firmware's names.
+    """One robot. `parameters` has the file's parameters, under the firmware's names.
 
     Attributes:
         board: The name or file of a board: in place of `pins`, or, for a serial robot, the one that
             its device has to be on.
         store: File for saved parameters; not for a serial robot, whose device saves its own.
         options: The section of a driver of another package, under the driver's name.
-        aliases: The aliases that were found, and the names that they stand for.
+        aliases: The aliases found, and the names that they mean.
     """
 
     driver: str = "pigpio"
@@ -85,7 +85,7 @@ class RobotConfig:
     def driver_options(self) -> dict[str, Any]:
         """The arguments of this robot's driver."""
         store = None if self.store is None else at_home(Path(self.store))
-        # Only where pins are moved: other robots open whatever is wrong with the board's file.
+        # Only for robots on this computer's pins: others open even if the board's file is wrong.
         pins = self.wiring() if self.driver in ("l298n", "pigpio") else self.pins
         local = {"pins": pins, "parameters": self.parameters, "store": store}
         return {
@@ -96,14 +96,14 @@ class RobotConfig:
         }.get(self.driver) or self._plug_in_options()
 
     def _plug_in_options(self) -> dict[str, Any]:
-        """The options of another package's driver: its section, and what the file has beside it."""
+        """The options of another package's driver: its section, and the file's other keys."""
         beside = {
             "parameters": self.parameters or None,
             "board": self.board,
             "store": None if self.store is None else at_home(Path(self.store)),
             "pins": None if self.pins == Pins() else self.pins,
         }
-        # It may take none of them, so it is only given those that the file has.
+        # The driver may not take these, so pass only those that the file has.
         return {**self.options, **{name: it for name, it in beside.items() if it is not None}}
 
 
@@ -181,8 +181,8 @@ def parse_config(content: object) -> RobotConfig:
 def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     """The values of a file by name; each section in `shapes` becomes the dataclass given there.
 
-    `options` is the section of a driver that is not in `shapes`. `aliases` maps the names of other
-    packages in the file to the names that they stand for.
+    `options` is the section of a driver that is not in `shapes`. `aliases` maps other packages'
+    names in the file to the names that they mean.
 
     Raises:
         ConfigurationError: The message begins with the key, and has its value and what is allowed.
@@ -252,7 +252,7 @@ def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _replace_aliases(values: dict[str, Any]) -> dict[str, str]:
-    """Replace aliases by the names that they stand for; returns the aliases found, with names."""
+    """Replace aliases by the names that they mean; returns the aliases found, with names."""
     given = {name: values.pop(name) for name in (*ALIASES, MAX_RPM) if name in values}
     found = {name: ALIASES.get(name, "parameters.velocity_feedforward") for name in given}
     for foreign, name in found.items():

@@ -10,7 +10,7 @@ import yaml
 from ...errors import ConfigurationError, shown
 
 LARGEST = 100_000
-"""Values in a file, with each alias counted as what it stands for."""
+"""Most values in a file, where each alias counts as the values that it repeats."""
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
 
 _CURES = (
@@ -72,7 +72,7 @@ def _syntax(error: yaml.YAMLError, text: str) -> str:
     if isinstance(error, _Duplicate):
         return f", line {error.line}: {error}"
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    if mark is None:  # a reader's error has a position in place of a mark
+    if mark is None:  # a reader's error has a position instead of a mark
         position = getattr(error, "position", 0)
         line = text.count("\n", 0, position) + 1
         return f", line {line}: remove the invalid character, or give another file"
@@ -88,7 +88,7 @@ def _syntax(error: yaml.YAMLError, text: str) -> str:
 
 
 def _size(node: yaml.Node, known: dict[int, int]) -> int:
-    """How many values a node stands for, each alias counted anew; bounded, so that it is quick."""
+    """How many values a node has, each alias counted again; bounded, to stay quick."""
     if id(node) in known:
         return known[id(node)]
     known[id(node)] = LARGEST + 1  # of an alias within its own anchor, which never ends
@@ -102,7 +102,7 @@ def _size(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def _note_lines(node: yaml.Node, prefix: str, lines: dict[str, int]) -> None:
-    # Of each entry: its name, where it begins, and its value.
+    # The name, the beginning and the value of each entry.
     entries: list[tuple[str, yaml.Node, yaml.Node]] = []
     if isinstance(node, yaml.MappingNode):
         stem = f"{prefix}." if prefix else ""

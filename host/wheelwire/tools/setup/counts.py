@@ -16,7 +16,7 @@ _ATTEMPTS = 3
 """Attempts at turning a wheel: Enter may come too early, or the other wheel may turn."""
 
 _USUAL = (360, 1440)
-"""Beside the motors that are known: an encoder of 360 lines read on one edge, or on all four."""
+"""In addition to the known motors: an encoder of 360 lines, read on one edge or on all four."""
 _SMALLEST_DOUBT = 0.0005
 _LARGEST_DOUBT = 0.005
 
@@ -77,8 +77,9 @@ def ask_counts(robot: Robot, person: Person, say: Say) -> Counted:
 def plausible(left: float, right: float) -> Counted:
     """The counts per turn that two wheels, turned by hand, most likely have.
 
-    The two agree as well as the person stops at the mark, so their difference is the doubt: within
-    it a usual value is taken, else a multiple of four, since each line of a disc makes four edges.
+    The two differ by as much as the person missed the mark, so their difference is the uncertainty.
+    If a usual value lies within it, this is the result; otherwise a multiple of four, because each
+    line of a disc makes four edges.
     """
     mean = (left + right) / 2 / TURNS
     difference = abs(left - right) / (left + right) * 2
@@ -88,7 +89,7 @@ def plausible(left: float, right: float) -> Counted:
     usual = {*_USUAL, *known_motors().values()}
     nearest = min(usual, key=lambda value: abs(value - mean))
     if abs(nearest - mean) > doubt:
-        # A single tick in all turns, which is 1 / TURNS in the mean, is no evidence either way.
+        # A single tick in all turns, which is 1 / TURNS in the mean, proves nothing.
         four = 4 * round(mean / 4)
         nearest = four if abs(four - mean) <= max(doubt, 1 / TURNS) else round(mean)
     text = ""
@@ -100,7 +101,7 @@ def plausible(left: float, right: float) -> Counted:
 
 
 def _by_hand(robot: Robot, person: Person, say: Say, wheel: int) -> int | None:
-    """Ticks of ten turns, or None if nobody turned it."""
+    """Ticks of ten turns, or None if the wheel was not turned."""
     name = SIDES[wheel]
     question = Question(
         f"counts_{name}",

@@ -66,7 +66,7 @@ ShowTimeLeft = Callable[[float], None]
 
 
 def show_nothing(_left_s: float) -> None:
-    """Nobody wants to know how long the wheels still turn."""
+    """Ignores how long the wheels still turn."""
 
 
 class Pair(NamedTuple):
@@ -209,18 +209,18 @@ def fresh(robot: Robot) -> WheelSample:
 
 
 def uninterrupted(motion: Callable[[], Motion | None]) -> Motion:
-    """Repeat a motion that is None because a setpoint ran out meanwhile.
+    """Repeat a motion that returned None because a setpoint expired during it.
 
     Raises:
-        CommissioningFailed: They run out again and again.
+        CommissioningFailed: Setpoints expire again and again.
     """
     for _ in range(ATTEMPTS):
         result = motion()
         if result is not None:
             return result
     raise CommissioningFailed(
-        "setpoints reach the robot too late again and again: this computer or the line is too "
-        "busy; end other programs, then begin again"
+        "setpoints keep reaching the robot too late: this computer or the line is too busy; "
+        "end other programs, then begin again"
     )
 
 
@@ -241,7 +241,7 @@ def come_to_rest(robot: Robot) -> Record:
         if moved > RESTING_TICKS:
             anchor, last_move_s = record.ticks, record.seconds
         if record.seconds > LONGEST_ROLL_S:
-            raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
+            raise CommissioningFailed("a wheel turns although it is not driven: hold it still")
     return record
 
 
@@ -250,7 +250,7 @@ def one_session(robot: Robot) -> Iterator[None]:
     """Refuse what was measured partly after a reset or with the link lost for a while.
 
     Raises:
-        BoardReset: The board was reset meanwhile; or else
+        BoardReset: The board was reset; or else
         CommissioningFailed: There is a new session: parameters that were not saved are lost, too.
     """
     before = robot.statistics
@@ -331,7 +331,7 @@ class Pulsed:
     """What the pulses of one bridge did.
 
     Attributes:
-        duty: At which a counter began to count; the highest one if none did.
+        duty: The duty at which a counter began to count; the highest one if none did.
         ticks: Ticks of each counter.
         toggles: In how many samples each counter had changed.
     """
@@ -367,7 +367,7 @@ def pulse(robot: Robot, side: int) -> Pulsed:
 
 
 def pulse_harder(robot: Robot, side: int) -> Pulsed:
-    """Go on where `pulse` ended: nothing turned, or it is known which wheel does, and which way."""
+    """Continue where `pulse` ended: nothing turned, or the wheel and its direction are known."""
     return _rise(robot, side, _HARDER_S, _HIGHEST_DUTY * _RISE, _HARDEST_DUTY)
 
 
@@ -387,7 +387,7 @@ def _rise(robot: Robot, side: int, seconds: float, duty: float, unnoticed: float
 
 
 def show(robot: Robot, side: int, pulsed: Pulsed) -> Pulsed:
-    """Pulse one bridge once more, long enough for a person to see which way the wheel turns."""
+    """Pulse one bridge again, long enough for a person to see which way the wheel turns."""
     duty, seconds = min(pulsed.duty * _RISE, _HARDEST_DUTY), _SHOW_S
     if not pulsed.was_noticed:  # how fast the wheel turns, if it does, is not known
         duty, seconds = pulsed.duty, _RISE_S

@@ -1,4 +1,4 @@
-"""What a sound robot reaches in the test drive of a set-up, for the length of its ticks.
+"""What a sound robot reaches in setup's test drive, depending on the length of its ticks.
 
 The fewer ticks a wheel has, the later a change of its speed shows, and the worse it can follow. The
 curve is fitted to the simulator's robots, of each plant, raised and on the floor, with 20 to 1440
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from ...robot.robot import Robot
 from ..tune.before_after import TOP_MPS, Proof
-from .problems import TRACKS_BADLY, Problem
+from .problems import LATE_SETPOINTS, TRACKS_BADLY, Problem
 
 FLOOR_MPS = 0.008
 """Tracking error that friction leaves, however short the ticks are."""
@@ -22,7 +22,9 @@ OF_TICK = 0.63
 OF_SPEED = 0.3
 """Exponents: how that error grows with the length of a tick, and with the speed of the drive."""
 BEYOND = 1.3
-"""So many times what a sound robot reaches; the worst of those reached 1.1 times that."""
+"""Limit, as a multiple of a sound robot's result; the worst sound robot reached 1.1 times."""
+LATE = 0.3
+"""Setpoints that differ from the course by this multiple may be why a sound robot is beyond it."""
 
 
 def sound_rms_mps(tick_m: float, top_mps: float) -> float:
@@ -44,7 +46,7 @@ def expected_rms_mps(robot: Robot, proof: Proof) -> float:
 
 
 def judge(proof: Proof, expected_mps: float, counts: int) -> Sequence[Problem]:
-    """The wheels that track worse than those of a sound robot.
+    """The wheels that track worse than those of a sound robot; or why the drives do not tell.
 
     Args:
         proof: Both drives; the better one of a wheel is what it reaches.
@@ -60,4 +62,11 @@ def judge(proof: Proof, expected_mps: float, counts: int) -> Sequence[Problem]:
                 f"reaches {expected_mps * 1e3:.0f}"
             )
             found.append(Problem(TRACKS_BADLY, wheel, detail))
+    late = [
+        trace.longest_gap_s
+        for trace in proof.traces
+        if trace and trace.late_mps(proof.course) > LATE * expected_mps
+    ]
+    if found and late:
+        return [Problem(LATE_SETPOINTS, detail=f"{max(late) * 1e3:.0f}")]
     return found

@@ -24,7 +24,7 @@ class Line(NamedTuple):
     slope: float
     """[m/s per duty]"""
     offset: float
-    """Duty at which the line says that the wheel stands."""
+    """Duty at which, by the line, the wheel stands still."""
     deviation: float
     """The greatest distance of a point from the line, as a fraction of the greatest speed."""
 
@@ -96,11 +96,11 @@ def _residual(
 
 def _ramp_response(times: Values, time_constant_s: float, ramp_s: float) -> Values:
     """Response of a lag to an input that rises from 0 to 1 within `ramp_s`."""
-    # A step is a ramp of length 0, by which the result would be divided.
+    # A step is a ramp of length 0; dividing by the length would fail.
     ramp_s = max(ramp_s, 1e-4)
 
-    # A ramp is the difference of two integrated steps, so its response is that of two integrals of
-    # the step response, 1 - exp(-t / time_constant_s).
+    # A ramp is the difference of two integrated steps, so its response is the difference of two
+    # integrals of the step response, 1 - exp(-t / time_constant_s).
     def integral(elapsed: Values) -> Values:
         elapsed = np.maximum(elapsed, 0.0)
         return elapsed + time_constant_s * np.expm1(-elapsed / time_constant_s)

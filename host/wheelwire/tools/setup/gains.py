@@ -21,9 +21,9 @@ twice that leaves room for what the model lacks, such as play in the gearbox."""
 
 FLOOR_INERTIA = 3.0
 """The assumed inertia of the robot, relative to that of its raised wheels, until it is measured on
-the floor. The rotor of a gear motor counts by the square of the gear ratio, so the robot's mass
-adds only some times as much: the plants of the simulator have 3.1 to 6.4. This is the least of
-them: too much feed-forward is a jerk, and the loop makes up for too little."""
+the floor. The inertia of a gear motor's rotor is multiplied by the square of the gear ratio, so the
+robot's mass adds only a few times as much: the simulator's plants have 3.1 to 6.4. This is about
+the lowest of them: too much feed-forward jerks the robot, and the loop makes up for too little."""
 
 
 def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> tuple[float, float]:
@@ -43,14 +43,14 @@ def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> tuple[fl
 
 
 def tuned(identification: Identification, robot: Robot) -> dict[str, float]:
-    """The parameters that fit what was found, by name, for the loop as it is.
+    """The parameters that fit the measurements, by name, for the present loop.
 
     acceleration_feedforward is velocity_feedforward times the time constant. A wheel's velocity
     error is the growth of its following error, and path_gain adds a part of the following error
     itself to the command: that acts as integral gain, and is taken off it.
 
-    What could not be measured is left out: nominal_supply_v without a measured battery, and the
-    gains without a time constant, or where speed over duty is no line.
+    Values that could not be measured are left out: nominal_supply_v without a measured battery, and
+    the gains without a time constant, or if speed over duty is not a line.
 
     Raises:
         LinkLost: The robot is out of reach.

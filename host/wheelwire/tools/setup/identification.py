@@ -1,7 +1,7 @@
 """What duty a robot's wheels need: breakaway, speed over duty, and how fast they follow.
 
-Open loop, by duty setpoints alone, so it needs no gains. The wheels must count in the direction in
-which they are driven. Three measurements, in both directions, both wheels at a time:
+Open loop, by duty setpoints alone, so it needs no gains. The wheels must count in the direction of
+the drive. Three measurements, in both directions, both wheels at a time:
 
 1. Breakaway: the duty rises slowly until a wheel starts to turn.
 2. Steps between two duties at which the wheels turn, so that friction does not change on the way:
@@ -10,7 +10,7 @@ which they are driven. Three measurements, in both directions, both wheels at a 
    goes up and down if the robot is raised; on the floor it drives forward and back at each duty.
 
 The staircase's least-squares line gives the feed-forwards of the velocity loop, `duty = static +
-velocity_feedforward * speed`. Breakaway is no part of it: a turning wheel needs less.
+velocity_feedforward * speed`. Breakaway is not used for it: a turning wheel needs less.
 """
 
 from __future__ import annotations
@@ -78,14 +78,14 @@ _BENT = 0.05
 _HEADROOM = 0.9
 """Fraction of full duty; the rest is for the loop."""
 _FEWEST_GAPS = 2
-"""Duties at which an encoder's counts have gaps: once may be an obstacle."""
+"""An encoder is faulty if its counts have gaps at this many duties: one may be an obstacle."""
 _UNEQUAL = 0.15
 """Difference between wheels or directions, as a fraction, that is worth a word."""
 
 
 @dataclass(frozen=True)
 class WheelIdentification:
-    """What was found of one wheel, both directions together.
+    """The results of one wheel, both directions together.
 
     Attributes:
         static_feedforward: Where the line of speed over duty meets standstill. [duty]
@@ -109,12 +109,12 @@ class WheelIdentification:
 
 @dataclass(frozen=True)
 class Identification:
-    """What was found of a robot.
+    """The results of a robot.
 
     Attributes:
         left: The left wheel.
         right: The right wheel.
-        on_the_floor: The time constants are those of the whole robot.
+        on_the_floor: The time constants are the whole robot's.
         supply_v: The battery while the wheels turned; None if it is not measured. [V]
         problems: In words, each with what to do.
     """
@@ -159,8 +159,8 @@ def identify(
     time; on the floor the robot drives back and forth, and needs a metre ahead of it.
 
     Args:
-        robot: Its wheels turn and count in the direction in which they are driven, and
-            `counts_per_revolution` and `wheel_radius` are its own.
+        robot: Its wheels turn and count in the direction of the drive, and `counts_per_revolution`
+            and `wheel_radius` are set.
         report: Called with a sentence on what is done now.
         on_the_floor: Whether it stands on its wheels.
         left: Called with about how long the wheels still turn [s].
@@ -168,7 +168,7 @@ def identify(
     Raises:
         CommissioningFailed: A wheel does not turn, or counts backward; an e-stop or a fault is
             latched; the board was reset, or the link was lost for a while.
-        DeviceRefused: An e-stop or a fault was latched meanwhile.
+        DeviceRefused: An e-stop or a fault was latched during the measurement.
         LinkLost: The robot is out of reach.
         RequestTimeout: It is in reach, but does not answer.
     """
@@ -216,7 +216,7 @@ class _Bench:
         self._m_per_tick = 2 * math.pi * values["wheel_radius"] / self._counts
         self._rate_per_s = values["max_duty_rate_per_s"]
         self._most_duty = values["max_duty"]
-        # Below the duty at which a wheel that stands trips a fault.
+        # Below the duty at which a standing wheel trips a fault.
         self._most_breakaway = min(_MOST_BREAKAWAY, 0.98 * values["stall_duty"], self._most_duty)
         self._supply: list[float] = []
         self._gaps = [0, 0]
@@ -282,8 +282,9 @@ class _Bench:
             if duty is None:
                 raise CommissioningFailed(
                     f"the {wheel} wheel does not start to turn up to duty "
-                    f"{self._most_breakaway:.2f}: the loop cannot hold a weaker motor, so setup "
-                    "tunes none; check that the wheel is free, its supply and its motor"
+                    f"{self._most_breakaway:.2f}: the loop cannot hold a weaker motor, so "
+                    "setup does not tune it; check that the wheel is free, its supply and its"
+                    " motor"
                 )
             if duty < 0:
                 raise CommissioningFailed(
@@ -314,7 +315,7 @@ class _Bench:
         for sign in (1, -1):
             come_to_rest(self._robot)
             records[sign] = self._steps([sign * low, sign * high, sign * low])
-        # The fit takes a while: the wheels must not go on until the last setpoint runs out.
+        # The fit takes a while: the wheels must not turn until the last setpoint expires.
         come_to_rest(self._robot)
         return None if any(record.lapsed for record in records.values()) else records
 
@@ -339,7 +340,8 @@ class _Bench:
             begin = self._ramp_begin(times, duties, start, end, number * _EDGE_S)
             if begin is None:
                 continue
-            # From before the edge, since the speed there is fitted as well, to before the next one.
+            # From before the edge, because the earlier speed is fitted as well, to before the next
+            # edge.
             chosen = [
                 (time - begin, speed)
                 for time, speed in zip(times, speeds, strict=True)
@@ -436,11 +438,11 @@ class _Bench:
 
     def _add(self, speeds: Pair, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
         for found, speed in zip(stairs, speeds, strict=True):
-            if speed * duty > 0:  # a wheel that stands still is no part of the curve
+            if speed * duty > 0:  # a wheel that stands still is not part of the curve
                 found.append((duty, speed))
 
     def _stair(self, duty: float) -> Pair | None:
-        """The steady speeds in m/s at one duty; None if a setpoint ran out meanwhile."""
+        """The steady speeds in m/s at one duty; None if a setpoint expired."""
         # 0.1 s more for the link and for the ramp of the duty.
         settle_s = _SETTLED * self._time_constant_s + 0.1
         both = Pair(duty, duty)
@@ -584,7 +586,7 @@ def _nonlinearity(curve: Sequence[tuple[float, float]], line: Line) -> str:
     lower = fit_line(curve[: middle + 1]).slope
     upper = fit_line(curve[middle:]).slope
     return (
-        f"speed over duty is no line: it rises by {lower:.2f} m/s per duty below duty "
+        f"speed over duty is not a straight line: it rises by {lower:.2f} m/s per duty below duty "
         f"{curve[middle][0]:.2f} and by {upper:.2f} above; the line is off by up to "
         f"{line.deviation:.0%} of the greatest speed"
     )
@@ -607,7 +609,7 @@ def _problems(wheels: Sequence[WheelIdentification], stairs: Sequence[_Stairs]) 
     if _differ(left, right):
         found.append(
             f"the motors are unequal: left {left:.2f}, right {right:.2f} m/s per duty. The "
-            "feed-forward is their mean, the loop makes up for the rest"
+            "feed-forward is their mean, the loop corrects the rest"
         )
     return tuple(found)
 

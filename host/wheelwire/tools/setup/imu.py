@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, TypeVar, cast
 
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codes import Capability
+from wheelwire_protocol.codes import Capability, ConfigurationState
 from wheelwire_protocol.sensors import Axis, SensorState
 
 from ...board import Configuration, ImuSensor, axis_name, packed_entry, unpacked_entry
@@ -206,7 +205,7 @@ def _save(
 
 def _board_of(robot: Robot) -> Configuration | None:
     if Capability.RESTART not in robot.info.device.capabilities:
-        return None  # it cannot store another one
+        return None  # it cannot store another list
     try:
         state, board = robot.board.read()
     except GroupUnavailable:
@@ -220,7 +219,7 @@ def _find(
     try:
         robot.sensors.start(DEFAULT_RATE_HZ)
         sample = robot.imu.read()
-        # By default not again, unless the mounting seems to have changed.
+        # By default do not measure it again, unless the mounting seems to have changed.
         is_known = any(imu.bias) and angle_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
         question = Question(
             "imu",
@@ -235,7 +234,7 @@ def _find(
         with robot.parameters.trial(), not_watching(robot, "rolling_velocity_mps"):
             return _Search(robot, person, say, imu).run()
     except SensorMissing:
-        return None  # the firmware reads no list that is not confirmed
+        return None  # the firmware does not read an unconfirmed list
     except SensorStale as error:
         look_at = _LOOK_AT.get(error.state, "its wires")
         note(f"IMU {sentence_of_state(error.state)}. Look at {look_at}; its values stay the same")
@@ -349,7 +348,7 @@ class _Search:
                 f"after {_PATIENCE_S:.0f} s the robot still was not level: put it down first"
             )
         raise Unclear(
-            f"nobody lifted the robot by {LEAST_LIFT_DEG:.0f} degrees or more, and held it there, "
+            f"the robot was not lifted by {LEAST_LIFT_DEG:.0f} degrees or more, and held there, "
             f"within {_PATIENCE_S:.0f} s"
         )
 
@@ -366,7 +365,7 @@ class _Search:
             if former is not None or self._is_level(reading, rest):
                 former = reading
         raise Unclear(
-            f"nobody turned the robot by {TURNED_DEG:.0f} degrees within {_PATIENCE_S:.0f} s"
+            f"the robot was not turned by {TURNED_DEG:.0f} degrees within {_PATIENCE_S:.0f} s"
         )
 
     @staticmethod
@@ -380,12 +379,12 @@ class _Search:
     ) -> Iterator[tuple[Reading, Mean | None]]:
         """Each sample for this long, some with the mean of those in a window before it.
 
-        On the floor the window is one in which the wheels stood: they see a smooth turn, of which
-        the samples differ no more than at rest.
+        On the floor, the wheels must have stood during the window: they detect a smooth turn,
+        during which the samples vary no more than at rest.
 
         Raises:
             CommissioningFailed: The board was reset.
-            SensorStale: No sample comes any more.
+            SensorStale: Samples stopped coming.
         """
         samples = self._robot.imu.samples()
         window = _Window(window_s)

@@ -36,7 +36,7 @@ _GRAVITY_ERROR = 0.15
 
 
 class Unclear(CommissioningFailed):
-    """What was measured tells nothing. The message says why, and what to do before the next try."""
+    """The measurement is useless. The message says why, and what to do before the next try."""
 
 
 class Reading(NamedTuple):
@@ -45,7 +45,7 @@ class Reading(NamedTuple):
     Attributes:
         t_us: The device's clock. [us]
         gyro: Turning, with the bias. [rad/s]
-        acceleration: Without the robot's own motion, that of the floor's push. [m/s^2]
+        acceleration: At rest it is the upward push of the floor. [m/s^2]
     """
 
     t_us: int
@@ -85,7 +85,7 @@ def mean_of(readings: Sequence[Reading]) -> Mean:
 
 
 def is_steady(mean: Mean, gyro_noise: float, acceleration_noise: float) -> bool:
-    """Whether the samples differ by no more than those of a robot that stands.
+    """Whether the samples differ by no more than a standing robot's.
 
     Args:
         mean: Of the samples.
@@ -99,7 +99,7 @@ def is_steady(mean: Mean, gyro_noise: float, acceleration_noise: float) -> bool:
 
 
 def check_rest(rest: Mean) -> None:
-    """Check that steady samples are those of a robot that stands, and of an IMU in order.
+    """Check that steady samples fit a standing robot and a working IMU.
 
     Raises:
         Unclear: They are not.
@@ -262,7 +262,7 @@ def in_chip(vector: Vector, forward: Axis, up: Axis) -> Vector:
 
 
 def _across(vector: Vector, axis: Vector) -> Vector:
-    """What of a vector is perpendicular to an axis."""
+    """The part of a vector perpendicular to an axis."""
     share = _dot(vector, axis) / _dot(axis, axis)
     return _vector(a - share * b for a, b in zip(vector, axis, strict=True))
 

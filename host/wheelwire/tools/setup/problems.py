@@ -1,4 +1,4 @@
-"""What parameters cannot mend: each defect in words."""
+"""What parameters cannot fix: each defect in words."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ LOW_BATTERY = Defect(
 SAGS = Defect(
     "supply sags",
     "the motors pull the supply down{detail}: charge the battery, use thicker and shorter leads, "
-    "and give the board a supply of its own",
+    "and feed the board by USB alone",
     "supply_ohm, brownout_v",
 )
 CONTACT_OPEN = Defect(
@@ -141,7 +141,7 @@ NOT_CONFIRMED = Defect(
 )
 FAULTED = Defect(
     "a drive ended in a fault",
-    "{detail} Mend it, then begin again; to save what was found before without tuning, answer no "
+    "{detail} Repair it, then begin again; to save what was found before without tuning, answer no "
     "to the question for it",
     "",
 )
@@ -150,6 +150,12 @@ TRACKS_BADLY = Defect(
     "its tracking error is {detail}: its encoder may miss a magnet or be uneven: look at the "
     "magnet ring or code disc, and at its distance from the sensor; then at play in gearbox and "
     "hub, and at what rubs",
+    "",
+)
+LATE_SETPOINTS = Defect(
+    "setpoints came late",
+    "up to {detail} ms apart, because this computer or the line was too busy, and so the test "
+    "drives say nothing about gains and encoders: end other programs, then repeat the set-up",
     "",
 )
 WRONG_WHEEL = Defect(
@@ -183,7 +189,7 @@ class Problem:
 
 
 class Unfit(CommissioningFailed):
-    """The robot has defects that no parameter mends.
+    """The robot has defects that no parameter can fix.
 
     Args:
         problems: What was found.

@@ -1,4 +1,4 @@
-"""The questions of a set-up, and who answers them."""
+"""The questions of a set-up, and the sources of their answers."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Question:
         """The answer as one of `choices`, or as a number's text.
 
         Raises:
-            InvalidArgument: It is neither. The message has what may be given.
+            InvalidArgument: It is neither. The message lists the allowed answers.
         """
         # YAML makes booleans of yes and no. Without the type check 1 would be yes: 1 == True.
         words = {True: YES, False: NO}.get(answer, answer) if isinstance(answer, bool) else answer
@@ -108,7 +108,7 @@ class Question:
 
 
 def _forms() -> dict[str, Question]:
-    """What each answer of a file may be."""
+    """The questions that a file may answer, by key."""
     yes_or_no = dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO))
     seen = (*WHEEL_AND_WAY, NONE, BOTH, AGAIN)
     choices = {
@@ -142,7 +142,7 @@ class AnswersFile:
         otherwise: Answers the rest. None: the defaults are taken.
 
     Raises:
-        ConfigurationError: The file is invalid, or an answer in it is none: before anything moves.
+        ConfigurationError: The file or one of its answers is invalid. Raised before anything moves.
     """
 
     def __init__(self, file: Path, otherwise: Person | None = None) -> None:
@@ -165,7 +165,7 @@ class AnswersFile:
                 raise ConfigurationError(f"{self._file}: {error}") from error
         if self._otherwise is not None:
             return self._otherwise.answer(question)
-        # No default would be safe for these: only who is at the robot knows.
+        # No default would be safe for these: only a person at the robot knows.
         if question.key in ANSWER_KEYS[:3]:
             raise ConfigurationError(
                 f"{self._file} has no answer `{question.key}`: add it; it is one of "
@@ -175,7 +175,7 @@ class AnswersFile:
             return SKIP
         if question.key == "floor":
             return YES  # the option says so
-        # A script says all that it wants: what another run has found is not among it, nor is a
+        # A script's options say all that it wants. They do not include another run's results, or a
         # person who lifts the robot.
         return NO if question.key in ("resume", "imu") else question.default
 
@@ -245,7 +245,7 @@ class SimulatedPerson:
             patience_s = _HAND_LIMIT_S if now < left else patience_s - 0.1
             left = now
         sim.set(name, 0.0)
-        # The next answer must not take this turn for that of a pulse.
+        # This turn of the wheel must not be mistaken for the next pulse's.
         self._turns = self._true_turns()
         return TURNED if left == 0.0 else HELD
 

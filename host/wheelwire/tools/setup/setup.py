@@ -7,8 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wheelwire_protocol.board import ConfigurationState
-from wheelwire_protocol.codes import Capability, Contradiction, Fault, ResetReason
+from wheelwire_protocol.codes import (
+    Capability,
+    ConfigurationState,
+    Contradiction,
+    Fault,
+    ResetReason,
+)
 
 from ...board import Configuration, chip_of_pins
 from ...errors import (
@@ -20,6 +25,7 @@ from ...errors import (
 )
 from ...parameters import Trial, definition_of, number_text
 from ...robot.robot import Robot
+from ...whole_file import write_whole
 from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
 from ..files.state import state_folder
@@ -30,7 +36,15 @@ from .expectation import expected_rms_mps, judge
 from .gains import tuned
 from .identification import identify
 from .imu import ImuFindings, set_up_imu
-from .problems import FAULTED, MAGNET_MISSING, SAGS, VOIDING, Problem, Unfit
+from .problems import (
+    FAULTED,
+    LATE_SETPOINTS,
+    MAGNET_MISSING,
+    SAGS,
+    VOIDING,
+    Problem,
+    Unfit,
+)
 from .questions import KEEP, NO, YES, Person, Question, Say
 from .wiring import (
     Wiring,
@@ -87,11 +101,11 @@ class Progress:
         self._file = (folder or state_folder()) / f"setup-{board_id}.json"
 
     def load(self) -> dict[str, dict[str, float]]:
-        """Values of parameters by step; none if there is no unfinished set-up."""
+        """Values of parameters by step; empty without an unfinished set-up."""
         try:
             content = json.loads(self._file.read_text("utf-8"))
         except (OSError, ValueError):
-            # A damaged file is not worth an error: the set-up only begins anew.
+            # A damaged file is not worth an error: the set-up only starts again.
             return {}
         return content if _is_valid(content) else {}
 
@@ -101,12 +115,9 @@ class Progress:
         Raises:
             OutputFailed: It cannot be written.
         """
-        # Replaced as a whole: if this is interrupted, the previous file is still there.
-        new = self._file.with_suffix(".new")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            new.write_text(json.dumps(found), "utf-8")
-            new.replace(self._file)
+            write_whole(self._file, json.dumps(found).encode())
         except OSError as error:
             raise OutputFailed.at(self._file, error) from error
 
@@ -117,7 +128,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a set-up has found; None where it did not get to it.
+    """The results of a set-up; None for steps that it did not reach.
 
     Attributes:
         imu: How the IMU is mounted, and its gyroscope's bias.
@@ -251,7 +262,7 @@ class _SetUp:
             self._set("wiring", resumed["wiring"])
         else:
             self._find_wiring()
-        # Also one that was resumed: somebody may have changed the wires since.
+        # Also a resumed set-up: somebody may have changed the wires since.
         self._check_wiring()
         self.say("3/4 Counts and sizes")
         if COUNTS in resumed:
@@ -318,7 +329,7 @@ class _SetUp:
             if self.options.on_the_floor or isinstance(error, Unfit):
                 # On the floor the gains are all that was asked for.
                 raise
-            # What was found before is good all the same.
+            # What was found before is still good.
             self._note(str(error))
             return
         rms_before_mps, rms_after_mps = proof.rms_mps(0, 1)
@@ -339,7 +350,8 @@ class _SetUp:
             self._plot(proof, self.options.plot)
         # Only now: the table and the picture show what the fault has ended.
         self._judge_faults(*proof.faults)
-        self._judge_tracking(judge(proof, rms_sound_mps, counts))
+        if not self._judge_tracking(judge(proof, rms_sound_mps, counts)):
+            return
         if proof.better:
             self._set("gains", after)
         else:
@@ -371,11 +383,16 @@ class _SetUp:
         if before:
             self.say(f"with the previous values a fault ended the drive: {fault_names(before)}")
 
-    def _judge_tracking(self, problems: Iterable[Problem]) -> None:
+    def _judge_tracking(self, problems: Sequence[Problem]) -> bool:
+        """Whether the test drives tell which values are better."""
+        is_late = any(problem.defect is LATE_SETPOINTS for problem in problems)
+        if is_late and self.options.on_the_floor:
+            raise Unfit(problems)
         for problem in problems:
             # Its cause has a name already.
             if str(Problem(MAGNET_MISSING, problem.side)) not in self.findings.problems:
                 self._note(problem)
+        return not is_late
 
     def _plot(self, proof: Proof, file: Path) -> None:
         try:
@@ -480,7 +497,7 @@ def _file_of(robot: Robot, values: dict[str, float]) -> ParameterFile:
 
 def _write(path: Path, file: ParameterFile) -> None:
     try:
-        path.write_text(file.text(), "utf-8")
+        write_whole(path, file.text().encode())
     except OSError as error:
         raise OutputFailed.at(path, error) from error
 
@@ -545,7 +562,7 @@ def choose_board(robot: Robot, person: Person, say: Say) -> None:
 
 
 def _is_same(board: Configuration, present: Configuration | None) -> bool:
-    """Whatever its peripherals."""
+    """Any peripherals are accepted."""
     return present is not None and board == replace(present, peripherals=board.peripherals)
 
 

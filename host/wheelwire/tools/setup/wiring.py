@@ -227,7 +227,7 @@ def check_floor(robot: Robot, person: Person) -> None:
 
     Raises:
         Unfit: The contact is open, or there is no supply or too little.
-        CommissioningFailed: There is no room, a fault cannot be cleared, or a wheel turns.
+        CommissioningFailed: The floor is not free, a fault cannot be cleared, or a wheel turns.
     """
     if person.answer(FLOOR) != YES:
         raise CommissioningFailed("make room for the robot, then begin again")
@@ -247,7 +247,7 @@ def _check_still(robot: Robot) -> None:
         sample = robot.read()
     travel = sample.since(start)
     if max(abs(travel.left), abs(travel.right)) > RESTING_TICKS:
-        raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
+        raise CommissioningFailed("a wheel turns although it is not driven: hold it still")
 
 
 def find_low_battery(robot: Robot) -> list[Problem]:
@@ -261,7 +261,7 @@ def find_low_battery(robot: Robot) -> list[Problem]:
 
 
 def clear(robot: Robot) -> None:
-    """Clear whatever is latched.
+    """Clear everything that is latched.
 
     Raises:
         Unfit: The e-stop's contact is open.
@@ -275,7 +275,7 @@ def clear(robot: Robot) -> None:
         # A fault that the e-stop hid is active again once that is cleared.
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
-        # Also where nothing was latched: a board that was chosen before has restarted the robot.
+        # Even if nothing was latched: choosing a board has restarted the robot.
         arm(robot)
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
@@ -297,7 +297,7 @@ def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequenc
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     say("One motor is pulsed, gently at first. Watch which wheel turns.")
-    # A wheel that counts against its drive is no fault yet. The fault would end a pulse before
+    # A wheel that counts against its drive is not a fault yet. The fault would end a pulse before
     # anybody has seen the wheel turn.
     with not_watching(robot, "reversal_duty"):
         first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
@@ -348,7 +348,8 @@ def _harder_if_unnoticed(robot: Robot, side: int, seen: Seen) -> Seen:
 def _ask_until_seen(
     robot: Robot, person: Person, question: Question, side: int, pulsed: Pulsed
 ) -> Seen:
-    # Nothing tells how far a wheel has turned that no counter noticed: it is shown only once more.
+    # No counter noticed this wheel, so nothing shows how far it has turned: it is shown only once
+    # more.
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
         if (answer := person.answer(question)) != AGAIN:
             return Seen(pulsed, answer)
@@ -362,7 +363,7 @@ def _ask_until_seen(
 def _motionless(robot: Robot, person: Person, first: Seen, second: Seen) -> list[Problem]:
     """What is wrong with wheels that no pulse turned, found with a hand on them."""
     bridges = [side for side, seen in enumerate((first, second)) if seen.answer == NONE]
-    # Where a counter moved, the wheel is not motionless: `find_problems` has said what it is.
+    # If a counter moved, the wheel is not motionless: `find_problems` has reported the problem.
     if not bridges or any(one.pulsed.was_noticed for one in (first, second) if one.answer == NONE):
         return []
     moved = [one.wheel for one in (first, second) if one.wheel is not None]
@@ -420,7 +421,7 @@ def confirm(robot: Robot, pulsed: Sequence[float]) -> float:
     low, high = _CONFIRM_DUTY
     duty = min(max(1.5 * max(pulsed, default=high), low), high)
     driven = run(robot, Pair(duty, duty), _CONFIRM_S)
-    # With a low supply or much friction that may turn nothing, which says nothing of the wiring.
+    # With a low supply or much friction no wheel may turn. That proves nothing about the wiring.
     if min(map(abs, driven.ticks)) < COUNTED_TICKS:
         duty = 1.0
         driven = run(robot, Pair(duty, duty), _CONFIRM_S)
@@ -443,7 +444,7 @@ def check_supply(robot: Robot) -> list[Problem]:
     except BoardReset as error:
         raise Unfit([Problem(SAGS, detail=" so far that the board is reset")]) from error
     volts = [s.battery_v for s in burst.samples if s.battery_v is not None]
-    # Where the battery is measured at all, each sample has it.
+    # If the battery is measured at all, each sample has it.
     if not volts or (low_v := min(volts)) > (1 - _SAG) * (rest_v := volts[0]):
         return []
     return [Problem(SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
@@ -493,7 +494,7 @@ def _unequal(driven: Record, pulsed: Sequence[float]) -> list[Problem]:
 
 
 def _at_steady_speed(driven: Record, side: int, duty: float) -> list[WheelSample]:
-    """Not while the wheels start, nor while they roll out."""
+    """Neither while the wheels start nor while they roll out."""
     first = driven.samples[0]
     return [
         sample

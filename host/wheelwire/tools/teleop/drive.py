@@ -83,8 +83,8 @@ class Teleop:
     def arm(self) -> None:
         """Have the robot obey the first key, where it was opened only to look at it.
 
-        As when a robot is opened to drive it: it is left stopped, and what it refuses is no error
-        here, for it refuses the first key for the same reason.
+        This does what opening a robot to drive does: it leaves it stopped. A refusal is not an
+        error here, because the first key is refused for the same reason.
         """
         with suppress(WheelwireError):
             self._robot.set_velocity(0.0, 0.0, self._longest_s)
@@ -144,7 +144,7 @@ class Teleop:
         if isinstance(error, DeviceRefused) and error.code == RefusalCode.UNARMED:
             self._waits_for_release = True
             text = RELEASE_FIRST
-        # Of a refusal the sentence grows once the device has said what holds it.
+        # A refusal's sentence grows once the device has said what holds it.
         complaint = str(int(error.code)) if isinstance(error, DeviceRefused) else text
         if complaint != self._complaint:
             self._complaint = complaint
@@ -172,7 +172,7 @@ class Teleop:
         self._sent = None
 
     def _take_command(self, key: str) -> None:
-        # Whoever presses a command wants to know what is wrong, even if it was shown before.
+        # A person who presses a command wants to know what is wrong, even if it was shown before.
         self._complaint = ""
         if key == INTERRUPT:
             raise KeyboardInterrupt
@@ -242,7 +242,7 @@ def drive(robot: Robot, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
             if isinstance(event, KeyboardFlags):
                 terminal.take_flags(event)
             else:
-                # The time anew: a key before this one may have waited for the robot's answer.
+                # Read the time again: a key before this one may have waited for the robot's answer.
                 teleop.take(event, time.monotonic(), stale=stale)
         teleop.command(time.monotonic())
         if now >= show_from:

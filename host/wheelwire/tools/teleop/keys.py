@@ -1,13 +1,13 @@
 """From a terminal's bytes to keys, and from keys to what they ask for. Sans-IO.
 
-Two encodings arrive: the usual one, which has no releases, and that of the kitty keyboard protocol
-(https://sw.kovidgoyal.net/kitty/keyboard-protocol/), which has them. Sequences may be split
-anywhere. A space is always a key of its own, whatever came before it: it stops the robot.
+There are two encodings: the usual one, without releases, and that of the kitty keyboard protocol
+(https://sw.kovidgoyal.net/kitty/keyboard-protocol/), with releases. Sequences may be split
+anywhere. A space is always its own key, even in the middle of a sequence: it stops the robot.
 
 A terminal repeats a held key after a delay of 0.25 to 0.66 s, then some 30 times a second, and
-most terminals do not report its release. So each press and each repeat lives for a while of its
-own; a release, where there is one, ends the press at once. No press lives on without repeats, even
-where releases are reported: a release may be lost with the connection or the window's focus.
+most terminals do not report its release. So each press and each repeat counts for a limited time. A
+release, if one is reported, ends the press at once. Even then no press lasts without repeats: a
+release may be lost with the connection or the window's focus.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _ARROWS = {"A": UP, "B": DOWN, "C": RIGHT, "D": LEFT}
 _INTERRUPTING = {0x03, 0x04, 0x1A, 0x1C}
 _CTRL = 4
 _IGNORED_MODIFIERS = 0b111110
-"""Alt, ctrl, super, hyper, meta; neither shift nor caps lock and num lock."""
+"""Alt, ctrl, super, hyper, meta; not shift, caps lock or num lock."""
 
 
 class Action(enum.Enum):
@@ -165,7 +165,7 @@ def _control_sequence(text: str) -> Event | None:
     else:
         key = _ARROWS[final]
     # With alt or ctrl it is another key. But a space always stops, and a release always ends its
-    # press, whatever is held beside it.
+    # press, whatever else is held.
     if key is None or (
         modifiers & _IGNORED_MODIFIERS and key != SPACE and _action(action) is not Action.RELEASED
     ):
@@ -220,11 +220,11 @@ class Presses:
                 self._renew_all(now + FIRST_LIFE_S)
 
     def clear(self) -> None:
-        """Let go of all keys; those still held have to be pressed anew."""
+        """Let go of all keys; those still held must be pressed again."""
         self._ends.clear()
 
     def motion(self, now: float) -> Motion:
-        """What the pressed keys ask for; `STILL` if there are none."""
+        """What the pressed keys ask for; `STILL` without any."""
         self._drop_ended(now)
         if not self._ends:
             return STILL

@@ -6,7 +6,6 @@ import os
 import select
 import termios
 from contextlib import suppress
-from types import TracebackType
 from typing import Any
 
 from .keys import KeyboardFlags
@@ -44,7 +43,7 @@ class Terminal:
 
     def __enter__(self) -> Terminal:
         self._before = termios.tcgetattr(self._keyboard)
-        # Not a copy, which would share the inner list of characters that is changed below.
+        # Read again, not copied: a copy would share the inner list of characters changed below.
         attributes = termios.tcgetattr(self._keyboard)
         attributes[_LFLAG] &= ~(termios.ICANON | termios.ECHO)
         attributes[_IFLAG] &= ~termios.IXON  # Ctrl-S would block the loop at its next output
@@ -59,18 +58,13 @@ class Terminal:
         self._write(_QUERY)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             with suppress(OSError):  # it may be gone
                 self._write(_POP + b"\r\n" if self._pushed else b"\r\n")
         finally:
             with suppress(termios.error):
-                # Drops what was typed meanwhile, such as the release of the last key.
+                # Drops what was typed until now, such as the release of the last key.
                 termios.tcsetattr(self._keyboard, termios.TCSAFLUSH, self._before)
 
     def read(self, timeout: float) -> bytes | None:

@@ -1,1 +1,1 @@
-"""A short drive by hand with other gains, measured beside the same drive with the robot's own."""
+"""A short drive by hand with other gains, compared with the same drive with the robot's own."""

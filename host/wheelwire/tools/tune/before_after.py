@@ -23,6 +23,7 @@ from wheelwire_protocol.codes import Fault
 
 from ...errors import CommissioningFailed, DeviceRefused, InvalidArgument
 from ...robot.robot import Robot
+from ...whole_file import save_figure
 from ..setup.driving import (
     SIDES,
     Pair,
@@ -53,16 +54,16 @@ _MEASUREMENT_LAG = 0.65
 _SHORTEST_HOLD_S = 0.4
 """A part of the drive that is held for less shows no overshoot."""
 _SMALLEST_STEP = 0.3
-"""Nor does a step below this part of the top speed."""
+"""Nor does a step smaller than this fraction of the top speed."""
 _JUMP = 0.25
 """Change of the commanded velocity between two setpoints, as a fraction of the top speed, that
 makes the drive another one: a step's tracking error grows by a tenth to a half."""
 _ATTEMPTS = 3
-"""Drives of a course that ends where it began, until this computer is not held up in one."""
+"""Most drives of a course that ends where it began, before one is not held up by this computer."""
 _LATE = 3.0
 """So many times as long as usual between two samples: this computer was held up."""
 _NOISE_SAMPLES = 3
-"""Overshoot is that of the mean of so many samples."""
+"""Overshoot is measured on the mean of this many samples."""
 
 _PARTS = (
     (1.0, 1.0, 0.8),
@@ -157,7 +158,7 @@ def there_and_back(top_mps: float, ramp_mps2: float) -> Course:
 class Trace:
     """One drive: commanded and measured velocities, left and right, in m/s.
 
-    The commands are those of the moment that the measured velocity is about, which lags.
+    The measured velocity lags, so the commands are from the moment that it describes.
     """
 
     times_s: tuple[float, ...]
@@ -188,8 +189,8 @@ class Trace:
     def is_held_up(self, course: Course) -> bool:
         """Whether this computer fell so far behind the course that it drove another one.
 
-        A setpoint answers a sample. If the next sample is read late, the velocity that was
-        commanded meanwhile lags behind the course.
+        A setpoint answers a sample. If the next sample is read late, the commanded velocity lags
+        behind the course until then.
         """
         usual_s = median(b - a for a, b in pairwise(self.times_s))
         return any(
@@ -201,6 +202,29 @@ class Trace:
             for a, b in pairwise(self.times_s)
         )
 
+    @property
+    def longest_gap_s(self) -> float:
+        """The longest time between two samples."""
+        return max(b - a for a, b in pairwise(self.times_s))
+
+    def late_mps(self, course: Course) -> float:
+        """Root mean square of what the setpoints differed from the course, because they were late.
+
+        As if each had been sent at its sample, been ahead by half of the usual time between two,
+        and been active until the next sample.
+        """
+        gaps = [b - a for a, b in pairwise(self.times_s)]
+        ahead_s = median(gaps) / 2
+        squares = 0.0
+        for begin_s, gap_s in zip(self.times_s, gaps, strict=False):
+            sent = course.at(begin_s + ahead_s)
+            ends = course.at(begin_s), course.at(begin_s + gap_s)
+            # The course is taken as straight from sample to sample.
+            for setpoint, first, last in zip(sent, *ends, strict=True):
+                a, b = first - setpoint, last - setpoint
+                squares += gap_s * (a * a + a * b + b * b) / 3
+        return math.sqrt(squares / (2 * sum(gaps)))
+
     def overshoot(self, course: Course, wheel: int) -> float:
         """The greatest overshoot after a ramp, as a fraction of its step."""
         worst = 0.0
@@ -209,7 +233,7 @@ class Trace:
             held_s = part.end_s - part.held_from_s
             if abs(step) < _SMALLEST_STEP * course.top_mps or held_s < _SHORTEST_HOLD_S:
                 continue
-            # Divided by the step, overshoot is positive whichever way the step went.
+            # Divided by the step, overshoot is positive in both directions.
             beyond = [
                 (pair[wheel] - part.held[wheel]) / step
                 for time, pair in zip(self.times_s, self.measured, strict=True)
@@ -220,7 +244,7 @@ class Trace:
 
 
 def means(values: Sequence[float]) -> list[float]:
-    """Means over so many samples in a row that noise is no overshoot; at least one mean."""
+    """Means over enough samples in a row that noise is not overshoot; at least one mean."""
     count = min(_NOISE_SAMPLES, len(values))
     return [
         sum(values[start : start + count]) / count for start in range(len(values) - count + 1)
@@ -234,7 +258,8 @@ class Proof:
     Attributes:
         course: What was driven.
         traces: Before and after; None: a fault ended that drive.
-        faults: That ended the drive before and the one after; none of a drive that reached its end.
+        faults: The faults that ended each of the two drives; empty for a drive that reached its
+            end.
     """
 
     course: Course
@@ -346,7 +371,7 @@ def draw(path: Path, drives: Sequence[tuple[str, Trace | None]]) -> None:
                 axes.set_ylabel(f"{name} [m/s]")
     for axes in panels[1]:
         axes.set_xlabel("time [s]")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 def check_picture(path: Path) -> None:
@@ -376,7 +401,8 @@ def prove(
 ) -> Proof:
     """Drive the course with both sets of parameters.
 
-    Takes half a minute. Whatever happens, the robot stands and has the values of `before` again.
+    Takes half a minute. At the end, whatever happens, the robot stands and has the values of
+    `before` again.
 
     Args:
         robot: Raised, or with a metre of floor ahead of it.
@@ -387,7 +413,7 @@ def prove(
     Raises:
         CommissioningFailed: An e-stop or a fault was latched before; the board was reset, or
             the link was lost for a while.
-        DeviceRefused: An e-stop was latched meanwhile, or a value is refused.
+        DeviceRefused: An e-stop was latched during the drive, or a value is refused.
         LinkLost: The robot is out of reach; a reset brings back what was saved.
     """
     require_ready(robot)
@@ -455,8 +481,8 @@ def drive_with(
         robot: Ready to drive.
         values: The parameters, by name.
         course: What to drive.
-        attempts: At most so many drives, until this computer is not held up in one. More than one
-            only for a course that ends where it began.
+        attempts: Most drives before one succeeds without this computer falling behind. More than
+            one only for a course that ends where it began.
 
     Raises:
         CommissioningFailed: A wheel got too far, or setpoints come too late.
@@ -478,7 +504,7 @@ def drive_with(
 
 
 def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
-    """A trace, or the fault that ended the drive; None if a setpoint ran out meanwhile."""
+    """A trace, or the fault that ended the drive; None if a setpoint expired."""
     resting = come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
     # round trip later, and is active until the next one: its middle has to be on the course.
@@ -504,8 +530,8 @@ def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
         if (way_m := max(map(abs, record.ticks)) * m_per_tick) > course.longest_way_m:
             robot.stop()
             raise CommissioningFailed(
-                f"a wheel is {way_m:.2f} m from where it began, more than this drive asks for; "
-                "stopped: give other gains, or drive slower"
+                f"a wheel is {way_m:.2f} m from where it began, more than this drive needs; "
+                "stopped: choose other gains, or drive slower"
             )
     if record.lapsed:
         return None

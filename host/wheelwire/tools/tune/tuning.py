@@ -1,4 +1,4 @@
-"""A short drive with other gains than the robot's, measured beside the same drive with its own."""
+"""A short drive with other gains, compared with the same drive with the robot's own."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SETTLED = 0.05
 
 @dataclass(frozen=True)
 class Drive:
-    """What is to be driven.
+    """What to drive.
 
     Attributes:
         shape: `step`: to the speed, and back to rest. `ramp`: up to it and down, both slowly.
@@ -59,7 +59,7 @@ class Drive:
 
     @property
     def top_mps(self) -> float:
-        """The greatest speed, whichever way."""
+        """The greatest speed, in either direction."""
         return abs(self.speed_mps)
 
     @property
@@ -123,7 +123,7 @@ def _check(drive: Drive, is_enough: bool) -> None:
 
 
 def _piece(drive: Drive, height: float, ramp_s: float, hold_s: float) -> Piece:
-    """To this part of its speed."""
+    """A piece of the course that ends at this fraction of the drive's speed."""
     speed = height * drive.speed_mps
     held = Pair(*(speed if wheel in drive.wheels else 0.0 for wheel in (0, 1)))
     return held, ramp_s, hold_s
@@ -241,10 +241,10 @@ def compare(
     left: ShowTimeLeft = show_nothing,
     plan: Callable[[Course], object] = lambda _: None,
 ) -> Comparison:
-    """Drive with the robot's values, and, if there are any, with those to be tried.
+    """Drive with the robot's values and then with those to be tried, if any.
 
-    Whatever happens, the robot stands and has its previous values again. In a trial of parameters
-    a lost link reverts them, too.
+    At the end, whatever happens, the robot stands and has its previous values again. In a trial of
+    parameters a lost link reverts them, too.
 
     Args:
         robot: Raised, or with room around it.
@@ -255,8 +255,8 @@ def compare(
 
     Raises:
         InvalidArgument: As `course_of`.
-        CommissioningFailed, DeviceRefused, LinkLost: As `before_after.prove`; or a wheel got
-            further than it was to.
+        CommissioningFailed, DeviceRefused, LinkLost: As `before_after.prove`; or a wheel turned too
+            far.
     """
     require_ready(robot)
     course = course_of(drive, robot)

@@ -38,9 +38,9 @@ from .source import Source
 
 LOOK_S = 0.05
 RESUMED_S = 0.5
-"""For so long after a suspension no key drives: longer than old ones wait in Textual's queues."""
+"""No key drives for this long after a suspension: longer than old keys wait in Textual's queues."""
 LOOKS_PER_PICTURE = 5
-"""Four pictures a second: more costs the processor, and shows nobody more."""
+"""Four pictures a second: more would cost processor time without showing more."""
 _HAND_KEYS = (*DIRECTIONS, *"0123456789+-=_")
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -114,10 +114,10 @@ class ViewApp(App[None]):
         """Begin to look, and to hear signals."""
         loop = asyncio.get_running_loop()
         for number in _SIGNALS:
-            if signal.getsignal(number) != signal.SIG_IGN:  # by `nohup`, for one
+            if signal.getsignal(number) != signal.SIG_IGN:  # `nohup`, for example, ignores it
                 loop.add_signal_handler(number, self._end, number)
-        # Textual's own would start a second thread at the keyboard, beside the one that a SIGSTOP
-        # left: each then takes some of the keys, and the view does not end.
+        # Textual's own handler would start a second keyboard thread, while the one before the
+        # SIGSTOP still runs. Each would take some of the keys, and the view would not end.
         loop.add_signal_handler(signal.SIGCONT, self._restore_terminal)
         self.set_interval(LOOK_S, self._look)
         self._look()
@@ -236,7 +236,7 @@ class ViewApp(App[None]):
     # --- the end ---------------------------------------------------------------------------------
 
     def _restore_terminal(self) -> None:
-        """The process goes on: take the terminal again, without the keys that waited."""
+        """The process continues: take the terminal again, without the keys that waited."""
         if self._ending:
             return  # a thread at the keyboard that begins now would never end
         self._fresh_from_s = math.inf  # some may have been read already: they are old
@@ -245,7 +245,7 @@ class ViewApp(App[None]):
         self.call_later(self._take_keys)
 
     def _take_keys(self) -> None:
-        """Keys from now on are new ones, but for those that another queue still has."""
+        """Keys from now on are new ones, except those still in another queue."""
         self._fresh_from_s = time.monotonic() + RESUMED_S
 
     def _end(self, number: signal.Signals | None) -> None:
@@ -263,7 +263,7 @@ class ViewApp(App[None]):
 def _speed(teleop: Teleop) -> str:
     try:
         velocity = teleop.velocity
-    except WheelwireError:  # out of reach, nobody knows the robot's limit
+    except WheelwireError:  # out of reach: the robot's limit is unknown
         return f"speed {teleop.speed}"
     return (
         f"speed {teleop.speed}: {velocity.linear_mps:.2f} m/s, {velocity.angular_radps:.1f} rad/s"

@@ -1,4 +1,4 @@
-"""Carries out the keys, in threads beside the screen, which never waits for the robot."""
+"""Carries out the keys in threads of its own: the screen never waits for the robot."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ class Hand:
             self.teleop.arm()
             while self._take_keys():
                 self.teleop.command(time.monotonic())
-        finally:  # whatever ends it, the wheels stop
+        finally:  # however it ends, the wheels stop
             try:
                 self._robot.stop()
-                self._say("the keys drive no more")
+                self._say("the keys no longer drive")
             except WheelwireError as error:
                 self._say(f"the stop was not acknowledged ({error}); the robot stops by itself")
 
@@ -85,17 +85,17 @@ class Hand:
 
 
 class Controls:
-    """The robot, as the keys of a view reach it.
+    """The robot, as a view's keys control it.
 
     Args:
         robot: Is closed by its owner.
-        cannot_drive: Why this robot is not driven from here; empty if it is.
+        cannot_drive: Why this view cannot drive the robot; empty if it can.
         check_save: See `Tuning`.
 
     Attributes:
         said: The results of requests, which the screen takes.
         tuning: The parameters.
-        hand: Drives; None while nobody does.
+        hand: Drives; None while no key drives.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Controls:
             name = robot.holder.name
             return f"{name}, holds the port, and alone drives, sets, clears and records"
         if isinstance(robot, ReplayDriver):
-            return "this is a recording of another day"
+            return "this is a recording"
         return ""
 
     # --- what is always done ---------------------------------------------------------------------
@@ -155,7 +155,7 @@ class Controls:
             return f"e-stop latched; {self._robot.holder.name}, may clear it"
         return "e-stop latched; c clears it"
 
-    # --- what only the one does who holds the robot ----------------------------------------------
+    # --- only for the program that holds the robot -----------------------------------------------
 
     def clear(self) -> None:
         """Clear an e-stop or a fault."""

@@ -1,6 +1,6 @@
 """What the view has seen of a robot, as data: the last 20 s, its state, the reason, the events.
 
-Knows neither a terminal nor a driver: `source` fills it, `panels` shows it.
+Independent of terminal and driver: `source` fills it, `panels` shows it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import NamedTuple
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ...holds import HeldBy
-from ...link.info import LinkStatistics
-from ...log.why import Stop
+from ...link.statistics import LinkStatistics
 from ...log.why.causes import LATCHES
+from ...log.why.diagnosis import Stop
 from ...samples import Setpoint, WheelSample
 
 WINDOW_S = 20.0
@@ -50,10 +50,10 @@ class Status:
     """What is known of the robot besides its samples. `Source` replaces it as a whole.
 
     Attributes:
-        statistics: Statistics of the link; None where there is none.
-        standing: Why it stands, as far as its state alone tells.
+        statistics: Statistics of the link; None without a link.
+        standing: Why it stands still, as far as its state shows.
         warnings: What keeps it from driving, or makes it less safe.
-        held_by: What holds it, by its own report; None: not known.
+        held_by: What holds it, as it reports; None: unknown.
     """
 
     statistics: LinkStatistics | None = None
@@ -74,7 +74,7 @@ class Model:
         events: The newest last.
         sample: The newest; None before the first.
         trouble: Why the robot is out of reach or silent; empty if it is neither.
-        ended: Why nothing comes any more; empty while something may.
+        ended: Why nothing more will come; empty while something may.
         status: The newest.
         stop: The newest stop, and why; None while it drives, and after a clear.
     """
@@ -135,7 +135,7 @@ class Model:
 
     @property
     def held(self) -> tuple[str, ...]:
-        """What holds it beside a latch, in sentences, also while it drives."""
+        """What holds it apart from a latch, in sentences, also while it drives."""
         held_by = self.status.held_by
         if held_by is None:
             return ()

@@ -24,7 +24,7 @@ DOTTED = 3
 """Setpoints have a dot at every third column, so that they can be recognised without colour."""
 _NICE = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
 _NOISE = 0.03
-"""Part of the scale by which a value may be below zero without its own half of the plot."""
+"""Fraction of the scale that a value may be below zero without getting its own half of the plot."""
 MEASURED, ASKED, DUTY = "cyan", "yellow", "magenta"
 _ALARM = "bold reverse"
 

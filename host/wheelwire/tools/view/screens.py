@@ -42,7 +42,7 @@ DRIVING_KEYS = (
     ("space", "stop"),
     ("e", "e-stop"),
     ("c", "clear"),
-    ("t, esc", "drive no more"),
+    ("t, esc", "stop driving by keys"),
     ("q", "quit"),
 )
 TUNING_KEYS = (
@@ -59,7 +59,7 @@ OTHER_LINES = 8
 """Rows of a screen of 80 columns, without the plots and the events."""
 HELP = """\
 space  stop, and e e-stop: on every screen
-c      clear an e-stop or a fault, its cause mended
+c      clear e-stop or fault once its cause is gone
 p      parameters: a change is active at once, on trial;
        the end of the link or the view reverts it
 t      drive by w a s d or the arrows, + - 1..9 0 speed;
@@ -92,7 +92,7 @@ class Panel(Widget):
         self._text = Text()
 
     def show(self) -> None:
-        """Draw anew, if anything has changed."""
+        """Draw again, if anything has changed."""
         text = self._draw(self.size.width, self.size.height)
         if text != self._text:
             lines = self._text.plain.count("\n")
@@ -162,7 +162,7 @@ class RobotScreen(Screen[None]):
             widget.styles.height = height
 
     def on_key(self, event: Key) -> None:
-        """A key that is none of the application's."""
+        """A key that the application does not use."""
         event.stop()  # or the screen that it opens would get it, too
         self.view.press(event.key, event.character or "")
 

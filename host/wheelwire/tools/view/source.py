@@ -12,8 +12,8 @@ from ...errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout
 from ...holds import Holding
 from ...link.clock import host_clock_us
 from ...log.reader import session_records, was_cut
-from ...log.why import Diagnosis, Stop
 from ...log.why.device import standing_stops
+from ...log.why.diagnosis import Diagnosis, Stop
 from ...robot.robot import Robot
 from .model import Look, Model, Status
 

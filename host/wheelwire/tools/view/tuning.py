@@ -49,7 +49,7 @@ class Tuning:
     def read(self) -> str:
         """Read all parameters."""
         infos = {info.name: info for info in self._parameters.list()}
-        # In this order: the screen looks meanwhile, and shows the values of these.
+        # In this order: the screen may read these at any time, and shows their values.
         self.values = {name: info.value for name, info in infos.items()}
         self.infos = infos
         return ""
@@ -85,7 +85,7 @@ class Tuning:
             raise InvalidCommand("nothing is on trial: there is nothing to revert")
         self._leave()
         self.read()
-        return "reverted: the values of before the trial are active"
+        return "reverted: the values from before the trial are active"
 
     def save(self) -> str:
         """Save the values on trial, and end it. Only while the robot stands."""

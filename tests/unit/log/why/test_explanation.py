@@ -15,6 +15,7 @@ import pytest
 
 import wheelwire
 from support.cases import each
+from support.waiting import wait_until
 from wheelwire import aio
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import (
@@ -26,10 +27,10 @@ from wheelwire.errors import (
     WheelwireError,
 )
 from wheelwire.log.share.wire import decoded_error, encoded_error
-from wheelwire.log.why import Stop
 from wheelwire.log.why.causes import CAUSES
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.log.why.explanation import explain
-from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import Fault, Held, RefusalCode, SupervisorState
 
 pytestmark = pytest.mark.timeout(60)
 PATIENCE_S = 20.0
@@ -54,7 +55,7 @@ def test_a_latched_estop_names_who_latched_it() -> None:
         robot.advance(0.1)
         with pytest.raises(DeviceRefused) as raised:
             robot.set_velocity(0.2, 0.0)
-    assert raised.value.why == "The emergency stop was asked for over this link."
+    assert raised.value.why == "The emergency stop was requested over this link."
     assert str(raised.value).endswith(raised.value.why)
     back = pickle.loads(pickle.dumps(raised.value))  # noqa: S301
     assert (back.why, str(back)) == (raised.value.why, str(raised.value))
@@ -91,7 +92,7 @@ async def test_asyncio_has_it_too() -> None:
     assert raised.value.why == "The connection to the robot was lost."
 
 
-def test_a_watched_stop_is_said_alike_by_report_and_error() -> None:
+def test_report_and_error_describe_a_watched_stop_alike() -> None:
     reported: list[Stop] = []
     told = threading.Event()
 
@@ -117,7 +118,7 @@ def test_a_watched_stop_is_said_alike_by_report_and_error() -> None:
     assert stop.sentence.startswith("Left wheel")
 
 
-def test_a_cleared_stop_is_no_longer_said() -> None:
+def test_a_cleared_stop_is_no_longer_reported() -> None:
     with mock(realtime=True) as robot:
         watch = robot.watch_stops(lambda _: None)
         robot.estop()
@@ -130,9 +131,12 @@ def test_a_cleared_stop_is_no_longer_said() -> None:
         assert watch.latched() is None
         watch.close()
         robot.estop()
+        wait_until(lambda: robot.held_by is not None and Held.ESTOP in robot.held_by)
         with pytest.raises(DeviceRefused) as raised:
             robot.set_velocity(0.1, 0.0)
-        assert "; or " in raised.value.why  # nobody watches
+        # No program watches: the robot's own report is all there is.
+        assert raised.value.evidence == (f"ESTOPPED: {RefusalCode.ESTOPPED.doc}",)
+        assert raised.value.why == f"{CAUSES['estop_by_session'].sentence}."
 
 
 def explained(error: WheelwireError) -> WheelwireError:
@@ -175,7 +179,7 @@ def test_what_is_behind_a_lost_link_reaches_a_program_that_is_attached() -> None
 # --- requests and callbacks --------------------------------------------------------------------
 
 
-def test_a_clear_is_refused_with_what_lasts() -> None:
+def test_a_refused_clear_names_the_cause() -> None:
     with mock() as robot:
         robot.simulator.set("estop_open", 1)
         robot.advance(0.1)
@@ -272,9 +276,3 @@ def test_an_error_imports_the_table_alone() -> None:
         "sys.exit(any(f'wheelwire.{name}' in sys.modules for name in slow))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_a_name_of_the_package_is_asked_for_once() -> None:
-    import wheelwire.log.why as package
-
-    assert package.Stop is vars(package)["Stop"]

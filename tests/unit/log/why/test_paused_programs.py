@@ -9,8 +9,8 @@ import pytest
 from support.cases import each
 from support.staged_stops import StagedRobot
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log.why import Diagnosis, Stop
 from wheelwire.log.why.causes import CAUSES
+from wheelwire.log.why.diagnosis import Diagnosis, Stop
 from wheelwire.log.why.history import History
 from wheelwire_protocol.codes import Fault
 

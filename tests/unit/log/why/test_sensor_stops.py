@@ -15,8 +15,8 @@ from wheelwire.errors import DeviceRefused
 from wheelwire.link.sample_stream import Measurement
 from wheelwire.link.session import Session
 from wheelwire.link.traffic import Record, TrafficReader
-from wheelwire.log.why import Diagnosis
 from wheelwire.log.why.causes import CAUSES, latched_causes, sensor_causes, sentence_of
+from wheelwire.log.why.diagnosis import Diagnosis
 from wheelwire.log.why.explanation import explain
 from wheelwire.log.why.history import History
 from wheelwire.tools.files.board import load_board
@@ -67,7 +67,7 @@ def test_a_sentence_names_the_sensor() -> None:
     assert sentence_of(("cliff_seen",)) == "A sensor saw no floor."
 
 
-def test_a_flag_alone_names_none() -> None:
+def test_a_flag_alone_names_no_sensor() -> None:
     (alone,) = latched_causes(Fault.EXTERNAL)
     assert alone == (Fault.EXTERNAL, ("external_fault",), "")
     (known,) = latched_causes(Fault.EXTERNAL, {"cliff.front": "cliff_seen"})

@@ -9,7 +9,6 @@ import pytest
 
 from support.cases import each
 from support.staged_stops import STAGED, SUPPLY, Staged, StagedRobot, diagnosed
-from wheelwire.log.why import Diagnosis, Stop
 from wheelwire.log.why.causes import (
     CAUSES,
     HELD,
@@ -19,6 +18,7 @@ from wheelwire.log.why.causes import (
     RESETS,
     WHEEL_FAULTS,
 )
+from wheelwire.log.why.diagnosis import Diagnosis, Stop
 from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import ClearEstop, DeviceHello
@@ -39,7 +39,7 @@ def test_a_staged_stop_is_named(name: str) -> None:
 
 @pytest.mark.parametrize("seed", range(2, 6))
 @pytest.mark.parametrize("name", ["encoder dead", "wheel blocked", "motor's wire off"])
-def test_what_looks_alike_is_told_apart_by_any_seed(name: str, seed: int) -> None:
+def test_similar_stops_are_distinguished_for_any_seed(name: str, seed: int) -> None:
     assert [stop.cause for stop in diagnosed(STAGED[name], seed)] == list(STAGED[name].stops)
 
 
@@ -57,7 +57,7 @@ def test_every_reset_reason_is_staged() -> None:
     assert set(RESETS.values()) <= staged
 
 
-def test_what_the_other_wheel_did_is_evidence() -> None:
+def test_the_other_wheel_is_evidence() -> None:
     (alone,) = diagnosed(STAGED["encoder dead"])
     assert "the right wheel went on" in alone.evidence
 
@@ -122,6 +122,7 @@ def test_every_fault_reset_and_refusal_has_a_cause() -> None:
 
 
 def test_the_page_has_the_same_causes() -> None:
-    rows = re.findall(r"^\| `(\w+)` \|", PAGE.read_text("utf-8"), re.MULTILINE)
+    heads = re.findall(r"^- ((?:`\w+`[,\s]+)*`\w+`):", PAGE.read_text("utf-8"), re.MULTILINE)
+    rows = [name for head in heads for name in re.findall(r"`(\w+)`", head)]
     assert set(rows) == set(CAUSES)
     assert len(rows) == len(set(rows))

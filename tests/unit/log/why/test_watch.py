@@ -13,11 +13,11 @@ import pytest
 
 import wheelwire
 from support.lost_answers import LostAnswers
-from support.waiting import until
+from support.waiting import until, wait_until
 from wheelwire import aio
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, InvalidCommand, LinkLost
-from wheelwire.log.why import Stop
+from wheelwire.log.why.diagnosis import Diagnosis, Stop
 from wheelwire.log.why.watch import StopWatch
 from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codes import ResetReason
@@ -96,12 +96,12 @@ def test_a_watch_misses_no_stop_while_the_session_still_asks_for_the_board(
         robot.estop()
         with pytest.raises(DeviceRefused) as refused:
             robot.set_velocity(0.1, 0.0)
-        assert refused.value.why == "The emergency stop was asked for over this link."
+        assert refused.value.why == "The emergency stop was requested over this link."
         assert reports.wait(1) == ["estop_by_session"]
         assert lost.left == 0
 
 
-def test_what_a_report_raises_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_exception_in_a_report_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
     reports = Reports()
 
     def fail(stop: Stop) -> None:
@@ -160,7 +160,7 @@ async def drive_in_loop(robot: aio.Driver) -> None:
                 return
 
 
-async def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
+async def test_a_loop_hears_of_each_stop_in_its_own_thread() -> None:
     found: list[tuple[str, bool]] = []
     own = threading.get_ident()
 
@@ -278,6 +278,22 @@ async def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -
             await robot.watch_stops(print)
         with pytest.raises(InvalidArgument, match="watch_stops = 1"):
             await robot.watch_stops(1)  # type: ignore[arg-type]
+
+
+def test_a_watch_that_fails_says_so_and_the_robot_is_driven_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("a bug")
+
+    with wheelwire.open_driver("mock") as robot, robot.watch_stops(print) as watch:
+        assert watch.error is None
+        monkeypatch.setattr(Diagnosis, "feed_all", fail)
+        wait_until(lambda: watch.error is not None)
+        assert "a bug" in str(watch.error)
+        assert watch.latched() is None
+        drive(robot)
+        wait_until(lambda: "wheelwire stops" not in [one.name for one in threading.enumerate()])
 
 
 def test_virtual_time_is_not_watched() -> None:

@@ -34,11 +34,3 @@ def test_each_listing_has_its_source() -> None:
         listing = load(file)
         assert listing["source"].startswith("https://")
         assert listing["seen"].strip()
-
-
-def test_each_source_is_in_the_table() -> None:
-    table = " ".join((HERE / "README.md").read_text("utf-8").split())
-    for file in LISTINGS:
-        listing = load(file)
-        row = f"| `{file.stem}` | {', '.join(listing['expected'])} | <{listing['source']}> |"
-        assert row in table

@@ -41,7 +41,7 @@ def found(left: MemoryValue | None) -> list[str]:
         ),
     ],
 )
-def test_what_was_scarce_is_named(left: MemoryValue, what: str) -> None:
+def test_scarce_resources_are_named(left: MemoryValue, what: str) -> None:
     assert found(left) == [f"the chip was about to run out of {what}."]
 
 

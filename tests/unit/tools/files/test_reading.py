@@ -63,7 +63,7 @@ def test_a_key_that_is_there_twice_has_both_lines(kind: str, tmp_path: Path) -> 
 
 
 @every_kind
-def test_what_is_no_file_of_ours_is_refused(kind: str, tmp_path: Path) -> None:
+def test_a_foreign_file_is_refused(kind: str, tmp_path: Path) -> None:
     pipe, large, latin = tmp_path / "pipe.yaml", tmp_path / "large.yaml", tmp_path / "latin.yaml"
     os.mkfifo(pipe)
     large.write_bytes(b"#" * (LARGEST_BYTES + 1))

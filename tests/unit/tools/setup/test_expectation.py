@@ -15,10 +15,11 @@ COURSE = there_and_back(0.32, 1.0)
 TICK_M = {48: 0.0042, 20: 0.0102}
 
 
-def drive(left_mps: float, right_mps: float) -> Trace:
+def drive(left_mps: float, right_mps: float, period_s: float = 0.01) -> Trace:
     """A drive whose error is the same all the time."""
-    still = (Pair(0.0, 0.0),) * 3
-    return Trace((0.0, 1.0, 2.0), still, (Pair(left_mps, right_mps),) * 3, 0.013)
+    times_s = tuple(step * period_s for step in range(round(COURSE.seconds / period_s)))
+    still = (Pair(0.0, 0.0),) * len(times_s)
+    return Trace(times_s, still, (Pair(left_mps, right_mps),) * len(times_s), 0.013)
 
 
 def proof(*drives: Trace | None) -> Proof:
@@ -59,6 +60,15 @@ def test_the_message_has_both_errors_and_the_ticks() -> None:
         "left wheel tracks badly: its tracking error is 52 mm/s, where a sound robot of 48 ticks "
         "per turn reaches 36: its encoder may miss a magnet"
     )
+
+
+def test_what_late_setpoints_may_have_caused_is_no_fault_of_an_encoder() -> None:
+    late = drive(BAD, BAD, period_s=0.12)
+    for drives in ((drive(BAD, BAD), late), (late, drive(BAD, BAD)), (None, late)):
+        (problem,) = judge(proof(*drives), EXPECTED, 48)
+        assert str(problem).startswith("setpoints came late: up to 120 ms apart, because")
+    assert judge(proof(late, drive(GOOD, GOOD)), EXPECTED, 48) == []
+    assert late.late_mps(COURSE) > 0.3 * EXPECTED > 10 * drive(BAD, BAD).late_mps(COURSE) / 2
 
 
 @pytest.mark.whole

@@ -42,7 +42,7 @@ def test_delay_and_time_constant_are_found_from_a_rise_and_a_fall(
     assert found.time_constant_s == pytest.approx(time_constant_s, rel=0.03, abs=5e-4)
 
 
-def test_the_ramp_of_the_duty_is_not_taken_for_a_delay() -> None:
+def test_the_ramp_of_the_duty_does_not_count_as_a_delay() -> None:
     # A very fast wheel follows the ramp itself, which takes 0.1 s.
     times = [0.01 * step for step in range(-10, 60)]
     points = [(time, min(max(time / 0.1, 0.0), 1.0)) for time in times]

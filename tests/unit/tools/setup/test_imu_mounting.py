@@ -119,9 +119,7 @@ def test_a_print_that_is_a_little_askew_is_no_corner() -> None:
         (Axis.MINUS_X, Axis.Y, "left side y in place of -y: one of them was the rear or the right"),
     ],
 )
-def test_sides_that_were_taken_for_each_other_are_found_out(
-    front: Axis, left: Axis, sentence: str
-) -> None:
+def test_mixed_up_sides_are_detected(front: Axis, left: Axis, sentence: str) -> None:
     with pytest.raises(Unclear, match=sentence):
         forward_axis(Axis.Z, front, left)
 
@@ -154,7 +152,7 @@ def test_the_chips_noise_is_rest_and_a_hand_is_not() -> None:
     assert not is_steady(mean_of(readings(0.001, 0.14)), *NOISE)
 
 
-def test_what_is_measured_at_rest_is_the_bias() -> None:
+def test_the_mean_at_rest_is_the_bias() -> None:
     assert mean_of(readings(*NOISE)).gyro == pytest.approx((0.02, -0.01, 0), abs=0.0002)
 
 

@@ -26,7 +26,7 @@ def test_a_file_that_is_not_ours_is_no_progress(tmp_path: Path, text: str) -> No
     assert Progress("ab12", tmp_path).load() == {}
 
 
-def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputFailed, match="cannot write"):
         Progress("ab12", tmp_path / "file").save({})

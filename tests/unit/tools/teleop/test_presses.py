@@ -107,7 +107,7 @@ def test_where_they_are_not_each_key_lives_its_own_life() -> None:
     assert way(result, 0.81) == (0, 1)
 
 
-def test_a_key_that_is_held_over_a_stop_has_to_be_pressed_anew() -> None:
+def test_a_key_held_over_a_stop_must_be_pressed_again() -> None:
     result = presses((0.0, "w", PRESSED))
     result.clear()
     result.take(KeyEvent("w", REPEATED), 0.5)

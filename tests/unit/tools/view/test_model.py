@@ -3,7 +3,7 @@
 import pytest
 
 from support.looks import look, wave
-from wheelwire.log.why import Stop
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.tools.view.model import EVENTS, REPEATED_S, WINDOW_S, Look, Model, Status
 from wheelwire_protocol.codes import Fault, SupervisorState
 
@@ -85,7 +85,7 @@ def test_a_stop_that_nobody_saw_is_explained_by_the_state(model: Model) -> None:
     assert model.why == ("The contact opened.", "the button")
 
 
-def test_what_is_asked_again_and_again_is_one_event(model: Model) -> None:
+def test_a_repeated_request_is_one_event(model: Model) -> None:
     for now_s in (1.0, 1.2, 1.4):
         model.take(look(now_s))
         model.say("no")

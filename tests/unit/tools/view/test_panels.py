@@ -5,7 +5,7 @@ import math
 import pytest
 
 from support.looks import look, wave
-from wheelwire.link.info import LinkStatistics
+from wheelwire.link.statistics import LinkStatistics
 from wheelwire.tools.view import panels
 from wheelwire.tools.view.canvas import BLANK, Canvas
 from wheelwire.tools.view.model import WINDOW_S, Look, Model, Status
@@ -91,19 +91,19 @@ def test_state_and_faults_are_in_words_with_the_reason(model: Model) -> None:
     assert Fault.LEFT_NOT_COUNTING.doc[:40] in text
 
 
-def test_a_loss_is_said_first_and_in_words(model: Model) -> None:
+def test_a_loss_comes_first_and_in_words(model: Model) -> None:
     model.take(Look(26.0, model.sample, None, "unplugged"))
     lines = panels.state(model, 80, 3).plain.split("\n")
     assert lines[0] == "OUT OF REACH: unplugged"
     assert lines[2].startswith("before: DRIVING")
 
 
-def test_what_does_not_fit_ends_with_an_ellipsis(model: Model) -> None:
+def test_text_that_does_not_fit_ends_with_an_ellipsis(model: Model) -> None:
     model.take(Look(26.0, model.sample, None, "because " * 40))
     assert panels.state(model, 60, 3).plain.endswith("…")
 
 
-def test_the_link_is_in_numbers_and_unknown_ones_are_none(model: Model) -> None:
+def test_the_link_is_in_numbers_and_unknown_ones_are_blank(model: Model) -> None:
     model.status = Status(LinkStatistics(state_rate_hz=100.2, frames_lost=3))
     text = panels.link(model, 200).plain
     assert "100 Hz" in text

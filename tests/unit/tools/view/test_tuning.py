@@ -63,7 +63,7 @@ def test_a_save_saves_what_was_changed_and_nothing_else(
         tuning.save()
 
 
-def test_what_could_not_be_saved_is_active_and_saved_by_the_next_save(
+def test_values_that_could_not_be_saved_are_active_and_saved_by_the_next_save(
     robot: VirtualMockDriver, tuning: Tuning
 ) -> None:
     tuning.set("max_duty", "0.9")

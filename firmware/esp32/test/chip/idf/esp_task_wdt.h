@@ -12,7 +12,7 @@ struct esp_task_wdt_config_t {
 struct FakeTaskWatchdog {
   uint32_t timeout_ms = 0;
   int feeds = 0;
-  int restarts = 0;  ///< Its time begins anew with another limit, too.
+  int restarts = 0;  ///< A new limit restarts its time, too.
 };
 inline FakeTaskWatchdog fake_task_watchdog;
 

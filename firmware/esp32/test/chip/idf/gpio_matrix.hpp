@@ -1,8 +1,10 @@
 // The GPIO matrix with the PWM before it: what a pin shows at any time of the test's clock.
 #pragma once
 
+#include <stddef.h>
 #include <stdint.h>
 
+#include <array>
 #include <map>
 #include <set>
 #include <vector>
@@ -27,6 +29,15 @@ struct FakePwmTimer {
     return (t_ns - 1000 * start_us) * (resolution_hz / 1'000'000) / 1000;
   }
   int64_t period_at(int64_t t_ns) const { return runs ? ticks_at(t_ns) / period_ticks : -1; }
+};
+
+/// One bit of each pin. Looked up many million times under the sanitizers: no map.
+class PinFlags {
+ public:
+  bool& operator[](int pin) { return flags_.at(static_cast<size_t>(pin)); }
+
+ private:
+  std::array<bool, 64> flags_{};
 };
 
 struct FakeMatrix {
@@ -60,12 +71,12 @@ struct FakeMatrix {
 
   std::map<uint32_t, uint32_t> registers;
   // What a reset of the CPU leaves as it was.
-  std::map<int, bool> levels;      // of plain outputs
-  std::map<int, bool> enabled;     // which pins the chip drives
-  std::map<int, bool> open_drain;  // inputs that the chip may also pull low
-  std::map<int, bool> pulled_up;
-  std::map<int, bool> pulled_down;
-  std::map<int, bool> interrupts;  // on a rising edge
+  PinFlags levels;      // of plain outputs
+  PinFlags enabled;     // which pins the chip drives
+  PinFlags open_drain;  // inputs that the chip may also pull low
+  PinFlags pulled_up;
+  PinFlags pulled_down;
+  PinFlags interrupts;  // on a rising edge
   std::map<uint32_t, Output> outputs;
   FakePwmTimer pwm;
   std::set<int> ever_high;

@@ -18,8 +18,7 @@ enum pcnt_channel_level_action_t {
   PCNT_CHANNEL_LEVEL_ACTION_INVERSE
 };
 
-/// A unit counts the edges of its channels; a change of a level that does not last as long as its
-/// filter is none.
+/// A unit counts the edges of its channels. It ignores a level that lasts for less than its filter.
 struct FakePcntUnit {
   struct Channel {
     int edge_pin;

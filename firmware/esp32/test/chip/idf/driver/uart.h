@@ -32,7 +32,7 @@ struct FakeUart {
   std::vector<uint8_t> received;  ///< What the driver's buffer holds.
   std::vector<uint8_t> sent;
   uint32_t enabled = 0;
-  /// How often its receive interrupts were switched on, which forgets those that are pending.
+  /// How often its receive interrupts were switched on, which drops pending ones.
   int switched_on = 0;
 };
 inline FakeUart fake_uart;

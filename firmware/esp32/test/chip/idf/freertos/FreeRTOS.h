@@ -25,6 +25,8 @@ constexpr TickType_t pdMS_TO_TICKS(uint64_t ms) { return static_cast<TickType_t>
 #define portEXIT_CRITICAL(lock) static_cast<void>(lock)
 #define portENTER_CRITICAL_ISR(lock) static_cast<void>(lock)
 #define portEXIT_CRITICAL_ISR(lock) static_cast<void>(lock)
+#define portDISABLE_INTERRUPTS() static_cast<void>(0)
+#define portENABLE_INTERRUPTS() static_cast<void>(0)
 
 /// The core on which the code under test runs.
 inline int fake_core = 0;

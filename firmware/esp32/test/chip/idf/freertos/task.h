@@ -18,7 +18,7 @@ inline std::function<void(TickType_t)> fake_sleep;
 /// Of the task that was created last.
 inline UBaseType_t fake_priority = 0;
 
-/// Of each task that runs, the bytes of its stack that were never used.
+/// For each running task, the bytes of its stack that were never used.
 inline std::map<std::string, uint32_t> fake_stack_left;
 inline TaskHandle_t xTaskGetHandle(const char* name) {
   const auto found = fake_stack_left.find(name);

@@ -44,7 +44,7 @@ struct rwdt_dev_t {
     wdt_stage_action_t action;
     int64_t at_us;  ///< Of the test's clock.
   };
-  /// What the stage does, and when, if nobody feeds any more. The stages run one after the other.
+  /// What the stage does, and when, unless the watchdog is fed. The stages run one after the other.
   Expiry expiry(wdt_stage_t stage) const {
     if (!is_enabled) return {WDT_STAGE_ACTION_OFF, INT64_MAX};
     double at_us = static_cast<double>(fed_us);

@@ -1,0 +1,107 @@
+"""What every benchmark shares: its command line, its section of the report, its targets.
+
+A benchmark is a module with a `main(report, ...)`. Its docstring is the section: a title, and how
+it is measured, with the module's constants in braces. The parameters of `main` are its arguments,
+and those by keyword alone its options.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import ROOT, Target, spread, summary_of_targets, table
+
+__all__ = ("FOLDER", "ROOT", "Report", "run", "spread", "three")
+FOLDER = ROOT / "build" / "bench"
+
+
+class Report:
+    """Prints a benchmark's results as they are found.
+
+    Attributes:
+        folder: For files next to the report.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.targets: list[Target] = []
+
+    def say(self, text: str) -> None:
+        """A paragraph."""
+        sys.stdout.write(f"{text}\n\n")
+        sys.stdout.flush()
+
+    def table(self, header: str, rows: Iterable[str]) -> None:
+        """A table; cells are separated as in Markdown."""
+        self.say(table(header.split(" | "), [row.split(" | ") for row in rows])[:-1])
+
+    def items(self, rows: Iterable[str]) -> None:
+        """A list; a row has a name and its figures, separated as in `table`."""
+        cells = [[cell for cell in row.split(" | ") if cell.strip()] for row in rows]
+        self.say("\n".join(f"- {name}: {', '.join(figures)}" for name, *figures in cells))
+
+    def target(self, what: str, measured: object, limit: object, reached: bool) -> None:
+        """Add a target; they end the section. The limit "" means no limit."""
+        self.targets.append(Target(what, str(measured), str(limit), reached))
+
+    def at_most(self, what: str, measured: float, limit: float, unit: str = "") -> None:
+        """A target whose limit itself is reached."""
+        number, bound = (f"{x:.3g}" if x < 1000 else f"{x:.0f}" for x in (measured, limit))
+        self.target(what, f"{number}{unit}", f"<= {bound}{unit}", measured <= limit)
+
+    def equal(self, what: str, measured: float, wanted: float) -> None:
+        """A target that is one number."""
+        self.target(what, measured, wanted, measured == wanted)
+
+    def end(self) -> int:
+        """Print the targets; returns 1 if one was missed."""
+        if self.targets:
+            self.say(summary_of_targets(self.targets)[:-1])
+        return int(not all(target.reached for target in self.targets))
+
+
+def run(main: Callable[..., None]) -> None:
+    """Run a benchmark as the program that it is, if its module is the program."""
+    module = inspect.getmodule(main)
+    if module is None or module.__name__ != "__main__":
+        return
+    title, _, method = inspect.cleandoc(module.__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(description=title)
+    parser.add_argument("--output", type=Path, default=FOLDER, help="the folder for files")
+    _, *parameters = inspect.signature(main, eval_str=True).parameters.values()
+    for parameter in parameters:
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            parser.add_argument(parameter.name, nargs="*")
+        elif parameter.kind is parameter.KEYWORD_ONLY:
+            name, kind = f"--{parameter.name}", parameter.annotation
+            parser.add_argument(name, type=kind, default=parameter.default)
+        else:
+            kind = parameter.annotation
+            parser.add_argument(parameter.name, nargs="?", type=kind, default=parameter.default)
+    given = vars(parser.parse_args())
+    report = Report(given.pop("output"))
+    report.folder.mkdir(parents=True, exist_ok=True)
+    report.say(f"## {title.removesuffix('.')}")
+    if method:
+        report.say(method.format_map(vars(module)))
+    order = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+    rest = [p.name for p in parameters if p.kind is p.VAR_POSITIONAL]
+    positional = [given.pop(name) for name in order]
+    positional += [each for name in rest for each in given.pop(name)]
+    # So that another program's latched e-stop does not hold a robot of this one.
+    with TemporaryDirectory() as folder:
+        os.environ.setdefault("WHEELWIRE_RUNTIME_DIR", folder)
+        main(report, *positional, **given)
+    sys.exit(report.end())
+
+
+def three(values: Sequence[float], unit: str = "", digits: int = 1) -> str:
+    """The median, the 99th percentile and the greatest."""
+    return " / ".join(f"{value:.{digits}f}" for value in spread(values)) + unit

@@ -1,0 +1,137 @@
+"""Memory of the ROS node.
+
+Two nodes at their defaults, each with a simulated robot, driven in curves by {COMMANDS_HZ:g}
+commands a second with pauses, and an e-stop and its clear each minute. *Plain malloc* has one
+arena, no cache per thread, and gives free memory back: `{PLAIN[GLIBC_TUNABLES]}`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import linear_regression
+from typing import TYPE_CHECKING, Any
+
+from harness import Report, run
+
+if find_spec("rclpy") is None:
+    sys.stdout.write("## Memory of the ROS node\n\nNot measured: rclpy is missing (`make ros`).\n")
+    sys.exit()
+import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool
+
+from support.ros import Repeater, open_graph
+from support.ros_process import RobotNode
+from support.ros_rig import twist
+from support.soak import resident_kib
+from wheelwire.simulation.simulator import Simulator
+
+if TYPE_CHECKING:
+    from support.ros import Graph
+
+COMMANDS_HZ = 20.0
+TUNABLES = {"arena_max": 1, "tcache_count": 0, "trim_threshold": 65536, "mmap_threshold": 65536}
+PLAIN = {"GLIBC_TUNABLES": ":".join(f"glibc.malloc.{name}={n}" for name, n in TUNABLES.items())}
+VARIANTS: dict[str, dict[str, str]] = {"plain malloc": PLAIN, "defaults": {}}
+SETTLED = 3
+"""The first part of a run that this is the divisor of warms up: caches and buffers fill."""
+GROWTH_KIB_PER_MIN = 5.0
+"""Of plain malloc, after warming up, up to which it counts as constant."""
+ROWS = 10
+
+
+@dataclass
+class Driven:
+    """A node that is commanded in curves, and listened to."""
+
+    pid: int
+    estop: Any
+    """A client of its e-stop."""
+    heard: int = 0
+    """Messages on odom since the last `turn`."""
+
+    def turn(self) -> list[int]:
+        """Resident memory [KiB] and messages of the last minute; begins the next."""
+        for is_set in (True, False):  # answers are not waited for, which a busy computer delays
+            self.estop.call_async(SetBool.Request(data=is_set))
+        heard, self.heard = self.heard, 0
+        return [resident_kib(self.pid), heard]
+
+    def hear(self, _: Odometry) -> None:
+        """Count a message."""
+        self.heard += 1
+
+
+@contextmanager
+def driven(graph: Graph, environment: dict[str, str], namespace: str) -> Iterator[Driven]:
+    """A node with a simulated robot."""
+    before = dict(os.environ)
+    with ExitStack() as stack:
+        simulator = stack.enter_context(Simulator())
+        os.environ.update(environment)
+        try:
+            node = stack.enter_context(RobotNode(graph, namespace=namespace, port=simulator.port))
+        finally:
+            os.environ.clear()
+            os.environ.update(before)
+        estop = graph.node.create_client(SetBool, f"{namespace}/hardware_robot/estop")
+        found = Driven(node.process.pid, estop)
+        graph.node.create_subscription(Odometry, f"{namespace}/odom", found.hear, 100)
+        publisher = graph.publisher(Twist, f"{namespace}/cmd_vel")
+        graph.wait_active(f"{namespace}/hardware_robot")
+        stack.enter_context(Repeater(publisher, command, COMMANDS_HZ))
+        yield found
+
+
+def command() -> Twist:
+    """Left for 4 s, right for 4 s, each after a second of standstill, which arms after a clear."""
+    turn, s = divmod(time.monotonic(), 5)
+    return twist(0.2, 0.8 if turn % 2 else -0.8) if s > 1 else twist(0.0)
+
+
+def show(report: Report, minutes: list[list[list[int]]]) -> None:
+    """The curve and its growth: for each minute what `Driven.turn` returned for each node."""
+    report.table(
+        f"after [min] | {' | '.join(f'{name} [MiB] | odom [Hz]' for name in VARIANTS)}",
+        [
+            f"{at} | " + " | ".join(f"{k / 1024:.2f} | {n / 60:.0f}" for k, n in minutes[at - 1])
+            for at in sorted({max(1, row * len(minutes) // ROWS) for row in range(1, ROWS + 1)})
+        ],
+    )
+    settled = range(len(minutes) // SETTLED, len(minutes))
+    for number, name in enumerate(VARIANTS):
+        slope, _ = linear_regression(settled, [minutes[at][number][0] for at in settled])
+        if number:
+            report.target(f"growth, {name}", f"{slope:.1f} KiB/min", "", reached=True)
+        else:
+            report.at_most(f"growth, {name}", slope, GROWTH_KIB_PER_MIN, " KiB/min")
+
+
+def main(report: Report, *, minutes: int = 90, log: str = "") -> None:
+    """Measure at least 3 minutes and print; `log` gets a line of JSON for each minute."""
+    found: list[list[list[int]]] = []
+    with open_graph() as graph, ExitStack() as stack:
+        nodes = [
+            stack.enter_context(driven(graph, environment, f"/{name.replace(' ', '_')}"))
+            for name, environment in VARIANTS.items()
+        ]
+        begin_s = time.monotonic()
+        for number in range(1, max(3, minutes) + 1):
+            time.sleep(max(0.0, begin_s + 60 * number - time.monotonic()))
+            found.append([node.turn() for node in nodes])
+            if log:
+                with Path(log).open("a") as file:
+                    file.write(json.dumps([number, *found[-1]]) + "\n")
+    show(report, found)
+
+
+run(main)

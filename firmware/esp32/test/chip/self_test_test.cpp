@@ -1,0 +1,468 @@
+// The self-test: what it answers, what it drives, what it does to a core. A whole device runs on
+// its line, since the core must not notice it.
+#include "self_test.hpp"
+
+#include "check.hpp"
+#include "esp_cpu.h"
+#include "esp_rom_sys.h"
+#include "fail_core.hpp"
+#include "freertos/task.h"
+#include "robot_bench.hpp"
+#include "self_test_line.hpp"
+#include "stage_boards.hpp"
+#include "wired_robot.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+constexpr uint8_t kEnable = 25;
+constexpr uint8_t kIn1 = 26;
+constexpr uint8_t kA = 18;
+constexpr uint8_t kB = 19;
+
+struct End {};
+/// What was done to a core.
+std::vector<std::pair<int, Failure>> failures;
+
+struct RecordedMotor final : MotorPort {
+  int duty = 0;
+  bool brakes = false;
+  void drive(int16_t duty_q15) override { duty = duty_q15, brakes = false; }
+  void brake() override { duty = 0, brakes = true; }
+  void coast() override { duty = 0, brakes = false; }
+};
+
+struct ChipLine final : Line {
+  test::BenchLine bytes;
+
+  bool start() override { return true; }
+  void notify(TaskHandle_t, uint32_t) override {}
+  void push() override {}
+  size_t read(uint8_t* out, size_t capacity) override { return bytes.read(out, capacity); }
+  bool write(const uint8_t* data, size_t size) override { return bytes.write(data, size); }
+  uint32_t bytes_per_second() const override { return 0; }
+};
+
+int any_body_size(uint8_t id) {
+  const int size = body_size(id);
+  return size < 0 ? self_test_body_size(id) : size;
+}
+
+/// A device with the self-test image, and its host.
+class World {
+ public:
+  World() : World(own_store_) {}
+  explicit World(BlockStore& parameters) : store_(parameters) {
+    fake_matrix = {};
+    fake_capture = {};
+    fake_time_us = 1'000'000;
+    failures.clear();
+    fake_sleep = [](TickType_t) {};
+    device.start(now_us());
+    send(test::RobotBench::hello(test::RobotBench::kNonce));
+    send(Ping{kSession, ++request_id_, 0});
+    step();
+  }
+  ~World() { fake_sleep = nullptr; }
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+
+  template <typename Message>
+  void send(const Message& message) {
+    uint8_t body[Message::kSize];
+    message.encode(body);
+    uint8_t frame[kMaxFrame];
+    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
+    line.bytes.to_device.insert(line.bytes.to_device.end(), frame, frame + size);
+  }
+  void service() {
+    device.service_link(now_us());
+    collect();
+  }
+  void step() {
+    fake_time_us += 1000;
+    device.step(now_us());
+    collect();
+  }
+  /// Sends a request under the next number; the first answer of this kind.
+  template <typename Answer, typename Request>
+  std::optional<Answer> ask(Request request) {
+    request.session_id = kSession;
+    request.request_id = ++request_id_;
+    received.clear();
+    send(request);
+    service();
+    for (const auto& [id, body] : received)
+      if (id == Answer::kId) return Answer::decode(body.data());
+    return std::nullopt;
+  }
+  /// Why a request is refused; kNone when it is not.
+  template <typename Request>
+  RefusalCode refusal(const Request& request) {
+    const auto refused = ask<Refuse>(request);
+    return refused ? refused->code : RefusalCode::kNone;
+  }
+  RefusalCode allow() { return refusal(SelfTestAllow{.permission = kSelfTestPermission}); }
+  RefusalCode fail(Failure failure, uint8_t core) {
+    return refusal(SelfTestFail{.failure = failure, .core = core});
+  }
+  void work() {
+    for (const int core : {0, 1}) {
+      fake_core = core;
+      test.work(core);
+    }
+  }
+  /// A setpoint of duties, and the steps in which it takes effect.
+  void drive(int16_t left_q15, int16_t right_q15) {
+    for (int i = 0; i < 50; ++i) {
+      send(SetDuty{kSession, ++command_seq_, now_us() + 100'000, left_q15, right_q15});
+      step();
+    }
+  }
+
+  static constexpr uint32_t kSession = test::RobotBench::kNonce ^ test::RobotBench::kBootId;
+
+  BoardDescription board = test::board_of(Stage::kEnableIn1In2);
+  RecordedMotor left;
+  RecordedMotor right;
+  SharedState state;
+  ChipLine line;
+  SelfTest test{board, left, right, state};
+  SelfTestLine self_test_line{line, test};
+  std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
+
+ private:
+  void collect() {
+    Frame frame{};
+    for (const uint8_t byte : line.bytes.to_host) {
+      if (!decoder_.feed(byte, frame)) continue;
+      const auto size = static_cast<size_t>(any_body_size(frame.id));
+      received.emplace_back(frame.id, std::vector<uint8_t>(frame.body, frame.body + size));
+    }
+    line.bytes.to_host.clear();
+  }
+
+  MemoryStore own_store_;
+  BlockStore& store_;
+  MemoryLatches latches_;
+  MemoryStore latch_store_;
+  test::BenchEncoders encoders_;
+  test::BenchContact contact_;
+  test::BenchBattery battery_;
+  FrameDecoder decoder_{any_body_size};
+  uint16_t seq_ = 0;
+  uint16_t request_id_ = 0;
+  uint32_t command_seq_ = 0;
+
+ public:
+  Device device{{test.left_motor, test.right_motor, encoders_, self_test_line, store_, latches_,
+                 latch_store_, contact_, battery_},
+                test::RobotBench::kIdentity};
+};
+
+/// The left encoder, with its inputs at the outputs of the left power stage.
+class Loop {
+ public:
+  Loop() {
+    fake_pcnt.clear();
+    Parameters parameters;
+    const auto filter_ns = static_cast<uint32_t>(parameters.get(ParameterId::kGlitchFilterNs));
+    CHECK(encoders_.start(test::board_of(Stage::kEnableIn1In2), filter_ns));
+    for (const int pin : {kEnable, kIn1}) gpio_set_level(pin, 0);
+    read();
+    start_ = total_.ticks();
+    fake_on_set = [this](gpio_num_t pin) {
+      if (pin == kEnable || pin == kIn1) show(pin == kEnable ? kA : kB, fake_matrix.levels[pin]);
+    };
+    fake_on_delay = [this](uint32_t us) { pass_ns(1000 * int64_t{us}); };
+    fake_on_look = [this](uint32_t cycles) { pass_ns(1000 * int64_t{cycles} / 240); };
+  }
+  ~Loop() { fake_on_set = nullptr, fake_on_delay = nullptr, fake_on_look = nullptr; }
+  Loop(const Loop&) = delete;
+  Loop& operator=(const Loop&) = delete;
+
+  int32_t ticks() {
+    pass_ns(100'000);
+    read();
+    return total_.ticks() - start_;
+  }
+
+ private:
+  void show(int pin, bool level) {
+    for (FakePcntUnit& unit : fake_pcnt) unit.set(pin, level, ns_);
+    if (++edges_ % 100 == 0) read();
+  }
+  void pass_ns(int64_t ns) {
+    ns_ += ns;
+    fake_time_us = ns_ / 1000;
+  }
+  void read() { total_.update(encoders_.latch().left, false); }
+
+  Encoders encoders_;
+  TickTotal total_;
+  int64_t ns_ = 1'000'000'000;
+  int32_t start_ = 0;
+  int edges_ = 0;
+};
+
+}  // namespace
+
+namespace wheelwire {
+
+void fail_core(Failure failure) { failures.emplace_back(fake_core, failure); }
+
+}  // namespace wheelwire
+
+TEST(an_ordinary_device_has_no_self_test) {
+  test::RobotBench bench;
+  bench.open();
+  CHECK(bench.ask<GroupInfo>(GroupGet{.group = static_cast<Group>(kSelfTestGroup)})->hash == 0);
+  CHECK(!bench.ask<Ack>(SelfTestAllow{.permission = kSelfTestPermission}));
+  CHECK(bench.ask<LinkCounters>(LinkCountersGet{})->unknown_id == 1);
+}
+
+TEST(a_host_finds_the_self_test_by_its_group_and_the_others_as_they_were) {
+  World world;
+  CHECK(world.ask<GroupInfo>(GroupGet{.group = static_cast<Group>(kSelfTestGroup)})->hash ==
+        kSelfTestHash);
+  CHECK(world.ask<GroupInfo>(GroupGet{.group = Group::kBase})->hash == schema::kHash);
+  CHECK(world.ask<GroupInfo>(GroupGet{.group = Group::kPlatform})->hash == 0);
+}
+
+TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
+  World world;
+  std::vector<uint8_t> passed;
+  std::vector<uint8_t> wanted;
+  uint32_t random = 1;
+  const auto read = [&](size_t capacity) {
+    uint8_t out[100];
+    const size_t size = world.self_test_line.read(out, capacity);
+    passed.insert(passed.end(), out, out + size);
+    return size;
+  };
+  auto& to_device = world.line.bytes.to_device;
+  for (int i = 0; i < 2000; ++i) {
+    random = random * 1'664'525 + 1'013'904'223;
+    const size_t before = to_device.size();
+    switch (random >> 29) {
+      case 0:
+      case 1:
+        world.send(Ping{World::kSession, static_cast<uint16_t>(i), random});
+        break;
+      case 2:  // A line with nothing but noise on it, longer than any frame.
+        for (uint32_t byte = 0; byte < 200; ++byte)
+          to_device.push_back(static_cast<uint8_t>(1 + (random + 77 * byte) % 255));
+        break;
+      case 3:
+        to_device.push_back(0);
+        break;
+      case 4:
+        world.send(GroupGet{World::kSession, static_cast<uint16_t>(i), Group::kStore});
+        break;
+      default:
+        // A delimiter ends what is in front of the frame, and is passed on, as the one before it.
+        to_device.push_back(0);
+        wanted.push_back(0);
+        world.send(SelfTestAllow{World::kSession, static_cast<uint16_t>(i), 0});
+        wanted.push_back(0);
+        while (read(1 + random % 90) > 0) {
+        }
+        CHECK(world.line.bytes.to_host.size() > 0);
+        world.line.bytes.to_host.clear();
+        continue;
+    }
+    wanted.insert(wanted.end(), to_device.begin() + static_cast<long>(before), to_device.end());
+    if (i % 3 == 0) read(1 + random % 90);
+  }
+  to_device.push_back(0);
+  wanted.push_back(0);
+  while (read(64) > 0) {
+  }
+  CHECK(passed == wanted);
+}
+
+TEST(a_question_that_is_repeated_is_answered_again_and_carried_out_once) {
+  World world;
+  world.allow();
+  for (int i = 0; i < 3; ++i) {
+    world.received.clear();
+    world.send(SelfTestFail{World::kSession, 77, Failure::kHang, 0, 0});
+    world.service();
+    CHECK(world.received.size() == 1 && world.received[0].first == Ack::kId);
+    world.work();
+  }
+  CHECK(failures.size() == 1);
+}
+
+TEST(nothing_is_driven_before_the_user_has_said_that_the_supply_is_off) {
+  World world;
+  world.drive(0, 0);
+  world.drive(3000, -3000);
+  CHECK(world.device.state() == SupervisorState::kDriving);
+  CHECK(world.left.duty == 0 && world.right.duty == 0);
+  world.test.right_motor.brake();
+  CHECK(!world.right.brakes);
+  CHECK(world.refusal(SelfTestAllow{.permission = 1}) == RefusalCode::kOutOfRange);
+  CHECK(world.fail(Failure::kCrash, 0) == RefusalCode::kNotSupported);
+  CHECK(world.refusal(SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5}) ==
+        RefusalCode::kNotSupported);
+  CHECK(world.refusal(SelfTestWatch{.edge_pin = kA, .level_pin = kB}) ==
+        RefusalCode::kNotSupported);
+  CHECK(world.refusal(SelfTestLastGet{}) == RefusalCode::kNotSupported);
+  world.work();
+  CHECK(failures.empty());
+  world.drive(3000, -3000);
+  CHECK(world.left.duty == 0 && world.right.duty == 0);
+
+  CHECK(world.allow() == RefusalCode::kNone);
+  world.drive(3000, -3000);
+  CHECK(world.left.duty == 3000 && world.right.duty == -3000);
+  world.test.right_motor.brake();
+  CHECK(world.right.brakes);
+}
+
+TEST(the_ordinary_image_has_the_same_settings_and_drives_without_a_permission) {
+  MemoryStore store;
+  const auto parameter = [](ParameterId id) { return static_cast<uint8_t>(id); };
+  {
+    World world{store};
+    world.allow();
+    CHECK(world.refusal(ParameterSet{.parameter = parameter(ParameterId::kPwmFrequencyHz),
+                                     .value = 500}) == RefusalCode::kNone);
+    CHECK(world.refusal(ParameterSave{.parameter = parameter(ParameterId::kPwmFrequencyHz)}) ==
+          RefusalCode::kNone);
+    // What is not saved ends with the image.
+    CHECK(world.refusal(ParameterSet{.parameter = parameter(ParameterId::kMaxDuty),
+                                     .value = 0.25f}) == RefusalCode::kNone);
+  }
+  {  // A reset, still with the self-test image: it needs a new permission.
+    World world{store};
+    CHECK(world.device.parameter(ParameterId::kPwmFrequencyHz) == 500);
+    world.drive(0, 0);
+    world.drive(3000, 3000);
+    CHECK(world.left.duty == 0 && world.device.state() == SupervisorState::kDriving);
+  }
+  MemoryStore latched;
+  test::RobotBench ordinary{store, latched};
+  ordinary.open();
+  CHECK(ordinary.device.parameter(ParameterId::kPwmFrequencyHz) == 500);
+  CHECK(ordinary.device.parameter(ParameterId::kMaxDuty) ==
+        Parameters{}.get(ParameterId::kMaxDuty));
+  ordinary.send(ordinary.duty(3000, 3000));
+  ordinary.run(50);
+  CHECK(ordinary.driven());
+}
+
+TEST(each_core_fails_as_it_is_asked_to_and_no_other) {
+  for (const uint8_t core : {uint8_t{0}, uint8_t{1}}) {
+    for (const Failure failure : {Failure::kCrash, Failure::kHang, Failure::kFreeze}) {
+      World world;
+      CHECK(world.allow() == RefusalCode::kNone);
+      CHECK(world.fail(failure, core) == RefusalCode::kNone);
+      CHECK(failures.empty());  // The Ack first.
+      world.work();
+      CHECK(failures.size() == 1 && failures[0] == std::pair(int{core}, failure));
+    }
+  }
+  World world;
+  world.allow();
+  CHECK(world.fail(Failure::kCrash, 2) == RefusalCode::kOutOfRange);
+  CHECK(world.fail(Failure::kNone, 0) == RefusalCode::kOutOfRange);
+  CHECK(world.fail(static_cast<Failure>(4), 0) == RefusalCode::kOutOfRange);
+}
+
+TEST(after_the_reset_it_tells_what_failed_and_when) {
+  {
+    World world;
+    world.allow();
+    world.fail(Failure::kFreeze, 1);
+    fake_time_us = 5'000'000;
+    world.work();
+  }
+  World world;
+  fake_sleep = [](TickType_t) { throw End{}; };
+  try {
+    world.test.start();
+  } catch (const End&) {
+  }
+  world.allow();
+  const auto last = world.ask<SelfTestLast>(SelfTestLastGet{});
+  CHECK(last->failure == Failure::kFreeze && last->core == 1 && last->failed_us == 5'000'000);
+  // Once: the next reset is another one's.
+  try {
+    world.test.start();
+  } catch (const End&) {
+  }
+  CHECK(world.ask<SelfTestLast>(SelfTestLastGet{})->failure == Failure::kNone);
+}
+
+TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage) {
+  World world;
+  Loop loop;
+  world.allow();
+  for (const int32_t edges : {40'000, -80'000, 40'000}) {
+    const int32_t before = loop.ticks();
+    CHECK(world.refusal(
+              SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = edges, .edge_us = 5}) ==
+          RefusalCode::kNone);
+    world.work();
+    CHECK(std::abs(loop.ticks() - before) == std::abs(edges));
+  }
+  CHECK(loop.ticks() == 0);
+}
+
+TEST(edges_in_spikes_count_once) {
+  World world;
+  Loop loop;
+  world.allow();
+  world.refusal(
+      SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = 0, .edge_us = 5, .spikes = 100});
+  world.work();
+  CHECK(std::abs(loop.ticks()) == 100);
+}
+
+TEST(it_takes_no_pins_but_those_of_the_power_stage_and_not_while_it_drives) {
+  World world;
+  world.allow();
+  const SelfTestTurn turn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5};
+  SelfTestTurn wrong = turn;
+  wrong.pin_b = 1;
+  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
+  wrong = turn;
+  wrong.pin_a = 200;
+  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
+  wrong = turn;
+  wrong.edge_us = 3;
+  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
+  world.state.supervisor = SupervisorState::kDriving;
+  CHECK(world.refusal(turn) == RefusalCode::kNotStopped);
+}
+
+TEST(nothing_drives_while_the_pins_play_an_encoder) {
+  World world;
+  world.allow();
+  world.refusal(SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5});
+  world.test.left_motor.drive(1000);
+  CHECK(world.left.duty == 0);
+  world.work();
+  world.test.left_motor.drive(1000);
+  CHECK(world.left.duty == 1000);
+}
+
+TEST(it_reports_the_pulses_at_an_encoders_input) {
+  World world;
+  world.allow();
+  CHECK(world.refusal(SelfTestWatch{.edge_pin = kEnable, .level_pin = kB}) ==
+        RefusalCode::kOutOfRange);
+  CHECK(world.ask<SelfTestReport>(SelfTestWatch{.edge_pin = kA, .level_pin = kB})->resolution_hz ==
+        0);
+  world.work();
+  for (uint32_t at = 0; at < 3; ++at) {
+    fake_capture.edge(kA, true, 4000 * at);
+    fake_capture.edge(kA, false, 4000 * at + 100);
+  }
+  const auto report = world.ask<SelfTestReport>(SelfTestWatch{.edge_pin = kA, .level_pin = kB});
+  CHECK(report->resolution_hz == 80'000'000 && report->rises == 3);
+  CHECK(report->most_period == 4000 && report->most_high == 100 && report->turns == 0);
+}

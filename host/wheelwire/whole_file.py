@@ -1,0 +1,54 @@
+"""Replaces a file as a whole: a full disk or a crash leaves the old content or the new one."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
+    """Replace the content of `path`. If that fails, nothing else stays behind.
+
+    Args:
+        path: May be a link, or no regular file, such as /dev/stdout.
+        content: All of it.
+        sync: Wait for the disk, so that a power cut cannot lose it either.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    # In the same folder: only within one file system is a rename atomic.
+    new = path.with_name(path.name + ".new")
+    try:
+        with new.open("wb") as file:
+            file.write(content)
+            if sync:
+                file.flush()
+                # Without it a power cut may leave the new name with nothing behind it.
+                os.fsync(file.fileno())
+        new.replace(path)
+    except BaseException:
+        with suppress(OSError):  # on a file system that is read-only by now it stays
+            new.unlink(missing_ok=True)
+        raise
+
+
+def save_figure(figure: Figure, path: Path, *, dpi: int) -> None:
+    """Replace `path`, which ends in the kind of the picture, by a drawing.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    drawn = BytesIO()
+    figure.savefig(drawn, format=path.suffix[1:], dpi=dpi)
+    write_whole(path, drawn.getvalue())
