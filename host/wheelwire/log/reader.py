@@ -88,6 +88,9 @@ LEFT_OUT = (
 )
 FOREIGN = "it is not a Wheelwire recording; name a file that `wheelwire log record` has made"
 
+BUFFER = 8192
+"""Python 3.14 reads 128 KiB for the few bytes that a seek leads to."""
+
 HEAD = struct.Struct("<BQ")
 """How a part begins: its opcode, and the length of its content."""
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
@@ -515,7 +518,7 @@ def opened(path: str | Path, mode: str = "rb") -> BinaryIO:
     require_mcap()
     try:
         if stat.S_ISREG(Path(path).stat().st_mode):
-            return cast("BinaryIO", Path(path).open(mode))
+            return cast("BinaryIO", Path(path).open(mode, buffering=BUFFER))
         reason = "it is not a file"  # to open a port or a pipe would wait
     except OSError as error:
         reason = error.strerror or str(error)
