@@ -166,7 +166,7 @@ def port_name(port: str) -> str:
         InvalidArgument: It begins with `~`, and there is no home folder.
     """
     scheme, path = _parts(port)
-    if "://" in path or "*" in path or "," in path:
+    if not path or "://" in path or "*" in path or "," in path:
         return port
     try:
         found = Path(path).expanduser()
@@ -205,6 +205,8 @@ def meant_port(port: str) -> str:
         return f"did you mean {name}?" if name != port else ""
     if port and "/" not in port and _is_device(device := Path("/dev", port)):
         return f"did you mean {device}?"
+    if Path(port).suffix and not port.startswith("/dev/"):
+        return "a recording's name ends in .mcap"
     return ""
 
 

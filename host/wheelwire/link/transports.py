@@ -332,6 +332,8 @@ def _connect_tcp(url: str) -> socket.socket:
 
 
 def _connect_unix(port: str) -> socket.socket:
+    if port == UNIX:
+        raise ValueError("write it as unix:PATH, such as unix:/run/robot.sock")
     connection = socket.socket(socket.AF_UNIX)
     try:
         connection.settimeout(SOCKET_TIMEOUT_S)

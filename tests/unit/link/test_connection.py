@@ -161,6 +161,11 @@ def test_an_address_without_host_or_port_says_how_to_write_one(port: str) -> Non
         SerialDriver(port)
 
 
+def test_a_socket_without_a_path_says_how_to_write_one() -> None:
+    with pytest.raises(errors.PortUnavailable, match="write it as unix:PATH"):
+        wheelwire.connect("unix:")
+
+
 def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = socket.socketpair()
     go_on = threading.Event()

@@ -65,6 +65,7 @@ def test_other_names_that_mean_the_same(one: str, other: str) -> None:
         "rfc2217://a:1",
         "/dev/ttyUSB*,/dev/ttyACM*",
         "0a1b2c3d4e5f",
+        "unix:",
     ],
 )
 def test_a_name_that_is_no_path_stays(name: str) -> None:
@@ -98,6 +99,7 @@ def _no_home(path: Path) -> Path:
         ("ttyacm1", "did you mean /dev/ttyACM1?"),
         ("TTYS0", "did you mean /dev/ttyS0?"),
         ("null", "did you mean /dev/null?"),
+        ("drive.mcp", "a recording's name ends in .mcap"),
         ("no-such-port", ""),
         ("/dev/ttyUSB0", ""),
         ("/dev/serial/by-id/x", ""),
