@@ -759,10 +759,13 @@ void Judge::lost_copy_is_repaired() {
 void Judge::begin_action(StopMode mode, bool certain, bool weakens, uint64_t since_us) {
   const auto brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
   const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
-  const auto begin = [mode, weakens](Action& action, uint64_t until_us) {
+  const auto begin = [mode, certain, weakens](Action& action, uint64_t until_us) {
     if (mode < action.mode && !weakens) return;
-    if (mode < action.mode) action.guards = false;
-    action.until_us = mode == action.mode ? std::max(action.until_us, until_us) : until_us;
+    // A stop as strong as the one before it leaves it its guard and its time.
+    const bool may_last = mode == action.mode || (action.may_be_less && mode != StopMode::kCoast);
+    if (mode < action.mode && !may_last) action.guards = false;
+    if (mode != action.mode) action.may_be_less = mode > action.mode && !certain;
+    action.until_us = may_last ? std::max(action.until_us, until_us) : until_us;
     action.mode = mode;
   };
   const uint64_t at_least_us = (since_us != 0 ? since_us : now_us()) + brake_us;
@@ -815,6 +818,7 @@ void Judge::follow_message() {
     // One that notices the contact stops by the values before it, and may change them.
     const bool is_noticed = witness_.contact_open() && !memory_.contact_open;
     if (is_noticed || task.before != after) begin_action(StopMode::kBrakeUntilDriven, false);
+    if (is_noticed) memory_.most.guards = true;
     memory_.contact_open = memory_.contact_open || is_noticed;
   } else if (witness_.contact_open()) {
     // On an e-stopped robot it cannot be seen whether this message or the next step notices it.

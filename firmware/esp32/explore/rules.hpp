@@ -28,8 +28,9 @@ std::optional<Rule> rule_called(std::string_view code);
 /// What a stop does, by protocol/SPEC.md.
 struct Action {
   StopMode mode = StopMode::kCoast;
-  uint64_t until_us = 0;  ///< Of kBrake.
-  bool guards = false;    ///< It goes on until the wheels are still.
+  uint64_t until_us = 0;     ///< Of kBrake.
+  bool guards = false;       ///< It goes on until the wheels are still.
+  bool may_be_less = false;  ///< Another one may have begun, which is weaker and perhaps guards.
 };
 
 /// What the rules remember from one look to the next.
