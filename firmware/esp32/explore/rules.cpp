@@ -475,11 +475,16 @@ void Judge::begins_gently() {
 /// S19.
 void Judge::within_limits() {
   if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
-  const double limit = highest(kMaxDuty);
   for (const Side side : kSides) {
-    const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
-    // A limit that was lowered takes effect within the slew limit.
-    const bool falls = duty < std::abs(memory_.duty[side]);
+    const double before = memory_.duty[side];
+    const double now = simulator_.board.bridges()[side].signed_duty();
+    const double duty = std::abs(now);
+    // A limit that was lowered takes effect within the slew limit. The first step of a pause may
+    // have been one with the limit before.
+    const bool falls = duty < std::abs(before);
+    double limit = highest(kMaxDuty);
+    if (before == 0.0 || sign_of(before) != sign_of(now))
+      limit = std::max(limit, static_cast<double>(memory_.earlier_highest[index_of(kMaxDuty)]));
     check(Rule::kWithinLimits, duty <= limit + 2.0 / 32767.0 || falls, "a duty of ", duty, " of ",
           limit);
   }
