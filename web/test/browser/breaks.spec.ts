@@ -12,8 +12,7 @@ for (const one of BREAKS) {
     await page.clock.install();
     await robot.open("?record&seed=3");
     const shows = (what: RegExp) => async (): Promise<boolean> => what.test(await robot.status.innerText());
-    await robot.button("figure eight").click();
-    await robot.pass(async () => (await robot.get("true.distance_m")) > 0.1);
+    await robot.driveUntil(async () => (await robot.get("true.distance_m")) > 0.1);
     const button = robot.button(one.name);
     await button.click();
     await expect(button).toHaveAttribute("aria-pressed", "true");
@@ -29,8 +28,7 @@ for (const one of BREAKS) {
       await robot.button("clear").click();
       await robot.pass(shows(/^IDLE/));
     }
-    await robot.button("figure eight").click();
-    await robot.pass(shows(/^DRIVING/));
+    await robot.driveUntil(shows(/^DRIVING/));
     const calls = await page.evaluate(() => globalThis.wheelwire?.calls() ?? []);
     expect(calls.length).toBeGreaterThan(1000);
     expect(difference(calls, replay(calls))).toBeUndefined();

@@ -26,6 +26,7 @@ const TYPES: Readonly<Record<string, string>> = {
 /** How far the page's time runs at once, and how often at most: half a minute. */
 const STEP_MS = 250;
 const MOST_STEPS = 120;
+const STEPS_OF_A_DRIVE = 12;
 
 /** Files in place of those of the page, by name: a planted fault. */
 export type Planted = Readonly<Record<string, Uint8Array | string>>;
@@ -115,6 +116,15 @@ export class RobotPage {
   async pass(holds: () => Promise<boolean>): Promise<void> {
     for (let steps = 0; !(await holds()); steps++) {
       base.expect(steps, "what is waited for never comes true").toBeLessThan(MOST_STEPS);
+      await this.page.clock.runFor(STEP_MS);
+    }
+  }
+
+  /** Press `figure eight`, again where a busy computer held the page up, which ends its drive. */
+  async driveUntil(holds: () => Promise<boolean>): Promise<void> {
+    for (let steps = 0; !(await holds()); steps++) {
+      base.expect(steps, "it never drives").toBeLessThan(MOST_STEPS);
+      if (steps % STEPS_OF_A_DRIVE === 0) await this.button("figure eight").click();
       await this.page.clock.runFor(STEP_MS);
     }
   }

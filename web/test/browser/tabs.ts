@@ -123,7 +123,7 @@ export class Tab {
   }
 
   async until(condition: () => boolean): Promise<void> {
-    const endMs = Date.now() + 40_000;
+    const endMs = Date.now() + 90_000;
     while (Date.now() < endMs) {
       if (await this.evaluate(condition)) return;
       await pause(15);
