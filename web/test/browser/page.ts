@@ -26,7 +26,6 @@ const TYPES: Readonly<Record<string, string>> = {
 /** How far the page's time runs at once, and how often at most: half a minute. */
 const STEP_MS = 250;
 const MOST_STEPS = 120;
-const STEPS_OF_A_DRIVE = 12;
 
 /** Files in place of those of the page, by name: a planted fault. */
 export type Planted = Readonly<Record<string, Uint8Array | string>>;
@@ -120,11 +119,12 @@ export class RobotPage {
     }
   }
 
-  /** Press `figure eight`, again where a busy computer held the page up, which ends its drive. */
+  /** Press `figure eight`, and again once its drive has ended, as it does where the page was held up. */
   async driveUntil(holds: () => Promise<boolean>): Promise<void> {
     for (let steps = 0; !(await holds()); steps++) {
       base.expect(steps, "it never drives").toBeLessThan(MOST_STEPS);
-      if (steps % STEPS_OF_A_DRIVE === 0) await this.button("figure eight").click();
+      const drives = await this.page.evaluate(() => globalThis.wheelwire?.world.program.isDriving);
+      if (drives !== true) await this.button("figure eight").click();
       await this.page.clock.runFor(STEP_MS);
     }
   }
