@@ -867,11 +867,15 @@ void Witness::writes(StoredBlock block, int slot) {
   slots_of(block).whole[static_cast<size_t>(slot)] = true;
   std::vector<Flash>& formers = formers_[static_cast<size_t>(block)];
   formers.clear();
-  const bool estop = simulator_.state() == SupervisorState::kEstopped;
-  if (block == StoredBlock::kLatches && estop != flash_.estop) {
-    formers = {flash_};  // Until the second slot is written.
-    flash_.estop = estop;
-    for (Flash& flash : maybe_flashes_) flash.estop = estop;
+  if (block == StoredBlock::kLatches) {
+    // A save writes both slots at once. A repair writes one, and what it writes may be older than
+    // the state.
+    if (now_us() == latch_write_us_ && slot != latch_write_slot_) {
+      flash_.estop = simulator_.state() == SupervisorState::kEstopped;
+      for (Flash& flash : maybe_flashes_) flash.estop = flash_.estop;
+    }
+    latch_write_us_ = now_us();
+    latch_write_slot_ = slot;
   }
   // The configuration records another block after that was written.
   record_writes_ = block == StoredBlock::kConfiguration ? record_writes_ + 1 : 0;

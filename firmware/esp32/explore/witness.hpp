@@ -296,6 +296,8 @@ class Witness {
   std::array<Slots, kStoredBlocks> slots_;
   /// What the other slot of a block may still hold, because a save was cut.
   std::array<std::vector<Flash>, kStoredBlocks> formers_;
+  uint64_t latch_write_us_ = UINT64_MAX;  ///< The last write of the latches,
+  int latch_write_slot_ = 0;              ///< and into which slot.
   int record_writes_ = 0;  ///< Of the configuration, since another block was written.
   std::array<bool, kStoredBlocks> lost_copies_{};
 
