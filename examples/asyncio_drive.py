@@ -9,6 +9,7 @@ import argparse
 import asyncio
 import math
 import sys
+import time
 from contextlib import suppress
 
 from wheelwire import LinkLost, WheelwireError, aio
@@ -20,9 +21,10 @@ TTL_S = 0.3  # a setpoint expires after this, even if this program hangs
 
 async def weave(robot: aio.Driver, seconds: float) -> None:
     """Drive forward, turning left and right in turn."""
-    for step in range(round(seconds / PERIOD_S)):
+    start = time.monotonic()
+    while (elapsed := time.monotonic() - start) < seconds:
         try:
-            robot.set_velocity(0.2, math.sin(step * PERIOD_S), ttl=TTL_S)
+            robot.set_velocity(0.2, math.sin(elapsed), ttl=TTL_S)
         except LinkLost as lost:
             print(f"waiting: {lost}")  # the driver opens the port again by itself
         await asyncio.sleep(PERIOD_S)
