@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 from typing import NamedTuple
 
@@ -246,20 +247,18 @@ ROUND_TRIPS = 1024
 
 
 class RoundTrips:
-    """The last `ROUND_TRIPS` round trips. One thread adds; any may look.
-
-    Attributes:
-        newest_us: Unordered: a list, which other threads can copy atomically.
-    """
+    """The last `ROUND_TRIPS` round trips, in memory that does not grow. One thread adds."""
 
     def __init__(self) -> None:
-        self.newest_us: list[int] = []
-        self._oldest = 0
+        self._us = array("q", bytes(8 * ROUND_TRIPS))
+        self._count = 0
+
+    @property
+    def newest_us(self) -> array[int]:
+        """A copy, unordered. Any thread may ask: the array is copied atomically."""
+        return self._us[: self._count]
 
     def add(self, round_trip_us: int) -> None:
         """Add one, in place of the oldest once there are `ROUND_TRIPS`."""
-        if len(self.newest_us) < ROUND_TRIPS:
-            self.newest_us.append(round_trip_us)
-        else:
-            self.newest_us[self._oldest] = round_trip_us
-            self._oldest = (self._oldest + 1) % ROUND_TRIPS
+        self._us[self._count % ROUND_TRIPS] = round_trip_us
+        self._count += 1

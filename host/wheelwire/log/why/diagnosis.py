@@ -698,7 +698,7 @@ class Diagnosis:
         evidence: list[str],
     ) -> tuple[str, ...]:
         """A reset by the supply: an empty or low battery, one that is too weak, or a dip."""
-        supply = self._history.supply
+        supply = self._history.supply.points()
         if not supply:
             if reason is ResetReason.POWER_ON:
                 evidence.append("the battery is not measured: an empty one looks the same")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from array import array
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -34,6 +36,30 @@ SUPPLY_PERIOD_US = 1_000_000
 SUPPLY_POINTS = 1800
 
 
+class Supply:
+    """The battery's voltage over the last half hour, in memory that does not grow."""
+
+    def __init__(self) -> None:
+        self._numbers = array("d", bytes(8 * 3 * SUPPLY_POINTS))
+        self._count = 0
+        self._next_us = -math.inf
+
+    def add(self, now_us: int, volts: float, *, driven: bool) -> None:
+        """Add a point, at most one in SUPPLY_PERIOD_US."""
+        if now_us < self._next_us:
+            return
+        at = self._count % SUPPLY_POINTS * 3
+        self._numbers[at : at + 3] = array("d", (now_us, volts, driven))
+        self._count += 1
+        self._next_us = now_us + SUPPLY_PERIOD_US
+
+    def points(self) -> list[tuple[float, float, float]]:
+        """Time [us], voltage [V] and whether the wheels drove (0 or 1), oldest first."""
+        oldest = self._count % SUPPLY_POINTS * 3 if self._count > SUPPLY_POINTS else 0
+        found = self._numbers[oldest : self._count * 3] + self._numbers[:oldest]
+        return list(zip(found[::3], found[1::3], found[2::3], strict=True))
+
+
 class Asked(NamedTuple):
     """A setpoint that the application asked for."""
 
@@ -52,7 +78,7 @@ class History:
         sent: Messages that the port took, and when.
         refusals: Refusals of setpoints, and when.
         gaps: Times, from and to, when nothing at all happened in the program.
-        supply: Battery voltage over the last half hour: [us], [V], and whether the wheels drove.
+        supply: Battery voltage over the last half hour.
         stop_us: When the application last asked for a stop or an e-stop.
     """
 
@@ -62,7 +88,7 @@ class History:
         self.sent: deque[tuple[int, AnyMessage]] = deque()
         self.refusals: deque[tuple[int, Refuse]] = deque()
         self.gaps: deque[tuple[int, int]] = deque()
-        self.supply: deque[tuple[int, float, bool]] = deque(maxlen=SUPPLY_POINTS)
+        self.supply = Supply()
         self.stop_us = -SPAN_US
         self._stop_asked = -SPAN_US, ""
         self._inputs: SensorMeasurement | None = None
@@ -96,11 +122,8 @@ class History:
         """A sample."""
         self.samples.append(measurement)
         volts = battery_v(measurement)
-        now_us = measurement.arrived_us
-        if volts is not None and (
-            not self.supply or now_us - self.supply[-1][0] >= SUPPLY_PERIOD_US
-        ):
-            self.supply.append((now_us, volts, drives(measurement)))
+        if volts is not None:
+            self.supply.add(measurement.arrived_us, volts, driven=drives(measurement))
 
     def note_sensors(self, sensors: SensorStream, now_us: int) -> None:
         """Which sensors stop the robot now, as far as they were asked for."""
