@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import InvalidArgument
+from ..errors import InvalidArgument, meant
 
 PSEUDO_TERMINALS = "/dev/pts/"
 """Folder of the pseudo-terminals; each has a program at its other end, not a device."""
@@ -205,7 +205,7 @@ def meant_port(port: str) -> str:
         return f"did you mean {name}?" if name != port else ""
     if port and "/" not in port and _is_device(device := Path("/dev", port)):
         return f"did you mean {device}?"
-    if Path(port).suffix and not port.startswith("/dev/"):
+    if meant(Path(port).suffix, [".mcap"], cutoff=0.7):
         return "a recording's name ends in .mcap"
     return ""
 

@@ -101,6 +101,7 @@ def _no_home(path: Path) -> Path:
         ("null", "did you mean /dev/null?"),
         ("drive.mcp", "a recording's name ends in .mcap"),
         ("no-such-port", ""),
+        ("robot.local", ""),
         ("/dev/ttyUSB0", ""),
         ("/dev/serial/by-id/x", ""),
     ],
