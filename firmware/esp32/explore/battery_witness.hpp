@@ -44,7 +44,9 @@ class BatteryWitness {
       read_us_ = now_us;
       return is_first && stopped_ == Stopped::kYes ? "reset STOP" : what;
     }
-    if (is_broken_ || now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return nullptr;
+    if (now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return nullptr;
+    read_us_ = now_us;  // Without a voltage no time counts.
+    if (is_broken_) return nullptr;
     is_broken_ = true;
     const char* const ended = above_us_[kLow] != kNever && level_ != kGood ? "silent rising"
                               : is_below_ != Flags{}                       ? "silent falling"
