@@ -1064,13 +1064,14 @@ void Judge::follow_motion() {
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
     if (moved != 0 || is_stuck || was_stuck) memory_.perhaps_ticked_us = now_us();
-    if (is_stuck) memory_.hides_tick[wheel] = true;
+    if (is_stuck || world_.changed_encoders) memory_.hides_tick[wheel] = true;
     Memory::Turning& turning = memory_.turning[wheel];
     if (is_stuck || was_stuck || !is_seen || world_.changed_encoders) turning = {};
     // In the step in which a level comes back the wheel may have moved before that alone.
     if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
-    const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
+    // After another encoder was at its pins, two edges may lead it back to the levels that it knew.
+    const bool is_counted = !memory_.hides_tick[wheel] || moved > 2;
     memory_.hides_tick[wheel] = false;
     if (is_seen && is_counted) memory_.turned_us = memory_.ticked_us = now_us();
     const int way = change > 0 ? 1 : -1;
