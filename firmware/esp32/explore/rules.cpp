@@ -998,8 +998,9 @@ void Judge::on_event(const Event& event) {
         simulator_.state() != SupervisorState::kDriving || !memory_.followed_velocity ||
             now_us() - memory_.commanded_us >= kSurelyRollsUs,
         "ROLLING is reported while it slows down beside a bumper");
-  const bool brakes =
-      value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
+  // A Stop may have asked to coast.
+  const bool brakes = value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f &&
+                      value(kBrakeTimeS) >= 0.5f && memory_.least.mode != StopMode::kCoast;
   const bool recently_reset = now_us() < 3'000'000;
   const bool measures =
       value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
