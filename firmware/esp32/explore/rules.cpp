@@ -551,12 +551,18 @@ void Judge::late_step_is_a_fault() {
 /// Whether what holds a robot at a bumper, the velocity loop, still commands a speed although it
 /// has had the time to bring it to rest from the speed that it had.
 bool Judge::is_to_stand() {
+  // The loop slows down what it measures: with other counts or another radius, another speed.
+  const double measured_umps =
+      1.3e6 * static_cast<double>(simulator_.board.counts_per_revolution) /
+      static_cast<double>(value(kCountsPerRevolution)) *
+      static_cast<double>(value(kWheelRadius) / kParameters[index_of(kWheelRadius)].default_value);
   double commanded_umps = 0.0;
   double rolls_umps = 0.0;
   for (const Side side : kSides) {
     commanded_umps =
         std::max(commanded_umps, std::abs(static_cast<double>(simulator_.commanded_umps(side))));
-    rolls_umps = std::max(rolls_umps, 1.3e6 * std::abs(simulator_.board.plant.speed_mps(side)));
+    rolls_umps =
+        std::max(rolls_umps, measured_umps * std::abs(simulator_.board.plant.speed_mps(side)));
   }
   const bool changed =
       value(kMaxAccelerationMps2) != memory_.values[index_of(kMaxAccelerationMps2)];
