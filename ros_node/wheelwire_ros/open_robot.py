@@ -64,7 +64,6 @@ class OpenRobot:
         self._closing = False
         self._is_held = False
         """Whether odom goes on without samples."""
-        self._was_held = False
         """Whether odom has gone on without a sample since it last had one."""
         self._estopped_by_us = False
         self._stop = ""
@@ -329,15 +328,7 @@ class OpenRobot:
         )
         stamp_ns = self._time_base.to_ros_ns(now_s, ODOM_STREAM)
         if motion is not None and stamp_ns is not None:
-            self._was_held = True
             self._publisher.publish_held(motion, stamp_ns)
-
-    def _has_odom(self, sample: WheelSample) -> bool:
-        """Whether it belongs into odom: one that came late may be older than what is there."""
-        if self._was_held and self._time_base.to_ros_ns(sample.stamp, ODOM_STREAM) is None:
-            return False
-        self._was_held = False
-        return True
 
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
@@ -361,7 +352,9 @@ class OpenRobot:
         if publishes and self._pacer.is_due(sample.t_us, sample.boot_id):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
-                self._publisher.publish(motion, stamp_ns, odom=self._has_odom(sample))
+                # One that came late may be older than what odom says of a silent robot.
+                odom_ns = self._time_base.to_ros_ns(sample.stamp, ODOM_STREAM)
+                self._publisher.publish(motion, stamp_ns, odom_ns)
         if before is not None and before.state is DRIVING and sample.state is not DRIVING:
             self.connection.note_standstill()
         if sample.state is DRIVING:

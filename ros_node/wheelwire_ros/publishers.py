@@ -94,19 +94,20 @@ class MotionPublisher:
         """Publish only odom, for a robot that sends no samples: nothing else is known."""
         self._publishers[0].publish(self._messages.held(motion, stamp_ns))
 
-    def publish(self, motion: RobotMotion, stamp_ns: int, *, odom: bool = True) -> None:
+    def publish(self, motion: RobotMotion, stamp_ns: int, odom_ns: int | None) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement.
 
         Args:
             motion: It.
             stamp_ns: Later than the one before.
-            odom: Whether odom is published, too: not if a later one was.
+            odom_ns: That of odom, which also has messages between samples. None: there is a later
+                one.
         """
-        for publisher, message in zip(
-            self._publishers, self._messages.fill(motion, stamp_ns), strict=True
-        ):
-            if odom or publisher is not self._publishers[0]:
-                publisher.publish(message)
+        odom, *others = self._publishers
+        if odom_ns is not None:
+            odom.publish(self._messages.odometry(motion, odom_ns))
+        for publisher, message in zip(others, self._messages.fill(motion, stamp_ns), strict=True):
+            publisher.publish(message)
         self.published += 1
         if self._battery is not None and motion.battery_v is not None:
             self._battery.publish(stamp_ns, motion.battery_v)
@@ -197,15 +198,18 @@ class MotionMessages:
         template = ros_messages.odometry(self._frames.odom, self._frames.base, diagonal)
         return self._fill_odometry(template, motion, stamp_ns)
 
+    def odometry(self, motion: RobotMotion, stamp_ns: int) -> bytes:
+        """The nav_msgs/Odometry."""
+        return self._fill_odometry(self._odometry, motion, stamp_ns)
+
     def _fill_odometry(self, template: Layout, motion: RobotMotion, stamp_ns: int) -> bytes:
         covariance = pose_covariance(motion.covariance, self._pose_diagonal)
         stamp = ros_messages.stamp(stamp_ns)
         return template.fill(*stamp, *planar(motion.pose), *covariance, *motion.twist)
 
     def fill(self, motion: RobotMotion, stamp_ns: int) -> Iterator[bytes]:
-        """The nav_msgs/Odometry, the sensor_msgs/JointState and, if asked for, the TFMessage."""
+        """The sensor_msgs/JointState and, if asked for, the TFMessage."""
         stamp = ros_messages.stamp(stamp_ns)
-        yield self._fill_odometry(self._odometry, motion, stamp_ns)
         left, right = self._wheels
         wheels = [motion.left] * left + [motion.right] * right
         yield self._joints.fill(

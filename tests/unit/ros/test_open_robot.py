@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock, call
@@ -14,6 +15,7 @@ from support.host_samples import sample
 from wheelwire import Pose, SupervisorState, WheelSample
 from wheelwire_ros import parameters
 from wheelwire_ros.open_robot import OpenRobot
+from wheelwire_ros.time_base import TimeBase
 
 IDLE, DRIVING = SupervisorState.IDLE, SupervisorState.DRIVING
 TIMED_OUT, FAULT = SupervisorState.TIMED_OUT, SupervisorState.FAULT
@@ -57,7 +59,6 @@ class Parts:
             "_preparing": False,
             "_stop": "",
             "_is_held": False,
-            "_was_held": False,
         }
         for name, part in parts.items():
             setattr(robot, name, part)
@@ -187,3 +188,24 @@ def test_a_fault_that_is_cleared_ends_the_warning_of_a_reset(parts: Parts) -> No
         call.resets.acknowledge(),
         call.update_state(),
     ]
+
+
+def test_odom_goes_forward_where_a_silent_robot_is_back(parts: Parts) -> None:
+    """With /clock the two streams of time differ: a late sample is older than a held message."""
+    clock_s = [100.0]
+    parts.open._time_base = TimeBase(
+        lambda: round(clock_s[0] * 1e9), Mock(), is_simulated=lambda: True
+    )
+    parts.calls.connection.robot.noted = None
+    parts.calls.connection.driven_until_s = 0.0
+    parts.samples(sample(stamp=time.monotonic() - 0.01))
+    (_, first_ns, odom_ns) = parts.calls.publisher.publish.mock_calls[-1].args
+    assert first_ns == pytest.approx(odom_ns, abs=1e7)
+    clock_s[0] += 0.1
+    parts.open._on_silent()
+    (_, held_ns) = parts.calls.publisher.publish_held.mock_calls[-1].args
+    clock_s[0] += 0.05
+    parts.samples(sample(stamp=time.monotonic() - 0.1))
+    (_, stamp_ns, back_ns) = parts.calls.publisher.publish.mock_calls[-1].args
+    assert odom_ns < held_ns < back_ns
+    assert first_ns < stamp_ns < held_ns

@@ -56,7 +56,8 @@ def made_for(*, transform: bool = False) -> MotionMessages:
 
 
 def odometry_and_joints(made: MotionMessages, one: RobotMotion, stamp_ns: int) -> Any:
-    odometry, joints = made.fill(one, stamp_ns)
+    odometry = made.odometry(one, stamp_ns)
+    (joints,) = made.fill(one, stamp_ns)
     return deserialize_message(odometry, Odometry), deserialize_message(joints, JointState)
 
 
@@ -105,7 +106,9 @@ def test_all_wheels_of_a_side_turn_together() -> None:
 
 def test_the_transform_is_the_odometrys_pose() -> None:
     tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
-    odometry, _, transform = made_for(transform=True).fill(motion(random.Random(7)), STAMP_NS)
+    made, one = made_for(transform=True), motion(random.Random(7))
+    odometry = made.odometry(one, STAMP_NS)
+    _, transform = made.fill(one, STAMP_NS)
     pose = deserialize_message(odometry, Odometry).pose.pose
     (message,) = deserialize_message(transform, tf2.TFMessage).transforms
     check_header(message)
