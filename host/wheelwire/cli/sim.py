@@ -243,9 +243,9 @@ def _turn(simulator: RemoteSimulator, wheel: str, turns: float) -> float:
     name = f"{wheel}.hand_turns"
     if simulator.get(name):
         raise InvalidArgument(f"somebody turns the {wheel} wheel already: wait until that is done")
-    simulator.set(name, turns)
     left, moved_s = turns, time.monotonic()
     try:
+        simulator.set(name, turns)  # in here, for Ctrl-C may come before its answer
         while left and time.monotonic() - moved_s < _PATIENCE_S:
             time.sleep(_LOOK_S)
             before, left = left, simulator.get(name)
