@@ -131,7 +131,7 @@ const PLANTS: readonly { what: string; file: string; from: string; to: string; w
     from: "wake(nowUs: number): void {",
     to: `wake(nowUs: number): void {
       const { leftMps, rightMps } = this.#commanded;
-      this.session.drive(leftMps, rightMps, nowUs + TTL_US, nowUs);
+      if (this.session.phase === "OPEN") this.session.drive(leftMps, rightMps, nowUs + TTL_US, nowUs);
       if (nowUs > 0) return;`,
   },
   {
