@@ -107,8 +107,7 @@ class DeviceContract:
 
     def test_the_devices_clock_is_known(self, bench: Bench) -> None:
         with bench.robot() as robot:
-            watch(robot)
-            assert robot.statistics.clock_error_us < CLOCK_ERROR_US
+            wait(robot, lambda _: robot.statistics.clock_error_us < CLOCK_ERROR_US)
 
     def test_an_expired_setpoint_ends_the_drive(self, bench: Bench) -> None:
         with bench.robot() as robot:
