@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from typing import NoReturn
 
 
 def main() -> None:
     """Run the node; somebody may interrupt it while its modules are still being read."""
+    interrupts: list[int] = []
+
+    def interrupt(number: int, _: object) -> NoReturn:
+        interrupts.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
     try:
         from .hardware_robot import main as run
 
+        # Python ignores an exception in a callback of its own, such as that of an import's lock.
+        if interrupts:
+            raise KeyboardInterrupt
         run()
     except KeyboardInterrupt:
         sys.exit(0)  # no robot is open yet: from rclpy's start on it takes the signal itself

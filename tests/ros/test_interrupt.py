@@ -30,6 +30,38 @@ def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, delay_s: float) -
     assert "Traceback" not in node.errors_at_end
 
 
+IGNORED = """
+import os, signal, sys, weakref
+from wheelwire_ros.__main__ import main
+
+class Module:
+    pass
+
+class Finder:
+    module = Module()
+
+    def find_spec(self, name, path=None, target=None):
+        if name == "wheelwire_ros.hardware_robot":
+            self.reference = weakref.ref(Finder.module, interrupt)
+            del Finder.module
+
+def interrupt(_):
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000):
+        pass
+
+sys.meta_path.insert(0, Finder())
+main()
+"""
+"""Python ignores what is raised in a weak reference's callback, such as that of an import's lock."""
+
+
+def test_it_ends_by_a_signal_whose_exception_python_ignores(graph: Graph) -> None:
+    with RobotNode(graph, IGNORED, driver_type="mock") as node:
+        assert node.process.wait(TIMEOUT_S) == 0
+    assert "Exception ignored" in node.errors_at_end
+
+
 TWICE = """
 import os, signal, threading, time
 from rclpy.signals import (
