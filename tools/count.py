@@ -57,7 +57,7 @@ LAYOUT = {
 
 # Runs in a fresh process, with a port as its argument.
 DRIVE = """
-import json, os, sys
+import json, os, sys, time
 from wheelwire import connect
 
 calls = []
@@ -75,9 +75,9 @@ with connect(sys.argv[1]) as robot:
             sys.setprofile(trace)
         robot.set_velocity(0.1, 0.0)
         sys.setprofile(None)
-        # A robot that does not keep up makes the port refuse setpoints.
-        if number % 20 == 0:
-            robot.read(timeout=60.0)
+        # A robot that does not keep up makes the port refuse setpoints: wait for a new sample.
+        while number % 20 == 0 and time.monotonic() - robot.read(timeout=60.0).stamp > 0.2:
+            pass
     robot.stop()
 files = [m.__file__ for m in list(sys.modules.values()) if m.__name__.startswith("wheelwire")]
 # A method that dataclasses wrote is in no file.

@@ -39,8 +39,8 @@ GOES_BACK = """
 from wheelwire_ros import hardware_robot
 from wheelwire_ros.publishers import MotionPublisher
 publish = MotionPublisher.publish
-def publish_late(self, motion, stamp_ns, **options):
-    publish(self, motion, stamp_ns - (self.published % 50 == 49) * 10**9, **options)
+def publish_late(self, motion, stamp_ns, odom_ns):
+    publish(self, motion, stamp_ns, odom_ns and odom_ns - (self.published % 50 == 49) * 10**9)
 MotionPublisher.publish = publish_late
 hardware_robot.main()
 """
