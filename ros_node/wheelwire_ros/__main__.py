@@ -20,9 +20,8 @@ def main() -> None:
         from .hardware_robot import main as run
 
         # Python ignores an exception in a callback of its own, such as that of an import's lock.
-        if interrupts:
-            raise KeyboardInterrupt
-        run()
+        if not interrupts:
+            run()
     except KeyboardInterrupt:
         sys.exit(0)  # no robot is open yet: from rclpy's start on it takes the signal itself
 

@@ -53,7 +53,7 @@ def interrupt(_):
 sys.meta_path.insert(0, Finder())
 main()
 """
-"""Python ignores what is raised in a weak reference's callback, such as that of an import's lock."""
+"""Python ignores what a weak reference's callback raises, such as that of an import's lock."""
 
 
 def test_it_ends_by_a_signal_whose_exception_python_ignores(graph: Graph) -> None:
