@@ -261,7 +261,7 @@ void Judge::driven_hard_without_a_tick() {
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const sim::Quadrature& encoder = simulator_.board.encoders[side];
-    const bool counts = encoder.model.stuck != 0 || memory_.hides_tick[side] ||
+    const bool counts = encoder.model.stuck != 0 || memory_.hidden_ticks[side] != 0 ||
                         encoder.shown_ticks() != wheel.anchor;
     // At a setpoint of zero the firmware yields to what may be a push.
     const bool yields = drives && !granted->duty && target(side) == 0.0;
@@ -1071,15 +1071,16 @@ void Judge::follow_motion() {
     const bool was_stuck = memory_.was_stuck[wheel];
     memory_.was_stuck[wheel] = is_stuck;
     if (moved != 0 || is_stuck || was_stuck) memory_.perhaps_ticked_us = now_us();
-    if (is_stuck || world_.changed_encoders) memory_.hides_tick[wheel] = true;
+    if (is_stuck) memory_.hidden_ticks[wheel] = std::max(memory_.hidden_ticks[wheel], 1);
+    if (world_.changed_encoders) memory_.hidden_ticks[wheel] = 2;
     Memory::Turning& turning = memory_.turning[wheel];
     if (is_stuck || was_stuck || !is_seen || world_.changed_encoders) turning = {};
     // In the step in which a level comes back the wheel may have moved before that alone.
     if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
     // After another encoder was at its pins, two edges may lead it back to the levels that it knew.
-    const bool is_counted = !memory_.hides_tick[wheel] || moved > 2;
-    memory_.hides_tick[wheel] = false;
+    const bool is_counted = moved > memory_.hidden_ticks[wheel];
+    memory_.hidden_ticks[wheel] = 0;
     if (is_seen && is_counted) memory_.turned_us = memory_.ticked_us = now_us();
     const int way = change > 0 ? 1 : -1;
     const bool goes_on = way == turning.way && now_us() - turning.ticked_us < kSurelyTurnsUs;
@@ -1190,7 +1191,7 @@ void Judge::remember() {
 }
 
 void Judge::after_start() {
-  const std::array<bool, 2> hides_tick = memory_.hides_tick;  // A start does not turn the wheel.
+  const std::array<int, 2> hidden_ticks = memory_.hidden_ticks;  // A start does not turn the wheel.
   const auto outlives = [this](const Action& action) {
     const bool holds = witness_.kept_memory() && action.mode == StopMode::kBrakeUntilDriven;
     return holds ? Action{.mode = action.mode} : Action{};
@@ -1198,7 +1199,7 @@ void Judge::after_start() {
   const Action least = outlives(memory_.least);
   const Action most = outlives(memory_.most);
   memory_ = {};
-  memory_.hides_tick = hides_tick;
+  memory_.hidden_ticks = hidden_ticks;
   memory_.least = least;
   memory_.most = most;
   memory_.fast_us = now_us();

@@ -90,7 +90,7 @@ struct Memory {
   std::array<int64_t, 2> seen_ticks{};
   std::array<bool, 2> was_stuck{};         ///< A level was, at the end of the last step.
   std::array<uint64_t, 2> hid_edges_us{};  ///< An encoder did not show them all.
-  std::array<bool, 2> hides_tick{};        ///< A counter may have other levels than its encoder.
+  std::array<int, 2> hidden_ticks{};  ///< So many may be missed, as a counter has other levels.
   uint64_t turned_us = 0;
   uint64_t ticked_us = 0;          ///< As `turned_us`; 0: not since the start.
   uint64_t perhaps_ticked_us = 0;  ///< A counter may have counted.

@@ -991,6 +991,7 @@ void Witness::resets(bool loses_memory) {
   task_.reset();
   trial_ = Trial::kNone;
   restarting_ = fresh_candidate_ = false;
+  latch_write_us_ = UINT64_MAX;  // The device's time begins anew.
   staged_ = {};
 }
 
