@@ -59,14 +59,12 @@ export class Program {
   /**
    * @param drawNonce Draws 32 random bits.
    * @param say Takes what a person should know.
-   * @param resolutionUs The clock of `run` goes in steps of at most this.
    */
   constructor(
     drawNonce: () => number,
     readonly say: (text: string) => void,
-    resolutionUs = 1,
   ) {
-    this.session = new Session(drawNonce, STREAM_RATE_HZ, resolutionUs);
+    this.session = new Session(drawNonce, STREAM_RATE_HZ);
   }
 
   /** Whether it sends setpoints. */

@@ -61,6 +61,8 @@ export class Session {
   /** Messages of other sessions, or that were not asked for. */
   foreign = 0;
   setpoints: SetpointSender | undefined;
+  /** The host's clock goes in steps of at most this. */
+  resolutionUs = 1;
 
   readonly #decoder = new Decoder();
   #encoder = new Encoder();
@@ -79,12 +81,10 @@ export class Session {
   /**
    * @param drawNonce Draws 32 random bits for each session.
    * @param streamRateHz Rate of the state frames.
-   * @param resolutionUs The host's clock goes in steps of at most this.
    */
   constructor(
     readonly drawNonce: () => number,
     readonly streamRateHz: number,
-    readonly resolutionUs = 1,
   ) {}
 
   get counters(): Readonly<Counters> {

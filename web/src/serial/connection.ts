@@ -42,7 +42,7 @@ export class Connection implements Robot {
     readonly changed: () => void,
   ) {
     const draw = (): number => crypto.getRandomValues(new Uint32Array(1))[0] ?? 0;
-    this.program = new Program(draw, say, clockStepUs());
+    this.program = new Program(draw, say);
   }
 
   get isConnected(): boolean {
@@ -146,6 +146,7 @@ export class Connection implements Robot {
     this.isEnabled = false;
     if (line === undefined) return;
     this.#heard.next();
+    this.program.session.resolutionUs = clockStepUs();
     this.program.session.connect(nowUs);
   }
 

@@ -48,7 +48,7 @@ export class Desk {
     await page.addInitScript({ content: `${await STAND_IN}; ${install}` });
     const robot = new RobotPage(page, url);
     // Of a planted fault the simulated robot may have a part.
-    await (planted === undefined ? robot.open() : page.goto(url));
+    await (planted === undefined ? robot.openLive() : page.goto(url));
     return robot;
   }
 

@@ -5,11 +5,12 @@ import { BREAKS } from "../../src/breaks.js";
 import { SupervisorState } from "../../src/generated/protocol.js";
 import { TOUCH, dragStick, expect, test } from "./page.js";
 
-test("at both sizes, light and dark, everything fits, and axe finds nothing serious", async ({ robot }) => {
+test("at both sizes, light and dark, everything fits, and axe finds nothing serious", async ({ robot, page }) => {
   await robot.open();
   await robot.drive();
   await robot.button("open the e-stop contact").click();
-  await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
+  await robot.shows("ESTOPPED, held by CONTACT, ESTOP");
+  await page.clock.resume(); // axe needs time
   await robot.looks("simulated");
 });
 
@@ -29,22 +30,22 @@ test("each of the buttons has its name, and says beforehand what should happen",
 
 test("the status holds the state and the codes, and nothing else in capitals", async ({ robot }) => {
   await robot.open();
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
   await robot.button("e-stop").click();
-  await expect(robot.status).toHaveText("ESTOPPED, held by ESTOP");
+  await robot.shows("ESTOPPED, held by ESTOP");
   await robot.button("clear").click();
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
   await robot.button("press the front bumper").click();
-  await expect(robot.status).toHaveText("IDLE, held by BUMPER_FRONT_LEFT, BUMPER_FRONT_RIGHT");
+  await robot.shows("IDLE, held by BUMPER_FRONT_LEFT, BUMPER_FRONT_RIGHT");
 });
 
 test("by keyboard alone: drive while an arrow is held, break, repair, clear", async ({ robot, page }) => {
   await robot.open();
   await page.keyboard.down("ArrowUp");
-  await expect(robot.status).toHaveText("DRIVING");
-  await expect.poll(() => robot.get("true.x_m")).toBeGreaterThan(0.1);
+  await robot.shows("DRIVING");
+  await robot.pass(async () => (await robot.get("true.x_m")) > 0.1);
   await page.keyboard.up("ArrowUp");
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
   const names: string[] = [];
   for (let press = 0; press < 30; press++) {
     await page.keyboard.press("Tab");
@@ -53,26 +54,26 @@ test("by keyboard alone: drive while an arrow is held, break, repair, clear", as
   }
   expect(names).toEqual(expect.arrayContaining(["figure eight", "e-stop", "clear", "start again"]));
   await page.keyboard.press("Space");
-  await expect(robot.status).toHaveText("ESTOPPED, held by CONTACT, ESTOP");
+  await robot.shows("ESTOPPED, held by CONTACT, ESTOP");
   await page.keyboard.press("Space");
   await robot.button("clear").focus();
   await page.keyboard.press("Enter");
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
 });
 
 test("a key that is held through a fault drives no more, until it is pressed anew", async ({ robot, page }) => {
   await robot.open();
   await page.keyboard.down("ArrowUp");
-  await expect(robot.status).toHaveText("DRIVING");
+  await robot.shows("DRIVING");
   await robot.button("e-stop").click();
   await robot.button("clear").click();
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
   await page.keyboard.down("ArrowUp"); // the keyboard's repeat
-  await page.waitForTimeout(1500);
+  await page.clock.runFor(1500);
   await expect(robot.status).toHaveText("IDLE");
   await page.keyboard.up("ArrowUp");
   await page.keyboard.down("ArrowUp");
-  await expect(robot.status).toHaveText("DRIVING");
+  await robot.shows("DRIVING");
   await page.keyboard.up("ArrowUp");
 });
 
@@ -82,10 +83,10 @@ test.describe("with a touch screen", () => {
   test("the stick drives while it is held", async ({ robot, page }) => {
     await robot.open();
     const lift = await dragStick(page);
-    await expect(robot.status).toHaveText("DRIVING");
-    await expect.poll(() => robot.get("true.x_m")).toBeGreaterThan(0.05);
+    await robot.shows("DRIVING");
+    await robot.pass(async () => (await robot.get("true.x_m")) > 0.05);
     await lift();
-    await expect(robot.status).toHaveText("IDLE");
+    await robot.shows("IDLE");
   });
 });
 
@@ -98,7 +99,7 @@ test("a hidden page sends a stop", async ({ robot, page }) => {
     return globalThis.wheelwire?.world.program.isDriving;
   });
   expect(state).toBe(false);
-  await expect(robot.status).toHaveText("IDLE");
+  await robot.shows("IDLE");
   await expect(page.getByRole("log")).toContainText("this page was hidden: it stopped the robot");
 });
 
@@ -107,9 +108,10 @@ test("once loaded it needs no network, and a seed repeats a run", async ({ robot
   await context.setOffline(true);
   const bootIds = new Set([await robot.get("boot_id")]);
   await robot.button("start again").click();
-  await page.waitForFunction(() => (globalThis.wheelwire?.world.nowUs ?? 1e9) < 2e6);
+  await robot.pass(() => page.evaluate(() => (globalThis.wheelwire?.world.nowUs ?? 1e9) < 2e6));
   bootIds.add(await robot.get("boot_id"));
   expect(bootIds.size).toBe(1);
+  await robot.opens();
   await robot.drive();
   expect(await robot.get("state")).toBe(SupervisorState.DRIVING);
 });

@@ -26,6 +26,8 @@ const TYPES: Readonly<Record<string, string>> = {
 /** How far the page's time runs at once, and how often at most: half a minute. */
 const STEP_MS = 250;
 const MOST_STEPS = 120;
+/** Later than any computer gets there by itself. */
+const PAUSED_AT_MS = 3_600_000;
 
 /** Files in place of those of the page, by name: a planted fault. */
 export type Planted = Readonly<Record<string, Uint8Array | string>>;
@@ -94,11 +96,27 @@ export class RobotPage {
     page.on("pageerror", (error) => this.complaints.push(error.message));
   }
 
+  /** Open the page. Its own time stands still, but for `pass`: no busy computer holds the robot up. */
   async open(query = ""): Promise<void> {
+    await this.page.clock.install({ time: 0 });
+    await this.page.clock.pauseAt(PAUSED_AT_MS);
     await this.page.goto(this.url + query);
-    await this.page.waitForFunction(
-      () => globalThis.wheelwire?.world.program.session.phase === "OPEN",
-    );
+    await this.opens();
+  }
+
+  /** Let the page's own time run until the robot has answered. */
+  async opens(): Promise<void> {
+    await this.pass(() => this.#isOpen());
+  }
+
+  /** Open the page, in the computer's time. */
+  async openLive(): Promise<void> {
+    await this.page.goto(this.url);
+    await base.expect.poll(() => this.#isOpen()).toBe(true);
+  }
+
+  #isOpen(): Promise<boolean> {
+    return this.page.evaluate(() => globalThis.wheelwire?.world.program.session.phase === "OPEN");
   }
 
   button(name: string): Locator {
@@ -108,10 +126,10 @@ export class RobotPage {
   /** Press `figure eight`, and wait until the robot drives. */
   async drive(): Promise<void> {
     await this.button("figure eight").click();
-    await this.page.waitForFunction(() => (globalThis.wheelwire?.world.simulator.get("true.distance_m") ?? 0) > 0.1);
+    await this.pass(async () => (await this.get("true.distance_m")) > 0.1);
   }
 
-  /** Let the page's own time run fast until this holds; its clock has to be installed. */
+  /** Let the page's own time run fast until this holds. */
   async pass(holds: () => Promise<boolean>): Promise<void> {
     for (let steps = 0; !(await holds()); steps++) {
       base.expect(steps, "what is waited for never comes true").toBeLessThan(MOST_STEPS);
@@ -119,14 +137,10 @@ export class RobotPage {
     }
   }
 
-  /** Press `figure eight`, and again once its drive has ended, as it does where the page was held up. */
-  async driveUntil(holds: () => Promise<boolean>): Promise<void> {
-    for (let steps = 0; !(await holds()); steps++) {
-      base.expect(steps, "it never drives").toBeLessThan(MOST_STEPS);
-      const drives = await this.page.evaluate(() => globalThis.wheelwire?.world.program.isDriving);
-      if (drives !== true) await this.button("figure eight").click();
-      await this.page.clock.runFor(STEP_MS);
-    }
+  /** Let the page's own time run until the status is this. */
+  async shows(status: string | RegExp): Promise<void> {
+    const pattern = typeof status === "string" ? new RegExp(`^${status}$`) : status;
+    await this.pass(async () => pattern.test(await this.status.innerText()));
   }
 
   /** It fits a computer and a phone, in the light and the dark, and axe finds nothing serious. */

@@ -39,8 +39,8 @@ test("the first picture comes soon on a slow computer", async ({ robot, page }) 
 });
 
 test("pictures follow each other", async ({ robot, page }) => {
-  await robot.open();
-  await robot.drive();
+  await robot.openLive();
+  await robot.button("figure eight").click();
   const seconds = 3;
   const before = await page.evaluate(() => globalThis.wheelwire?.frames ?? 0);
   await page.waitForTimeout(seconds * 1000);
