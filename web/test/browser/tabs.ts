@@ -7,6 +7,10 @@ import { join } from "node:path";
 import type { Readable, Writable } from "node:stream";
 
 const EXECUTABLE = "/usr/bin/chromium";
+const REPLY_MS = 20_000;
+
+/** What reaches a tab between its death and its new process is never answered. */
+class NoReply extends Error {}
 
 interface Reply {
   readonly id?: number;
@@ -72,7 +76,9 @@ export class TabBrowser {
     const id = ++this.#number;
     (this.process.stdio[3] as Writable).write(JSON.stringify({ id, method, params, sessionId }) + "\0");
     return new Promise((resolve, reject) => {
+      const timer = setTimeout(reject, REPLY_MS, new NoReply(method));
       this.#open.set(id, ({ result, error }) => {
+        clearTimeout(timer);
         if (error === undefined) resolve(result);
         else reject(new Error(`${method}: ${error.message}`));
       });
@@ -125,7 +131,11 @@ export class Tab {
   async until(condition: () => boolean): Promise<void> {
     const endMs = Date.now() + 90_000;
     while (Date.now() < endMs) {
-      if (await this.evaluate(condition)) return;
+      const isTrue = await this.evaluate(condition).catch((error: unknown) => {
+        if (error instanceof NoReply) return false; // ask again
+        throw error;
+      });
+      if (isTrue) return;
       await pause(15);
     }
     throw new Error(`never came true: ${condition.toString()}`);
