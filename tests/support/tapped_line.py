@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
+
 from wheelwire.link.traffic import Traffic, TrafficReader
 
 from .virtual_line import VirtualLine
@@ -18,6 +21,8 @@ class TappedLine:
     def __init__(self) -> None:
         self.line = VirtualLine(stream_rate_hz=100, watched=(1, 2, 3, 4, 5, 6, 7, 8))
         self.has_ended = False
+        self._thread = threading.get_ident()
+        self._joining: deque[TrafficReader] = deque()
         self.line.open()
 
     @property
@@ -25,9 +30,20 @@ class TappedLine:
         return self.line.session.traffic
 
     def listen_to_traffic(self, reader: TrafficReader) -> None:
-        self.line.session.listen(reader, self.line.now_us)
+        self._joining.append(reader)
+        # As with a real link, one thread alone uses the session: a recorder's next file waits.
+        if threading.get_ident() == self._thread:
+            self._join()
+
+    def _join(self) -> None:
+        while self._joining:
+            self.line.session.listen(self._joining.popleft(), self.line.now_us)
 
     def drive(self, seconds: float, left: float = 0.2, right: float = 0.1) -> None:
         for _ in range(round(seconds / 0.05)):
             self.line.drive(left, right)
-            self.line.run(0.05)
+            self.run(0.05)
+
+    def run(self, seconds: float) -> None:
+        self._join()
+        self.line.run(seconds)

@@ -150,10 +150,10 @@ def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
     time.sleep(0.7)
     link.drive(5)
     wait_until(lambda: recorder.lost)
-    link.line.run(0.1)
+    link.run(0.1)
     time.sleep(0.7)
     known = len(link.line.samples)
-    link.line.run(0.05)
+    link.run(0.05)
     recorder.close()
     samples, session = samples_of(recorder.file)
     assert samples[-5:] == link.line.samples[known : known + 5]
