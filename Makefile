@@ -109,7 +109,9 @@ docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the
 # $(call cmake,folder,options,targets). Without make's flags: ninja looks for make's job server in them,
 # whose pipe make closes for a recipe.
 cmake = env -u MAKEFLAGS $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
-	env -u MAKEFLAGS $(BIN)/cmake --build $(1) --target $(3)
+	env -u MAKEFLAGS $(BIN)/cmake --build $(1) --target $(3) $(QUIETLY)
+# Ninja draws its progress over itself in a terminal alone.
+QUIETLY := $(if $(MAKE_TERMOUT),,-- --quiet)
 
 SIM := wheelwire-fwsim fwsim wheelwire_capi
 sim: $(VENV)/sim-installed  ## Build the firmware for this computer, with its simulated robot
@@ -124,7 +126,7 @@ sanitized: $(VENV)/installed  ## Build the C++ tests under the address and undef
 
 rv32: $(VENV)/installed  ## Build the core for RV32IMC with Debian's compiler, to count its instructions
 	@$(BIN)/cmake -S firmware/esp32/rv32 -B $(RV32_BUILD) -G Ninja --log-level=WARNING >/dev/null
-	@$(BIN)/cmake --build $(RV32_BUILD)
+	@$(BIN)/cmake --build $(RV32_BUILD) $(QUIETLY)
 
 rv32-baseline: $(VENV)/installed  ## After a release: make rv32-baseline RELEASE=0.1.0
 	@$(BIN)/python tests/support/rv32_baseline.py $(or $(RELEASE),$(error Say which: RELEASE=0.1.0))
@@ -283,7 +285,7 @@ web/node_modules/installed: web/package.json web/package-lock.json | build/web-e
 # $(call zig,target,folder): the page's robot, or what repeats a page's run on this computer.
 zig = WHEELWIRE_ZIG="$$(build/web-env/bin/python -c 'import ziglang; print(*ziglang.__path__)')" WHEELWIRE_ZIG_TARGET=$(1) \
 	env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B $(2) -G Ninja --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" --log-level=WARNING >/dev/null && \
-	env -u MAKEFLAGS $(BIN)/cmake --build $(2)
+	env -u MAKEFLAGS $(BIN)/cmake --build $(2) $(QUIETLY)
 
 web: build/web-env/installed web/node_modules/installed  ## The page in which one breaks a simulated robot, to build/web; needs npm's registry
 	@$(call zig,wasm32-wasi,build/web-wasm)
