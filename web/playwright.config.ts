@@ -4,7 +4,7 @@ export default defineConfig({
   testDir: "test/browser",
   outputDir: "../build/web-test",
   fullyParallel: true,
-  workers: 2,
+  workers: 3, // on two processors: most of what they do is to wait
   timeout: 180_000,
   expect: { timeout: 15_000 },
   reporter: "list",

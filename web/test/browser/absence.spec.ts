@@ -116,7 +116,7 @@ async function lateMotions(
 }
 
 test(`${EVENTS} absences, no late motion`, async ({ url }) => {
-  test.setTimeout(300_000);
+  test.setTimeout(600_000);
   const each = Array.from({ length: BROWSERS }, () => lateMotions(url, EVENTS / BROWSERS));
   const late = (await Promise.all(each)).reduce((total, one) => total + one, 0);
   console.log(`${EVENTS} absences, ${late} with a late motion`);
