@@ -23,14 +23,15 @@ export function pageUs(): number {
   return Math.round(performance.now() * 1000);
 }
 
-/** The greatest of some steps of the page's clock, which browsers make coarse on purpose. [us] */
+/** The step of the page's clock, which browsers make coarse on purpose. [us] */
 export function clockStepUs(): number {
-  let greatest = 1;
+  let least = Infinity;
   for (let [step, fromUs] = [0, pageUs()]; step < 5; step++) {
     let us = pageUs();
     while (us === fromUs) us = pageUs();
-    if (step > 0) greatest = Math.max(greatest, us - fromUs);
+    // The least: in a longer one the page was held up.
+    if (step > 0) least = Math.min(least, us - fromUs);
     fromUs = us;
   }
-  return greatest;
+  return least;
 }

@@ -1,5 +1,6 @@
 // A page that did not run for a while: nothing moves late, whatever it did before.
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
+import { clockStepUs } from "../src/absence.js";
 import { TTL_US } from "../src/program.js";
 import { Random } from "../src/random.js";
 import type { World } from "../src/world.js";
@@ -65,4 +66,14 @@ test("what the robot sent meanwhile is read, and the link goes on", async () => 
   world.wake(5_000_000);
   world.run(500_000);
   expect(world.program.session.phase).toBe("OPEN");
+});
+
+test("a page that was held up while it looked at its clock knows the clock's step all the same", () => {
+  let [reads, heldMs] = [0, 0];
+  const clock = vi.spyOn(performance, "now").mockImplementation(() => {
+    if (++reads === 15) heldMs = 440;
+    return Math.floor(reads * 0.2) / 10 + heldMs;
+  });
+  expect(clockStepUs()).toBe(100);
+  clock.mockRestore();
 });
