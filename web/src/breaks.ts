@@ -160,9 +160,9 @@ export const BREAKS: readonly Break[] = [
     ...variable("bumper.front_left", "bumper.front_right"),
     isMet: (seen) => {
       const bumpers = Held.BUMPER_FRONT_LEFT | Held.BUMPER_FRONT_RIGHT;
-      return (seen.held & bumpers) === bumpers && seen.movedM < BUMPER_ROLL_M;
+      return (seen.held & bumpers) === bumpers && seen.forwardM < BUMPER_ROLL_M;
     },
-    note: (seen) => `It went ${mm(seen.movedM)} mm since.`,
+    note: (seen) => `It went ${mm(seen.forwardM)} mm forward since.`,
   },
   {
     name: "put it on a slope",

@@ -15,12 +15,15 @@ export class Observation {
   faults = 0;
   /** Since when it has driven; undefined while it has not. */
   droveFromUs: number | undefined;
+  /** How far it went forward; what it backed out does not count. [m] */
+  forwardM = 0;
+  #lookedUs: number;
   readonly #before: { damaged: number; frames: number; sessions: number; distanceM: number };
   #state: number;
   #settledUs: number | undefined;
 
   constructor(readonly world: World) {
-    this.beganUs = world.nowUs;
+    this.beganUs = this.#lookedUs = world.nowUs;
     this.#state = world.state;
     const { counters, count } = world.program.session;
     this.#before = {
@@ -41,7 +44,11 @@ export class Observation {
       this.states.push({ state: world.state, afterUs: world.nowUs - this.beganUs });
     }
     if (world.state === SupervisorState.DRIVING) this.droveFromUs ??= world.nowUs;
-    const stands = this.stop === undefined || this.stop.rolledUs !== undefined;
+    const { simulator } = world;
+    const mps = (simulator.get("true.left_mps") + simulator.get("true.right_mps")) / 2;
+    this.forwardM += (Math.max(0, mps) * (world.nowUs - this.#lookedUs)) / 1e6;
+    this.#lookedUs = world.nowUs;
+    const stands = this.stop === undefined || this.stop.rolledUs !== undefined || this.stop.isOver;
     if (this.states.length === 0 || !stands) this.#settledUs = undefined;
     else this.#settledUs ??= world.nowUs;
   }
@@ -99,7 +106,8 @@ export class Observation {
     const states = this.states.map(
       ({ state, afterUs }) => `${nameOf(SupervisorState, state) ?? "?"} after ${time(afterUs)}`,
     );
-    const parts = [states.length > 0 ? states.join(", ") : "it drove on"];
+    const stayed = nameOf(SupervisorState, this.#state) ?? "?";
+    const parts = [states.length > 0 ? states.join(", ") : `it stayed ${stayed}`];
     if (this.stop !== undefined) parts.push(textOf(this.stop));
     return `${parts.join("; ")}.`;
   }
@@ -109,6 +117,7 @@ export class Observation {
 export function textOf(stop: Stop): string {
   const late =
     stop.lateUs === undefined ? "" : `drive removed ${ms(stop.lateUs)} ms after the deadline, `;
+  if (stop.isOver) return `${late}${mm(stop.rolledM)} mm until it was driven again`;
   if (stop.rolledUs === undefined) return `${late}rolling on, ${mm(stop.rolledM)} mm so far`;
   return `${late}standstill after ${(stop.rolledUs / 1e6).toFixed(2)} s, ${mm(stop.rolledM)} mm`;
 }

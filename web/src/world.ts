@@ -25,6 +25,8 @@ export interface Stop {
   rolledUs: number | undefined;
   /** How far it rolled. [m] */
   rolledM: number;
+  /** It was driven again before it stood. */
+  isOver: boolean;
 }
 
 export class World implements Robot {
@@ -150,11 +152,13 @@ export class World implements Robot {
         lateUs: state === SupervisorState.TIMED_OUT ? lateUs : undefined,
         rolledUs: undefined,
         rolledM: 0,
+        isOver: false,
       };
       this.#stopAtM = simulator.get("true.distance_m");
     }
     const stop = this.stop;
-    if (stop === undefined || stop.rolledUs !== undefined) return;
+    if (stop === undefined || stop.rolledUs !== undefined || stop.isOver) return;
+    stop.isOver = state === SupervisorState.DRIVING; // driven again before it stood
     stop.rolledM = simulator.get("true.distance_m") - this.#stopAtM;
     if (simulator.get("stands_still") !== 0) stop.rolledUs = nowUs - stop.atUs;
   }

@@ -1,7 +1,7 @@
 // What becomes of a robot that is broken, in virtual time: as each button says beforehand.
 import { describe, expect, test } from "vitest";
 import { BREAKS, type Break } from "../src/breaks.js";
-import { SupervisorState } from "../src/generated/protocol.js";
+import { Held, SupervisorState } from "../src/generated/protocol.js";
 import { Observation } from "../src/observation.js";
 import type { World } from "../src/world.js";
 import { driving, opened } from "./world.js";
@@ -64,4 +64,31 @@ test("a button that is pressed at rest waits until the robot drives", async () =
   const seen = broken(world, hang);
   expect(seen.droveFromUs).toBeUndefined();
   expect(hang.isMet(seen)).toBe(false);
+});
+
+test("a robot that backs out from its bumper does as it should, and one that drives on does not", async () => {
+  const bumper = BREAKS.find((one) => one.name === "press the front bumper");
+  if (bumper === undefined) throw new Error("there is none");
+  for (const [mps, isMet] of [[-0.2, true], [0.2, false]] as const) {
+    const world = await driving();
+    const pressed = isMet ? bumper : { ...bumper, apply: () => undefined };
+    const watched = { ...pressed, tick: () => { if (!world.program.isDriving) world.program.drive({ mps, radps: 0 }); } };
+    world.program.stop(world.nowUs);
+    const seen = broken(world, watched);
+    if (!isMet) seen.held = Held.BUMPER_FRONT_LEFT | Held.BUMPER_FRONT_RIGHT;
+    expect(seen.movedM).toBeGreaterThan(0.2);
+    expect(bumper.isMet(seen), seen.text).toBe(isMet);
+  }
+});
+
+test("a stop ends where the robot is driven again before it stands", async () => {
+  const world = await driving();
+  world.program.stop(world.nowUs);
+  world.run(100_000);
+  world.program.drive({ mps: 0.2, radps: 0 });
+  world.run(3_000_000);
+  expect(world.stopped).toMatch(/^\d+ mm until it was driven again$/);
+  world.program.stop(world.nowUs);
+  world.run(2_000_000);
+  expect(world.stopped).toMatch(/^standstill after/);
 });
