@@ -78,6 +78,10 @@ export async function serve(
   return { url: `http://127.0.0.1:${port}/`, close: () => server.close() };
 }
 
+function isOpen(): boolean {
+  return globalThis.wheelwire?.world.program.session.phase === "OPEN";
+}
+
 /** A page with a robot. */
 export class RobotPage {
   readonly requests: string[] = [];
@@ -101,22 +105,19 @@ export class RobotPage {
     await this.page.clock.install({ time: 0 });
     await this.page.clock.pauseAt(PAUSED_AT_MS);
     await this.page.goto(this.url + query);
+    await this.page.waitForFunction(() => globalThis.wheelwire !== undefined, undefined, { polling: 20 });
     await this.opens();
   }
 
   /** Let the page's own time run until the robot has answered. */
   async opens(): Promise<void> {
-    await this.pass(() => this.#isOpen());
+    await this.pass(() => this.page.evaluate(isOpen));
   }
 
   /** Open the page, in the computer's time. */
   async openLive(): Promise<void> {
     await this.page.goto(this.url);
-    await base.expect.poll(() => this.#isOpen()).toBe(true);
-  }
-
-  #isOpen(): Promise<boolean> {
-    return this.page.evaluate(() => globalThis.wheelwire?.world.program.session.phase === "OPEN");
+    await this.page.waitForFunction(isOpen);
   }
 
   button(name: string): Locator {
