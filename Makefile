@@ -106,12 +106,12 @@ docs: $(VENV)/docs-installed  ### The site, to build/docs: its links and anchors
 docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the network
 	@$(SPHINX) -b linkcheck docs build/docs-links
 
+# Ninja draws its progress over itself in a terminal alone.
+QUIETLY := $(if $(MAKE_TERMOUT),,-- --quiet)
 # $(call cmake,folder,options,targets). Without make's flags: ninja looks for make's job server in them,
 # whose pipe make closes for a recipe.
 cmake = env -u MAKEFLAGS $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
 	env -u MAKEFLAGS $(BIN)/cmake --build $(1) --target $(3) $(QUIETLY)
-# Ninja draws its progress over itself in a terminal alone.
-QUIETLY := $(if $(MAKE_TERMOUT),,-- --quiet)
 
 SIM := wheelwire-fwsim fwsim wheelwire_capi
 sim: $(VENV)/sim-installed  ## Build the firmware for this computer, with its simulated robot
