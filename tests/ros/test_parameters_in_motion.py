@@ -54,8 +54,7 @@ def reach_full_speed(rig: Rig) -> None:
 
 def drove_on(rig: Rig) -> bool:
     """Whether it did so since it had reached its speed, and does so a while later."""
-    seen = len(rig.odometry)
-    wait(lambda: len(rig.odometry) > seen + 25, "odom")
+    rig.wait_past(0.5)
     return all(
         state.state is SupervisorState.DRIVING
         and min(state.left_mps, state.right_mps) > 0.9 * SPEED_MPS

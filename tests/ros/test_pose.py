@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 from support import stop_host
 from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, TRUTH_HZ, twist
+from support.ros_rig import NODE, TRUTH_HZ, stamped_after, twist, wait_past
 from support.stop_host import stopped
 from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator, TrueState
@@ -56,9 +56,8 @@ class Home:
 
     def first(self) -> Any:
         """The first message on odom from now on."""
-        self.odometry.clear()
-        wait(lambda: self.odometry, "odom")
-        return self.odometry[0]
+        begin_s = wait_past(self.graph, self.odometry, 0.0)
+        return stamped_after(self.odometry, begin_s)[0]
 
     def truth(self) -> TrueState:
         self.simulator.take_states()

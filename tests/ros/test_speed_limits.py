@@ -17,7 +17,7 @@ from lifecycle_msgs.msg import Transition
 from std_srvs.srv import SetBool
 
 from support.ros import Repeater, wait
-from support.ros_rig import NODE, Rig, open_rig, twist
+from support.ros_rig import NODE, Rig, open_rig, stamped_after, twist
 from support.stop_host import stopped
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S
 
@@ -87,15 +87,18 @@ def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> Non
         assert rig.graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
 
 
-def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
-    """A command of the last motion may still be in flight: the zero comes after all of them."""
+def end_motion(rig: Rig, obeyed: deque[Any]) -> float:
+    """A command of the last motion may still be in flight: the zero comes after all of them.
+
+    Returns a time after which the next motion begins.
+    """
     rig.commands.publish(twist(0.0))
     wait(lambda: obeyed and obeyed[-1].twist.linear.x == 0.0, "the end of the last motion")
     stop_by_estop(rig)  # from here on the next command starts a motion
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
     rig.truth(stopped)
     rig.arm_at_rest()
-    obeyed.clear()
+    return rig.graph.now_s()
 
 
 def test_a_motion_after_one_that_was_refused_starts_from_rest(rig: Rig, obeyed: deque[Any]) -> None:
@@ -109,10 +112,10 @@ def test_a_motion_after_one_that_was_refused_starts_from_rest(rig: Rig, obeyed: 
         assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
         assert rig.ignored("unarmed") > 0
     time.sleep(REARMED_S)  # a zero command would be the beginning of the motion
-    obeyed.clear()
+    begin_s = rig.graph.now_s()
     rig.commands.publish(twist(0.3))
-    wait(lambda: obeyed, "a command")
-    assert obeyed[0].twist.linear.x == pytest.approx(0.2 * FIRST_STEP_S)
+    wait(lambda: stamped_after(obeyed, begin_s), "a command")
+    assert stamped_after(obeyed, begin_s)[0].twist.linear.x == pytest.approx(0.2 * FIRST_STEP_S)
     assert rig.graph.set_parameter(NODE, "linear.x.max_acceleration", 100.0).successful
     assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", CMD_VEL_TIMEOUT_S).successful
 
@@ -122,10 +125,10 @@ def test_a_new_limit_applies_to_the_next_motion(rig: Rig, obeyed: deque[Any], li
     assert rig.graph.set_parameter(NODE, f"angular.z.{limit}", 1.0).successful
     # After a stall of the computer that outlasts a command, the next one would start from zero.
     assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
-    end_motion(rig, obeyed)
+    begin_s = end_motion(rig, obeyed)
     with Repeater(rig.commands, lambda: twist(0.1, 1.0)):
-        wait(lambda: len(obeyed) > 20, "limited commands")
-    turns = [message.twist.angular.z for message in tuple(obeyed)]
+        wait(lambda: len(stamped_after(obeyed, begin_s)) > 20, "limited commands")
+    turns = [message.twist.angular.z for message in stamped_after(obeyed, begin_s)]
     first = FIRST_STEP_S * (FIRST_STEP_S if limit == "max_jerk" else 1.0)
     assert turns[0] == pytest.approx(first)
     for number, (a, b) in enumerate(pairwise(turns), 2):

@@ -118,6 +118,10 @@ class Graph:
         wait(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
+    def now_s(self) -> float:
+        """By the clock of this computer, as the node's stamps."""
+        return float(self.node.get_clock().now().nanoseconds / 1e9)
+
     def destroy(self, entity: Any) -> None:
         """Remove a publisher or a subscription, in the thread that may be waiting for it."""
         node = self.node

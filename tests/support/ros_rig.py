@@ -24,6 +24,7 @@ from wheelwire_protocol.codes import SupervisorState
 NODE = "/hardware_robot"
 SPEED_MPS = 0.3
 TRUTH_HZ = 200.0
+SILENT_S = 1.0
 SECOND = 1_000_000_000
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -36,6 +37,34 @@ def stamp_s(message: Any) -> float:
     """The time in a message's header."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / 1e9)
+
+
+def stamped_after(messages: deque[Any], begin_s: float) -> list[Any]:
+    """What was published after a moment; what arrives after it may have been on its way."""
+    return [message for message in tuple(messages) if stamp_s(message) > begin_s]
+
+
+def wait_past(graph: Graph, messages: deque[Any], seconds: float) -> float:
+    """Wait until a topic is `seconds` past now; returns now.
+
+    By its stamps: how many messages have arrived says nothing, for many may be on their way.
+    """
+    begin_s = graph.now_s()
+    wait(lambda: messages and stamp_s(messages[-1]) > begin_s + seconds, f"{seconds} s of a topic")
+    return begin_s
+
+
+@contextmanager
+def silent(graph: Graph, messages: deque[Any], *, beside: deque[Any]) -> Iterator[None]:
+    """Check that a topic is silent for a second of another; the block makes it go on again.
+
+    The topics of a node that publishes in order arrive out of step.
+    """
+    begin_s = wait_past(graph, beside, SILENT_S)
+    end_s = begin_s + SILENT_S
+    yield
+    wait(lambda: stamped_after(messages, end_s), "messages after the silence")
+    assert stamp_s(stamped_after(messages, begin_s)[0]) > end_s
 
 
 class State:
@@ -118,6 +147,10 @@ class Rig:
         self.diagnostics.wait("robot", lambda _, values: values["state"] == "DRIVING")
         wait(lambda: self.graph.call(Trigger, f"{NODE}/stop").success, "the stop")
         self.diagnostics.wait("robot", lambda _, values: values["state"] == "IDLE")
+
+    def wait_past(self, seconds: float) -> float:
+        """Wait until odom is `seconds` past now; returns now."""
+        return wait_past(self.graph, self.odometry, seconds)
 
     def x_m(self) -> float:
         """The robot's x in odom."""
