@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import Odometry
@@ -19,7 +18,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from support.ros import Graph, Repeater, open_graph, wait
+from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from support.stop_host import stopped
@@ -52,7 +51,7 @@ class Heard:
         wait(lambda: all(map(self._graph.node.count_publishers, TOPICS)), "publishers")
         time.sleep(1.0)  # until they know of the subscribers
 
-    def wait_for_the_end(self) -> None:
+    def wait_for_the_rest(self) -> None:
         """Until nothing has come for a second."""
         count = -1
         while count != len(self.messages):
@@ -111,13 +110,13 @@ def replayed(file: Path, speed: float) -> dict[tuple[str, int], bytes]:
             autostart=False,
         ),
     ):
-        heard = Heard(graph)
+        heard, diagnostics = Heard(graph), Diagnostics(graph)
         assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         heard.wait_for_publishers()
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
         wait(lambda: heard.messages, "messages")
-        heard.wait_for_the_end()
-        assert heard.imu
         # It stays, and says why nothing comes any more.
-        assert "ended" in graph.first(DiagnosticArray, "/diagnostics").status[0].message
+        diagnostics.wait("link", lambda status, _: "ended" in status.message)
+        heard.wait_for_the_rest()
+        assert heard.imu
         return heard.messages
