@@ -607,6 +607,18 @@ def test_interrupted_anywhere_it_leaves_a_robot_that_stands_and_is_as_it_was(
         assert {name: robot.parameters[name] for name in CHANGED} == before
 
 
+@pytest.mark.parametrize("reads", [30, 300, 1000])
+def test_samples_that_are_held_up_cost_a_motion_and_not_the_set_up(reads: int) -> None:
+    """For longer than `read` waits by itself, and less than a link that counts as lost."""
+    robot = InterruptedRobot("hold up", reads)
+    with raised_robot({**WRONG, **load_plant("tt-1-48").settings}, robot):
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+    assert robot.was_interrupted
+    assert not findings.problems
+    assert findings.wiring == WIRING
+    assert findings.saved
+
+
 def test_a_wrong_answer_is_found_out() -> None:
     swapped = set_up_raised({}, {"first": "right forward", "second": "forward"})
     assert "answers and hand disagree: the left counter counted 0" in swapped.problems[0]

@@ -163,8 +163,11 @@ def _counts_of(plant: str) -> int:
     return round(load_plant(plant).values["counts_per_revolution"].value)
 
 
+HELD_UP_S = 1.5
+
+
 class InterruptedRobot(VirtualMockDriver):
-    """A simulated robot in virtual time that is reset or unplugged when it is read."""
+    """A simulated robot in virtual time that is reset, unplugged or held up when it is read."""
 
     def __init__(self, kind: str, reads: int) -> None:
         super().__init__(realtime=False)
@@ -178,11 +181,23 @@ class InterruptedRobot(VirtualMockDriver):
     def read(self, timeout: float = 1.0) -> WheelSample:
         self._reads -= 1
         if self._reads == 0:
-            if self._kind == "reset":
-                self.simulator.reset()
-            else:
-                self.unplug()
+            {"reset": self.simulator.reset, "unplug": self.unplug, "hold up": self._hold_up}[
+                self._kind
+            ]()
         return super().read(timeout)
+
+    def _hold_up(self) -> None:
+        """For a while nothing comes, and then all of it."""
+        read, end_us = self._sim.read, self._link.now_us + round(HELD_UP_S * 1e6)
+        held = bytearray()
+
+        def read_late() -> bytes:
+            held.extend(read())
+            late = bytes(held) if self._link.now_us >= end_us else b""
+            del held[: len(late)]
+            return late
+
+        self._sim.read = read_late  # type: ignore[method-assign]
 
 
 def raised_robot(settings: Mapping[str, float], robot: MockDriver | None = None) -> MockDriver:

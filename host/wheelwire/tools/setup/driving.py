@@ -21,8 +21,10 @@ TTL_S = 0.3
 """Time to live of each setpoint: a program that hangs or is killed drives no longer."""
 LAPSE_S = 0.25
 """Gap between two samples in which the setpoint sent at the first one may have run out."""
-ATTEMPTS = 4
+ATTEMPTS = 8
 """Attempts at a motion during which a setpoint ran out."""
+PATIENCE_S = 5.0
+"""A busy computer may show no sample for so long; the wheels have long been stopped then."""
 STANDSTILL_S = 0.15
 """A wheel without a tick for this long stands."""
 LONGEST_ROLL_S = 5.0
@@ -171,10 +173,10 @@ def follow_duty(
         LinkLost: The robot is out of reach.
         CommissioningFailed: The board was reset.
     """
-    record = Record(robot.read())
+    record = Record(next_sample(robot))
     while True:
         robot.set_duty(*duty(record), life_s(robot))
-        record.add(robot.read())
+        record.add(next_sample(robot))
         if any(condition(record) for condition in until):
             return record
 
@@ -192,7 +194,7 @@ def arm(robot: Robot) -> None:
             raise CommissioningFailed("no setpoint reaches the robot: check the cable")
         # Again and again: a setpoint is not acknowledged, and may be lost.
         robot.set_wheel_velocity(0.0, 0.0, life_s(robot))
-        sample = robot.read()
+        sample = next_sample(robot)
     # Some parameters change only while nothing is obeyed.
     robot.stop()
 
@@ -202,10 +204,20 @@ def life_s(robot: Robot) -> float:
     return min(TTL_S, robot.ttl_max_s or TTL_S)
 
 
+def next_sample(robot: Robot) -> WheelSample:
+    """The next one, however late it is.
+
+    Raises:
+        LinkLost: The robot is out of reach.
+        RequestTimeout: It sends none.
+    """
+    return robot.read(PATIENCE_S)
+
+
 def fresh(robot: Robot) -> WheelSample:
     """A sample from after this call: the next one may be older than the last request."""
-    robot.read()
-    return robot.read()
+    next_sample(robot)
+    return next_sample(robot)
 
 
 def uninterrupted(motion: Callable[[], Motion | None]) -> Motion:
@@ -231,10 +243,10 @@ def come_to_rest(robot: Robot) -> Record:
         CommissioningFailed: A wheel turns though it is not driven.
     """
     robot.stop()
-    record = Record(robot.read())
+    record = Record(next_sample(robot))
     anchor, last_move_s = record.ticks, 0.0
     while record.seconds - last_move_s < STANDSTILL_S:
-        record.add(robot.read())
+        record.add(next_sample(robot))
         # Compared with where it last moved: from one sample to the next, a wheel that creeps may
         # move no further than an encoder at rest toggles.
         moved = max(abs(now - then) for now, then in zip(record.ticks, anchor, strict=True))
@@ -281,11 +293,11 @@ def set_at_rest(robot: Robot, name: str, value: float) -> None:
     """
     begin: WheelSample | None = None
     while not _is_set(robot, name, value, in_time=begin is None or _is_recent(robot, begin)):
-        begin = begin or robot.read()
+        begin = begin or next_sample(robot)
 
 
 def _is_recent(robot: Robot, begin: WheelSample) -> bool:
-    return robot.read().since(begin).dt_s <= LONGEST_ROLL_S
+    return next_sample(robot).since(begin).dt_s <= LONGEST_ROLL_S
 
 
 def _is_set(robot: Robot, name: str, value: float, *, in_time: bool) -> bool:
@@ -434,13 +446,13 @@ def _drive(robot: Robot, duties: Pair, seconds: float, record: Record) -> None:
                 if error.code != RefusalCode.FAULT:  # the next sample has a fault
                     raise
             set_until_s = now_s + ttl
-        record.add(robot.read())
+        record.add(next_sample(robot))
         if record.samples[-1].state is SupervisorState.FAULT:
             break
     robot.stop()
     moved_s = record.seconds
     while record.seconds - moved_s < _REST_S:
-        record.add(robot.read())
+        record.add(next_sample(robot))
         if record.samples[-1].since(record.samples[-2])[:2] != (0, 0):
             moved_s = record.seconds
         if record.seconds > seconds + LONGEST_ROLL_S:

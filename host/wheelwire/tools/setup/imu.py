@@ -24,7 +24,7 @@ from ...errors import (
 from ...robot.robot import Robot
 from ...robot.sensors import DEFAULT_RATE_HZ
 from ...samples import ImuSample, Vector, WheelSample, sentence_of_state
-from .driving import RESTING_TICKS, fresh, not_watching
+from .driving import RESTING_TICKS, fresh, next_sample, not_watching
 from .imu_mounting import (
     LEAST_LIFT_DEG,
     MOST_ASKEW_DEG,
@@ -395,7 +395,7 @@ class _Search:
                 quiet_since = None
                 reading = self._reading(sample)
                 yield reading, window.add(reading)
-            now = self._robot.read()
+            now = next_sample(self._robot)
             if now.boot_id != self._boot_id:
                 raise CommissioningFailed(_RESET)  # what was set for this is lost
             if now.since(start).dt_s > limit_s:

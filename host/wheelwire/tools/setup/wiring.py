@@ -26,6 +26,7 @@ from .driving import (
     fresh,
     has_gap,
     meaning_of,
+    next_sample,
     not_watching,
     pulse,
     pulse_harder,
@@ -244,7 +245,7 @@ def _check_still(robot: Robot) -> None:
         raise Unfit([Problem(NO_SUPPLY)])
     start = sample
     while sample.since(start).dt_s < _STILL_S:
-        sample = robot.read()
+        sample = next_sample(robot)
     travel = sample.since(start)
     if max(abs(travel.left), abs(travel.right)) > RESTING_TICKS:
         raise CommissioningFailed("a wheel turns although it is not driven: hold it still")
