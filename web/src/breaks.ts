@@ -51,7 +51,7 @@ function timedOut(seen: Observation): boolean {
   const lateUs = seen.stop?.lateUs;
   const end = seen.states.find((one) => one.state === TIMED_OUT);
   if (lateUs === undefined || end === undefined || drivesAgain(seen)) return false;
-  return lateUs >= 0 && lateUs <= LATEST_US && seen.sinceDriveUs(end.afterUs) <= TTL_US + LATEST_US;
+  return lateUs <= LATEST_US && seen.sinceDriveUs(end.afterUs) <= TTL_US + LATEST_US;
 }
 
 function drivesAgain(seen: Observation): boolean {
@@ -167,7 +167,7 @@ export const BREAKS: readonly Break[] = [
   {
     name: "put it on a slope",
     should:
-      "It drives on at its speed. After a stop it brakes for one second, then rolls downhill, and says so: stop_mode 3 would hold it, a wedge is better.",
+      "It drives on at its speed. After a stop it brakes for one second, then rolls downhill, and says so. Its parameter stop_mode can make it brake until it is driven; a wedge is better.",
     needsDrive: false,
     watchUs: 4_000_000,
     apply: (world) => {

@@ -59,6 +59,7 @@ export class Banner {
     if (shown !== this.#shown) {
       this.#shown = shown;
       this.#frame.dataset["state"] = name;
+      this.#frame.toggleAttribute("data-held", held.length > 0);
       const parts: (string | Node)[] = [strong(name)];
       if (held.length > 0) parts.push(", held by ", strong(held.join(", ")));
       this.#status.replaceChildren(...parts);

@@ -19,7 +19,10 @@ export interface Stop {
   readonly state: number;
   /** When the state changed. [us] */
   readonly atUs: number;
-  /** Time from the setpoint's deadline to the end of the drive; undefined if something else ended it. */
+  /**
+   * Time from the setpoint's deadline to the end of the drive; undefined if something else ended it,
+   * as a bumper does before the deadline. [us]
+   */
   readonly lateUs: number | undefined;
   /** From the end of the drive to standstill; undefined while it rolls. */
   rolledUs: number | undefined;
@@ -27,6 +30,8 @@ export interface Stop {
   rolledM: number;
   /** It was driven again before it stood. */
   isOver: boolean;
+  /** Why no setpoint came any more; undefined if the host does not know. */
+  readonly hostCause: Robot["hostCause"];
 }
 
 export class World implements Robot {
@@ -76,8 +81,8 @@ export class World implements Robot {
     return this.said.hold;
   }
 
-  get hostCause(): "host_frozen" | "cable_pulled" | undefined {
-    return this.isHung ? "host_frozen" : this.cable.pulled ? "cable_pulled" : undefined;
+  get hostCause(): Robot["hostCause"] {
+    return this.stop?.hostCause;
   }
 
   get speeds(): WheelSpeeds {
@@ -123,8 +128,9 @@ export class World implements Robot {
   #slice(programRuns: boolean): void {
     this.simulator.advance(SLICE_US);
     this.#listen(this.cable.advance());
-    if (programRuns && !this.isHung) this.program.run(this.cable, this.nowUs);
-    this.#watchStop();
+    const runs = programRuns && !this.isHung;
+    if (runs) this.program.run(this.cable, this.nowUs);
+    this.#watchStop(runs);
     for (const watch of this.watchers) watch();
   }
 
@@ -136,7 +142,7 @@ export class World implements Robot {
     }
   }
 
-  #watchStop(): void {
+  #watchStop(programRuns: boolean): void {
     const { simulator, nowUs } = this;
     const before = this.#state;
     const state = (this.#state = simulator.get("state"));
@@ -149,10 +155,11 @@ export class World implements Robot {
       this.stop = {
         state,
         atUs: nowUs,
-        lateUs: state === SupervisorState.TIMED_OUT ? lateUs : undefined,
+        lateUs: state === SupervisorState.TIMED_OUT && lateUs >= 0 ? lateUs : undefined,
         rolledUs: undefined,
         rolledM: 0,
         isOver: false,
+        hostCause: !programRuns ? "host_frozen" : this.cable.pulled ? "cable_pulled" : undefined,
       };
       this.#stopAtM = simulator.get("true.distance_m");
     }

@@ -47,6 +47,28 @@ test("the banner says why, in ms and mm", async ({ robot, page }) => {
   await expect(page.locator("#why")).toContainText(why);
   const words = /drive removed \d\.\d ms after the deadline, standstill after 0\.\d\d s, \d+ mm/;
   await robot.pass(async () => words.test(await page.locator("#stopped").innerText()));
+  await robot.button("hang the program").click();
+  await robot.shows("IDLE");
+  await expect(page.locator("#why")).toContainText(why); // still known, now that it is repaired
+});
+
+test("a robot that a bumper holds is not shown as one that drives", async ({ robot, page }) => {
+  await robot.open();
+  await robot.drive();
+  const edge = (): Promise<string> =>
+    page.locator("#banner").evaluate((banner) => getComputedStyle(banner).borderLeftColor);
+  const driving = await edge();
+  const bumper = robot.button("press the front bumper");
+  await bumper.click();
+  await robot.shows(/^DRIVING, held by /);
+  expect(await edge()).not.toBe(driving);
+  await bumper.click();
+  await robot.shows("TIMED_OUT");
+  // The bumper removed the drive, long before the deadline of the setpoints.
+  await expect(page.locator("#stopped")).not.toContainText("after the deadline");
+  await robot.button("figure eight").click();
+  await robot.shows("DRIVING");
+  expect(await edge()).toBe(driving);
 });
 
 test("a core that ignores the ttl is noticed: it drives on, and the page says so", async ({ page }) => {
