@@ -411,11 +411,16 @@ class _SetUp:
             return
         # All of them: an active value that stays the same may not be in the store.
         self.say("To be saved, before -> after:")
+        same = []
         for name, value in values.items():
             unit = definition_of(name).unit.value
             former, new = number_text(self.former[name]), number_text(value)
-            same = " (as before)" if value == self.former[name] else ""
-            self.say(f"  {name}: {former} -> {new} {unit}".rstrip() + same)
+            if value == self.former[name]:
+                same.append(f"{name} {new} {unit}".rstrip())
+            else:
+                self.say(f"  {name}: {former} -> {new} {unit}".rstrip())
+        if same:
+            self.say(f"  as before: {', '.join(same)}")
         if self.options.keep is not None:
             _write(self.options.keep, _file_of(self.robot, values))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
