@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,19 @@ def test_steps_that_are_done_say_so_and_the_set_up_is_reached(tmp_path: Path) ->
             terminal.wait_for("Find how the IMU")
             terminal.press(b"\x03")
             assert terminal.wait() == 130
+
+
+def test_on_an_empty_board_it_ends_before_the_steps_that_need_firmware() -> None:
+    ours, board = os.openpty()
+    port = os.ttyname(board)
+    with TypingTerminal("start", port) as terminal:
+        terminal.wait_for("or `skip`")  # whether a checkout has built one or not
+        terminal.press(b"skip\n")
+        terminal.wait_for("The other steps need the firmware")
+        assert terminal.wait() == 0, terminal.output
+    assert f"run `wheelwire start {port}` again" in " ".join(terminal.output.decode().split())
+    os.close(ours)
+    os.close(board)
 
 
 @pytest.mark.fast

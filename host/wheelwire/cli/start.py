@@ -57,7 +57,12 @@ def start(
             "start asks questions: run it in a terminal; scripts use flash, board, setup and drive"
         )
     address = _find(robot)
-    _write_firmware(address, image)
+    if not _write_firmware(address, image):
+        print_lines(
+            "The other steps need the firmware: write it, then run `wheelwire start "
+            f"{address.text}` again"
+        )
+        return
     _confirm_board(address)
     _set_up(address)
     _drive(address)
@@ -93,7 +98,8 @@ def _find(given: str | None) -> Address:
     return Address(_choose("Which one is the robot?", *(port.device for port in found)))
 
 
-def _write_firmware(address: Address, image: Path | None) -> None:
+def _write_firmware(address: Address, image: Path | None) -> bool:
+    """Whether there is firmware now."""
     print_lines("2/5 Firmware")
     try:
         with address.open_to_look(as_json=False) as driver:
@@ -102,17 +108,19 @@ def _write_firmware(address: Address, image: Path | None) -> None:
         print_lines(str(error))
     else:
         print_lines(f"done already: firmware {release} answers")
-        return
+        return True
     if image is None:
         given = _ask_image()
         if given == _SKIP:
-            return
+            return False
         image = None if given == _BUILD else Path(given)
-    if _wants(
+    if not _wants(
         "Disconnect the motors' battery until the set-up: the chip may hold another program. "
         f"Write {image or 'the image of this checkout'} to {address.text}?"
     ):
-        flash(address.text, image=image)
+        return False
+    flash(address.text, image=image)
+    return True
 
 
 def _ask_image() -> str:
