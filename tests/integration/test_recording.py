@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from mcap.reader import make_reader
 
 import wheelwire
 from support.range_board import simulator_on_board
-from support.waiting import wait_until
+from support.waiting import undisturbed, wait_until
 from wheelwire import aio
 from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
 from wheelwire.link.session import Phase
+from wheelwire.link.statistics import LinkStatistics
 from wheelwire.log.reader import messages, metadata, records
 from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.simulator import Simulator
@@ -40,17 +41,29 @@ def attached(path: Path) -> dict[str, str]:
         return {one.name: one.data.decode() for one in make_reader(file).iter_attachments()}
 
 
+class Recorded(NamedTuple):
+    """What a program knows of a robot that it recorded."""
+
+    seen: list[wheelwire.WheelSample]
+    statistics: LinkStatistics
+    board_id: str
+
+
 def test_a_program_records_its_robot(tmp_path: Path) -> None:
     path = tmp_path / "day.mcap"
-    with wheelwire.open_driver("mock", record=path) as robot:
-        seen = drive(robot)
-        robot.parameters.set("proportional_gain", 0.5)
-        until_attached = time.monotonic() + 1
-        while time.monotonic() < until_attached:
-            robot.read()
-        robot.stop()
-        statistics = robot.statistics
-        board_id = robot.info.device.board_id
+
+    def record() -> Recorded:
+        path.unlink(missing_ok=True)
+        with wheelwire.open_driver("mock", record=path) as robot:
+            seen = drive(robot)
+            robot.parameters.set("proportional_gain", 0.5)
+            until_attached = time.monotonic() + 1
+            while time.monotonic() < until_attached:
+                robot.read()
+            robot.stop()
+            return Recorded(seen, robot.statistics, robot.info.device.board_id)
+
+    seen, statistics, board_id = undisturbed(record, lambda one: one.statistics.frames_lost == 0)
     samples, again = rerun(path)
     assert set(seen[1:]) <= set(samples)
     assert again.session is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
 from wheelwire.robot.robot import Robot
@@ -12,6 +13,9 @@ from wheelwire.robot.robot import Robot
 PERIOD_S = 0.002
 TIMEOUT_S = 90.0
 """Even a process that starts on a computer with much else to do."""
+RUNS = 4
+
+T = TypeVar("T")
 
 
 def keep_driving(robot: Robot) -> None:
@@ -30,6 +34,15 @@ def wait_until(
     while not condition():
         assert time.monotonic() < end, f"{what} never held"
         time.sleep(PERIOD_S)
+
+
+def undisturbed(run: Callable[[], T], is_undisturbed: Callable[[T], bool]) -> T:
+    """Repeat what a computer has spoilt that stood still meanwhile; a fault spoils each run."""
+    for _ in range(RUNS - 1):
+        result = run()
+        if is_undisturbed(result):
+            return result
+    return run()
 
 
 async def until(condition: Callable[[], object]) -> None:
