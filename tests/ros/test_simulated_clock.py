@@ -82,9 +82,8 @@ def test_stamps_follow_a_clock_of_another_speed(
             wait(lambda: late_s, "odom")
             time.sleep(3.0)  # it knows the speed
             seen = len(late_s)
-            time.sleep(4.0)
+            wait(lambda: len(late_s) > seen + 100, "odom by that clock")
     late_s = late_s[seen:]
-    assert len(late_s) > 40
     # A quarter of them: the two processes share the computer with others.
     assert sorted(late_s)[len(late_s) * 3 // 4] < 0.1 * speed + 0.05
     assert all(b > a for a, b in pairwise(stamps_s))

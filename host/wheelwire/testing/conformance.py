@@ -338,8 +338,9 @@ class RefusingTests:
         before = {name: parameters[name] for name in ("counts_per_revolution", "ttl_max_s")}
         harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         for name, value in before.items():
-            # Renewed for each: the requests take a part of a setpoint's life.
-            harness.driver.set_velocity(SPEED_MPS, 0.0)
+            # Renewed for each: the requests take a part of a setpoint's life, on a busy computer
+            # most of it.
+            harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=before["ttl_max_s"])
             with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
                 parameters.set(name, value * 2)
             assert parameters[name] == value
