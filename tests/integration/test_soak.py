@@ -15,7 +15,7 @@ def test_every_loss_is_reported_and_every_incident_survived() -> None:
         run(MINUTES, laps.append, LAP_S)
         return laps
 
-    # Held up for seconds, it has the time for one lap alone.
+    # A stall of seconds leaves time for one lap only.
     laps = undisturbed(drive, lambda laps: len(laps) > 1)
     assert {lap.incident for lap in laps} == {"reset", "unplug"}
     for lap in laps:

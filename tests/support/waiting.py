@@ -37,7 +37,7 @@ def wait_until(
 
 
 def undisturbed(run: Callable[[], T], is_undisturbed: Callable[[T], bool]) -> T:
-    """Repeat what a computer has spoilt that stood still meanwhile; a fault spoils each run."""
+    """Repeat a run that a stalled computer has spoilt; a fault spoils them all."""
     for _ in range(RUNS - 1):
         result = run()
         if is_undisturbed(result):
