@@ -29,7 +29,7 @@ from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
-ON_ITS_WAY_S = 2.0
+ON_ITS_WAY_S = 0.5
 """On a busy computer, between the failure and the line's own knowledge of it."""
 
 
