@@ -610,7 +610,7 @@ def test_interrupted_anywhere_it_leaves_a_robot_that_stands_and_is_as_it_was(
         assert {name: robot.parameters[name] for name in CHANGED} == before
 
 
-@pytest.mark.parametrize("reads", [30, 300, 1000])
+@pytest.mark.parametrize("reads", [30, 300, 1000, 9500])  # the last in its test drives
 def test_samples_that_are_held_up_cost_a_motion_and_not_the_set_up(reads: int) -> None:
     """For longer than `read` waits by itself, and less than a link that counts as lost."""
     robot = InterruptedRobot("hold up", reads)

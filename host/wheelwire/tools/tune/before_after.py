@@ -32,6 +32,7 @@ from ..setup.driving import (
     arm,
     come_to_rest,
     life_s,
+    next_sample,
     one_session,
     require_ready,
     set_at_rest,
@@ -511,7 +512,7 @@ def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
     round_trip_us = robot.statistics.round_trip_p50_us
     ahead_s = 0.0 if math.isnan(round_trip_us) else round_trip_us / 1e6
     ahead_s += resting.seconds / (len(resting.samples) - 1) / 2
-    record = Record(robot.read())
+    record = Record(next_sample(robot))
     m_per_tick = 2 * math.pi * robot.parameters["wheel_radius"]
     m_per_tick /= robot.parameters["counts_per_revolution"]
     while record.seconds < course.seconds:
@@ -523,7 +524,7 @@ def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
             if error.faults:
                 return None, error.faults
             raise
-        record.add(robot.read())
+        record.add(next_sample(robot))
         # A fault may show in a sample before a setpoint is refused because of it.
         if record.faults:
             return None, record.faults
