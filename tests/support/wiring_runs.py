@@ -181,9 +181,12 @@ class InterruptedRobot(VirtualMockDriver):
     def read(self, timeout: float = 1.0) -> WheelSample:
         self._reads -= 1
         if self._reads == 0:
-            {"reset": self.simulator.reset, "unplug": self.unplug, "hold up": self._hold_up}[
-                self._kind
-            ]()
+            if self._kind == "reset":
+                self.simulator.reset()
+            elif self._kind == "unplug":
+                self.unplug()
+            else:
+                self._hold_up()
         return super().read(timeout)
 
     def _hold_up(self) -> None:

@@ -414,11 +414,11 @@ class _SetUp:
         same = []
         for name, value in values.items():
             unit = definition_of(name).unit.value
-            former, new = number_text(self.former[name]), number_text(value)
+            shown = f"{number_text(value)} {unit}".rstrip()
             if value == self.former[name]:
-                same.append(f"{name} {new} {unit}".rstrip())
+                same.append(f"{name} {shown}")
             else:
-                self.say(f"  {name}: {former} -> {new} {unit}".rstrip())
+                self.say(f"  {name}: {number_text(self.former[name])} -> {shown}")
         if same:
             self.say(f"  as before: {', '.join(same)}")
         if self.options.keep is not None:
