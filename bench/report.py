@@ -14,10 +14,8 @@ from typing import TextIO
 from harness import FOLDER, ROOT
 
 BENCHES = (
-    *("codec", "capture", "imports"),
-    *("link", "latency", "links_per_host", "aio", "sensor_line", "ros"),
-    *("control", "reflexes", "sensor_faults", "battery"),
-    *("drivers", "cost", "recording", "view"),
+    *("codec", "capture", "imports", "link", "latency", "ros"),
+    *("drivers", "recording", "view"),
 )
 """The benchmarks, in the order of the report."""
 SCRIPTS = tuple(Path(__file__).with_name(f"{bench}.py") for bench in BENCHES)

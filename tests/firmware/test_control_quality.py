@@ -1,4 +1,4 @@
-"""The velocity loop drives the plant well: bounds with room, the figures are in `make bench`."""
+"""The velocity loop drives the plant well: bounds with room."""
 
 from __future__ import annotations
 

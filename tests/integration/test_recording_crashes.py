@@ -1,7 +1,4 @@
-"""Whatever ends a recording, it reads up to the last second, and never a wrong value.
-
-`bench/recording_crashes.py` does the same with numbers and a seed of choice.
-"""
+"""Whatever ends a recording, it reads up to the last second, and never a wrong value."""
 
 from __future__ import annotations
 
