@@ -1,6 +1,6 @@
 /* The loop that one writes in C to decode a capture of one message, for capture.py to compare with:
-   memchr from delimiter to delimiter, COBS in place, the CRC by the caller's function, the
-   body copied. */
+   memchr from delimiter to delimiter, COBS in place, the CRC eight bytes a step, the body
+   copied. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -24,9 +24,8 @@ void prepare(void) {
   }
 }
 
-/* As zlib's crc32, but eight bytes a step. */
-unsigned long crc32_by_eight(unsigned long start, const uint8_t* data, unsigned size) {
-  uint32_t crc = ~(uint32_t)start;
+static uint32_t crc32(const uint8_t* data, size_t size) {
+  uint32_t crc = ~0u;
   for (; size >= 8; data += 8, size -= 8) {
     uint32_t low, high;
     memcpy(&low, data, 4);
@@ -40,12 +39,9 @@ unsigned long crc32_by_eight(unsigned long start, const uint8_t* data, unsigned 
   return ~crc;
 }
 
-typedef unsigned long Crc32(unsigned long start, const uint8_t* data, unsigned size);
-
 /* Writes the bodies of all good frames of message `id`, whose payloads have `size` bytes, to `out`.
    Returns how many there were. */
-size_t decode(const uint8_t* data, size_t data_size, uint8_t id, size_t size, Crc32* crc32,
-              uint8_t* out) {
+size_t decode(const uint8_t* data, size_t data_size, uint8_t id, size_t size, uint8_t* out) {
   const uint8_t* const end = data + data_size;
   const size_t body_size = size - kHeader - kCrc;
   size_t frames = 0;
@@ -60,8 +56,7 @@ size_t decode(const uint8_t* data, size_t data_size, uint8_t id, size_t size, Cr
       chunk[code] = 0;
       code = next;
     }
-    if (code != 1 + size || chunk[1] != id || crc32(0, chunk + 1, (unsigned)size) != kResidue)
-      continue;
+    if (code != 1 + size || chunk[1] != id || crc32(chunk + 1, size) != kResidue) continue;
     memcpy(out + frames++ * body_size, chunk + 1 + kHeader, body_size);
   }
   return frames;
