@@ -1,8 +1,7 @@
-"""Shared by the benchmarks: Markdown on stdout, interleaved rounds, a folder for plots."""
+"""Shared by the benchmarks: Markdown, interleaved rounds, the times of imports."""
 
 from __future__ import annotations
 
-import argparse
 import gc
 import os
 import subprocess
@@ -17,15 +16,6 @@ from typing import NamedTuple
 from wheelwire.link.statistics import quantile
 
 ROOT = Path(__file__).parents[2]
-
-
-def output_folder(description: str | None) -> Path:
-    """The folder for plots, from the command line; created if it does not exist."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench")
-    folder: Path = parser.parse_args().output
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
