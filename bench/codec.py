@@ -48,8 +48,7 @@ class Candidate:
 
     def measures(self) -> Iterator[tuple[str, Callable[[], float]]]:
         """Name and measure, in microseconds a frame, of all that the library does."""
-        if self.peer.encodes:
-            yield f"{self.peer.name} encode", self._encode_us
+        yield f"{self.peer.name} encode", self._encode_us
         for size in PART_SIZES if self.peer.streams else PART_SIZES[:1]:
             yield f"{self.peer.name} {size}", partial(self._decode_us, size)
 

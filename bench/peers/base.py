@@ -1,4 +1,4 @@
-"""What a peer of the codec is asked to do, and the stand-in for its serial port."""
+"""What a peer of the codec is asked to do."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ class Peer(ABC):
         name: Its name in tables.
         distribution: The package to install.
         remark: What readers must know to judge the row.
-        encodes: Whether it can write telemetry; some libraries only read it.
         streams: Whether it takes a stream as it arrives, and not only a whole capture.
     """
 
     name: ClassVar[str]
     distribution: ClassVar[str]
     remark: ClassVar[str]
-    encodes: ClassVar[bool] = True
     streams: ClassVar[bool] = True
 
     def fields(self, state: WheelState) -> Any:
@@ -51,44 +49,3 @@ class Peer(ABC):
 def parts_of(stream: bytes, size: int = 4096) -> list[bytes]:
     """The stream as a driver reads it."""
     return [stream[at : at + size] for at in range(0, len(stream), size)]
-
-
-class SerialStandIn:
-    """A serial port for libraries that pull: `read` waits for all it was asked, as pyserial's does.
-
-    At the stream's end it returns less, as after a time-out.
-    """
-
-    def __init__(self, parts: Sequence[bytes]) -> None:
-        self._parts = iter(parts)
-        self._chunk = b""
-        self._at = 0
-
-    def read(self, size: int = 1) -> bytes:
-        """The next `size` bytes."""
-        while len(self._chunk) - self._at < size and self._refill():
-            pass
-        data = self._chunk[self._at : self._at + size]
-        self._at += len(data)
-        return data
-
-    def readline(self) -> bytes:
-        """Up to the next line feed."""
-        while (end := self._chunk.find(b"\n", self._at)) < 0:
-            if not self._refill():
-                end = len(self._chunk)
-                break
-        return self.read(end + 1 - self._at)
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether the stream is at its end."""
-        return self._at == len(self._chunk) and not self._refill()
-
-    def _refill(self) -> bool:
-        part = next(self._parts, None)
-        if part is None:
-            return False
-        self._chunk = self._chunk[self._at :] + part
-        self._at = 0
-        return True
