@@ -9,19 +9,18 @@ They are as wide as a phone, so that their text can be read there.
 from __future__ import annotations
 
 import sys
-from html import escape
 
 import generated
+from svg import BLACK, BLUE, GREEN, GREY, ORANGE, PAPER, RED, Picture, svg
 from wheelwire.board import Configuration
 from wheelwire.tools.files.board import load_board
-from write_boards import BLACK, BLUE, GREEN, GREY, ORANGE, RED, in_the_dark
 
 FOLDER = generated.ROOT / "docs" / "wiring"
 WIDTH = 420
-PCB, TERMINAL, PLASTIC, METAL, PAPER = "#b3261e", "#1b6ea8", "#24292f", "#d0a010", "#ffffff"
+PCB, TERMINAL, PLASTIC, METAL = "#b3261e", "#1b6ea8", "#24292f", "#d0a010"
 DEVKIT, CASE, UNUSED = "#3b4754", "#eceae4", "#8c959f"
 
-PARTS_IN_THE_DARK = (
+IN_THE_DARK = (
     f'rect[fill="{PAPER}"]:not(.paper), rect[fill="{CASE}"] {{ fill: #2d333b }}',
     f'rect[fill="{PLASTIC}"] {{ stroke: #9da7b3 }}',
 )
@@ -39,46 +38,19 @@ DEVKITS = {
 """The labels printed next to the pins, from the antenna to the USB socket, left and right."""
 
 
-class Drawing:
-    """Shapes, as lines of an SVG."""
-
-    def __init__(self, title: str, height: int) -> None:
-        self.lines = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
-            'font-family="Helvetica, Arial, sans-serif" font-size="13" role="img" '
-            'aria-labelledby="title">',
-            f'<title id="title">{escape(title)}</title>',
-            in_the_dark(*PARTS_IN_THE_DARK),
-            f'<rect class="paper" width="{WIDTH}" height="{height}" fill="{PAPER}"/>',
-        ]
+class Drawing(Picture):
+    """The parts as they look."""
 
     def box(self, x: int, y: int, width: int, height: int, fill: str, stroke: str = "none") -> None:
         """A part, or a piece of one."""
-        self.lines.append(
-            f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="4" fill="{fill}" '
-            f'stroke="{stroke}" stroke-width="1.5"/>'
-        )
+        self.rect(x, y, width, height, rx=4, fill=fill, stroke=stroke, stroke_width=1.5)
 
     def text(
         self, x: int, y: int, text: str, anchor: str = "start", colour: str = "#111", bold: int = 0
     ) -> None:
         """One line."""
-        weight = ' font-weight="bold"' if bold else ""
-        self.lines.append(
-            f'<text x="{x}" y="{y}" text-anchor="{anchor}" fill="{colour}"{weight}>'
-            f"{escape(text)}</text>"
-        )
-
-    def wire(self, colour: str, *points: tuple[int, int], width: int = 2) -> None:
-        """A line through the points."""
-        path = " ".join(f"{x},{y}" for x, y in points)
-        self.lines.append(
-            f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
-        )
-
-    def dot(self, x: int, y: int, colour: str, radius: int = 4) -> None:
-        """A pin, or where wires meet."""
-        self.lines.append(f'<circle cx="{x}" cy="{y}" r="{radius}" fill="{colour}"/>')
+        weight = {"font_weight": "bold"} if bold else {}
+        self.add("text", text, x=x, y=y, text_anchor=anchor, fill=colour, **weight)
 
     def goal(self, x: int, y: int, text: str, colour: str, side: int = 0) -> None:
         """Where a wire leads: around x, or to the left (-1) or right (1) of it."""
@@ -92,15 +64,24 @@ class Drawing:
         size = (x, y - 6, 34, 12) if lying else (x - 6, y, 12, 34)
         self.box(*size, "#f5e6c8", BLACK)
 
-    def svg(self) -> str:
-        """The file."""
-        return "\n".join([*self.lines, "</svg>", ""])
+
+def motor_inputs(board: Configuration) -> list[tuple[str, int | None, str]]:
+    """The module's inputs as they lie, with their pins and colours."""
+    left, right = board.left, board.right
+    return [
+        ("ENA", left.enable, ORANGE),
+        ("IN1", left.in1, BLUE),
+        ("IN2", left.in2, BLUE),
+        ("IN3", right.in1, BLUE),
+        ("IN4", right.in2, BLUE),
+        ("ENB", right.enable, ORANGE),
+    ]
 
 
 def module(board: Configuration) -> str:
     """The red L298N module: its jumpers, both resistors, battery and fuse."""
     edge, bus = 280, 470
-    picture = Drawing("The red L298N module, its jumpers, resistors, battery and fuse", 776)
+    picture = Drawing()
     picture.text(20, 24, "L298N module, seen from above", bold=1)
     picture.box(20, 40, 380, edge - 40, PCB)
     picture.box(150, 52, 120, 74, PLASTIC)
@@ -129,22 +110,14 @@ def module(board: Configuration) -> str:
     )
     for row, (note, bold) in enumerate(notes):
         picture.text(16, 658 + 20 * row, note, bold=bold)
-    return picture.svg()
+    title = "The red L298N module, its jumpers, resistors, battery and fuse"
+    return svg(title, WIDTH, 776, IN_THE_DARK, picture)
 
 
 def _inputs(picture: Drawing, board: Configuration, edge: int, bus: int) -> None:
     """ENA to ENB with their wires, and the resistors from both EN to ground."""
-    left, right = board.left, board.right
-    pins = (
-        ("ENA", left.enable, ORANGE),
-        ("IN1", left.in1, BLUE),
-        ("IN2", left.in2, BLUE),
-        ("IN3", right.in1, BLUE),
-        ("IN4", right.in2, BLUE),
-        ("ENB", right.enable, ORANGE),
-    )
     picture.text(160, edge + 62, "GPIO", "end", GREY)
-    for column, (name, pin, colour) in enumerate(pins):
+    for column, (name, pin, colour) in enumerate(motor_inputs(board)):
         x = 184 + 38 * column
         picture.text(x, edge - 24, name, "middle", PAPER, bold=1)
         picture.wire(colour, (x, edge - 12), (x, edge + 46))
@@ -185,22 +158,17 @@ def _supply(picture: Drawing, edge: int, bus: int) -> None:
 
 def devkits(board: Configuration) -> str:
     """Both kinds of DevKit: what leads to each pin."""
-    picture = Drawing("The pins of a 38-pin and of a 30-pin ESP32 DevKit", 1064)
-    uses = {
-        board.left.enable: ("ENA", ORANGE),
-        board.left.in1: ("IN1", BLUE),
-        board.left.in2: ("IN2", BLUE),
-        board.right.enable: ("ENB", ORANGE),
-        board.right.in1: ("IN3", BLUE),
-        board.right.in2: ("IN4", BLUE),
-        board.left.encoder_a: ("left A", GREEN),
-        board.left.encoder_b: ("left B", GREEN),
-        board.right.encoder_a: ("right A", GREEN),
-        board.right.encoder_b: ("right B", GREEN),
-        board.estop: ("e-stop", ORANGE),
-        board.led: ("LED", GREY),
-    }
-    leads = {str(pin): use for pin, use in uses.items() if pin is not None}
+    picture = Drawing()
+    uses = [
+        *motor_inputs(board),
+        ("left A", board.left.encoder_a, GREEN),
+        ("left B", board.left.encoder_b, GREEN),
+        ("right A", board.right.encoder_a, GREEN),
+        ("right B", board.right.encoder_b, GREEN),
+        ("e-stop", board.estop, ORANGE),
+        ("LED", board.led, GREY),
+    ]
+    leads = {str(pin): (use, colour) for use, pin, colour in uses if pin is not None}
     leads["3V3"] = ("both VCC", RED)
     y = 24
     for title, columns in DEVKITS.items():
@@ -216,7 +184,8 @@ def devkits(board: Configuration) -> str:
         picture.text(210, y + height + 11, "USB", "middle")
         y += height + 60
     picture.text(16, y - 4, "GND: any. 3V3: there is one; both encoders share it.")
-    return picture.svg()
+    title = "The pins of a 38-pin and of a 30-pin ESP32 DevKit"
+    return svg(title, WIDTH, 1064, IN_THE_DARK, picture)
 
 
 def _pin(picture: Drawing, name: str, lead: tuple[str, str] | None, y: int, *, right: bool) -> None:
@@ -232,7 +201,7 @@ def _pin(picture: Drawing, name: str, lead: tuple[str, str] | None, y: int, *, r
 
 def plug(board: Configuration) -> str:
     """The six wires of a motor with an encoder, and the divider for one that needs 5 V."""
-    picture = Drawing("The six-wire plug of a TT motor, and a divider for encoders of 5 V", 520)
+    picture = Drawing()
     picture.text(20, 24, "Plug of a TT motor with encoder", bold=1)
     picture.box(60, 38, 350, 50, CASE, BLACK)
     columns = (
@@ -270,7 +239,8 @@ def plug(board: Configuration) -> str:
     picture.wire(BLACK, (226, 426), (226, 450))
     picture.goal(226, 458, "GND", PLASTIC)
     picture.text(16, 496, "5 V straight into a GPIO destroys the ESP32.", colour=RED, bold=1)
-    return picture.svg()
+    title = "The six-wire plug of a TT motor, and a divider for encoders of 5 V"
+    return svg(title, WIDTH, 520, IN_THE_DARK, picture)
 
 
 def main() -> str | None:
