@@ -261,7 +261,7 @@ endif
 
 RUNS ?= 5
 dying: $(VENV)/installed sim  ## Kill, stop, fork and interrupt the driving processes, with every driver: make dying [RUNS=5]; 2 min a run
-	$(BIN)/python bench/process_failures.py $(RUNS)
+	$(BIN)/python bench/process_failures.py --runs $(RUNS)
 
 MINUTES ?= 2
 soak: $(VENV)/installed sim  ## Endurance on a bad line: make soak [MINUTES=2]

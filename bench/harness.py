@@ -1,8 +1,8 @@
 """What every benchmark shares: its command line, its section of the report, its targets.
 
 A benchmark is a module with a `main(report, ...)`. Its docstring is the section: a title, and how
-it is measured, with the module's constants in braces. The parameters of `main` are its arguments,
-and those by keyword alone its options.
+it is measured, with the module's constants in braces. The other parameters of `main` are the
+command's options.
 """
 
 from __future__ import annotations
@@ -75,30 +75,19 @@ def run(main: Callable[..., None]) -> None:
     title, _, method = inspect.cleandoc(module.__doc__ or "").partition("\n\n")
     parser = argparse.ArgumentParser(description=title)
     parser.add_argument("--output", type=Path, default=FOLDER, help="the folder for files")
-    _, *parameters = inspect.signature(main, eval_str=True).parameters.values()
-    for parameter in parameters:
-        if parameter.kind is parameter.VAR_POSITIONAL:
-            parser.add_argument(parameter.name, nargs="*")
-        elif parameter.kind is parameter.KEYWORD_ONLY:
-            name, kind = f"--{parameter.name}", parameter.annotation
-            parser.add_argument(name, type=kind, default=parameter.default)
-        else:
-            kind = parameter.annotation
-            parser.add_argument(parameter.name, nargs="?", type=kind, default=parameter.default)
+    _, *options = inspect.signature(main, eval_str=True).parameters.values()
+    for option in options:
+        parser.add_argument(f"--{option.name}", type=option.annotation, default=option.default)
     given = vars(parser.parse_args())
     report = Report(given.pop("output"))
     report.folder.mkdir(parents=True, exist_ok=True)
     report.say(f"## {title.removesuffix('.')}")
     if method:
         report.say(method.format_map(vars(module)))
-    order = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
-    rest = [p.name for p in parameters if p.kind is p.VAR_POSITIONAL]
-    positional = [given.pop(name) for name in order]
-    positional += [each for name in rest for each in given.pop(name)]
     # So that another program's latched e-stop does not hold a robot of this one.
     with TemporaryDirectory() as folder:
         os.environ.setdefault("WHEELWIRE_RUNTIME_DIR", folder)
-        main(report, *positional, **given)
+        main(report, **given)
     sys.exit(report.end())
 
 

@@ -15,14 +15,14 @@ PHASE_S = 0.0037
 """Spreads the failures over a control period and the time between two setpoints."""
 
 
-def main(report: Report, runs: int = 20, others: int = 4, *drivers: str) -> None:
+def main(report: Report, *, runs: int = 20, others: int = 4, driver: str = "") -> None:
     """This many runs of each failure, while other processes occupy the cores."""
     rows = []
     with busy(others):
-        for driver in drivers or DRIVERS:
-            of_core = CORE_FAILURES if driver in CORE_DRIVERS else {}
+        for name in [driver] if driver else DRIVERS:
+            of_core = CORE_FAILURES if name in CORE_DRIVERS else {}
             for failure in (*APPLICATION_FAILURES, *of_core):
-                times = [time_failure(driver, failure, run * PHASE_S) for run in range(runs)]
+                times = [time_failure(name, failure, run * PHASE_S) for run in range(runs)]
                 late = [time.late_us for time in times]
                 # The deadline says nothing where the drive was always removed before it, or where
                 # one of the processes that keep it has failed.
@@ -30,7 +30,7 @@ def main(report: Report, runs: int = 20, others: int = 4, *drivers: str) -> None
                     late = []
                 removed = _cell([time.failure_to_removed_us for time in times])
                 ended = _cell([time.ended_us for time in times if time.ended_us is not None])
-                rows.append(f"{driver} | {failure} | {removed} | {_cell(late)} | {ended}")
+                rows.append(f"{name} | {failure} | {removed} | {_cell(late)} | {ended}")
     report.say(f"{runs} runs each, {others} busy processes:")
     report.table("driver | what died | to drive removed | after the deadline | to its end", rows)
 

@@ -7,7 +7,7 @@ import platform
 import re
 import subprocess
 import sys
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TextIO
 
@@ -39,24 +39,10 @@ def machine() -> str:
         "Python": platform.python_version(),
         "wheelwire": described.stdout.strip() or version("wheelwire"),
         "load at the start": " ".join(f"{load:.2f}" for load in os.getloadavg()),
-        "packages": ", ".join(_packages()),
+        "packages": ", ".join(f"{name} {version(name)}" for name in ("numpy", "pyserial", "typer")),
     }
     lines = "".join(f"- {name}: {fact}\n" for name, fact in facts.items())
     return f"# Benchmarks of {name}\n\n{lines}\n"
-
-
-def _packages() -> list[str]:
-    """Names and versions of the requirements of wheelwire and its extra `bench`."""
-    found = []
-    for requirement in requires("wheelwire") or ():
-        name = re.split(r"[^\w.-]", requirement)[0]
-        if "extra ==" in requirement and "extra == 'bench'" not in requirement:
-            continue
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:  # not wanted on this platform
-            continue
-    return found
 
 
 def run(script: Path, report: TextIO) -> int:
