@@ -9,19 +9,19 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, requires, version
+from collections.abc import Sequence
+from importlib.metadata import requires
 
 from pip._vendor.packaging.requirements import Requirement
 
 PIP = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check"]
 
 
-def wanted(extra: str) -> list[Requirement]:
+def wanted(extra: str) -> list[str]:
     """The requirements of the extra that apply to this Python."""
     known = [Requirement(text) for text in requires("wheelwire") or []]
     return [
-        requirement
+        f"{requirement.name}{requirement.specifier}"
         for requirement in known
         if requirement.marker
         and requirement.marker.evaluate({"extra": extra})
@@ -29,30 +29,21 @@ def wanted(extra: str) -> list[Requirement]:
     ]
 
 
-def is_met(requirement: Requirement) -> bool:
-    """Whether this Python has it."""
-    try:
-        return requirement.specifier.contains(version(requirement.name), prereleases=True)
-    except PackageNotFoundError:
-        return False
-
-
-def install(requirements: Iterable[Requirement], *options: str) -> str:
+def install(requirements: Sequence[str], *options: str) -> str:
     """Returns the names of what is not available, if any."""
-    lacking = [r for r in requirements if not is_met(r)]
-    if not lacking:
+    if not requirements:
         return ""
-    named = [f"{r.name}{r.specifier}" for r in lacking]
-    result = subprocess.run([*PIP, *options, *named], capture_output=True, text=True, check=False)
+    command = [*PIP, *options, *requirements]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode == 0:
         return ""
     blamed = re.search(r"No matching distribution found for ([\w.-]+)", result.stderr)
-    return blamed[1] if blamed else ", ".join(r.name for r in lacking)
+    return blamed[1] if blamed else ", ".join(requirements)
 
 
 def main(extra: str, *alone: str) -> int:
     """Install the extra's requirements, then the others alone."""
-    missing = install(wanted(extra)) or install(map(Requirement, alone), "--no-deps")
+    missing = install(wanted(extra)) or install(alone, "--no-deps")
     if missing:
         sys.stderr.write(f"make {extra} needs {missing}, which pip cannot install here\n")
     return 1 if missing else 0
