@@ -7,17 +7,14 @@ arena, no cache per thread, and gives free memory back: `{PLAIN[GLIBC_TUNABLES]}
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
-from pathlib import Path
 from statistics import linear_regression
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from harness import Report, run
 
@@ -26,7 +23,6 @@ if find_spec("rclpy") is None:
     sys.exit()
 import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
 from support.ros import Repeater, open_graph
@@ -49,26 +45,18 @@ GROWTH_KIB_PER_MIN = 5.0
 ROWS = 10
 
 
-@dataclass
-class Driven:
-    """A node that is commanded in curves, and listened to."""
+class Driven(NamedTuple):
+    """A node that is commanded in curves."""
 
     pid: int
     estop: Any
     """A client of its e-stop."""
-    heard: int = 0
-    """Messages on odom since the last `turn`."""
 
-    def turn(self) -> list[int]:
-        """Resident memory [KiB] and messages of the last minute; begins the next."""
+    def turn(self) -> int:
+        """Its resident memory [KiB], after a minute; begins the next with an e-stop and a clear."""
         for is_set in (True, False):  # answers are not waited for, which a busy computer delays
             self.estop.call_async(SetBool.Request(data=is_set))
-        heard, self.heard = self.heard, 0
-        return [resident_kib(self.pid), heard]
-
-    def hear(self, _: Odometry) -> None:
-        """Count a message."""
-        self.heard += 1
+        return resident_kib(self.pid)
 
 
 @contextmanager
@@ -84,12 +72,10 @@ def driven(graph: Graph, environment: dict[str, str], namespace: str) -> Iterato
             os.environ.clear()
             os.environ.update(before)
         estop = graph.node.create_client(SetBool, f"{namespace}/hardware_robot/estop")
-        found = Driven(node.process.pid, estop)
-        graph.node.create_subscription(Odometry, f"{namespace}/odom", found.hear, 100)
         publisher = graph.publisher(Twist, f"{namespace}/cmd_vel")
         graph.wait_active(f"{namespace}/hardware_robot")
         stack.enter_context(Repeater(publisher, command, COMMANDS_HZ))
-        yield found
+        yield Driven(node.process.pid, estop)
 
 
 def command() -> Twist:
@@ -98,27 +84,27 @@ def command() -> Twist:
     return twist(0.2, 0.8 if turn % 2 else -0.8) if s > 1 else twist(0.0)
 
 
-def show(report: Report, minutes: list[list[list[int]]]) -> None:
-    """The curve and its growth: for each minute what `Driven.turn` returned for each node."""
+def show(report: Report, minutes: list[list[int]]) -> None:
+    """The curve and its growth: for each minute the memory of each node."""
     report.table(
-        f"after [min] | {' | '.join(f'{name} [MiB] | odom [Hz]' for name in VARIANTS)}",
+        f"after [min] | {' | '.join(f'{name} [MiB]' for name in VARIANTS)}",
         [
-            f"{at} | " + " | ".join(f"{k / 1024:.2f} | {n / 60:.0f}" for k, n in minutes[at - 1])
+            f"{at} | " + " | ".join(f"{kib / 1024:.2f}" for kib in minutes[at - 1])
             for at in sorted({max(1, row * len(minutes) // ROWS) for row in range(1, ROWS + 1)})
         ],
     )
     settled = range(len(minutes) // SETTLED, len(minutes))
     for number, name in enumerate(VARIANTS):
-        slope, _ = linear_regression(settled, [minutes[at][number][0] for at in settled])
+        slope, _ = linear_regression(settled, [minutes[at][number] for at in settled])
         if number:
             report.target(f"growth, {name}", f"{slope:.1f} KiB/min", "", reached=True)
         else:
             report.at_most(f"growth, {name}", slope, GROWTH_KIB_PER_MIN, " KiB/min")
 
 
-def main(report: Report, *, minutes: int = 90, log: str = "") -> None:
-    """Measure at least 3 minutes and print; `log` gets a line of JSON for each minute."""
-    found: list[list[list[int]]] = []
+def main(report: Report, *, minutes: int = 90) -> None:
+    """Measure at least 3 minutes and print."""
+    found: list[list[int]] = []
     with open_graph() as graph, ExitStack() as stack:
         nodes = [
             stack.enter_context(driven(graph, environment, f"/{name.replace(' ', '_')}"))
@@ -128,9 +114,6 @@ def main(report: Report, *, minutes: int = 90, log: str = "") -> None:
         for number in range(1, max(3, minutes) + 1):
             time.sleep(max(0.0, begin_s + 60 * number - time.monotonic()))
             found.append([node.turn() for node in nodes])
-            if log:
-                with Path(log).open("a") as file:
-                    file.write(json.dumps([number, *found[-1]]) + "\n")
     show(report, found)
 
 

@@ -5,10 +5,7 @@ In real time: {STATE_HZ} states a second, {PERCENT:g} % of all bytes corrupted.
 
 from __future__ import annotations
 
-import json
 import logging
-from dataclasses import asdict
-from pathlib import Path
 from statistics import median
 
 from harness import Report, run
@@ -29,16 +26,10 @@ def growth_kib(laps: list[Lap], process: int) -> int:
     return round(median(resident[-third:]) - median(resident[third:-third]))
 
 
-def main(report: Report, *, minutes: float = 2.0, log: str = "") -> None:
-    """Run, and print what was measured; `log` gets a line of JSON for each lap."""
+def main(report: Report, *, minutes: float = 2.0) -> None:
+    """Run, and print what was measured."""
     logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
-
-    def note(lap: Lap) -> None:
-        if log:
-            with Path(log).open("a") as file:
-                file.write(json.dumps(asdict(lap)) + "\n")
-
-    laps = laps_of(minutes, note)
+    laps = laps_of(minutes)
     resets = sum(lap.incident == "reset" for lap in laps)
     for what, number in (
         ("frames given to the line", sum(lap.frames for lap in laps)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from support.soak import Lap, run
+from support.soak import run
 from support.waiting import undisturbed
 
 MINUTES = 0.12
@@ -10,13 +10,8 @@ LAP_S = 2.0
 
 
 def test_every_loss_is_reported_and_every_incident_survived() -> None:
-    def drive() -> list[Lap]:
-        laps: list[Lap] = []
-        run(MINUTES, laps.append, LAP_S)
-        return laps
-
     # A stall of seconds leaves time for one lap only.
-    laps = undisturbed(drive, lambda laps: len(laps) > 1)
+    laps = undisturbed(lambda: run(MINUTES, LAP_S), lambda laps: len(laps) > 1)
     assert {lap.incident for lap in laps} == {"reset", "unplug"}
     for lap in laps:
         assert lap.hit > 0

@@ -213,8 +213,8 @@ class Soak:
         raise AssertionError("the line towards the device is never quiet")
 
 
-def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -> list[Lap]:
-    """Drive laps for a given time; each is reported as it ends."""
+def run(minutes: float, lap_s: float = LAP_S) -> list[Lap]:
+    """Drive laps for a given time."""
     laps: list[Lap] = []
     end = time.monotonic() + minutes * 60
     with (
@@ -224,7 +224,6 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
         soak = Soak(simulator, robot)
         while time.monotonic() < end:
             laps.append(soak.lap(lap_s))
-            report(laps[-1])
     return laps
 
 
