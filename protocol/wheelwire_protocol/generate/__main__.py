@@ -27,11 +27,6 @@ from . import (
 
 CHECKOUT = Path(__file__).parents[3]
 FIRMWARE = Path("firmware/esp32")
-C_ABI = (
-    ("capi/wheelwire_core.h", "wheelwire", "protocol/wheelwire_protocol/core_abi.py"),
-    ("sim/libfwsim.h", "fwsim", "host/wheelwire/simulation/fwsim_abi.py"),
-)
-"""C headers of the firmware, what their names begin with, and their modules for ctypes."""
 HANDMADE = Path("protocol/vectors/handmade.json")
 
 
@@ -42,38 +37,43 @@ def _clang_format(root: Path, text: str) -> str:
     if executable is None:
         sys.exit("clang-format is missing; `pip install clang-format` brings it")
     style = f"--style=file:{root / '.clang-format'}"
-    command = [executable, style, "--assume-filename=generated.hpp"]
-    return subprocess.run(command, input=text, capture_output=True, check=True, text=True).stdout
+    return _filtered([executable, style, "--assume-filename=generated.hpp"], text)
 
 
 def _ruff_format(text: str) -> str:
-    command = [sys.executable, "-m", "ruff", "format", "--isolated", "--line-length=100", "-"]
+    options = ["--isolated", "--line-length=100"]
+    return _filtered([sys.executable, "-m", "ruff", "format", *options, "-"], text)
+
+
+def _filtered(command: list[str], text: str) -> str:
     return subprocess.run(command, input=text, capture_output=True, check=True, text=True).stdout
 
 
 def outputs(root: Path) -> dict[Path, str]:
     """Path, relative to the checkout at `root`, and right text of each derived file."""
     generated = vectors.generate()
-    cpp_vectors_text = cpp_vectors.generate((root / HANDMADE).read_text("utf-8"), generated)
+    handmade = (root / HANDMADE).read_text("utf-8")
+    core = root / FIRMWARE / "capi" / "wheelwire_core.h"
+    simulator = root / FIRMWARE / "sim" / "libfwsim.h"
+    modules = {
+        "protocol/wheelwire_protocol/types.py": python.generate(),
+        "tests/support/self_test_types.py": python.generate_self_test(),
+        "protocol/wheelwire_protocol/core_abi.py": c_abi.generate(core, "wheelwire"),
+        "host/wheelwire/simulation/fwsim_abi.py": c_abi.generate(simulator, "fwsim"),
+    }
+    headers = {
+        "core/protocol.hpp": cpp.generate(),
+        "main/self_test_protocol.hpp": cpp.generate_self_test(),
+        "core/board_tables.hpp": board_tables.generate(),
+        "core/sensor_tables.hpp": sensor_tables.generate(),
+        "test/vectors.hpp": cpp_vectors.generate(handmade, generated),
+    }
     return {
-        Path("protocol/wheelwire_protocol/types.py"): python.generate(),
-        Path("tests/support/self_test_types.py"): python.generate_self_test(),
-        **{
-            Path(module): _ruff_format(c_abi.generate(root / FIRMWARE / header, prefix))
-            for header, prefix, module in C_ABI
-        },
+        **{Path(name): _ruff_format(text) for name, text in modules.items()},
+        **{FIRMWARE / name: _clang_format(root, text) for name, text in headers.items()},
         Path("protocol/MESSAGES.md"): markdown.generate(),
         Path("web/src/generated/protocol.ts"): typescript.generate(),
         Path("protocol/vectors/generated.json"): generated,
-        Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
-        Path("firmware/esp32/main/self_test_protocol.hpp"): _clang_format(
-            root, cpp.generate_self_test()
-        ),
-        Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),
-        Path("firmware/esp32/core/sensor_tables.hpp"): _clang_format(
-            root, sensor_tables.generate()
-        ),
-        Path("firmware/esp32/test/vectors.hpp"): _clang_format(root, cpp_vectors_text),
     }
 
 

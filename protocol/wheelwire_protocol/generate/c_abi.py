@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from .text import banner
+from .text import banner, lines
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _CONSTANT = re.compile(r"#define (\w+) (\d+)$", re.MULTILINE)
@@ -150,27 +150,25 @@ def generate(path: Path, prefix: str) -> str:
     writer = _Writer(prefix)
     for found in _DECLARATION.finditer(declarations):
         writer.take(" ".join(found[1].split()))
-    return "\n".join(
-        [
-            f'"""What `{path.name}` declares, for ctypes.',
-            "",
-            banner("ctypes declarations", path.name),
-            '"""',
-            "",
-            "from __future__ import annotations",
-            "",
-            "import ctypes",
-            "import enum",
-            "from typing import Any",
-            "",
-            *(f"{name.removeprefix(f'{prefix}_'.upper())} = {value}" for name, value in constants),
-            "",
-            "",
-            *writer.lines,
-            "SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {",
-            *writer.signatures,
-            "}",
-            '"""Of each function the types of its result and arguments."""',
-            "",
-        ]
-    )
+    names = (f"{name.removeprefix(f'{prefix}_'.upper())} = {value}" for name, value in constants)
+    return f'''\
+"""What `{path.name}` declares, for ctypes.
+
+{banner("ctypes declarations", path.name)}
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from typing import Any
+
+{lines(names)}
+
+
+{lines(writer.lines)}
+SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {{
+{lines(writer.signatures)}
+}}
+"""Of each function the types of its result and arguments."""
+'''

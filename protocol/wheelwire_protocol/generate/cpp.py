@@ -1,10 +1,12 @@
-"""The firmware's header: the messages as structs that encode and decode themselves."""
+"""The firmware's header: the messages as structs that encode and decode themselves.
+
+clang-format indents what this writes.
+"""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable
-from itertools import chain
+from collections.abc import Iterable, Sequence
 
 from ..board import CODES as BOARD_CODES
 from ..codes import (
@@ -24,7 +26,7 @@ from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from ..self_test import PERMISSION
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS
-from .text import banner, constant_name, field_note, unit_note
+from .text import banner, blocks, constant_name, field_note, lines, unit_note
 from .wire_layout import layout_hash, self_test_hash
 
 _CPP_TYPES = {
@@ -46,70 +48,118 @@ def cpp_type(field: Field) -> str:
     return _CPP_TYPES[field.format]
 
 
-def cpp_enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
+def cpp_header(what: str, include: str, parts: Iterable[str]) -> str:
+    """A header with these parts.
+
+    Args:
+        what: It holds.
+        include: What it includes.
+        parts: Parted by blank lines.
+    """
+    return f"""\
+// {banner(what)}
+#pragma once
+
+{include}
+
+namespace wheelwire {{
+
+{blocks(parts)}
+
+}}  // namespace wheelwire
+"""
+
+
+def cpp_enum(name: str, members: Iterable[str]) -> str:
+    """An enumeration; a member has its comma, and what follows it."""
+    return f"enum class {name} : uint8_t {{\n{lines(members)}\n}};"
+
+
+def cpp_enumeration(enumeration: type[DocumentedEnum]) -> str:
     """An enumeration on the wire."""
-    return [
-        f"enum class {enumeration.__name__} : uint8_t {{",
-        *(f"  {constant_name(m.name)} = {m.value},  ///< {m.doc}" for m in enumeration),
-        "};",
-        "",
-    ]
+    members = (f"{constant_name(m.name)} = {m.value},  ///< {m.doc}" for m in enumeration)
+    return cpp_enum(enumeration.__name__, members)
 
 
-def _flags(flags: type[DocumentedFlag]) -> list[str]:
-    return [
-        f"namespace {flags.__name__.lower()} {{",
-        *(
-            f"/// {m.doc}\nconstexpr uint32_t {constant_name(m.name or '')} = {m.value};"
-            for m in flags
-        ),
-        f"}}  // namespace {flags.__name__.lower()}",
-        "",
-    ]
+def _flags(flags: type[DocumentedFlag]) -> str:
+    namespace = flags.__name__.lower()
+    members = (
+        f"/// {m.doc}\nconstexpr uint32_t {constant_name(m.name or '')} = {m.value};" for m in flags
+    )
+    return f"namespace {namespace} {{\n{lines(members)}\n}}  // namespace {namespace}"
 
 
-def cpp_member(field: Field, initial: str = "") -> str:
-    """A field as a member of a struct."""
-    array = f"[{field.format[:-1]}]" if field.format.endswith("s") else ""
+def cpp_switch(signature: str, cases: Iterable[tuple[str, str]], otherwise: str) -> str:
+    """A function that switches by its parameter.
+
+    Args:
+        signature: Its result, name and parameter.
+        cases: A value of the parameter, and the result.
+        otherwise: The result of other values; for an enumeration there is no default, so that a
+            compiler reports a case that is missing.
+    """
+    kind, parameter = signature.partition("(")[2].partition(")")[0].split()
+    returns = lines(f"case {case}:\nreturn {result};" for case, result in cases)
+    is_number = kind == "uint8_t"
+    end = f"default:\nreturn {otherwise};\n}}" if is_number else f"}}\nreturn {otherwise};"
+    return f"constexpr {signature} {{\nswitch ({parameter}) {{\n{returns}\n{end}\n}}"
+
+
+def _member(field: Field, pin: str) -> str:
+    array = f"[{field.format[:-1]}]" if field.is_text else ""
     kind = "char" if array else cpp_type(field)
+    initial = pin if field.format == "b" else ""
     note = field_note(field)
     comment = f"  ///< {note}" if note else ""
-    return f"  {kind} {field.name}{array}{{{initial}}};{comment}"
+    return f"{kind} {field.name}{array}{{{initial}}};{comment}"
 
 
-def cpp_codec(struct: str, variable: str, fields: Iterable[Field]) -> list[str]:
-    """The end of a struct whose fields travel in their order, from its comparison on."""
-    names = [field.name for field in fields]
-    return [
-        f"  bool operator==(const {struct}&) const = default;",
-        "",
-        "  /// Writes kSize bytes.",
-        "  void encode(uint8_t* out) const {",
-        *[f"    wire::put(out, {name});" for name in names],
-        "  }",
-        "",
-        "  /// Reads kSize bytes.",
-        f"  static {struct} decode(const uint8_t* in) {{",
-        f"    {struct} {variable};",
-        *[f"    wire::get(in, {variable}.{name});" for name in names],
-        f"    return {variable};",
-        "  }",
-        "};",
-        "",
-    ]
+def cpp_struct(
+    name: str,
+    variable: str,
+    fields: Sequence[Field],
+    constants: str,
+    *,
+    methods: str = "",
+    pin: str = "",
+) -> str:
+    """A struct whose fields travel in their order.
+
+    Args:
+        name: Of the struct.
+        variable: The name of one that is being read.
+        fields: Its members.
+        constants: Before the members.
+        methods: Behind them, with a blank line at their end.
+        pin: What the number of a GPIO is at first.
+    """
+    return f"""\
+struct {name} {{
+{constants}
+
+{lines(_member(field, pin) for field in fields)}
+
+{methods}bool operator==(const {name}&) const = default;
+
+/// Writes kSize bytes.
+void encode(uint8_t* out) const {{
+{lines(f"wire::put(out, {field.name});" for field in fields)}
+}}
+
+/// Reads kSize bytes.
+static {name} decode(const uint8_t* in) {{
+{name} {variable};
+{lines(f"wire::get(in, {variable}.{field.name});" for field in fields)}
+return {variable};
+}}
+}};"""
 
 
-def _message(message: Message) -> list[str]:
-    return [
-        f"/// {message.doc}",
-        f"struct {message.name} {{",
-        f"  static constexpr uint8_t kId = 0x{message.id:02x};",
-        f"  static constexpr size_t kSize = {message.body_size};",
-        "",
-        *[cpp_member(field) for field in message.fields],
-        "",
-        *cpp_codec(message.name, "message", message.fields),
-    ]
+def _message(message: Message) -> str:
+    constants = f"""\
+static constexpr uint8_t kId = 0x{message.id:02x};
+static constexpr size_t kSize = {message.body_size};"""
+    return f"/// {message.doc}\n{cpp_struct(message.name, 'message', message.fields, constants)}"
 
 
 def cpp_number(value: float) -> str:
@@ -123,169 +173,116 @@ def _parameter_row(parameter: Parameter) -> str:
     changes = constant_name(parameter.changes.value)
     codes = f"ParameterKind::{kind}, ParameterChanges::{changes}"
     numbers = ", ".join(map(cpp_number, (parameter.default, parameter.minimum, parameter.maximum)))
-    return f"    {{ParameterId::{constant_name(parameter.name)}, {codes}, {numbers}}},"
+    return f"{{ParameterId::{constant_name(parameter.name)}, {codes}, {numbers}}},"
 
 
-def _parameters() -> list[str]:
-    return [
-        "enum class ParameterId : uint8_t {",
-        *(
-            f"  {constant_name(p.name)} = {p.id},  ///< {p.doc}{unit_note(p.unit)}"
-            for p in PARAMETERS
-        ),
-        "};",
-        "",
-        "enum class ParameterKind : uint8_t {",
-        *(f"  {constant_name(kind.value)}," for kind in Kind),
-        "};",
-        "",
-        "/// When the device takes another value.",
-        "enum class ParameterChanges : uint8_t {",
-        *(f"  {constant_name(changes.value)}," for changes in Changes),
-        "};",
-        "",
-        "struct ParameterSpec {",
-        "  ParameterId id;",
-        "  ParameterKind kind;",
-        "  ParameterChanges changes;",
-        "  float default_value;",
-        "  float minimum;",
-        "  float maximum;",
-        "};",
-        "",
-        f"constexpr size_t kParameterCount = {len(PARAMETERS)};",
-        "constexpr ParameterSpec kParameters[kParameterCount] = {",
-        *[_parameter_row(p) for p in PARAMETERS],
-        "};",
-        "",
-    ]
-
-
-def _platform_defaults() -> list[str]:
-    rows = [
-        f"    {{Chip::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
+def _parameters() -> str:
+    ids = (
+        f"{constant_name(p.name)} = {p.id},  ///< {p.doc}{unit_note(p.unit)}" for p in PARAMETERS
+    )
+    defaults = (
+        f"{{Chip::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
         f"{cpp_number(value)}}},"
         for board, defaults in PLATFORM_DEFAULTS.items()
         for name, value in defaults.items()
-    ]
-    return [
-        "struct PlatformDefault {",
-        "  Chip board;",
-        "  ParameterId id;",
-        "  float value;",
-        "};",
-        "",
-        "/// Where a board's defaults differ from those of kParameters.",
-        "constexpr PlatformDefault kPlatformDefaults[] = {",
-        *rows,
-        "};",
-        "",
-    ]
+    )
+    return f"""\
+{cpp_enum("ParameterId", ids)}
+
+{cpp_enum("ParameterKind", (f"{constant_name(kind.value)}," for kind in Kind))}
+
+/// When the device takes another value.
+{cpp_enum("ParameterChanges", (f"{constant_name(changes.value)}," for changes in Changes))}
+
+struct ParameterSpec {{
+  ParameterId id;
+  ParameterKind kind;
+  ParameterChanges changes;
+  float default_value;
+  float minimum;
+  float maximum;
+}};
+
+constexpr size_t kParameterCount = {len(PARAMETERS)};
+constexpr ParameterSpec kParameters[kParameterCount] = {{
+{lines(map(_parameter_row, PARAMETERS))}
+}};
+
+struct PlatformDefault {{
+  Chip board;
+  ParameterId id;
+  float value;
+}};
+
+/// Where a board's defaults differ from those of kParameters.
+constexpr PlatformDefault kPlatformDefaults[] = {{
+{lines(defaults)}
+}};"""
 
 
-def _group_hashes() -> list[str]:
-    return [
-        "/// Of the layout of a group of messages; 0: there is none.",
-        "constexpr uint32_t hash_of(Group group) {",
-        "  switch (group) {",
-        *(
-            f"    case Group::{constant_name(g.name)}:\n      return 0x{layout_hash(g):08x};"
-            for g in Group
-        ),
-        "  }",
-        "  return 0;",
-        "}",
-        "",
-    ]
+def _group_hashes() -> str:
+    hashes = ((f"Group::{constant_name(g.name)}", f"0x{layout_hash(g):08x}") for g in Group)
+    function = cpp_switch("uint32_t hash_of(Group group)", hashes, "0")
+    return f"/// Of the layout of a group of messages; 0: there is none.\n{function}"
 
 
-def _groups() -> list[str]:
-    return [
-        "/// The group of the message with this id; kBase also where there is none.",
-        "constexpr Group group_of(uint8_t id) {",
-        "  switch (id) {",
-        *(
-            f"    case {m.name}::kId:\n      return Group::{constant_name(m.group.name)};"
-            for m in MESSAGES
-            if m.group is not Group.BASE
-        ),
-        "    default:",
-        "      return Group::kBase;",
-        "  }",
-        "}",
-        "",
-    ]
+def _groups() -> str:
+    groups = (
+        (f"{m.name}::kId", f"Group::{constant_name(m.group.name)}")
+        for m in MESSAGES
+        if m.group is not Group.BASE
+    )
+    function = cpp_switch("Group group_of(uint8_t id)", groups, "Group::kBase")
+    return f"/// The group of the message with this id; kBase also where there is none.\n{function}"
 
 
-def _body_sizes(function: str, messages: Iterable[Message]) -> list[str]:
-    return [
-        "/// Body size of the message with this id; -1 where there is none.",
-        f"constexpr int {function}(uint8_t id) {{",
-        "  switch (id) {",
-        *(f"    case {m.name}::kId:\n      return {m.name}::kSize;" for m in messages),
-        "    default:",
-        "      return -1;",
-        "  }",
-        "}",
-        "",
-    ]
+def _body_sizes(function: str, messages: Iterable[Message]) -> str:
+    sizes = ((f"{m.name}::kId", f"{m.name}::kSize") for m in messages)
+    text = cpp_switch(f"int {function}(uint8_t id)", sizes, "-1")
+    return f"/// Body size of the message with this id; -1 where there is none.\n{text}"
 
 
 def generate() -> str:
     """The text of `protocol.hpp`."""
-    lines = [
-        f"// {banner('Messages and codes')}",
-        "#pragma once",
-        "",
-        "#include <stddef.h>",
-        "#include <stdint.h>",
-        "",
-        '#include "wire.hpp"',
-        "",
-        "namespace wheelwire {",
-        "",
-        "namespace schema {",
-        f"constexpr uint16_t kVersion = {PROTOCOL_VERSION};",
-        f"constexpr uint32_t kHash = 0x{layout_hash():08x};",
-        "}  // namespace schema",
-        "",
-        "/// Bytes of the longest payload: id, seq, body, CRC.",
-        f"constexpr size_t kMaxPayload = {MAX_PAYLOAD};",
-        "",
-        *chain.from_iterable(map(cpp_enumeration, ENUMERATIONS)),
-        *chain.from_iterable(map(_flags, FLAGS)),
-        *_group_hashes(),
-        *chain.from_iterable(map(cpp_enumeration, (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES))),
-        *chain.from_iterable(map(_flags, SENSOR_FLAGS)),
-        *chain.from_iterable(map(_message, MESSAGES)),
-        *_body_sizes("body_size", MESSAGES),
-        *_groups(),
-        *_parameters(),
-        *_platform_defaults(),
-        "}  // namespace wheelwire",
-        "",
-    ]
-    return "\n".join(lines)
+    include = """\
+#include <stddef.h>
+#include <stdint.h>
+
+#include "wire.hpp"
+"""
+    schema = f"""\
+namespace schema {{
+constexpr uint16_t kVersion = {PROTOCOL_VERSION};
+constexpr uint32_t kHash = 0x{layout_hash():08x};
+}}  // namespace schema
+
+/// Bytes of the longest payload: id, seq, body, CRC.
+constexpr size_t kMaxPayload = {MAX_PAYLOAD};"""
+    parts = (
+        schema,
+        *map(cpp_enumeration, ENUMERATIONS),
+        *map(_flags, FLAGS),
+        _group_hashes(),
+        *map(cpp_enumeration, (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES)),
+        *map(_flags, SENSOR_FLAGS),
+        *map(_message, MESSAGES),
+        _body_sizes("body_size", MESSAGES),
+        _groups(),
+        _parameters(),
+    )
+    return cpp_header("Messages and codes", include, parts)
 
 
 def generate_self_test() -> str:
     """The text of `self_test_protocol.hpp`."""
-    lines = [
-        f"// {banner('Messages of the self-test image')}",
-        "#pragma once",
-        "",
-        '#include "protocol.hpp"',
-        "",
-        "namespace wheelwire {",
-        "",
-        f"constexpr uint8_t kSelfTestGroup = {SELF_TEST};",
-        f"constexpr uint32_t kSelfTestHash = 0x{self_test_hash():08x};",
-        f"constexpr uint32_t kSelfTestPermission = 0x{PERMISSION:08x};",
-        "",
-        *cpp_enumeration(Failure),
-        *chain.from_iterable(map(_message, SELF_TEST_MESSAGES)),
-        *_body_sizes("self_test_body_size", SELF_TEST_MESSAGES),
-        "}  // namespace wheelwire",
-        "",
-    ]
-    return "\n".join(lines)
+    constants = f"""\
+constexpr uint8_t kSelfTestGroup = {SELF_TEST};
+constexpr uint32_t kSelfTestHash = 0x{self_test_hash():08x};
+constexpr uint32_t kSelfTestPermission = 0x{PERMISSION:08x};"""
+    parts = (
+        constants,
+        cpp_enumeration(Failure),
+        *map(_message, SELF_TEST_MESSAGES),
+        _body_sizes("self_test_body_size", SELF_TEST_MESSAGES),
+    )
+    return cpp_header("Messages of the self-test image", '#include "protocol.hpp"', parts)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .cpp import cpp_number
-from .text import constant_name
+from .text import constant_name, lines
 
 
 def cpp_table(
@@ -16,7 +16,7 @@ def cpp_table(
     columns: str,
     rows: Mapping[Any, Any],
     **computed: Callable[[Any], Any],
-) -> list[str]:
+) -> str:
     """A struct, and the array `k<name>s` of it.
 
     Args:
@@ -32,26 +32,25 @@ def cpp_table(
     members, values = [], []
     for kind, column, *docs in cells:
         member, _, format_ = column.partition(":")
-        members.append(f"  {kind} {member};{''.join(f'  ///< {text}' for text in docs)}")
+        members.append(f"{kind} {member};{''.join(f'  ///< {text}' for text in docs)}")
         values.append((member.partition("[")[0], format_))
 
-    def literals(row: Any) -> list[str]:
-        return [
-            cpp_literal(computed[member](row) if member in computed else getattr(row, member), code)
-            for member, code in values[1:]
-        ]
+    def literals(key: Any, row: Any) -> str:
+        given = (
+            computed[member](row) if member in computed else getattr(row, member)
+            for member, _ in values[1:]
+        )
+        return ", ".join(map(cpp_literal, (key, *given), (format_ for _, format_ in values)))
 
-    return [
-        f"/// {doc}",
-        f"struct {name} {{",
-        *members,
-        "};",
-        "",
-        f"constexpr {name} k{name}s[] = {{",
-        *(f"    {{{', '.join([cpp_literal(key), *literals(row)])}}}," for key, row in rows.items()),
-        "};",
-        "",
-    ]
+    return f"""\
+/// {doc}
+struct {name} {{
+{lines(members)}
+}};
+
+constexpr {name} k{name}s[] = {{
+{lines(f"{{{literals(key, row)}}}," for key, row in rows.items())}
+}};"""
 
 
 def cpp_literal(value: Any, format_: str = "") -> str:

@@ -9,9 +9,11 @@ from typing import Any
 from ..message import Field
 from ..messages import MESSAGES
 from .cpp import cpp_type
-from .text import banner
+from .text import banner, lines
 
 _BY_NAME = {message.name: message for message in MESSAGES}
+
+_COUNTS = ("frames", "bad_crc", "bad_cobs", "unknown_id", "wrong_length", "seq_lost", "repeated")
 
 _HEAD = """\
 #pragma once
@@ -89,18 +91,7 @@ def _frame(vector: dict[str, Any]) -> tuple[str, str]:
 def _stream(stream: dict[str, Any]) -> tuple[str, str]:
     """The array of a stream's bytes, and its row in the table."""
     array = _array_name("Stream", stream["name"])
-    counters = ", ".join(
-        f".{name} = {stream['counters'].get(name, 0)}"
-        for name in (
-            "frames",
-            "bad_crc",
-            "bad_cobs",
-            "unknown_id",
-            "wrong_length",
-            "seq_lost",
-            "repeated",
-        )
-    )
+    counters = ", ".join(f".{name} = {stream['counters'].get(name, 0)}" for name in _COUNTS)
     row = f'    {{.name = "{stream["name"]}", .bytes = {array}, .counters = {{{counters}}}}},'
     return _array(array, bytes.fromhex("".join(stream["bytes"]))), row
 
@@ -115,23 +106,21 @@ def generate(handmade: str, generated: str) -> str:
     by_hand = json.loads(handmade)
     frames = [_frame(vector) for vector in by_hand["frames"] + json.loads(generated)["frames"]]
     streams = [_stream(stream) for stream in by_hand["streams"]]
-    lines = [
-        f"// {banner('Vectors', 'protocol/vectors')}",
-        _HEAD,
-        *(array for array, _ in frames + streams),
-        "",
-        "/// Calls visit(name, message, seq, frame) for every vector; `message` has its own type.",
-        "template <typename Visit>",
-        "void for_each_frame(Visit&& visit) {",
-        *(call for _, call in frames),
-        "}",
-        "",
-        "inline constexpr Stream kStreams[] = {",
-        *(row for _, row in streams),
-        "};",
-        "// clang-format on",
-        "",
-        "}  // namespace wheelwire::vectors",
-        "",
-    ]
-    return "\n".join(lines)
+    return f"""\
+// {banner("Vectors", "protocol/vectors")}
+{_HEAD}
+{lines(array for array, _ in frames + streams)}
+
+/// Calls visit(name, message, seq, frame) for every vector; `message` has its own type.
+template <typename Visit>
+void for_each_frame(Visit&& visit) {{
+{lines(call for _, call in frames)}
+}}
+
+inline constexpr Stream kStreams[] = {{
+{lines(row for _, row in streams)}
+}};
+// clang-format on
+
+}}  // namespace wheelwire::vectors
+"""

@@ -42,7 +42,7 @@ from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS
 from ..sensors import Axis, BatteryLevel, PeripheralFault, Place, SensorChip, SensorEventCode
-from .text import banner, unit_note
+from .text import banner, lines, unit_note
 from .wire_layout import layout_hash, self_test_hash
 
 FRAMING_SIZE = 3
@@ -104,12 +104,6 @@ Numbers are little-endian and packed: `u16` is unsigned, `i16` signed, `f32` an 
 `char[n]` has n bytes, filled up with zeros. The last part of a name is its unit; `_q15` is a value
 x 32767, `_cdeg` hundredths of a degree Celsius. Several names before one type are as many fields. A
 frame is {overhead} bytes longer than its body."""
-
-_PARTS_INTRODUCTION = """\
-A body has these fields where its message names them; a name after the size is that of the first."""
-
-_CODES_INTRODUCTION = """\
-[Troubleshooting](../docs/troubleshooting.md) says what to do about those that stop a robot."""
 
 
 class _Part(NamedTuple):
@@ -192,6 +186,10 @@ def _message(message: Message) -> list[str]:
     return [head, "", *_fields(items), *([""] if items else [])]
 
 
+def _messages(messages: Iterable[Message]) -> str:
+    return lines(chain.from_iterable(map(_message, messages)))
+
+
 def _parts() -> Iterator[str]:
     for part in _PARTS:
         yield from (f"*{part.name}*", "", *_fields(part.fields), "")
@@ -226,61 +224,58 @@ def _parameter_line(parameter: Parameter) -> str:
     return f"- {parameter.id} `{parameter.name}`: {what}"
 
 
-def _parameters() -> list[str]:
-    others = [
+def _parameters() -> str:
+    others = (
         f"Defaults on `{chip.name}`: "
         + ", ".join(f"`{name}` {value:.9g}" for name, value in defaults.items())
         + "."
         for chip, defaults in PLATFORM_DEFAULTS.items()
-    ]
-    return [
-        "## Parameters",
-        "",
-        "Each with its id, default and inclusive bounds. Every value is an `f32` in its unit. A",
-        "parameter changes only when *stopped* (not in DRIVING), unless it says *always*, or",
-        "*released*: neither in DRIVING nor in ESTOPPED.",
-        *others,
-        "",
-        *map(_parameter_line, PARAMETERS),
-        "",
-    ]
+    )
+    return f"""\
+## Parameters
+
+Each with its id, default and inclusive bounds. Every value is an `f32` in its unit. A
+parameter changes only when *stopped* (not in DRIVING), unless it says *always*, or
+*released*: neither in DRIVING nor in ESTOPPED.
+{lines(others)}
+
+{lines(map(_parameter_line, PARAMETERS))}"""
 
 
 def generate() -> str:
     """The text of `MESSAGES.md`."""
     overhead = HEADER_SIZE + CRC_SIZE + FRAMING_SIZE
+    test_hash = f"0x{self_test_hash():08x}"
     hashes = ", ".join(f"`{group.name}` `0x{layout_hash(group):08x}`" for group in Group)
-    lines = [
-        f"<!-- {banner('Tables')} -->",
-        "# Messages",
-        "",
-        _INTRODUCTION.format(version=PROTOCOL_VERSION, overhead=overhead),
-        "",
-        f"Hashes of the [groups](SPEC.md#groups): {hashes}.",
-        "",
-        "## From the host",
-        "",
-        *chain.from_iterable(_message(one) for one in MESSAGES if not one.from_device),
-        "## From the device",
-        "",
-        *chain.from_iterable(_message(one) for one in MESSAGES if one.from_device),
-        "## Fields in common",
-        "",
-        _PARTS_INTRODUCTION,
-        "",
-        *_parts(),
-        "## Codes",
-        "",
-        _CODES_INTRODUCTION,
-        "",
-        *chain.from_iterable(map(_codes, _CODES)),
-        *_parameters(),
-        "## Of the self-test image",
-        "",
-        f"Only [an image that tests a board](SPEC.md#the-self-test-image) has them. Hash: "
-        f"`0x{self_test_hash():08x}`.",
-        "",
-        *chain.from_iterable(map(_message, SELF_TEST_MESSAGES)),
-        *_codes(Failure),
-    ]
-    return "\n".join(lines)
+    return f"""\
+<!-- {banner("Tables")} -->
+# Messages
+
+{_INTRODUCTION.format(version=PROTOCOL_VERSION, overhead=overhead)}
+
+Hashes of the [groups](SPEC.md#groups): {hashes}.
+
+## From the host
+
+{_messages(one for one in MESSAGES if not one.from_device)}
+## From the device
+
+{_messages(one for one in MESSAGES if one.from_device)}
+## Fields in common
+
+A body has these fields where its message names them; a name after the size is that of the first.
+
+{lines(_parts())}
+## Codes
+
+[Troubleshooting](../docs/troubleshooting.md) says what to do about those that stop a robot.
+
+{lines(chain.from_iterable(map(_codes, _CODES)))}
+{_parameters()}
+
+## Of the self-test image
+
+Only [an image that tests a board](SPEC.md#the-self-test-image) has them. Hash: `{test_hash}`.
+
+{_messages(SELF_TEST_MESSAGES)}
+{lines(_codes(Failure))}"""

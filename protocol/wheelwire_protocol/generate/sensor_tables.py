@@ -16,23 +16,9 @@ from ..sensors import (
     Order,
     Place,
 )
-from .cpp import cpp_codec, cpp_member
+from .cpp import cpp_header, cpp_struct
 from .cpp_tables import cpp_table
-from .text import banner, constant_name
-
-
-def _struct() -> list[str]:
-    fields = peripheral_fields()
-    return [
-        "/// A peripheral as it is sent and stored. Fields that are codes may be unknown ones.",
-        "struct Peripheral {",
-        f"  static constexpr size_t kSize = {PERIPHERAL_SIZE};",
-        "",
-        *[cpp_member(f, "-1" if f.format == "b" else "") for f in fields],
-        "",
-        *cpp_codec("Peripheral", "entry", fields),
-    ]
-
+from .text import constant_name, lines
 
 _IMU = """
 SensorChip chip
@@ -81,40 +67,32 @@ uint16_t farthest_mm
 """
 
 
-def _is_one_of(name: str, doc: str, places: tuple[Place, ...]) -> list[str]:
+def _is_one_of(name: str, doc: str, places: tuple[Place, ...]) -> str:
     tests = " || ".join(f"place == Place::{constant_name(place.name)}" for place in places)
-    return [f"/// {doc}", f"constexpr bool {name}(Place place) {{", f"  return {tests};", "}", ""]
+    return f"/// {doc}\nconstexpr bool {name}(Place place) {{\nreturn {tests};\n}}"
 
 
 def generate() -> str:
     """The text of `sensor_tables.hpp`."""
     most_writes = max(len(table.setup) for table in IMUS.values())
-    lines = [
-        f"// {banner('Peripherals')}",
-        "#pragma once",
-        "",
-        '#include "protocol.hpp"',
-        "",
-        "namespace wheelwire {",
-        "",
-        "/// Entries of a list. A channel is the index of an entry.",
-        f"constexpr size_t kMostPeripherals = {MOST_PERIPHERALS};",
-        "/// Analogue inputs of a list. Each has a number of its own, from 1.",
-        f"constexpr size_t kMostAnalog = {MOST_ANALOG};",
-        "/// Range sensors of a list.",
-        f"constexpr size_t kMostRanges = {MOST_RANGES};",
-        "/// In steps of 100 uOhm.",
-        f"constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};",
-        "",
-        *_struct(),
-        *_is_one_of("is_front", "A bumper there forbids driving forward.", FRONT_PLACES),
-        *_is_one_of("is_rear", "A bumper there forbids driving backward.", REAR_PLACES),
-        "struct RegisterWrite {",
-        "  uint8_t at;",
-        "  uint8_t value;",
-        "};",
-        "",
-        *cpp_table(
+    constants = f"""\
+/// Entries of a list. A channel is the index of an entry.
+constexpr size_t kMostPeripherals = {MOST_PERIPHERALS};
+/// Analogue inputs of a list. Each has a number of its own, from 1.
+constexpr size_t kMostAnalog = {MOST_ANALOG};
+/// Range sensors of a list.
+constexpr size_t kMostRanges = {MOST_RANGES};
+/// In steps of 100 uOhm.
+constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};
+
+/// A peripheral as it is sent and stored. Fields that are codes may be unknown ones."""
+    size = f"static constexpr size_t kSize = {PERIPHERAL_SIZE};"
+    parts = (
+        lines((constants, cpp_struct("Peripheral", "entry", peripheral_fields(), size, pin="-1"))),
+        _is_one_of("is_front", "A bumper there forbids driving forward.", FRONT_PLACES),
+        _is_one_of("is_rear", "A bumper there forbids driving backward.", REAR_PLACES),
+        "struct RegisterWrite {\nuint8_t at;\nuint8_t value;\n};",
+        cpp_table(
             "ImuTable",
             "How to use an IMU.",
             _IMU.format(most_writes=most_writes),
@@ -123,14 +101,12 @@ def generate() -> str:
             setup_count=lambda table: len(table.setup),
             is_big_endian=lambda table: table.order is Order.BIG,
         ),
-        *cpp_table(
+        cpp_table(
             "PowerTable",
             "How to use a power sensor. Its registers have 16 bits, the high byte first.",
             _POWER,
             POWERS,
         ),
-        *cpp_table("RangeTable", "How to use a range sensor.", _RANGE, RANGES),
-        "}  // namespace wheelwire",
-        "",
-    ]
-    return "\n".join(lines)
+        cpp_table("RangeTable", "How to use a range sensor.", _RANGE, RANGES),
+    )
+    return cpp_header("Peripherals", '#include "protocol.hpp"', parts)

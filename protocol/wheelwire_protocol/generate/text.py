@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ..codes import Unit
 from ..message import Field
 
@@ -19,6 +21,16 @@ def unit_note(unit: Unit) -> str:
 def field_note(field: Field) -> str:
     """`Drawn. [mA]`: the doc and unit of a field; empty if its name says everything."""
     return f"{field.docs}{unit_note(field.unit)}".strip()
+
+
+def lines(parts: Iterable[str]) -> str:
+    """One below the other."""
+    return "\n".join(parts)
+
+
+def blocks(parts: Iterable[str]) -> str:
+    """One below the other, with a blank line between two."""
+    return "\n\n".join(parts)
 
 
 def constant_name(name: str) -> str:

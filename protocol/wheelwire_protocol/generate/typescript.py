@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from itertools import chain
 
 from ..board import CODES as BOARD_CODES
 from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS
-from .text import banner, field_note, unit_note
+from .text import banner, blocks, field_note, lines, unit_note
 from .wire_layout import layout_hash
 
 _WIDE = ("Q", "q")
@@ -23,18 +22,17 @@ def _type(field: Field) -> str:
     return "bigint" if field.format in _WIDE else "number"
 
 
-def _interface(message: Message) -> list[str]:
-    return [
-        f"/** {message.doc} */",
-        f"export interface {message.name} {{",
-        *(
-            (f"  /** {note} */\n" if (note := field_note(field)) else "")
-            + f"  {field.name}: {_type(field)};"
-            for field in message.fields
-        ),
-        "}",
-        "",
-    ]
+def _interface(message: Message) -> str:
+    fields = (
+        (f"  /** {note} */\n" if (note := field_note(field)) else "")
+        + f"  {field.name}: {_type(field)};"
+        for field in message.fields
+    )
+    return f"""\
+/** {message.doc} */
+export interface {message.name} {{
+{lines(fields)}
+}}"""
 
 
 def _layout(message: Message) -> str:
@@ -42,61 +40,61 @@ def _layout(message: Message) -> str:
     return f"  {message.name}: [0x{message.id:02x}, {json.dumps(fields)}],"
 
 
-def _codes(codes: type[DocumentedEnum] | type[DocumentedFlag]) -> list[str]:
+def _codes(codes: type[DocumentedEnum] | type[DocumentedFlag]) -> str:
     """Values and sentences apart, so that a bundle has the sentences that it shows alone."""
-    return [
-        f"/** {(codes.__doc__ or '').strip()} */",
-        f"export const {codes.__name__} = {{",
-        *(f"  {member.name}: {member.value}," for member in codes),
-        "} as const;",
-        f"export const {codes.__name__}Docs: Sentences<typeof {codes.__name__}> = {{",
-        *(f"  {member.name}: {json.dumps(member.doc)}," for member in codes),
-        "};",
-        "",
-    ]
+    return f"""\
+/** {(codes.__doc__ or "").strip()} */
+export const {codes.__name__} = {{
+{lines(f"  {member.name}: {member.value}," for member in codes)}
+}} as const;
+export const {codes.__name__}Docs: Sentences<typeof {codes.__name__}> = {{
+{lines(f"  {member.name}: {json.dumps(member.doc)}," for member in codes)}
+}};"""
 
 
 def generate() -> str:
     """The text of `protocol.ts`."""
-    lines = [
-        f"// {banner('Messages and codes')}",
-        "",
-        f"export const PROTOCOL_VERSION = {PROTOCOL_VERSION};",
-        "/** Of the group BASE: what a hello compares. */",
-        f"export const SCHEMA_HASH = 0x{layout_hash():08x};",
-        "/** Bytes of the longest payload: id, seq, body, CRC. */",
-        f"export const MAX_PAYLOAD = {MAX_PAYLOAD};",
-        "",
-        "/** What users are shown of each code. */",
-        "export type Sentences<Codes> = Readonly<Record<keyof Codes, string>>;",
-        "",
-        *chain.from_iterable(map(_codes, (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES))),
-        *chain.from_iterable(map(_codes, FLAGS)),
-        *chain.from_iterable(map(_interface, MESSAGES)),
-        "/** All messages by name. */",
-        "export interface Messages {",
-        *(f"  {message.name}: {message.name};" for message in MESSAGES),
-        "}",
-        "",
-        "/** Of each message the id, and its fields with their formats as in Python's `struct`. */",
-        "export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>> = {",
-        *map(_layout, MESSAGES),
-        "};",
-        "",
-        "/** The hash of each group of messages. */",
-        "export const GROUP_HASHES: Readonly<Record<keyof typeof Group, number>> = {",
-        *(f"  {group.name}: 0x{layout_hash(group):08x}," for group in Group),
-        "};",
-        "",
-        "/** The ids of the parameters. */",
-        "export const Parameter = {",
-        *(f"  /** {p.doc}{unit_note(p.unit)} */\n  {p.name}: {p.id}," for p in PARAMETERS),
-        "} as const;",
-        "",
-        "/** Their defaults, in their units. */",
-        "export const DEFAULTS = {",
-        *(f"  {p.name}: {p.default:.9g}," for p in PARAMETERS),
-        "} as const;",
-        "",
-    ]
-    return "\n".join(lines)
+    ids = (f"  /** {p.doc}{unit_note(p.unit)} */\n  {p.name}: {p.id}," for p in PARAMETERS)
+    return f"""\
+// {banner("Messages and codes")}
+
+export const PROTOCOL_VERSION = {PROTOCOL_VERSION};
+/** Of the group BASE: what a hello compares. */
+export const SCHEMA_HASH = 0x{layout_hash():08x};
+/** Bytes of the longest payload: id, seq, body, CRC. */
+export const MAX_PAYLOAD = {MAX_PAYLOAD};
+
+/** What users are shown of each code. */
+export type Sentences<Codes> = Readonly<Record<keyof Codes, string>>;
+
+{blocks(map(_codes, (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES)))}
+
+{blocks(map(_codes, FLAGS))}
+
+{blocks(map(_interface, MESSAGES))}
+
+/** All messages by name. */
+export interface Messages {{
+{lines(f"  {message.name}: {message.name};" for message in MESSAGES)}
+}}
+
+/** Of each message the id, and its fields with their formats as in Python's `struct`. */
+export const LAYOUTS: Readonly<Record<keyof Messages, readonly [number, string]>> = {{
+{lines(map(_layout, MESSAGES))}
+}};
+
+/** The hash of each group of messages. */
+export const GROUP_HASHES: Readonly<Record<keyof typeof Group, number>> = {{
+{lines(f"  {group.name}: 0x{layout_hash(group):08x}," for group in Group)}
+}};
+
+/** The ids of the parameters. */
+export const Parameter = {{
+{lines(ids)}
+}} as const;
+
+/** Their defaults, in their units. */
+export const DEFAULTS = {{
+{lines(f"  {p.name}: {p.default:.9g}," for p in PARAMETERS)}
+}} as const;
+"""
