@@ -17,7 +17,7 @@ from wheelwire.holds import LastStop
 from wheelwire.log.why.causes import look_at_of, sentence_of
 from wheelwire.log.why.device import last_stop
 from wheelwire_protocol.codes import Fault, Held, ResetReason, StopCause
-from wheelwire_protocol.generate.text import banner
+from wheelwire_protocol.generate.text import banner, lines
 
 TABLES = ROOT / "web" / "src" / "generated" / "causes.ts"
 BY_DETAIL = (
@@ -39,7 +39,36 @@ BUMPERS_AND_SENSORS = tuple(
 )
 
 
-HEAD = f"""\
+def _of(flag: Held) -> LastStop:
+    is_bumper = str(flag.name).startswith("BUMPER")
+    return LastStop(StopCause.BUMPER if is_bumper else StopCause.CLIFF, held=flag)
+
+
+def _table(name: str, what: str, rows: dict[str, tuple[str, str]]) -> str:
+    texts = (
+        f"  {key}: {{ sentence: {json.dumps(sentence)}, lookAt: {json.dumps(look_at)} }},"
+        for key, (sentence, look_at) in rows.items()
+    )
+    return f"""\
+/** By the name of the {what}. */
+export const {name}: Readonly<Record<string, Why>> = {{
+{lines(texts)}
+}};"""
+
+
+def _stops(name: str, what: str, stops: dict[str, LastStop]) -> str:
+    said = {key: last_stop(stop, 0)[0] for key, stop in stops.items()}
+    return _table(name, what, {key: (one.sentence, one.look_at) for key, one in said.items()})
+
+
+def tables() -> str:
+    """The text of causes.ts."""
+    plain = {c.name: LastStop(c) for c in StopCause if c not in (*BY_DETAIL, StopCause.UNKNOWN)}
+    faults = {str(fault.name): LastStop(StopCause.FAULT, faults=fault) for fault in Fault}
+    sensors = {str(flag.name): _of(flag) for flag in BUMPERS_AND_SENSORS}
+    resets = {why.name: LastStop(StopCause.RESET, reset_reason=why) for why in ResetReason}
+    host = {name: (sentence_of((name,)), look_at_of((name,))) for name in OF_HOST}
+    return f"""\
 // {banner("What `wheelwire why` says", "host/wheelwire/diagnosis")}
 
 /** What happened, and what to look at first. */
@@ -47,51 +76,17 @@ export interface Why {{
   readonly sentence: string;
   readonly lookAt: string;
 }}
+
+{_stops("WHY_STOPPED", "stop's cause", plain)}
+
+{_stops("WHY_FAULT", "fault", faults)}
+
+{_stops("WHY_SENSOR", "hold", sensors)}
+
+{_stops("WHY_RESET", "reset's reason", resets)}
+
+{_table("WHY_HOST", "cause", host)}
 """
-
-
-def _of(flag: Held) -> LastStop:
-    is_bumper = str(flag.name).startswith("BUMPER")
-    return LastStop(StopCause.BUMPER if is_bumper else StopCause.CLIFF, held=flag)
-
-
-def tables() -> str:
-    """The text of causes.ts."""
-    plain = (cause for cause in StopCause if cause not in (*BY_DETAIL, StopCause.UNKNOWN))
-    stops = {
-        "WHY_STOPPED": ("stop's cause", {c.name: LastStop(c) for c in plain}),
-        "WHY_FAULT": (
-            "fault",
-            {str(fault.name): LastStop(StopCause.FAULT, faults=fault) for fault in Fault},
-        ),
-        "WHY_SENSOR": ("hold", {str(flag.name): _of(flag) for flag in BUMPERS_AND_SENSORS}),
-        "WHY_RESET": (
-            "reset's reason",
-            {why.name: LastStop(StopCause.RESET, reset_reason=why) for why in ResetReason},
-        ),
-    }
-    said = {
-        name: (what, {key: last_stop(stop, 0)[0] for key, stop in of.items()})
-        for name, (what, of) in stops.items()
-    }
-    rows = {
-        name: (what, {key: (one.sentence, one.look_at) for key, one in of.items()})
-        for name, (what, of) in said.items()
-    }
-    rows["WHY_HOST"] = "cause", {n: (sentence_of((n,)), look_at_of((n,))) for n in OF_HOST}
-    lines = [HEAD]
-    for name, (what, words) in rows.items():
-        lines += [
-            f"/** By the name of the {what}. */",
-            f"export const {name}: Readonly<Record<string, Why>> = {{",
-            *(
-                f"  {key}: {{ sentence: {json.dumps(sentence)}, lookAt: {json.dumps(look_at)} }},"
-                for key, (sentence, look_at) in words.items()
-            ),
-            "};",
-            "",
-        ]
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import generated
 from generated import ROOT
 from wheelwire.parameters import definition_of
 from wheelwire.tools.setup import problems, wiring
-from wheelwire_protocol.generate.text import banner
+from wheelwire_protocol.generate.text import banner, lines
 
 NOT_WATCHING = ("reversal_duty", "rolling_velocity_mps")
 """Thresholds that setup raises to their maximum for a while."""
@@ -79,9 +79,9 @@ def _text(source: str, beginning: str) -> str:
     return found.pop()
 
 
-def _table(name: str, doc: str, rows: dict[str, str]) -> list[str]:
-    lines = [f"  {key}: {json.dumps(text, ensure_ascii=False)}," for key, text in rows.items()]
-    return [f"/** {doc} */", f"export const {name} = {{", *lines, "} as const;", ""]
+def _table(name: str, doc: str, rows: dict[str, str]) -> str:
+    texts = (f"  {key}: {json.dumps(text, ensure_ascii=False)}," for key, text in rows.items())
+    return f"/** {doc} */\nexport const {name} = {{\n{lines(texts)}\n}} as const;"
 
 
 def _extracted(sources: dict[str, tuple[str, str]]) -> dict[str, str]:
@@ -95,28 +95,22 @@ def words() -> str:
         for name, value in vars(problems).items()
         if isinstance(value, problems.Defect)
     }
-    return "\n".join(
-        [
-            f"// {banner('What `wheelwire flash` and `setup` say', 'host/wheelwire')}",
-            "",
-            *_table("FLASH", "Of `wheelwire flash`; {} is filled in.", _extracted(FLASH)),
-            *_table(
-                "SETUP",
-                "Of `wheelwire setup`; {} is filled in.",
-                {"raised": wiring.RAISED.text, **_extracted(SETUP)},
-            ),
-            "/** The highest values of thresholds that setup raises for a while. */",
-            "export const HIGHEST = {",
-            *(f"  {name}: {definition_of(name).maximum:g}," for name in NOT_WATCHING),
-            "} as const;",
-            "",
-            *_table(
-                "DEFECTS",
-                "What parameters cannot mend; {side} and {detail} are filled in.",
-                defects,
-            ),
-        ]
-    )
+    setup = {"raised": wiring.RAISED.text, **_extracted(SETUP)}
+    highest = (f"  {name}: {definition_of(name).maximum:g}," for name in NOT_WATCHING)
+    return f"""\
+// {banner("What `wheelwire flash` and `setup` say", "host/wheelwire")}
+
+{_table("FLASH", "Of `wheelwire flash`; {} is filled in.", _extracted(FLASH))}
+
+{_table("SETUP", "Of `wheelwire setup`; {} is filled in.", setup)}
+
+/** The highest values of thresholds that setup raises for a while. */
+export const HIGHEST = {{
+{lines(highest)}
+}} as const;
+
+{_table("DEFECTS", "What parameters cannot mend; {side} and {detail} are filled in.", defects)}
+"""
 
 
 if __name__ == "__main__":
