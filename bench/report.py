@@ -14,8 +14,8 @@ from typing import TextIO
 from harness import FOLDER, ROOT
 
 BENCHES = (
-    *("codec", "capture", "imports", "link", "latency", "ros"),
-    *("drivers", "recording", "view"),
+    *("codec", "capture", "imports", "link", "latency", "aio", "ros"),
+    *("reflexes", "drivers", "recording", "view"),
 )
 """The benchmarks, in the order of the report."""
 SCRIPTS = tuple(Path(__file__).with_name(f"{bench}.py") for bench in BENCHES)
