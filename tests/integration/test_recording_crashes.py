@@ -1,4 +1,7 @@
-"""Whatever ends a recording, it reads up to the last second, and never a wrong value."""
+"""Whatever ends a recording, it reads up to the last second, and never a wrong value.
+
+`bench/recording_crashes.py` does the same with numbers and a seed of choice.
+"""
 
 from __future__ import annotations
 
