@@ -1,7 +1,7 @@
 """A C header of this project as ctypes: structures, callbacks, enumerations and signatures.
 
 It reads the plain style of these headers, and refuses what it does not know: ctypes takes what is
-not declared for an int, so a pointer would lose its upper half.
+not declared for an int, so a pointer would lose its upper half. ruff sets the blank lines.
 """
 
 from __future__ import annotations
@@ -68,25 +68,26 @@ class _Writer:
 
     def _take_structure(self, name: str, body: str) -> None:
         self._types[name] = self._class_of(name)
-        self.lines += [
-            f"class {self._types[name]}(ctypes.Structure):",
-            f'    """`{name}`."""',
-            "",
-        ]
         fields = [
             f'("{_NAME.findall(field)[-1]}", {self._type_of(field, of_field=True)})'
             for field in body.split(";")[:-1]
         ]
-        self.lines += [f"    _fields_ = {_tuple(fields)}", "", ""]
+        self.lines += [
+            f"class {self._types[name]}(ctypes.Structure):",
+            f'    """`{name}`."""',
+            f"    _fields_ = {_tuple(fields)}",
+        ]
 
     def _take_enumeration(self, name: str, body: str) -> None:
         members = [member.strip() for member in body.split(",")]
         # They begin as its name does, or as all names of the header.
         starts = (f"{name.rpartition('_')[0]}_".upper(), f"{self._prefix}_".upper())
         start = next(one for one in starts if all(member.startswith(one) for member in members))
-        self.lines += [f"class {self._class_of(name)}(enum.IntEnum):", f'    """`{name}`."""', ""]
-        self.lines += [f"    {member.removeprefix(start)}" for member in members]
-        self.lines += ["", ""]
+        self.lines += [
+            f"class {self._class_of(name)}(enum.IntEnum):",
+            f'    """`{name}`."""',
+            *(f"    {member.removeprefix(start)}" for member in members),
+        ]
 
     def _take_callback(self, result: str, name: str, parameters: str) -> None:
         types = [self._type_of(one, of_callback=True) for one in parameters.split(",")]
@@ -167,6 +168,8 @@ from typing import Any
 
 
 {lines(writer.lines)}
+
+
 SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {{
 {lines(writer.signatures)}
 }}
