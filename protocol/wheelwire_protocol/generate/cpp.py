@@ -99,10 +99,16 @@ def cpp_switch(signature: str, cases: Iterable[tuple[str, str]], otherwise: str)
             compiler reports a case that is missing.
     """
     kind, parameter = signature.partition("(")[2].partition(")")[0].split()
-    returns = lines(f"case {case}:\nreturn {result};" for case, result in cases)
-    is_number = kind == "uint8_t"
-    end = f"default:\nreturn {otherwise};\n}}" if is_number else f"}}\nreturn {otherwise};"
-    return f"constexpr {signature} {{\nswitch ({parameter}) {{\n{returns}\n{end}\n}}"
+    other = f"return {otherwise};"
+    default, end = (f"default: {other}", "") if kind == "uint8_t" else ("", other)
+    return f"""\
+constexpr {signature} {{
+switch ({parameter}) {{
+{lines(f"case {case}: return {result};" for case, result in cases)}
+{default}
+}}
+{end}
+}}"""
 
 
 def _member(field: Field, pin: str) -> str:
