@@ -29,38 +29,40 @@ TESTS = ("wheelwire-core-test", "wheelwire-sim-test", "wheelwire-capi-test")
 
 
 class Target(NamedTuple):
-    """A processor, its name in zig, and the tags that pip selects its wheel by."""
+    """A processor, and its names elsewhere."""
 
     processor: str
-    zig: str
-    tags: str
-    zig_cpu: str = ""
-    emulator: str = ""
-    """The program of Debian's qemu-user-static."""
-    libc: str = ""
-    """Directory of Debian's libc6-...-cross."""
+    """As pip calls it."""
+    triple: str
+    """As zig and Debian call it."""
+    cpu: str = ""
+    """The oldest one, as zig calls it."""
+    other_tag: str = ""
+    """Another that pip selects its wheel by."""
+
+    @property
+    def zig(self) -> str:
+        """What zig compiles for."""
+        return f"{self.triple}.2.17"
+
+    @property
+    def tags(self) -> str:
+        """What pip selects its wheel by."""
+        return f"manylinux_2_17_{self.processor}.manylinux2014_{self.processor}{self.other_tag}"
+
+    @property
+    def emulator(self) -> list[str]:
+        """A program of Debian's qemu-user-static, with the directory of libc6-...-cross."""
+        return [f"qemu-{self.triple.partition('-')[0]}-static", "-L", f"/usr/{self.triple}"]
 
 
 TARGETS = {
     target.processor: target
     for target in (
-        Target("x86_64", "x86_64-linux-gnu.2.17", "manylinux_2_17_x86_64.manylinux2014_x86_64"),
-        Target(
-            "aarch64",
-            "aarch64-linux-gnu.2.17",
-            "manylinux_2_17_aarch64.manylinux2014_aarch64",
-            emulator="qemu-aarch64-static",
-            libc="/usr/aarch64-linux-gnu",
-        ),
+        Target("x86_64", "x86_64-linux-gnu"),
+        Target("aarch64", "aarch64-linux-gnu"),
         # Also runs on the first Raspberry Pi, where pip accepts no manylinux tag.
-        Target(
-            "armv7l",
-            "arm-linux-gnueabihf.2.17",
-            "manylinux_2_17_armv7l.manylinux2014_armv7l.linux_armv6l",
-            zig_cpu="arm1176jzf_s",
-            emulator="qemu-arm-static",
-            libc="/usr/arm-linux-gnueabihf",
-        ),
+        Target("armv7l", "arm-linux-gnueabihf", "arm1176jzf_s", ".linux_armv6l"),
     )
 }
 
@@ -99,7 +101,7 @@ def zig_environment(target: Target) -> dict[str, str]:
         **{name: value for name, value in os.environ.items() if "_COMPILER_LAUNCHER" not in name},
         "WHEELWIRE_ZIG": str(Path(ziglang.__file__).parent),
         "WHEELWIRE_ZIG_TARGET": target.zig,
-        "WHEELWIRE_ZIG_CPU": target.zig_cpu,
+        "WHEELWIRE_ZIG_CPU": target.cpu,
     }
 
 
@@ -153,7 +155,7 @@ def _check_emulated(wheel: Path, folder: Path, target: Target) -> None:
     with ZipFile(wheel) as archive:
         archive.extractall(folder)
     library = folder / "wheelwire_protocol"
-    emulate = [target.emulator, "-L", target.libc, "-E", f"LD_LIBRARY_PATH={library}"]
+    emulate = [*target.emulator, "-E", f"LD_LIBRARY_PATH={library}"]
     tests = folder / "tests"
     configure = ["cmake", "-S", str(SOURCE), "-B", str(tests), "-G", "Ninja"]
     configure += [f"-DCMAKE_TOOLCHAIN_FILE={SOURCE / 'zig.cmake'}", "-DCMAKE_BUILD_TYPE=Release"]
@@ -192,7 +194,6 @@ def _drive(command: str, folder: Path, environment: os._Environ[str] | dict[str,
             if sim.poll() is not None or time.monotonic() > begin + TIMEOUT_S:
                 sys.exit("`wheelwire sim` gave no port")
             time.sleep(0.01)
-        started_s = time.monotonic() - begin
         drive = [command, "drive", str(port), "--linear", "0.2", "--seconds", "1", "--json"]
         for _ in range(TRIES):
             run = subprocess.run(
@@ -205,8 +206,7 @@ def _drive(command: str, folder: Path, environment: os._Environ[str] | dict[str,
         sim.wait()
     if run.returncode:
         sys.exit(f"`wheelwire drive` failed: {run.stderr}")
-    report = json.dumps(json.loads(run.stdout))
-    print(f"`wheelwire sim` had its port after {started_s:.2f} s; the drive: {report}")
+    print(f"the drive: {json.dumps(json.loads(run.stdout))}")
 
 
 def main() -> None:
