@@ -69,8 +69,6 @@ inputs:
   cliff_front: {pin: 39, triggered: low, pull: external}
   stage_fault: {pin: 36, pull: external}
 """
-ANALOG = "  analog_2: {pin: 33, divider: 2.0}\n"
-RANGE = "ranges: {left: {chip: hc-sr04, trigger: 16, echo: 35}}\n"
 ALL = BOARD + IMU + POWER + INPUTS
 
 PINS = st.none() | st.integers(0, 127)
@@ -153,6 +151,9 @@ def test_the_example_can_be_used() -> None:
     assert board.peripherals[3].pull is Pull.EXTERNAL
     assert not board.peripherals[3].triggered_low
     assert board.peripherals[5].triggered_low
+    assert board_of(to_yaml(board)) == board
+    assert "forward: y, up: z" in to_yaml(board)
+    assert "bias" not in to_yaml(board)
 
 
 def test_pins_that_a_wroom_leaves_free_are_used_once_it_is_named() -> None:
@@ -171,12 +172,6 @@ def test_one_fingerprint_names_the_board_and_its_peripherals() -> None:
     fewer = replace(board, peripherals=board.peripherals[1:])
     others = [plain, fewer, replace(board, led=2), board]
     assert len({one.fingerprint() for one in others}) == len(others)
-
-
-def test_a_file_survives_the_way_to_data_and_back() -> None:
-    board = board_of(ALL)
-    assert board_of(to_yaml(board)) == board
-    assert "forward: y, up: z" in to_yaml(board)
 
 
 def yaml_of(page: str) -> list[str]:
@@ -201,18 +196,33 @@ def test_what_the_page_shows_can_be_used() -> None:
         assert board_of(to_yaml(board)) == board
 
 
-def test_ranges_and_analogue_inputs_are_read_and_written() -> None:
-    board = board_of(BOARD + INPUTS + ANALOG + RANGE)
-    assert board.peripherals[-2:] == (
-        AnalogInput(2, 33, 2.0),
-        RangeSensor(SensorChip.HC_SR04, Place.LEFT, 16, 35),
-    )
+DIVIDER = "battery: {pin: 35, divider: 4}\n"
+KEPT: list[tuple[str, tuple[Peripheral, ...]]] = [
+    (IMU, (ImuSensor(SensorChip.MPU6050, 16, 17, 35, Axis.Y, Axis.Z),)),
+    ("inputs: {analog_1: {pin: 34}}", (AnalogInput(1, 34, 1.0),)),
+    ("inputs: {analog_2: {pin: 34, divider: 2.0}}", (AnalogInput(2, 34, 2.0),)),
+    (
+        "ranges: {left: {chip: hc-sr04, trigger: 16, echo: 35}}",
+        (RangeSensor(SensorChip.HC_SR04, Place.LEFT, 16, 35),),
+    ),
+    # A battery that is measured only.
+    (DIVIDER + "power: {}", (BatteryLevels(),)),
+    (
+        DIVIDER + POWER.replace("cells: 3", "warn_v: 0, limit_v: 0, stop_v: 0"),
+        (PowerSensor(SensorChip.INA219, 16, 17, 100.0, 0x40), BatteryLevels()),
+    ),
+    *((f"{section}:", ()) for section in ("imu", "power", "inputs", "ranges")),
+]
+
+
+@each(("sections", "entries"), KEPT)
+def test_a_file_survives_the_way_to_data_and_back(
+    sections: str, entries: tuple[Peripheral, ...]
+) -> None:
+    board = board_of(BOARD + sections)
+    assert board.peripherals == entries
+    assert board.problems() == []
     assert board_of(to_yaml(board)) == board
-
-
-def test_a_voltage_needs_no_divider() -> None:
-    (entry,) = board_of(BOARD + "inputs: {analog_1: {pin: 32}}").peripherals
-    assert entry == AnalogInput(1, 32, 1.0)
 
 
 def test_a_bias_is_kept_in_counts_of_its_chip() -> None:
@@ -230,25 +240,10 @@ def test_a_bias_is_kept_in_counts_of_its_chip() -> None:
     assert b"\x26\x00\xb5\xff\x00\x00" in packed_entry(imu)  # 38, -75 and 0 counts
 
 
-def test_without_a_bias_a_file_names_none() -> None:
-    assert "bias" not in to_yaml(board_of(ALL))
-
-
 def test_levels_stand_behind_the_chip_whatever_their_channel() -> None:
     power, levels = board_of(BOARD + POWER).peripherals
     board = replace(board_of(BOARD), peripherals=(levels, power))
     assert board_of(to_yaml(board)).peripherals == (power, levels)
-
-
-@pytest.mark.parametrize(
-    "sections", ["power: {}\n", POWER.replace("cells: 3", "warn_v: 0, limit_v: 0, stop_v: 0")]
-)
-def test_a_battery_may_be_measured_only(sections: str) -> None:
-    divider = BOARD + "battery: {pin: 35, divider: 4}\n"
-    board = board_of(divider + sections)
-    assert board.peripherals[-1] == BatteryLevels()
-    assert board.problems() == []
-    assert board_of(to_yaml(board)) == board
 
 
 @given(PERIPHERALS)
@@ -581,11 +576,6 @@ def test_an_invalid_peripheral_is_refused_by_file_line_key_and_value(
         load_board(file)
     assert str(raised.value).startswith(f"{file}, line 9: ")
     assert words in str(raised.value)
-
-
-@pytest.mark.parametrize("section", ["imu", "power", "inputs", "ranges"])
-def test_a_section_may_be_empty(section: str) -> None:
-    assert board_of(BOARD + f"{section}:\n").peripherals == ()
 
 
 def test_each_kind_of_input_is_named_as_its_section() -> None:
