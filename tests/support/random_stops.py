@@ -5,9 +5,7 @@ from __future__ import annotations
 from random import Random
 from typing import NamedTuple
 
-from wheelwire.log.why.diagnosis import Diagnosis
-
-from .staged_stops import StagedRobot
+from .staged_stops import StagedRobot, judged
 
 KINDS = {
     "encoder_dead": "encoder_dead",
@@ -68,6 +66,4 @@ def causes_found(stop: RandomStop, seed: int) -> tuple[str, ...]:
     if not robot.sample.faults:
         return ()
     robot.run(0.1)
-    diagnosis = Diagnosis()
-    stops = diagnosis.feed_all(robot.reader.take())
-    return (stops + diagnosis.end(complete=True))[0].causes
+    return judged(robot)[0].causes

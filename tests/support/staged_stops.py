@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from types import MappingProxyType
 from typing import NamedTuple
 
 from wheelwire.errors import LinkLost, WheelwireError
@@ -32,6 +33,8 @@ from .virtual import STEP_US, VirtualRobot
 SUPPLY = {"supply_ohm": 0.4}
 """One that sags."""
 TTL_S = 0.3
+HELLO = Hello(77, PROTOCOL_VERSION, schema_hash())
+"""Another program's."""
 
 
 class StagedRobot(VirtualRobot):
@@ -108,34 +111,77 @@ class StagedRobot(VirtualRobot):
         self.cable = True
 
 
+Step = Callable[[StagedRobot], object]
+
+
 class Staged(NamedTuple):
     """One stop.
 
     Attributes:
         stops: The only right answer: each stop's cause, or those that the data leaves open.
-        play: Brings it about, from a robot that drives.
+        steps: They bring it about, from a robot that drives.
         settings: The simulator's.
         closed: The recording was closed; else it was cut off.
         driving: The robot drives before; else it stands.
     """
 
     stops: tuple[str, ...]
-    play: Callable[[StagedRobot], object]
-    settings: dict[str, float] = {}  # noqa: RUF012 - of a named tuple, never changed
-    closed: bool = True
-    driving: bool = True
+    steps: tuple[Step, ...]
+    settings: Mapping[str, float]
+    closed: bool
+    driving: bool
 
-
-def _one_by_one(*steps: Callable[[StagedRobot], object]) -> Callable[[StagedRobot], None]:
-    def play(robot: StagedRobot) -> None:
-        for step in steps:
+    def play(self, seed: int = 1) -> StagedRobot:
+        """The robot, once it has stopped."""
+        robot = StagedRobot(seed, **self.settings)
+        robot.open()
+        robot.run(0.3)
+        if self.driving:
+            robot.drive(0.2, 0.2, 1.0)
+            assert robot.sample.left_mps > 0.1
+        for step in self.steps:
             step(robot)
+        robot.run(0.1)
+        return robot
 
-    return play
+
+def staged(
+    stops: str,
+    *steps: Step,
+    settings: Mapping[str, float] = MappingProxyType({}),
+    closed: bool = True,
+    driving: bool = True,
+) -> Staged:
+    """One stop, or several with commas between their causes."""
+    return Staged(tuple(stops.split(", ")), steps, settings, closed, driving)
 
 
-def _set(name: str, value: float = 1.0) -> Callable[[StagedRobot], None]:
-    """A variable changes while the robot drives, and a fault follows."""
+# --- what the steps have in common ---
+
+
+def drives(seconds: float) -> Step:
+    """On and on, whatever is answered."""
+    return lambda robot: robot.drive(0.2, 0.2, seconds)
+
+
+def waits(seconds: float) -> Step:
+    """Without a setpoint."""
+    return lambda robot: robot.run(seconds)
+
+
+def freezes(robot: StagedRobot) -> None:
+    """The host, for a second."""
+    robot.freeze(1.0)
+    robot.run(0.2)
+
+
+def resets(reason: ResetReason) -> Step:
+    """The chip."""
+    return lambda robot: robot.sim.reset(reason)
+
+
+def fails(name: str, value: float = 1.0) -> Step:
+    """A variable changes, the robot is driven, and a fault follows."""
 
     def play(robot: StagedRobot) -> None:
         robot.sim.set(name, value)
@@ -144,57 +190,44 @@ def _set(name: str, value: float = 1.0) -> Callable[[StagedRobot], None]:
     return play
 
 
-def _reset(reason: ResetReason) -> Callable[[StagedRobot], None]:
-    def play(robot: StagedRobot) -> None:
-        robot.sim.reset(reason)
-        robot.drive(0.2, 0.2, 2.0)
-
-    return play
+def stops(robot: StagedRobot) -> None:
+    """By this program."""
+    robot.stop()
 
 
-def _from_rest(settings: dict[str, float]) -> Callable[[StagedRobot], None]:
-    def play(robot: StagedRobot) -> None:
-        for name, value in settings.items():
-            robot.sim.set(name, value)
-        robot.until(lambda: bool(robot.sample.faults))
-
-    return play
+def estops(robot: StagedRobot) -> None:
+    """By this program."""
+    robot.estop()
 
 
-def _contact_refused(robot: StagedRobot) -> None:
+def restarts(robot: StagedRobot) -> None:
+    """By a request."""
+    robot.request(Restart(0, 0))
+
+
+# --- the steps of one stop or two ---
+
+
+def contact_refused(robot: StagedRobot) -> None:
     robot.sim.set("estop_open", 1)
     robot.run(0.02)
     with suppress(WheelwireError):
         robot.request(ClearEstop(0, 0))
 
 
-def _contact_closed_again(robot: StagedRobot) -> None:
+def contact_closed_again(robot: StagedRobot) -> None:
     robot.sim.set("estop_open", 1)
     robot.run(0.05)
     robot.sim.set("estop_open", 0)
 
 
-def _latched_before(message: str) -> Callable[[StagedRobot], None]:
-    def play(robot: StagedRobot) -> None:
-        if message == "estop":
-            robot.estop()
-        else:
-            robot.sim.set("left.encoder_dead", 1)
-            robot.until(lambda: bool(robot.sample.faults))
-        robot.run(0.3)
-        robot.sim.reset(ResetReason.PANIC)
-        robot.run(2.0)
-
-    return play
-
-
-def _trial(robot: StagedRobot) -> None:
+def begins_a_trial(robot: StagedRobot) -> None:
+    """And leaves it alone."""
     robot.request(ParameterTrial(0, 0, TrialAction.BEGIN, 0.2))
     robot.session.release_trial()
-    robot.drive(0.2, 0.2, 1.0)
 
 
-def _empties(robot: StagedRobot) -> None:
+def empties(robot: StagedRobot) -> None:
     for volt in range(40):
         robot.sim.set("supply_v", 7.4 - 0.05 * volt)
         robot.sim.set("battery_v", 7.4 - 0.05 * volt)
@@ -203,7 +236,7 @@ def _empties(robot: StagedRobot) -> None:
     robot.run(2.0)
 
 
-def _dips(robot: StagedRobot) -> None:
+def dips(robot: StagedRobot) -> None:
     """A wheel is held fast, and the current pulls the supply down."""
     boot_id = robot.sample.boot_id
     robot.sim.set("left.blocked", 1)
@@ -211,13 +244,13 @@ def _dips(robot: StagedRobot) -> None:
     robot.run(0.5)
 
 
-def _unarmed(robot: StagedRobot) -> None:
+def unarmed(robot: StagedRobot) -> None:
     robot.estop()
     robot.request(ClearEstop(0, 0))
     robot.drive(0.2, 0.2, 0.2)
 
 
-def _unplugged(robot: StagedRobot) -> None:
+def unplugged(robot: StagedRobot) -> None:
     robot.session.disconnect(LinkLost("the port is gone: Input/output error; trying again"))
     robot.cable = False
     robot.run(1.0)
@@ -227,18 +260,18 @@ def _unplugged(robot: StagedRobot) -> None:
     robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
 
 
-def _hangs_up(robot: StagedRobot) -> None:
+def hangs_up(robot: StagedRobot) -> None:
     robot.session.disconnect(LinkLost(CLOSED))
     robot.cable = False
 
 
-def _closes(robot: StagedRobot) -> None:
+def closes(robot: StagedRobot) -> None:
     robot.session.stop(StopMode.CONFIGURED, lambda _: None, robot.now_us)
     robot.write()
-    _hangs_up(robot)
+    hangs_up(robot)
 
 
-def _contradicts(robot: StagedRobot) -> None:
+def contradicts(robot: StagedRobot) -> None:
     robot.sim.preset(PARAMETER_BY_NAME["control_rate_hz"].id, 100.0)
     robot.sim.preset(PARAMETER_BY_NAME["stream_rate_hz"].id, 200.0)
     robot.sim.reset(ResetReason.POWER_ON)
@@ -246,7 +279,7 @@ def _contradicts(robot: StagedRobot) -> None:
     robot.drive(0.2, 0.2, 2.0)
 
 
-def _loses_parameters(fault: Fault) -> Callable[[StagedRobot], None]:
+def loses_parameters(fault: Fault) -> Step:
     def play(robot: StagedRobot) -> None:
         robot.sim.set("store_unreadable", fault)
         robot.sim.reset(ResetReason.POWER_ON)
@@ -255,83 +288,71 @@ def _loses_parameters(fault: Fault) -> Callable[[StagedRobot], None]:
     return play
 
 
-def _silent(robot: StagedRobot) -> None:
+def silent(robot: StagedRobot) -> None:
     robot.cable = False
     robot.drive(0.2, 0.2, 3.0)
 
 
-def _corrupt(robot: StagedRobot) -> None:
+def corrupt(robot: StagedRobot) -> None:
     robot.corrupt = True
     robot.drive(0.2, 0.2, 0.6)
     robot.corrupt = False
 
 
-def _too_late(robot: StagedRobot) -> None:
+def too_late(robot: StagedRobot) -> None:
     robot.delay_us = 120_000
     robot.drive(0.2, 0.2, 1.0, ttl_s=0.1)
 
 
-def _reverts(robot: StagedRobot) -> None:
+def reverts(robot: StagedRobot) -> None:
     """The program leaves its lost trial, and drives on."""
     with suppress(WheelwireError):
         robot.request(ParameterTrial(0, 0, TrialAction.REVERT, 0.0))
     robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
 
 
-def _clears(robot: StagedRobot) -> None:
+def clears(robot: StagedRobot) -> None:
     """And arms the robot, so that it drives next."""
     robot.request(ClearEstop(0, 0))
     robot.drive(0.0, 0.0, 0.04)
 
 
-def _fault_lasts(robot: StagedRobot) -> None:
+def fault_lasts(robot: StagedRobot) -> None:
     robot.sim.set("driver_failed", 1)
     robot.run(0.2)
     with suppress(WheelwireError):
         robot.request(ClearFault(0, 0))
 
 
-def _driving(seconds: float) -> Callable[[StagedRobot], None]:
-    return lambda robot: robot.drive(0.2, 0.2, seconds)
-
-
-def _waiting(seconds: float) -> Callable[[StagedRobot], None]:
-    return lambda robot: robot.run(seconds)
-
-
-def _resets(reason: ResetReason) -> Callable[[StagedRobot], None]:
-    return lambda robot: robot.sim.reset(reason)
-
-
-def _open_contact(robot: StagedRobot) -> None:
+def open_contact(robot: StagedRobot) -> None:
     robot.sim.set("estop_open", 1)
     robot.run(0.3)
 
 
-def _stranger_stops(robot: StagedRobot) -> None:
+def stranger_stops(robot: StagedRobot) -> None:
     robot.stranger(StopRequest(0x1234, 5, 1, StopMode.COAST))
     robot.run(0.02)
 
 
-def _stranger_estops(robot: StagedRobot) -> None:
+def stranger_estops(robot: StagedRobot) -> None:
     robot.stranger(Estop(0x1234, 5))
     robot.run(0.05)
 
 
-def _stranger_opens(robot: StagedRobot) -> None:
-    robot.stranger(Hello(77, *_VERSION))
+def stranger_opens(robot: StagedRobot) -> None:
+    robot.stranger(HELLO)
     robot.run(0.5)
     robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
 
 
-def _out_of_reach(happens: Callable[[StagedRobot], object]) -> Callable[[StagedRobot], None]:
+def out_of_reach(happens: Step) -> Step:
     """The cable is off while something happens, and on again."""
 
     def play(robot: StagedRobot) -> None:
         robot.cable = False
-        _driving(0.1)(robot)
+        robot.drive(0.2, 0.2, 0.1)
         happens(robot)
-        _driving(1.5)(robot)
+        robot.drive(0.2, 0.2, 1.5)
         robot.sim.read()
         robot.cable = True
         robot.run(2.0)
@@ -339,239 +360,178 @@ def _out_of_reach(happens: Callable[[StagedRobot], object]) -> Callable[[StagedR
     return play
 
 
-def _late_for_a_while(robot: StagedRobot) -> None:
+def late_for_a_while(robot: StagedRobot) -> None:
     robot.delay_us = 120_000
     robot.drive(0.2, 0.2, 0.6, ttl_s=0.1)
     robot.delay_us = 0
     robot.drive(0.2, 0.2, 0.3)
 
 
-_LOW = {"supply_v": 5.9, "battery_v": 5.9}
-_VERSION = PROTOCOL_VERSION, schema_hash()
+LOW = {"supply_v": 5.9, "battery_v": 5.9}
+EITHER = "encoder_dead or wheel_blocked"
 
-STAGED: dict[str, Staged] = {
-    "encoder dead": Staged(("encoder_dead",), _set("left.encoder_dead"), SUPPLY),
-    "encoder dead, right": Staged(("encoder_dead",), _set("right.encoder_dead"), SUPPLY),
-    "wheel blocked": Staged(("wheel_blocked",), _set("left.blocked"), SUPPLY),
-    "motor's wire off": Staged(("motor_open",), _set("left.motor_open"), SUPPLY),
-    "encoder dead, stiff supply": Staged(
-        ("encoder_dead or wheel_blocked",), _set("left.encoder_dead")
+FROM_REST: dict[str, Staged] = {
+    "encoder dead from rest": staged(
+        "wheel_never_counted", fails("left.encoder_dead"), settings=SUPPLY, driving=False
     ),
-    "wheel blocked, stiff supply": Staged(("encoder_dead or wheel_blocked",), _set("left.blocked")),
-    "encoder dead from rest": Staged(
-        ("wheel_never_counted",), _from_rest({"left.encoder_dead": 1}), SUPPLY, driving=False
+    "blocked from rest": staged(
+        "wheel_never_counted", fails("left.blocked"), settings=SUPPLY, driving=False
     ),
-    "blocked from rest": Staged(
-        ("wheel_never_counted",), _from_rest({"left.blocked": 1}), SUPPLY, driving=False
+    "one channel": staged(
+        "encoder_one_channel", fails("left.stuck_channel"), settings=SUPPLY, driving=False
     ),
-    "one channel": Staged(
-        ("encoder_one_channel",), _from_rest({"left.stuck_channel": 1}), SUPPLY, driving=False
+    "reversed": staged("wheel_reversed", fails("left.encoder_reversed"), driving=False),
+    "runs away downhill": staged(
+        "overspeed", fails("slope_rad", -0.45), settings={"mass_kg": 3.0}, driving=False
     ),
-    "reversed": Staged(
-        ("wheel_reversed",), _from_rest({"left.encoder_reversed": 1}), driving=False
+    "contradiction": staged("power_lost, contradiction", contradicts, driving=False),
+    "flash full": staged(
+        "power_lost, store_full", loses_parameters(Fault.STORE_FULL), driving=False
     ),
-    "runs away downhill": Staged(
-        ("overspeed",), _from_rest({"slope_rad": -0.45}), {"mass_kg": 3.0}, driving=False
+    "parameters of a newer firmware": staged(
+        "power_lost, store_newer", loses_parameters(Fault.STORE_NEWER), driving=False
     ),
-    "late step": Staged(
-        ("control_overrun",),
-        _one_by_one(
-            lambda robot: robot.sim.set("control_delay_us", 40_000),
-            lambda robot: robot.drive(0.2, 0.2, 0.3),
-        ),
+    "battery empty": staged("battery_empty", empties, driving=False),
+    "board unconfirmed": staged(
+        "board_unconfirmed", drives(0.5), settings={"board_unwritten": 1}, driving=False
     ),
-    "contact, still open": Staged(("contact_open",), _contact_refused),
-    "contact, closed again": Staged(("contact_open",), _contact_closed_again),
-    "estop of this program": Staged(("estop_by_session",), lambda robot: robot.estop()),
-    "estop of another one": Staged(
-        ("estop_by_stranger",), lambda robot: robot.stranger(Estop(0x1234, 5))
+    "driver failed": staged(
+        "driver_failed", waits(0.5), settings={"driver_failed": 1}, driving=False
     ),
-    "stop of this program": Staged(("stop_by_session",), lambda robot: robot.stop()),
-    "stop of another one": Staged(
-        ("stop_by_stranger",),
-        lambda robot: robot.stranger(StopRequest(0x1234, 5, 1, StopMode.COAST)),
+    "restart asked for": staged(
+        "restart_requested", waits(0.5), restarts, waits(2.0), driving=False
     ),
-    "zero": Staged(("zero_setpoint",), lambda robot: robot.drive(0.0, 0.0, 1.0)),
-    "another session": Staged(
-        ("new_session",),
-        _one_by_one(
-            lambda robot: robot.stranger(Hello(77, *_VERSION)),
-            lambda robot: robot.run(0.02),
-        ),
-    ),
-    "trial": Staged(("trial_expired",), _trial),
-    "program killed": Staged(("host_killed or recording_cut",), lambda _: None, closed=False),
-    "program frozen": Staged(
-        ("host_frozen",), _one_by_one(lambda robot: robot.freeze(1.0), lambda robot: robot.run(0.2))
-    ),
-    "program pauses": Staged(("program_paused",), lambda robot: robot.run(1.0)),
-    "cable off and on": Staged(
-        ("cable_pulled",), _one_by_one(lambda robot: robot.pull(2.0), lambda robot: robot.run(1.0))
-    ),
-    "port gone": Staged(("cable_pulled",), _unplugged),
-    "silence to the end": Staged(("cable_pulled or power_lost",), _silent),
-    "line corrupt": Staged(("line_corrupt",), _corrupt),
-    "setpoints too late": Staged(("setpoints_expired",), _too_late),
-    "link closed while it drives": Staged(("host_hung_up",), _hangs_up),
-    "robot closed while it drives": Staged(("stop_by_session",), _closes),
-    "contradiction": Staged(("power_lost", "contradiction"), _contradicts, driving=False),
-    "flash full": Staged(
-        ("power_lost", "store_full"),
-        _loses_parameters(Fault.STORE_FULL),
+    "restart asked for, then one by itself": staged(
+        "restart_requested, restarted_itself",
+        *(waits(0.5), restarts, waits(1.0), resets(ResetReason.SOFTWARE), waits(1.5)),
         driving=False,
-    ),
-    "parameters of a newer firmware": Staged(
-        ("power_lost", "store_newer"),
-        _loses_parameters(Fault.STORE_NEWER),
-        driving=False,
-    ),
-    "brown-out": Staged(("brownout",), _reset(ResetReason.BROWNOUT)),
-    "panic": Staged(("panic",), _reset(ResetReason.PANIC)),
-    "task watchdog": Staged(("task_watchdog",), _reset(ResetReason.TASK_WATCHDOG)),
-    "interrupt watchdog": Staged(("interrupt_watchdog",), _reset(ResetReason.INTERRUPT_WATCHDOG)),
-    "power": Staged(("power_lost",), _reset(ResetReason.POWER_ON)),
-    "reset pin": Staged(("reset_pin",), _reset(ResetReason.EXTERNAL)),
-    "battery empty": Staged(("battery_empty",), _empties, driving=False),
-    "battery low": Staged(("battery_low",), _dips, {**SUPPLY, **_LOW, "brownout_v": 5.7}),
-    "battery low, short dip": Staged(("battery_low",), _reset(ResetReason.BROWNOUT), _LOW),
-    "supply sags": Staged(("battery_sags",), _dips, {"supply_ohm": 2.0, "brownout_v": 6.0}),
-    "fault before reset": Staged(
-        ("encoder_dead", "panic", "fault_before_reset"), _latched_before("fault"), SUPPLY
-    ),
-    "one channel while it turns": Staged(
-        ("encoder_one_channel",), _set("left.stuck_channel"), SUPPLY
-    ),
-    "restart asked for": Staged(
-        ("restart_requested",),
-        _one_by_one(
-            lambda robot: robot.run(0.5),
-            lambda robot: robot.request(Restart(0, 0)),
-            lambda robot: robot.run(2.0),
-        ),
-        driving=False,
-    ),
-    "firmware restarts": Staged(("restarted_itself",), _reset(ResetReason.SOFTWARE)),
-    "board unconfirmed": Staged(
-        ("board_unconfirmed",),
-        lambda robot: robot.drive(0.2, 0.2, 0.5),
-        {"board_unwritten": 1},
-        driving=False,
-    ),
-    "unarmed": Staged(("estop_by_session", "unarmed"), _unarmed),
-    "driver failed": Staged(
-        ("driver_failed",), lambda robot: robot.run(0.5), {"driver_failed": 1}, driving=False
-    ),
-    "estop before reset": Staged(
-        ("estop_by_session", "panic", "estop_before_reset"), _latched_before("estop")
-    ),
-    "reset that cannot say why": Staged(("reset_unknown",), _reset(ResetReason.UNKNOWN)),
-    # --- two within a second: what explains the first does not explain the second
-    "own stop, then the contact": Staged(
-        ("stop_by_session", "contact_open"),
-        _one_by_one(StagedRobot.stop, _driving(0.3), _open_contact),
-    ),
-    "own stop, then another program's": Staged(
-        ("stop_by_session", "stop_by_stranger"),
-        _one_by_one(StagedRobot.stop, _driving(0.3), _stranger_stops),
-    ),
-    "another program's stop, then an own one": Staged(
-        ("stop_by_stranger", "stop_by_session"),
-        _one_by_one(_stranger_stops, _driving(0.3), StagedRobot.stop),
-    ),
-    "own e-stop, then the contact": Staged(
-        ("estop_by_session", "contact_open"),
-        _one_by_one(StagedRobot.estop, _clears, _driving(0.2), _open_contact),
-    ),
-    "another program's e-stop, then the contact": Staged(
-        ("estop_by_stranger", "contact_open"),
-        _one_by_one(_stranger_estops, _clears, _driving(0.2), _open_contact),
-    ),
-    "own stop, twice": Staged(
-        ("stop_by_session", "stop_by_session"),
-        _one_by_one(StagedRobot.stop, _driving(0.1), StagedRobot.stop),
-    ),
-    "trial, then an own stop": Staged(
-        ("trial_expired", "stop_by_session"),
-        _one_by_one(
-            lambda robot: robot.request(ParameterTrial(0, 0, TrialAction.BEGIN, 0.2)),
-            lambda robot: robot.session.release_trial(),
-            _driving(0.35),
-            _reverts,
-            _driving(0.1),
-            StagedRobot.stop,
-        ),
-    ),
-    "fault, then an e-stop": Staged(
-        ("encoder_dead", "estop_by_session"),
-        _one_by_one(_set("left.encoder_dead"), StagedRobot.estop),
-        SUPPLY,
-    ),
-    "fault that lasts, then another program's e-stop": Staged(
-        ("driver_failed", "estop_by_stranger"), _one_by_one(_fault_lasts, _stranger_estops)
-    ),
-    "pause, then frozen": Staged(
-        ("program_paused", "host_frozen"),
-        _one_by_one(_waiting(0.5), _driving(0.2), lambda robot: robot.freeze(1.0), _waiting(0.2)),
-    ),
-    "another session, then an own stop": Staged(
-        ("new_session", "stop_by_session"),
-        _one_by_one(_stranger_opens, _driving(0.3), StagedRobot.stop),
-    ),
-    "another program's stop, twice": Staged(
-        ("stop_by_stranger", "stop_by_stranger"),
-        _one_by_one(_stranger_stops, _driving(0.2), _stranger_stops),
-    ),
-    "zero, then a pause": Staged(
-        ("zero_setpoint", "program_paused"),
-        _one_by_one(lambda robot: robot.drive(0.0, 0.0, 0.6), _waiting(1.0)),
-    ),
-    "too late, then a pause": Staged(
-        ("setpoints_expired", "program_paused"), _one_by_one(_late_for_a_while, _waiting(0.8))
-    ),
-    "cable off, and the contact meanwhile": Staged(
-        ("contact_open or estop_by_stranger",),
-        _out_of_reach(lambda robot: robot.sim.set("estop_open", 1)),
-    ),
-    "cable off, and a panic meanwhile": Staged(
-        ("panic",), _out_of_reach(_resets(ResetReason.PANIC))
-    ),
-    "restart asked for, then one by itself": Staged(
-        ("restart_requested", "restarted_itself"),
-        _one_by_one(
-            _waiting(0.5),
-            lambda robot: robot.request(Restart(0, 0)),
-            _waiting(1.0),
-            _resets(ResetReason.SOFTWARE),
-            _waiting(1.5),
-        ),
-        driving=False,
-    ),
-    "own stop, then a panic": Staged(
-        ("stop_by_session", "panic"),
-        _one_by_one(StagedRobot.stop, _waiting(0.1), _resets(ResetReason.PANIC), _waiting(2.0)),
-    ),
-    "panic, then a brown-out": Staged(
-        ("panic", "brownout"),
-        _one_by_one(
-            _resets(ResetReason.PANIC),
-            _driving(1.0),
-            _resets(ResetReason.BROWNOUT),
-            _driving(2.0),
-        ),
     ),
 }
+RESETS = {
+    title: staged(cause, resets(reason), drives(2.0))
+    for title, cause, reason in (
+        ("brown-out", "brownout", ResetReason.BROWNOUT),
+        ("panic", "panic", ResetReason.PANIC),
+        ("task watchdog", "task_watchdog", ResetReason.TASK_WATCHDOG),
+        ("interrupt watchdog", "interrupt_watchdog", ResetReason.INTERRUPT_WATCHDOG),
+        ("power", "power_lost", ResetReason.POWER_ON),
+        ("reset pin", "reset_pin", ResetReason.EXTERNAL),
+        ("firmware restarts", "restarted_itself", ResetReason.SOFTWARE),
+        ("reset that cannot say why", "reset_unknown", ResetReason.UNKNOWN),
+    )
+}
+WHILE_IT_DRIVES: dict[str, Staged] = {
+    "encoder dead": staged("encoder_dead", fails("left.encoder_dead"), settings=SUPPLY),
+    "encoder dead, right": staged("encoder_dead", fails("right.encoder_dead"), settings=SUPPLY),
+    "wheel blocked": staged("wheel_blocked", fails("left.blocked"), settings=SUPPLY),
+    "motor's wire off": staged("motor_open", fails("left.motor_open"), settings=SUPPLY),
+    "encoder dead, stiff supply": staged(EITHER, fails("left.encoder_dead")),
+    "wheel blocked, stiff supply": staged(EITHER, fails("left.blocked")),
+    "one channel while it turns": staged(
+        "encoder_one_channel", fails("left.stuck_channel"), settings=SUPPLY
+    ),
+    "late step": staged(
+        "control_overrun", lambda robot: robot.sim.set("control_delay_us", 40_000), drives(0.3)
+    ),
+    "contact, still open": staged("contact_open", contact_refused),
+    "contact, closed again": staged("contact_open", contact_closed_again),
+    "estop of this program": staged("estop_by_session", estops),
+    "estop of another one": staged("estop_by_stranger", stranger_estops),
+    "stop of this program": staged("stop_by_session", stops),
+    "stop of another one": staged("stop_by_stranger", stranger_stops),
+    "zero": staged("zero_setpoint", lambda robot: robot.drive(0.0, 0.0, 1.0)),
+    "another session": staged("new_session", lambda robot: robot.stranger(HELLO), waits(0.02)),
+    "trial": staged("trial_expired", begins_a_trial, drives(1.0)),
+    "program killed": staged("host_killed or recording_cut", closed=False),
+    "program frozen": staged("host_frozen", freezes),
+    "program pauses": staged("program_paused", waits(1.0)),
+    "cable off and on": staged("cable_pulled", lambda robot: robot.pull(2.0), waits(1.0)),
+    "port gone": staged("cable_pulled", unplugged),
+    "silence to the end": staged("cable_pulled or power_lost", silent),
+    "line corrupt": staged("line_corrupt", corrupt),
+    "setpoints too late": staged("setpoints_expired", too_late),
+    "link closed while it drives": staged("host_hung_up", hangs_up),
+    "robot closed while it drives": staged("stop_by_session", closes),
+    "battery low": staged("battery_low", dips, settings={**SUPPLY, **LOW, "brownout_v": 5.7}),
+    "battery low, short dip": staged(
+        "battery_low", resets(ResetReason.BROWNOUT), drives(2.0), settings=LOW
+    ),
+    "supply sags": staged("battery_sags", dips, settings={"supply_ohm": 2.0, "brownout_v": 6.0}),
+    "fault before reset": staged(
+        "encoder_dead, panic, fault_before_reset",
+        *(fails("left.encoder_dead"), waits(0.3), resets(ResetReason.PANIC), waits(2.0)),
+        settings=SUPPLY,
+    ),
+    "estop before reset": staged(
+        "estop_by_session, panic, estop_before_reset",
+        *(estops, waits(0.3), resets(ResetReason.PANIC), waits(2.0)),
+    ),
+    "unarmed": staged("estop_by_session, unarmed", unarmed),
+    "cable off, and the contact meanwhile": staged(
+        "contact_open or estop_by_stranger",
+        out_of_reach(lambda robot: robot.sim.set("estop_open", 1)),
+    ),
+    "cable off, and a panic meanwhile": staged("panic", out_of_reach(resets(ResetReason.PANIC))),
+}
+TWO_WITHIN_A_SECOND: dict[str, Staged] = {
+    "own stop, then the contact": staged(
+        "stop_by_session, contact_open", stops, drives(0.3), open_contact
+    ),
+    "own stop, then another program's": staged(
+        "stop_by_session, stop_by_stranger", stops, drives(0.3), stranger_stops
+    ),
+    "another program's stop, then an own one": staged(
+        "stop_by_stranger, stop_by_session", stranger_stops, drives(0.3), stops
+    ),
+    "own e-stop, then the contact": staged(
+        "estop_by_session, contact_open", estops, clears, drives(0.2), open_contact
+    ),
+    "another program's e-stop, then the contact": staged(
+        "estop_by_stranger, contact_open", stranger_estops, clears, drives(0.2), open_contact
+    ),
+    "own stop, twice": staged("stop_by_session, stop_by_session", stops, drives(0.1), stops),
+    "another program's stop, twice": staged(
+        "stop_by_stranger, stop_by_stranger", stranger_stops, drives(0.2), stranger_stops
+    ),
+    "trial, then an own stop": staged(
+        "trial_expired, stop_by_session",
+        *(begins_a_trial, drives(0.35), reverts, drives(0.1), stops),
+    ),
+    "fault, then an e-stop": staged(
+        "encoder_dead, estop_by_session", fails("left.encoder_dead"), estops, settings=SUPPLY
+    ),
+    "fault that lasts, then another program's e-stop": staged(
+        "driver_failed, estop_by_stranger", fault_lasts, stranger_estops
+    ),
+    "pause, then frozen": staged("program_paused, host_frozen", waits(0.5), drives(0.2), freezes),
+    "another session, then an own stop": staged(
+        "new_session, stop_by_session", stranger_opens, drives(0.3), stops
+    ),
+    "zero, then a pause": staged(
+        "zero_setpoint, program_paused", lambda robot: robot.drive(0.0, 0.0, 0.6), waits(1.0)
+    ),
+    "too late, then a pause": staged(
+        "setpoints_expired, program_paused", late_for_a_while, waits(0.8)
+    ),
+    "own stop, then a panic": staged(
+        "stop_by_session, panic", stops, waits(0.1), resets(ResetReason.PANIC), waits(2.0)
+    ),
+    "panic, then a brown-out": staged(
+        "panic, brownout",
+        *(resets(ResetReason.PANIC), drives(1.0), resets(ResetReason.BROWNOUT), drives(2.0)),
+    ),
+}
+"""What explains the first does not explain the second."""
+STAGED = FROM_REST | RESETS | WHILE_IT_DRIVES | TWO_WITHIN_A_SECOND
+
+
+def judged(robot: StagedRobot, *, complete: bool = True) -> list[Stop]:
+    """The stops that a diagnosis finds in what a robot's tap has seen."""
+    diagnosis = Diagnosis()
+    found = diagnosis.feed_all(robot.reader.take())
+    return found + diagnosis.end(complete=complete)
 
 
 def diagnosed(staged: Staged, seed: int = 1) -> list[Stop]:
     """The stops that a diagnosis finds in one that was staged."""
-    robot = StagedRobot(seed, **staged.settings)
-    robot.open()
-    robot.run(0.3)
-    if staged.driving:
-        robot.drive(0.2, 0.2, 1.0)
-        assert robot.sample.left_mps > 0.1
-    staged.play(robot)
-    robot.run(0.1)
-    diagnosis = Diagnosis()
-    found = diagnosis.feed_all(robot.reader.take())
-    return found + diagnosis.end(complete=staged.closed)
+    return judged(staged.play(seed), complete=staged.closed)

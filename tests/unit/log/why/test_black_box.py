@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support.staged_stops import STAGED, Staged, StagedRobot
+from support.staged_stops import STAGED, StagedRobot
 from wheelwire.log.why.black_box import stops_of_box
 from wheelwire_protocol.black_box import Box
 
@@ -43,20 +43,13 @@ STOPS: dict[str, str | None] = {
 }
 
 
-def box_of(staged: Staged) -> Box:
-    robot = StagedRobot(1, **staged.settings)
-    robot.open()
-    robot.run(0.3)
-    if staged.driving:
-        robot.drive(0.2, 0.2, 1.0)
-    staged.play(robot)
-    robot.run(0.1)
-    return Box(robot.sim.black_box())
+def box_of(name: str) -> Box:
+    return Box(STAGED[name].play().sim.black_box())
 
 
 @pytest.mark.parametrize("name", STOPS)
 def test_a_box_alone_names_the_cause(name: str) -> None:
-    stops = stops_of_box(box_of(STAGED[name]))
+    stops = stops_of_box(box_of(name))
     cause = STOPS[name]
     assert [stop.cause for stop in stops] == ([] if cause is None else [cause])
     for stop in stops:
@@ -64,7 +57,7 @@ def test_a_box_alone_names_the_cause(name: str) -> None:
 
 
 def test_a_late_step_is_named_with_how_late_it_was() -> None:
-    (stop,) = stops_of_box(box_of(STAGED["late step"]))
+    (stop,) = stops_of_box(box_of("late step"))
     assert "a step came 40.0 ms late" in stop.evidence
 
 

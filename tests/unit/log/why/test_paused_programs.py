@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from support.cases import each
-from support.staged_stops import StagedRobot
+from support.staged_stops import StagedRobot, judged
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.why.causes import CAUSES
 from wheelwire.log.why.diagnosis import Diagnosis, Stop
@@ -21,8 +21,7 @@ def stops_of(play: Callable[[StagedRobot], object], seed: int = 1) -> list[Stop]
     robot.run(0.3)
     play(robot)
     robot.run(0.8)
-    diagnosis = Diagnosis()
-    return diagnosis.feed_all(robot.reader.take()) + diagnosis.end(complete=True)
+    return judged(robot)
 
 
 def loop(robot: StagedRobot, cycles: int, period_s: float, ttl_s: float) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from support.cases import each
-from support.staged_stops import STAGED, SUPPLY, Staged, StagedRobot, diagnosed
+from support.staged_stops import STAGED, SUPPLY, StagedRobot, diagnosed, fails, staged
 from wheelwire.log.why.causes import (
     CAUSES,
     HELD,
@@ -28,9 +28,10 @@ PAGE = Path(__file__).parents[4] / "docs" / "causes.md"
 
 @pytest.mark.parametrize("name", STAGED)
 def test_a_staged_stop_is_named(name: str) -> None:
-    staged = STAGED[name]
-    stops = diagnosed(staged)
-    assert tuple(stop.cause for stop in stops) == staged.stops, [one.evidence for one in stops]
+    stops = diagnosed(STAGED[name])
+    assert tuple(stop.cause for stop in stops) == STAGED[name].stops, [
+        one.evidence for one in stops
+    ]
     for stop in stops:
         assert stop.sentence.endswith(".")
         assert stop.evidence
@@ -51,22 +52,23 @@ def test_what_to_look_at_follows_look_first_at(name: str) -> None:
 
 
 def test_every_reset_reason_is_staged() -> None:
-    staged = {
+    causes = {
         cause for one in STAGED.values() for stop in one.stops for cause in stop.split(" or ")
     }
-    assert set(RESETS.values()) <= staged
+    assert set(RESETS.values()) <= causes
 
 
 def test_the_other_wheel_is_evidence() -> None:
     (alone,) = diagnosed(STAGED["encoder dead"])
     assert "the right wheel went on" in alone.evidence
 
-    def both(robot: StagedRobot) -> None:
-        robot.sim.set("right.encoder_dead", 1)
-        robot.sim.set("left.encoder_dead", 1)
-        robot.until(lambda: bool(robot.sample.faults))
-
-    (stop,) = diagnosed(Staged(("encoder_dead",), both, SUPPLY))
+    both = staged(
+        "encoder_dead",
+        lambda robot: robot.sim.set("right.encoder_dead", 1),
+        fails("left.encoder_dead"),
+        settings=SUPPLY,
+    )
+    (stop,) = diagnosed(both)
     assert any("wheel stopped counting, too" in text for text in stop.evidence)
 
 
