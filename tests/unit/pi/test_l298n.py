@@ -9,7 +9,7 @@ import pytest
 from support.gpio_chip_process import GpioChip
 from support.waiting import wait_until
 from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.errors import ConfigurationError, DeviceRefused, DriverUnavailable
+from wheelwire.errors import DeviceRefused, DriverUnavailable
 from wheelwire.pi.pins import Pins
 
 LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
@@ -135,11 +135,6 @@ def cleared(driver: L298NDriver) -> bool:
     except DeviceRefused:  # the contact's level has not arrived yet
         return False
     return True
-
-
-def test_an_unknown_parameter_is_refused_before_anything_starts() -> None:
-    with pytest.raises(ConfigurationError, match="left_pwm = 99"):
-        L298NDriver(pins=Pins(left_pwm=99))
 
 
 @pytest.mark.whole

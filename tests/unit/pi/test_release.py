@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pigpio
 import pytest
 
-from wheelwire.board import Configuration, WheelPins
+from support.stage_boards import PI, PINS, STANDBY, board_of
 from wheelwire.pi.gpio import gpiozero, pigpiod
 from wheelwire.pi.gpio.base import HIGH_Q15, Gpio, pwm_pins, release_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
@@ -19,12 +18,8 @@ from wheelwire_protocol.board import OUTPUTS, Stage
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.core import Outputs, StageInputs
 
-PINS = {"enable": (12, 13), "in1": (23, 20), "in2": (24, 21), "pwm": (18, 19), "dir": (22, 26)}
-STANDBY = 25
 SCRIPT = 7
 LOW = StageInputs(0, 0, 0, 0, 0)
-PI = load_board("pi4b")
-
 STAGES = {
     Stage.ENABLE_IN1_IN2: (("enable", "in1", "in2"), ("enable",)),
     Stage.PWM_IN1_IN2: (("in1", "in2", "pwm"), ("in1", "in2", "pwm")),
@@ -35,18 +30,6 @@ STAGES = {
 """By hand: the inputs of each stage, and those of them that let the motor coast when they are low.
 The others of a stage only choose a direction."""
 HELD = [(stage, side) for stage in STAGES for side in (0, 1)]
-
-
-def board_of(stage: Stage, standby: int | None = None) -> Configuration:
-    left, right = (
-        WheelPins(
-            encoder_a=wheel.encoder_a,
-            encoder_b=wheel.encoder_b,
-            **{name: PINS[name][side] for name in STAGES[stage][0]},
-        )
-        for side, wheel in enumerate((PI.left, PI.right))
-    )
-    return replace(PI, name=stage.name, stage=stage, left=left, right=right, standby=standby)
 
 
 def released(stage: Stage) -> set[int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
@@ -15,17 +13,16 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
-from support.processes import children
+from support.stage_boards import PI, STANDBY, board_of
 from support.stand_in import StandIn
 from support.waiting import wait_until
-from wheelwire.board import Configuration, WheelPins
+from wheelwire.board import Configuration
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import LinkLost
-from wheelwire.pi.gpio.base import encoder_pins, release_pins
+from wheelwire.pi.gpio.base import encoder_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
 from wheelwire.robot.robot import Robot
-from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import EncoderPulls, Stage
 
 PATIENT = {"overrun_limit_us": 1e6, "ttl_max_s": 5}
@@ -35,33 +32,8 @@ SPEED_MPS = 0.2
 TRAVEL = 100
 """Ticks, of 360 a turn."""
 
-PI = load_board("pi4b")
-PWM, ENABLE, IN1, IN2, STANDBY = (18, 19), (12, 13), (23, 20), (24, 21), 25
-
-
-def board(
-    stage: Stage, pulldowns: tuple[int, ...] = (), **inputs: tuple[int, int]
-) -> Configuration:
-    left, right = (
-        replace(
-            WheelPins(encoder_a=wheel.encoder_a, encoder_b=wheel.encoder_b),
-            **{name: pins[side] for name, pins in inputs.items()},
-        )
-        for side, wheel in enumerate((PI.left, PI.right))
-    )
-    return replace(
-        PI, name=stage.name, stage=stage, left=left, right=right, pulldowns=frozenset(pulldowns)
-    )
-
-
-BOARDS = [
-    board(Stage.ENABLE_IN1_IN2, ENABLE, enable=ENABLE, in1=IN1, in2=IN2),
-    replace(board(Stage.PWM_IN1_IN2, pwm=PWM, in1=IN1, in2=IN2), standby=STANDBY),
-    replace(board(Stage.IN_IN, in1=IN1, in2=IN2), standby=STANDBY),
-    board(Stage.HALF_BRIDGES, ENABLE, enable=ENABLE, in1=IN1, in2=IN2),
-    board(Stage.PWM_DIR, PWM, pwm=PWM, dir=IN1),
-]
-
+ON_STANDBY = (Stage.PWM_IN1_IN2, Stage.IN_IN)
+BOARDS = [board_of(stage, STANDBY if stage in ON_STANDBY else None) for stage in Stage]
 
 Rig = tuple[Robot, StandIn]
 Open = Callable[[Configuration], AbstractContextManager[Rig]]
@@ -180,31 +152,3 @@ def test_the_contact_is_open_when_two_samples_say_so(samples: list[int], is_open
     gpio.board = replace(PI, estop=25)
     gpio._client = cast("Any", SimpleNamespace(call=lambda *_: next(levels)))
     assert gpio.contact_is_open() is is_open
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
-def test_each_stage_is_released_when_its_core_is_killed(
-    open_library: Open, board: Configuration
-) -> None:
-    with open_library(board) as (robot, chip):
-        drive(robot, chip, SPEED_MPS)
-        (guard,) = (pid for pid in children(os.getpid()) if children(pid))
-        (core,) = children(guard)
-        os.kill(core, signal.SIGKILL)
-        # Standby may be high again: the driver restarts its process.
-        inputs = set(release_pins(board)) - {board.standby}
-        wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
-        assert not is_driven(chip)
-
-
-@pytest.mark.whole
-def test_a_stage_on_standby_drives_again_after_the_daemon_has_let_go_of_it() -> None:
-    with daemon(next(board for board in BOARDS if board.standby is not None)) as (robot, pigpiod):
-        drive(robot, pigpiod, SPEED_MPS)
-        (guard,) = (pid for pid in children(os.getpid()) if children(pid))
-        (core,) = children(guard)
-        os.kill(core, signal.SIGSTOP)
-        wait_until(lambda: not is_driven(pigpiod))  # by the script inside the daemon
-        os.kill(core, signal.SIGCONT)
-        drive(robot, pigpiod, SPEED_MPS)
