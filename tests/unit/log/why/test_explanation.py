@@ -10,6 +10,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
@@ -42,54 +43,124 @@ def mock(*, realtime: bool = False) -> MockDriver:
     return robot
 
 
-def drive(robot: MockDriver, wait: Callable[[float], object]) -> None:
+def drive(robot: MockDriver, wait: Callable[[float], object] | None = None) -> None:
     """Until an error ends it."""
     for _ in range(1000):
         robot.set_velocity(0.2, 0.0)
-        wait(0.005)
+        (wait or robot.advance)(0.005)
 
 
-def test_a_latched_estop_names_who_latched_it() -> None:
-    with mock() as robot:
-        robot.estop()
+def sets(variable: str) -> Callable[[MockDriver], None]:
+    def play(robot: MockDriver) -> None:
+        robot.simulator.set(variable, 1)
         robot.advance(0.1)
-        with pytest.raises(DeviceRefused) as raised:
-            robot.set_velocity(0.2, 0.0)
-    assert raised.value.why == "The emergency stop was requested over this link."
-    assert str(raised.value).endswith(raised.value.why)
-    back = pickle.loads(pickle.dumps(raised.value))  # noqa: S301
-    assert (back.why, str(back)) == (raised.value.why, str(raised.value))
+
+    return play
 
 
-def test_a_fault_names_its_wheel() -> None:
+def estops(robot: MockDriver) -> None:
+    robot.estop()
+    robot.advance(0.1)
+
+
+def drives(robot: MockDriver) -> None:
+    robot.set_velocity(0.2, 0.0)
+    robot.advance(0.05)
+
+
+def set_rates_that_contradict(robot: MockDriver) -> None:
+    robot.parameters.set("stream_rate_hz", 200.0)
+    robot.parameters.set("control_rate_hz", 100.0)
+
+
+CONTACT, MOVING = "The emergency stop's contact opened.", f"{CAUSES['not_stopped'].sentence}."
+CODES_THAT_SAY_IT = (RefusalCode.NOT_STOPPED, RefusalCode.CONTRADICTION)
+Act = Callable[[MockDriver], object]
+REFUSED: list[tuple[Act, Act, RefusalCode, str]] = [
+    (
+        *(estops, drive, RefusalCode.ESTOPPED),
+        "The emergency stop was requested over this link.",
+    ),
+    (
+        *(sets("left.encoder_reversed"), drive, RefusalCode.FAULT),
+        "Left wheel's speed grew against its drive.",
+    ),
+    (sets("estop_open"), MockDriver.clear_estop, RefusalCode.CAUSE_PRESENT, CONTACT),
+    (
+        *(sets("driver_failed"), MockDriver.clear_fault, RefusalCode.CAUSE_PRESENT),
+        "A motor or encoder peripheral did not start.",
+    ),
+    (drives, lambda robot: robot.parameters.save(), RefusalCode.NOT_STOPPED, MOVING),
+    (drives, lambda robot: robot.recorder.ledger(), RefusalCode.NOT_STOPPED, MOVING),
+    (drives, lambda robot: robot.board.restart(), RefusalCode.NOT_STOPPED, MOVING),
+    (
+        *(lambda _: None, set_rates_that_contradict, RefusalCode.CONTRADICTION),
+        "Parameters contradict each other.",
+    ),
+]
+
+
+@each(("happens", "call", "code", "why"), REFUSED)
+def test_what_is_refused_says_why(happens: Act, call: Act, code: RefusalCode, why: str) -> None:
     with mock() as robot:
-        robot.simulator.set("left.encoder_reversed", 1)
+        happens(robot)
         with pytest.raises(DeviceRefused) as raised:
-            drive(robot, robot.advance)
-    assert raised.value.code == RefusalCode.FAULT
-    assert raised.value.why == "Left wheel's speed grew against its drive."
+            call(robot)
+    error = raised.value
+    assert (error.code, error.why) == (code, why)
+    assert error.look_at
+    assert str(error).endswith(why) is (code not in CODES_THAT_SAY_IT)
+    back = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert (back.why, str(back)) == (error.why, str(error))
 
 
-def test_a_lost_link_says_what_may_be_behind_it() -> None:
+def test_a_fault_that_lasts_is_named_when_its_clear_is_refused() -> None:
     with mock() as robot:
+        sets("driver_failed")(robot)
+        with pytest.raises(DeviceRefused, match="DRIVER_FAILED") as raised:
+            robot.clear_fault()
+    assert raised.value.evidence[0].startswith("DRIVER_FAILED: ")
+
+
+LOST = "The connection to the robot was lost."
+
+
+def test_calls_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> None:
+    lost: list[WheelwireError] = []
+    with mock() as robot:
+        robot.on_lost = lost.append
         robot.unplug()
-        with pytest.raises(LinkLost) as raised:
-            robot.set_velocity(0.1, 0.0)
-        assert raised.value.why == "The connection to the robot was lost."
-        with pytest.raises(LinkLost) as raised:
-            robot.set_duty(0.1, 0.1)
-        assert raised.value.why == "The connection to the robot was lost."
+        setpoints = (partial(call, 0.1, 0.1) for call in (robot.set_velocity, robot.set_duty))
+        requests = (robot.device_counters, robot.stop, robot.estop, robot.clear_fault)
+        for unreachable in (*setpoints, *requests):
+            with pytest.raises(LinkLost) as raised:
+                unreachable()
+            assert raised.value.why == LOST
+            assert raised.value.evidence
+            assert raised.value.look_at == CAUSES["cable_pulled"].look_at
         robot.plug()
         robot.advance(1.0)
         robot.set_velocity(0.1, 0.0)
+    assert [error.why for error in lost] == [LOST]
 
 
-async def test_asyncio_has_it_too() -> None:
+async def test_asyncio_says_it_of_calls_and_to_its_callback() -> None:
+    told: list[str] = []
     async with aio.open_driver("mock", realtime=False) as robot:
+        robot.on_lost = lambda error: told.append(error.why)
+        robot.simulator.set("estop_open", 1)
+        robot.advance(0.1)
+        with pytest.raises(DeviceRefused) as refused:
+            await robot.clear_estop()
         robot.unplug()
-        with pytest.raises(LinkLost) as raised:
+        with pytest.raises(LinkLost) as setpoint:
             robot.set_velocity(0.1, 0.0)
-    assert raised.value.why == "The connection to the robot was lost."
+        with pytest.raises(LinkLost) as request:
+            await robot.stop()
+        while not told:  # the callback is a task of its own
+            await asyncio.sleep(0.001)
+    assert refused.value.why == CONTACT
+    assert told == [setpoint.value.why] == [request.value.why] == [LOST]
 
 
 def test_report_and_error_describe_a_watched_stop_alike() -> None:
@@ -153,13 +224,17 @@ def test_every_refusal_has_its_sentence_its_evidence_and_what_to_look_at(code: R
     assert error.look_at
 
 
-def test_an_error_that_no_stop_is_behind_says_nothing() -> None:
-    for error in (RequestTimeout("late"), LinkLost("not opened yet"), WheelwireError("other")):
-        assert (explained(error).why, error.evidence, error.look_at) == ("", (), "")
-
-
-def test_a_code_of_a_later_firmware_says_nothing() -> None:
-    assert explained(DeviceRefused(250, "the setpoint")).why == ""
+@each(
+    "error",
+    [
+        RequestTimeout("late"),
+        LinkLost("not opened yet"),
+        WheelwireError("other"),
+        DeviceRefused(250, "the setpoint"),  # a code of a later firmware
+    ],
+)
+def test_an_error_that_no_stop_is_behind_says_nothing(error: WheelwireError) -> None:
+    assert (explained(error).why, error.evidence, error.look_at) == ("", (), "")
 
 
 def test_a_hello_of_another_release_is_named() -> None:
@@ -176,83 +251,6 @@ def test_what_is_behind_a_lost_link_reaches_a_program_that_is_attached() -> None
     assert explained(received).why == explained(error).why != ""
 
 
-# --- requests and callbacks --------------------------------------------------------------------
-
-
-def test_a_refused_clear_names_the_cause() -> None:
-    with mock() as robot:
-        robot.simulator.set("estop_open", 1)
-        robot.advance(0.1)
-        with pytest.raises(DeviceRefused) as raised:
-            robot.clear_estop()
-        assert raised.value.code == RefusalCode.CAUSE_PRESENT
-        assert raised.value.why == "The emergency stop's contact opened."
-        assert str(raised.value).endswith(raised.value.why)
-        assert raised.value.look_at == CAUSES["contact_open"].look_at
-        robot.simulator.set("estop_open", 0)
-        robot.clear_estop()
-
-
-def test_a_fault_that_lasts_is_named_when_its_clear_is_refused() -> None:
-    with mock() as robot:
-        robot.simulator.set("driver_failed", 1)
-        robot.advance(0.1)
-        with pytest.raises(DeviceRefused) as raised:
-            robot.clear_fault()
-    assert raised.value.why == "A motor or encoder peripheral did not start."
-    assert raised.value.evidence[0].startswith("DRIVER_FAILED: ")
-    assert "DRIVER_FAILED" in str(raised.value)
-
-
-def test_requests_of_parameters_and_boards_say_why_they_are_refused() -> None:
-    with mock() as robot:
-        robot.set_velocity(0.2, 0.0)
-        robot.advance(0.05)
-        for refused in (robot.parameters.save, robot.recorder.ledger, robot.board.restart):
-            with pytest.raises(DeviceRefused) as raised:
-                refused()
-            assert raised.value.code == RefusalCode.NOT_STOPPED
-            assert raised.value.why == f"{CAUSES['not_stopped'].sentence}."
-            assert raised.value.why not in str(raised.value)  # the code's text says the same
-        robot.stop()
-        robot.advance(2.0)  # until the wheels stand
-        robot.parameters.set("stream_rate_hz", 200.0)
-        with pytest.raises(DeviceRefused) as raised:
-            robot.parameters.set("control_rate_hz", 100.0)
-        assert raised.value.why == "Parameters contradict each other."
-
-
-def test_a_request_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> None:
-    lost: list[WheelwireError] = []
-    with mock() as robot:
-        robot.on_lost = lost.append
-        robot.unplug()
-        for unreachable in (robot.device_counters, robot.stop, robot.estop, robot.clear_fault):
-            with pytest.raises(LinkLost) as raised:
-                unreachable()
-            assert raised.value.why == "The connection to the robot was lost."
-            assert raised.value.evidence
-            assert raised.value.look_at == CAUSES["cable_pulled"].look_at
-    assert [error.why for error in lost] == ["The connection to the robot was lost."]
-
-
-async def test_asyncio_says_it_of_requests_and_to_its_callback() -> None:
-    told: list[str] = []
-    async with aio.open_driver("mock", realtime=False) as robot:
-        robot.on_lost = lambda error: told.append(error.why)
-        robot.simulator.set("estop_open", 1)
-        robot.advance(0.1)
-        with pytest.raises(DeviceRefused) as refused:
-            await robot.clear_estop()
-        robot.unplug()
-        with pytest.raises(LinkLost) as raised:
-            await robot.stop()
-        while not told:  # the callback is a task of its own
-            await asyncio.sleep(0.001)
-    assert refused.value.why == "The emergency stop's contact opened."
-    assert told == [raised.value.why] == ["The connection to the robot was lost."]
-
-
 def test_a_forgotten_driver_is_closed_although_it_explains_errors() -> None:
     robot = mock()
     robot.on_lost = print
@@ -261,18 +259,16 @@ def test_a_forgotten_driver_is_closed_although_it_explains_errors() -> None:
     assert known() is None
 
 
-def test_drivers_start_without_diagnosis() -> None:
+@each(
+    ("imports", "unwanted"),
+    [
+        ("wheelwire.drivers.serial, wheelwire.drivers.mock", ["log.why"]),
+        ("wheelwire.log.why.explanation", ["log.reader", "link.session"]),  # the table alone
+    ],
+)
+def test_drivers_and_errors_start_without_diagnosis(imports: str, unwanted: list[str]) -> None:
     code = (
-        "import sys, wheelwire.drivers.serial, wheelwire.drivers.mock;"
-        "sys.exit('wheelwire.log.why' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_an_error_imports_the_table_alone() -> None:
-    code = (
-        "import sys, wheelwire.log.why.explanation;"
-        "slow = ('log.reader', 'link.session');"
-        "sys.exit(any(f'wheelwire.{name}' in sys.modules for name in slow))"
+        f"import sys, {imports}; "
+        f"sys.exit(any(f'wheelwire.{{name}}' in sys.modules for name in {unwanted}))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -294,11 +294,3 @@ def test_a_watch_that_fails_says_so_and_the_robot_is_driven_on(
         assert watch.latched() is None
         drive(robot)
         wait_until(lambda: "wheelwire stops" not in [one.name for one in threading.enumerate()])
-
-
-def test_virtual_time_is_not_watched() -> None:
-    with (
-        wheelwire.open_driver("mock", realtime=False) as robot,
-        pytest.raises(InvalidCommand, match="only a robot in real time"),
-    ):
-        robot.watch_stops(print)
