@@ -50,14 +50,6 @@ def test_version() -> None:
     assert run("--version").stdout == f"wheelwire {version('wheelwire')}\n"
 
 
-def test_wrong_usage_is_one_line_that_names_the_help() -> None:
-    result = run("params", "get")
-    assert result.returncode == 2
-    assert result.stderr == (
-        "wheelwire: Missing argument 'NAME'; see `wheelwire params get --help`\n"
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "kind", "code"),
     [

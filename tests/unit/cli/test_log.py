@@ -273,14 +273,6 @@ def test_a_record_that_means_nothing(tmp_path: Path) -> None:
     assert "of this release" in line
 
 
-def test_a_torn_recording_is_read_as_far_as_it_goes(day: Path, tmp_path: Path) -> None:
-    path = torn(day, tmp_path)
-    rows = output("log", "decode", str(path)).splitlines()
-    assert 1 < len(rows) <= len(output("log", "decode", str(day)).splitlines())
-    output("log", "plot", str(path))
-    assert path.with_suffix(".png").exists()
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [

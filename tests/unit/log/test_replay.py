@@ -85,14 +85,6 @@ def test_step_by_step_the_samples_are_those_of_the_day(day: Day) -> None:
     assert len(day.line.samples) - len(samples) <= 1  # one came with the end of the opening
 
 
-def test_in_time_the_samples_are_those_of_the_day(day: Day) -> None:
-    link, latest = replay(day, speed=20.0)
-    samples = list(latest.iterate())
-    assert samples == day.line.samples[-len(samples) :]
-    assert len(samples) > 100
-    link.close()
-
-
 def test_the_counters_at_the_end_are_those_of_the_day(day: Day) -> None:
     link, _ = replay(day)
     play_all(link)
