@@ -1,13 +1,9 @@
-"""One version of ESP-IDF everywhere, and a build that refuses an older one."""
+"""One version of ESP-IDF everywhere, and what of the firmware an image has."""
 
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[3]
 FIRMWARE = ROOT / "firmware" / "esp32"
@@ -23,44 +19,11 @@ def only(pattern: str, path: Path) -> str:
     return found
 
 
-def preprocess(output: Path, version: tuple[int, int, int]) -> subprocess.CompletedProcess[str]:
-    major, minor, patch = version
-    folders = ("test/chip/idf", "main", "core")
-    return subprocess.run(
-        [
-            *("c++", "-std=c++20", "-E", "-o", output),
-            *(f"-I{FIRMWARE / folder}" for folder in folders),
-            f"-DESP_IDF_VERSION={major << 16 | minor << 8 | patch}",
-            PANIC,
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 def test_release_editor_and_documentation_have_the_same() -> None:
     idf = only(r"espressif/idf:v([\d.]+)", ROOT / ".github" / "workflows" / "ci.yml")
     assert only(r"espressif32@([\d.]+)", ROOT / "platformio.ini") == PLATFORM_OF[idf]
     for page in ("versions.md", "platformio.md"):
         assert only(r"ESP-IDF (\d[\d.]*\d)", ROOT / "docs" / page) == idf
-
-
-@pytest.mark.skipif(shutil.which("c++") is None, reason="needs a C++ compiler")
-@pytest.mark.parametrize("version", [(5, 4, 1), (5, 4, 2), (5, 5, 2)])
-def test_an_older_one_is_refused_with_what_to_do(
-    tmp_path: Path, version: tuple[int, int, int]
-) -> None:
-    result = preprocess(tmp_path / "out", version)
-    assert result.returncode != 0
-    assert "ESP-IDF 5.5.3 or later" in result.stderr
-    assert "delete the build folder" in result.stderr
-
-
-@pytest.mark.skipif(shutil.which("c++") is None, reason="needs a C++ compiler")
-def test_the_one_that_is_used_compiles(tmp_path: Path) -> None:
-    result = preprocess(tmp_path / "out", (5, 5, 3))
-    assert result.returncode == 0, result.stderr
 
 
 def test_each_wrapper_of_the_panic_handler_is_linked() -> None:
