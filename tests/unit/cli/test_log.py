@@ -18,40 +18,30 @@ from mcap.writer import CompressionType, Writer
 
 from support.cases import each
 from support.command import PROGRAM, check_error, output, run, run_json
-from wheelwire import errors, open_driver
+from support.recordings import OFFSET_NS, rewritten, traffic_of, write
+from wheelwire import errors
 from wheelwire.cli import log
 from wheelwire.cli.app import app
-from wheelwire.link.traffic import Kind, Record, TrafficReader
+from wheelwire.drivers.mock import VirtualMockDriver
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.reader import MAGIC, records
 from wheelwire.log.recorder import RecordingFile
 
-OFFSET_NS = 1_700_000_000_000_000_000
 SPEEDS = [0.02 * step for step in range(20)]
 
 
 @pytest.fixture(scope="module")
 def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of a drive in virtual time, one second long, with an e-stop at its end."""
-    said = {"driver": "mock", "board_id": "0a1b2c3d4e5f", "version": "0.1.0"}
-    file = RecordingFile(tmp_path_factory.mktemp("day") / "day.mcap", OFFSET_NS, said)
-    reader = TrafficReader(limit=1_000_000)
-    with open_driver("mock", realtime=False) as robot:
-        robot._link.listen_to_traffic(reader)
+
+    def play(robot: VirtualMockDriver) -> None:
         for speed in SPEEDS:
             robot.set_velocity(speed, 0.0)
             robot.advance(0.05)
         robot.estop()
         robot.advance(0.1)
-    for record in reader.take():
-        file.add(record)
-    file.close()
-    return file.path
 
-
-def torn(day: Path, folder: Path) -> Path:
-    path = folder / "torn.mcap"
-    path.write_bytes(day.read_bytes()[:-2000])
-    return path
+    return write(tmp_path_factory.mktemp("day") / "day.mcap", traffic_of(play))
 
 
 def test_info(day: Path) -> None:
@@ -76,7 +66,8 @@ def test_info(day: Path) -> None:
 
 
 def test_info_of_what_a_crash_left_says_how_to_repair_it(day: Path, tmp_path: Path) -> None:
-    path = torn(day, tmp_path)
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(day.read_bytes()[:-2000])
     before = run_json("log", "info", str(path))
     assert before["complete"] is False
     assert "log repair" in output("log", "info", str(path))
@@ -232,23 +223,7 @@ def test_a_file_that_is_no_recording_gives_one_line(command: str, wrong: Path) -
 
 
 def test_a_recording_that_was_compressed_by_others(day: Path, tmp_path: Path) -> None:
-    from mcap.stream_reader import StreamReader
-
-    path = tmp_path / "small.mcap"
-    with day.open("rb") as source, path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start("ros2", "mcap go")
-        for record in StreamReader(source).records:
-            kind = type(record).__name__
-            if kind == "Metadata":
-                writer.add_metadata(record.name, record.metadata)
-            elif kind == "Schema":
-                writer.register_schema(record.name, record.encoding, record.data)
-            elif kind == "Channel":
-                writer.register_channel(record.topic, "cdr", record.schema_id, record.metadata)
-            elif kind == "Message":
-                writer.add_message(record.channel_id, record.log_time, record.data, 1)
-        writer.finish()
+    path = rewritten(day, tmp_path / "small.mcap", compression=CompressionType.ZSTD)
     for command in ("decode", "plot"):
         assert "mcap decompress" in refused("log", command, str(path))
     # What its end says needs no record.
@@ -258,19 +233,13 @@ def test_a_recording_that_was_compressed_by_others(day: Path, tmp_path: Path) ->
 
 def test_a_recording_of_another_release(tmp_path: Path) -> None:
     said = {"version": "9.8.7", "schema": "deadbeef"}
-    file = RecordingFile(tmp_path / "future.mcap", OFFSET_NS, said)
-    file.add(Record(0, Kind.NOTE, 1, b"{}"))
-    file.close()
-    line = check_error(run("log", "info", str(file.path)), errors.RecordingError)
-    assert "9.8.7" in line
+    path = write(tmp_path / "future.mcap", [Record(0, Kind.NOTE, 1, b"{}")], said=said)
+    assert "9.8.7" in check_error(run("log", "info", str(path)), errors.RecordingError)
 
 
 def test_a_record_that_means_nothing(tmp_path: Path) -> None:
-    file = RecordingFile(tmp_path / "odd.mcap", OFFSET_NS, {})
-    file.add(Record(0, Kind.START, 1, b"{}"))
-    file.close()
-    line = check_error(run("log", "plot", str(file.path)), errors.RecordingError)
-    assert "of this release" in line
+    path = write(tmp_path / "odd.mcap", [Record(0, Kind.START, 1, b"{}")], said={})
+    assert "of this release" in check_error(run("log", "plot", str(path)), errors.RecordingError)
 
 
 @pytest.mark.parametrize(

@@ -5,16 +5,15 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mcap.stream_reader import StreamReader
-from mcap.writer import CompressionType, Writer
 
 import wheelwire
 from support.cases import each
 from support.command import check_error, output, run, run_json
+from support.recordings import SAID, rewritten, write
 from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
@@ -22,25 +21,12 @@ from wheelwire import errors
 from wheelwire.cli.log import _checked
 from wheelwire.cli.why import _of_recording
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log.reader import RECEIVED, SENT, SESSION, TOPICS, check_left_out, records
+from wheelwire.log.reader import RECEIVED, SENT, SESSION, check_left_out, records
 from wheelwire.log.recorder import Recorder, RecordingFile
 from wheelwire.log.summary import summary
 from wheelwire_protocol.types import ClearEstop
 
-SAID = {"driver": "mock", "board_id": "0a1b2c3d4e5f"}
 CUT = "host_killed or recording_cut"
-
-
-def write(path: Path, these: list[Record], *, ends: bool = True) -> Path:
-    file = RecordingFile(path, 1_700_000_000_000_000_000, SAID)
-    for record in these:
-        file.add(record)
-    if ends:
-        file.close()
-    else:
-        file.sync()
-        file.abandon()
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -54,29 +40,6 @@ def drive() -> list[Record]:
     robot.drive(0.0, 0.0, 0.04)
     robot.drive(0.2, 0.2, 0.5)
     return robot.reader.take()
-
-
-def rewritten(
-    source: Path, path: Path, topics: Collection[str] = TOPICS, *, chunked: bool = True
-) -> Path:
-    """As another program writes it again."""
-    with source.open("rb") as old, path.open("wb") as new:
-        writer = Writer(new, compression=CompressionType.NONE, use_chunking=chunked)
-        writer.start("ros2", "another program")
-        wanted: set[int] = set()
-        for record in StreamReader(old).records:
-            kind = type(record).__name__
-            if kind == "Metadata":
-                writer.add_metadata(record.name, record.metadata)
-            elif kind == "Schema":
-                writer.register_schema(record.name, record.encoding, record.data)
-            elif kind == "Channel":
-                writer.register_channel(record.topic, "cdr", record.schema_id, record.metadata)
-                wanted |= {record.id} if record.topic in topics else set()
-            elif kind == "Message" and record.channel_id in wanted:
-                writer.add_message(record.channel_id, record.log_time, record.data, 1)
-        writer.finish()
-    return path
 
 
 def decoded(path: Path) -> None:

@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import pytest
 
+from support.recordings import OFFSET_NS, SAID, write
 from wheelwire.errors import RecordingError
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log import repair as repair_module
@@ -21,7 +22,6 @@ from wheelwire.log.repair import repair, repair_folder
 from wheelwire.log.summary import summary
 
 RECORDS = [Record(number, Kind(number % 16), number * 1000, bytes(number)) for number in range(99)]
-OFFSET_NS = 1_700_000_000_000_000_000
 
 
 def begin(path: Path) -> RecordingFile:
@@ -34,23 +34,15 @@ def add(file: RecordingFile, these: list[Record]) -> None:
 
 
 def test_what_was_added_is_read(tmp_path: Path) -> None:
-    file = begin(tmp_path / "day.mcap")
-    add(file, RECORDS)
-    file.close()
-    assert list(records(file.path)) == RECORDS
-    assert metadata(file.path) == {
-        "driver": "mock",
-        "unix_minus_monotonic_ns": str(OFFSET_NS),
-    }
+    path = write(tmp_path / "day.mcap", RECORDS)
+    assert list(records(path)) == RECORDS
+    assert metadata(path) == {**SAID, "unix_minus_monotonic_ns": str(OFFSET_NS)}
 
 
 def test_others_read_it_as_well(tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
-    file = begin(tmp_path / "day.mcap")
-    add(file, RECORDS)
-    file.close()
-    with file.path.open("rb") as opened:
+    with write(tmp_path / "day.mcap", RECORDS).open("rb") as opened:
         reader = make_reader(opened)
         assert reader.get_header().profile == "ros2"
         found = list(reader.iter_messages())

@@ -8,10 +8,10 @@ import pytest
 
 import wheelwire
 from support.command import check_error, run, run_json
+from support.recordings import traffic_of, write
 from wheelwire import Odometry, WheelSample, errors, open_driver
+from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.drivers.replay import ReplayDriver
-from wheelwire.link.traffic import TrafficReader
-from wheelwire.log.recorder import RecordingFile
 
 SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
 
@@ -19,24 +19,19 @@ SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
 @pytest.fixture(scope="module")
 def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[WheelSample]]:
     """A file, and the samples that its program has read."""
-    file = RecordingFile(tmp_path_factory.mktemp("day") / "day.mcap", 1_000_000_000, {})
-    reader = TrafficReader(limit=1_000_000)
-    with open_driver("mock", realtime=False) as robot:
-        robot.advance(0.05)  # until the session knows the board; before that a tap waits
-        robot._link.listen_to_traffic(reader)
+    seen: list[WheelSample] = []
+
+    def play(robot: VirtualMockDriver) -> None:
         samples = robot.samples()
         robot.parameters.list()
-        seen = list(iter(samples.poll, None))
         for linear, angular in SETPOINTS:
             robot.set_velocity(linear, angular)
             robot.advance(0.05)
-            seen += iter(samples.poll, None)
+            seen.extend(iter(samples.poll, None))
         robot.note("weather", {"wind": 3})
         robot.advance(0.05)
-    for record in reader.take():
-        file.add(record)
-    file.close()
-    return file.path, seen
+
+    return write(tmp_path_factory.mktemp("day") / "day.mcap", traffic_of(play)), seen
 
 
 @pytest.mark.parametrize("speed", [0, 1, 50.0])

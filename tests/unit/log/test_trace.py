@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wheelwire import open_driver
+from support.recordings import traffic_of
 from wheelwire.drivers.mock import VirtualMockDriver
-from wheelwire.link.traffic import Kind, Record, TrafficReader
+from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.plot import GAP_S, POINTS, Asked, Trace, draw, line, steps
 from wheelwire_protocol.codes import Fault, SupervisorState
-
-
-def recorded(day: Callable[[VirtualMockDriver], None]) -> list[Record]:
-    reader = TrafficReader(limit=1_000_000)
-    with open_driver("mock", realtime=False) as robot:
-        assert isinstance(robot, VirtualMockDriver)
-        robot.advance(0.05)  # until the session knows the board; before that a tap waits
-        robot._link.listen_to_traffic(reader)
-        day(robot)
-    return reader.take()
 
 
 def states(trace: Trace) -> list[SupervisorState | None]:
@@ -36,7 +25,7 @@ def test_a_drive_that_expires() -> None:
         robot.set_velocity(0.3, 0.0, ttl=0.3)
         robot.advance(1.0)
 
-    trace = Trace.of(recorded(day))
+    trace = Trace.of(traffic_of(day))
     assert list(trace.asked_speed.left) == list(trace.asked_speed.right) == [0.2, 0.3]
     first, second = zip(trace.asked_speed.begins_s, trace.asked_speed.ends_s, strict=True)
     assert first[1] == second[0] == pytest.approx(0.1, abs=0.01)
@@ -58,7 +47,7 @@ def test_a_stop_ends_what_was_asked_for() -> None:
         robot.stop()
         robot.advance(0.5)
 
-    trace = Trace.of(recorded(day))
+    trace = Trace.of(traffic_of(day))
     assert (list(trace.asked_duty.left), list(trace.asked_duty.right)) == ([0.3], [-0.3])
     assert trace.asked_duty.ends_s[0] == pytest.approx(0.2, abs=0.01)
     assert not trace.asked_speed.left
@@ -74,7 +63,7 @@ def test_a_fault_is_marked_once() -> None:
                 break
         robot.advance(0.5)
 
-    trace = Trace.of(recorded(day))
+    trace = Trace.of(traffic_of(day))
     (mark,) = trace.marks
     assert mark.faults is Fault.LEFT_NOT_COUNTING
     fault = next(band for band in trace.bands if band.state is SupervisorState.FAULT)
@@ -87,7 +76,7 @@ def test_out_of_reach_is_a_band() -> None:
         robot.unplug()
         robot.advance(0.2)
 
-    trace = Trace.of(recorded(day))
+    trace = Trace.of(traffic_of(day))
     assert states(trace)[-2:] == [SupervisorState.IDLE, None]
 
 
