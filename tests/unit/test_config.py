@@ -5,12 +5,10 @@ import math
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import wheelwire
-from support.cases import each
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire.board import Configuration, ImuSensor
@@ -77,50 +75,6 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
     assert settings.core_timeout_ms == timeout_ms
 
 
-@each(
-    ("content", "message"),
-    [
-        ({"wheelbase": 0.2}, r"wheelbase = 0.2: unknown key; did you mean wheel_base\?"),
-        ({"pins": {"left_pvm": 3}}, r"pins.left_pvm = 3: .* mean pins.left_pwm\?"),
-        ({"pins": {"left_pwm": 99}}, "pins.left_pwm = 99: .*0 to 27"),
-        ({"pins": {"left_pwm": 19}}, "pins.right_pwm = 19: pins.left_pwm is on this GPIO"),
-        ({"pins": {"left_pwm": "x"}}, "pins.left_pwm = 'x': it must be a GPIO, 0 to 27"),
-        ({"pins": 3}, "pins = 3: it must be names with values, as in `name: value`"),
-        ({"parameters": {"wheel_radius": 7}}, "parameters.wheel_radius = 7: .*at most 1"),
-        ({"parameters": {"wheel_radius": "a"}}, "parameters.wheel_radius = 'a': .*number"),
-        ({"parameters": {"cpr": 1}}, "parameters.cpr = 1: unknown key"),
-        ({"cpr": 360.5}, "parameters.counts_per_revolution = 360.5: .*whole"),
-        ({"max_rpm": 0}, "max_rpm = 0: .*above 0"),
-        (
-            {"wheel_base": 1, "parameters": {"wheel_separation": 2}},
-            "wheel_base = 1: parameters.wheel_separation is given too",
-        ),
-        ({"pigpio": {"port": "a"}}, "pigpio.port = 'a': it must be a whole number"),
-        ({"port": "/dev/ttyUSB0"}, r"unknown key; did you mean pigpio.port or serial.port\?"),
-        ({"left_pwm": 18}, r"unknown key; did you mean pins.left_pwm\?"),
-        ({"wheel_separation": 0.2}, r"unknown key; did you mean parameters.wheel_separation\?"),
-        (
-            {"driver": "serial", "imu": {"chip": "mpu6050", "bus": 1, "forward": "x", "up": "z"}},
-            "imu: name it in the board's file",
-        ),
-        ({"driver": "mock", "inputs": {}}, "inputs: name it in the board's file"),
-        (
-            {"driver": "pigpio", "board": "pi4b", "power": {"cells": 3}},
-            "power: name it in the board's file; a robot's file has it only beside the pins",
-        ),
-        ({"driver": "l298n", "imu": {"chip": "mpu"}}, "imu.chip = 'mpu': choose one of mpu6050"),
-        (None, "the file is empty; choose one of mock, l298n, pigpio and serial"),
-        ({}, "driver is missing; choose one"),
-        ({"wheel_base": 0.2}, "driver is missing; choose one"),
-        ({"/**": {"ros__parameters": {"port": "x"}}}, "ROS parameter file.*params_file:="),
-        ([1, 2], r"the file holds \[1, 2\]: it must be names with values"),
-    ],
-)
-def test_an_error_names_key_value_and_bound(content: Any, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        parse_config(content)
-
-
 @pytest.mark.parametrize("driver", ["l298n", "pigpio"])
 def test_sensors_stand_beside_the_pins(driver: str) -> None:
     imu = {"chip": "mpu6050", "bus": 1, "forward": "y", "up": "z"}
@@ -152,31 +106,6 @@ def test_a_robot_opens_from_its_file(tmp_path: Path) -> None:
     with wheelwire.open_robot(file) as robot:
         assert isinstance(robot, MockDriver)
         assert robot.geometry.wheel_separation == 0.3
-
-
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        (
-            "parameters:\n  wheel_radius: 0.03\n  wheel_radius: 0.04\n",
-            r"robot\.yaml, line 4: wheel_radius is .*line 3",
-        ),
-        ("? [a, b]\n: 1\n", r"robot\.yaml, line 2: .*a key has to be a word"),
-    ],
-    ids=["twice", "a list"],
-)
-def test_a_wrong_key_is_named_with_its_line(tmp_path: Path, keys: str, said: str) -> None:
-    file = tmp_path / "robot.yaml"
-    file.write_text(f"driver: mock\n{keys}")
-    with pytest.raises(ConfigurationError, match=said):
-        wheelwire.load_config(file)
-
-
-def test_a_rule_that_the_pins_break_is_named_with_its_line(tmp_path: Path) -> None:
-    file = tmp_path / "robot.yaml"
-    file.write_text("driver: l298n\ninputs:\n  bumper_front: {pin: 8}\n  bumper_rear: {pin: 18}\n")
-    with pytest.raises(ConfigurationError, match=r"robot\.yaml, line 4: inputs\.bumper_rear: .*18"):
-        wheelwire.load_config(file)
 
 
 def test_a_file_is_read_without_the_firmwares_rules(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.cases import each
 from wheelwire import errors, parameters
 from wheelwire.parameters import (
     ParameterInfo,
@@ -156,43 +154,6 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
     read = load_parameter_file(written(f"parameters: {{{line}}}", tmp_path))
     assert read == ParameterFile({line.split(":")[0]: value})
     assert read.source == "an unknown board"
-
-
-@each(
-    ("text", "hint"),
-    [
-        ("parameters: {wheel_radius: 33 mm}", "wheel_radius = '33 mm': give it in m"),
-        ("parameters: {wheel_radius: 33}", "it must be at most 1 m (0.033 is 33 mm)"),
-        ("parameters: {wheel_radius: wide}", "it must be a number"),
-        ("parameters: {wheel_radius: .nan}", "it must be a finite number"),
-        ("parameters: {wheel_radius: }", "it must be a number"),
-        ("parameters: {stop_mode: 1.5}", "it must be a whole number"),
-        ("parameters: {stop_mode: 1 m}", "it has no unit"),
-        ("parameters: {wheel_radus: 0.03}", "did you mean parameters.wheel_radius?"),
-        ("parameters: {max_duty: 1, max_duty: 0.5}", "max_duty is given twice"),
-        ("wheel_radius: 0.03", "did you mean parameters.wheel_radius?"),
-        ("driver: serial", "give ROBOT first, then FILE"),
-        ("", "the file has no parameters"),
-        ("board: ESP32", "the file has no parameters"),
-        ("parameters: [1]", "it must be names with values"),
-        ("just text", "the file holds 'just text': it must be names with values"),
-        ("a: [", "values.yaml"),
-    ],
-)
-def test_an_error_names_what_is_wrong_in_a_file(text: str, hint: str, tmp_path: Path) -> None:
-    with pytest.raises(errors.ConfigurationError) as raised:
-        load_parameter_file(written(text, tmp_path))
-    assert hint in str(raised.value)
-    assert re.search(r"values\.yaml(, line 1)?: ", str(raised.value))
-
-
-def test_an_invalid_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(errors.ConfigurationError, match="no such file"):
-        load_parameter_file(tmp_path / "missing.yaml")
-    with pytest.raises(errors.ConfigurationError, match="directory"):
-        load_parameter_file(tmp_path)
-    with pytest.raises(errors.InvalidArgument, match="ROBOT first, then FILE"):
-        load_parameter_file("/dev/null")
 
 
 @given(values)

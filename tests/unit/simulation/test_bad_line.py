@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from support.cases import each
 from wheelwire.errors import ConfigurationError
 from wheelwire.simulation.bad_line import (
     CUT_TIMEOUT_US,
@@ -74,59 +73,6 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
     assert load_profile(str(path)) == LineProfile(
         to_host=Impairment(corrupt=0.5), incidents=(Incident(2.0, "reset"),), seed=7
     )
-
-
-@each(
-    ("text", "complaint"),
-    [
-        (
-            "to_host: {lost: 0.1}",
-            ", line 1: to_host.lost = 0.1: unknown key; did you mean to_host.loss?",
-        ),
-        ("to_host:\n  loss: 2.0", ", line 2: to_host.loss = 2.0: it must be a probability, 0 to 1"),
-        ("to_host: {loss: much}", "to_host.loss = 'much': it must be a probability"),
-        ("to_host: {loss: yes}", "to_host.loss = True: it must be a probability"),
-        ("to_host: {loss: .nan}", "to_host.loss = nan: it must be a probability"),
-        ("to_host: {baud_rate: .inf}", "to_host.baud_rate = inf: it must be a whole number"),
-        ("to_host: {baud_rate: 9600.5}", "to_host.baud_rate = 9600.5: it must be a whole number"),
-        ("to_host: {delay_us: 2024-01-01}", "to_host.delay_us = '2024-01-01': it must be a whole"),
-        ("to_host: {split: 'yes'}", "to_host.split = 'yes': it must be true or false"),
-        ("to_host: {split: 1}", "to_host.split = 1: it must be true or false"),
-        ("to_host: 3", "to_host = 3: it must be names with values"),
-        ("to_host:", "to_host = None: it must be names with values"),
-        (
-            "incidents:\n- {what: reset, at_s: 1}\n- {what: fire, at_s: 1.0}",
-            ", line 3: incidents[1].what = 'fire': choose from stall, unplug, reset",
-        ),
-        ("incidents: [{what: reset}]", ", line 1: incidents[0].at_s is missing"),
-        ("incidents: [{what: stall, at_s: .inf}]", "incidents[0].at_s = inf: it must be seconds"),
-        ("incidents: [{what: stall, at_s: -1}]", "incidents[0].at_s = -1: it must be seconds"),
-        (
-            "incidents: [{what: stall, at_s: 1, for_s: 2, every_s: 1}]",
-            "incidents[0].every_s = 1: it must be greater than for_s = 2",
-        ),
-        ("incidents: {what: reset, at_s: 1.0}", "list one incident per line, each after a dash"),
-        ("to_host: {", ", line 1: 'to_host: {': a comma or a closing bracket is missing"),
-        ("seeds: 1", ", line 1: seeds = 1: unknown key; did you mean seed?"),
-        ("seed: much", "seed = 'much': it must be a whole number"),
-        ("seed: 1.5", "seed = 1.5: it must be a whole number"),
-        ("seed: -1", "seed = -1: it must be a whole number"),
-        ("seed: on", "seed = True: it must be a whole number"),
-        ("seed: 2024-02-30", "seed = '2024-02-30': it must be a whole number"),
-        ("seed:", "seed = None: it must be a whole number"),
-        ("seed: 1\nseed: 2", ", line 2: seed is given twice (first in line 1): remove one"),
-        ("", "the file is empty: it must be names with values"),
-        ("variables: {mass_kg: 1}", "this is a plant, for `wheelwire sim --plant FILE`"),
-    ],
-)
-def test_a_profile_that_cannot_be(tmp_path: Path, text: str, complaint: str) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigurationError) as error:
-        load_profile(str(path))
-    assert complaint in str(error.value)
-    assert str(error.value).startswith(str(path))
-    assert len(str(error.value).splitlines()) == 1
 
 
 def test_no_profile_of_that_name() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from support.virtual import VirtualRobot
 from wheelwire.errors import ConfigurationError
-from wheelwire.tools.files.plant import load_plant, parse_plant, shipped_plants
+from wheelwire.tools.files.plant import load_plant, shipped_plants
 
 PLANTS = ["25ga-1440", "jgb37-520", "tt-1-48"]
 TO_TERMINALS = {"bridge.drop_v": 0.0, "bridge.drop_ohm": 0.0}
@@ -78,26 +78,6 @@ def test_a_file_is_a_plant_too(tmp_path: Path) -> None:
     assert (plant.title, plant.settings) == ("Mine", {"mass_kg": 1.0, "slope_rad": 0.1})
     assert plant.values["slope_rad"].assumed
     assert not plant.values["mass_kg"].assumed
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        None,
-        [],
-        {"varables": {}},
-        {"variables": [1]},
-        {"variables": {"mass_kg": "heavy"}},
-        {"variables": {"mass_kg": True}},
-        {"variables": {"mass_kg": float("nan")}},
-        {"variables": {"mass_kg": {"source": "none"}}},
-        {"variables": {"mass_kg": {"value": 1, "source": "a", "assumed": "b"}}},
-        {"variables": {"mass_kg": {"value": 1, "unit": "kg"}}},
-    ],
-)
-def test_a_bad_file_is_refused(content: object) -> None:
-    with pytest.raises(ConfigurationError):
-        parse_plant(content)
 
 
 def test_an_unknown_plant_is_refused_with_the_known_ones(tmp_path: Path) -> None:

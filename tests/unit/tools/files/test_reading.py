@@ -6,9 +6,12 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
+from support.cases import each
 from wheelwire.errors import ConfigurationError, InvalidArgument
 from wheelwire.tools.files.bad_line import load_profile
 from wheelwire.tools.files.board import load_board
@@ -34,6 +37,11 @@ MISSPELT = {
     "plant": ("title: Mine\nvariables:\n  mass_kg: {valu: 1}\n", "variables.mass_kg.value"),
     "answers": ("raised: yes\n\nsecnd: none\n", "second"),
 }
+REFUSED = {
+    kind: yaml.safe_load((Path(__file__).parent / "refused" / f"{kind}.yaml").read_text("utf-8"))
+    for kind in LOADERS
+}
+CASES = [(kind, case) for kind, content in REFUSED.items() for case in content["refused"]]
 every_kind = pytest.mark.parametrize("kind", LOADERS)
 
 
@@ -41,6 +49,20 @@ def refusal(kind: str, path: Path) -> str:
     with pytest.raises(ConfigurationError) as raised:
         LOADERS[kind](path)
     return str(raised.value)
+
+
+@each(("kind", "case"), CASES)
+def test_a_wrong_file_is_refused_by_file_line_key_and_value(
+    kind: str, case: dict[str, Any], tmp_path: Path
+) -> None:
+    text = REFUSED[kind].get("sound", "") + case["file"]
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    said = refusal(kind, file)
+    line = case.get("line", len(text.splitlines()))
+    assert said.startswith(f"{file}: " if line is None else f"{file}, line {line}: ")
+    assert case["says"] in said
+    assert "\n" not in said
 
 
 @every_kind
@@ -68,6 +90,8 @@ def test_a_foreign_file_is_refused(kind: str, tmp_path: Path) -> None:
     os.mkfifo(pipe)
     large.write_bytes(b"#" * (LARGEST_BYTES + 1))
     latin.write_bytes(b"title: M\xfcll\n")
+    assert "no such file" in refusal(kind, tmp_path / "none.yaml")
+    assert "directory" in refusal(kind, tmp_path)
     with pytest.raises(InvalidArgument, match=r"pipe\.yaml is a device, not a file"):
         LOADERS[kind](pipe)
     assert "large.yaml: the file is larger than 1000 kB" in refusal(kind, large)
@@ -82,17 +106,8 @@ def test_a_parameter_may_have_its_unit_in_a_robots_file_too(tmp_path: Path) -> N
     assert "line 2: parameters.wheel_radius = '40 mm': give it in m" in refusal("robot", file)
 
 
-def test_options_of_a_wrong_type_say_what_to_write(tmp_path: Path) -> None:
+def test_an_option_may_be_left_empty(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
-    for text, said in (
-        ("serial: {any_board: 1}", "line 2: serial.any_board = 1: it must be true or false"),
-        ("serial: {board_id: 1234}", "serial.board_id = 1234: it must be a text; put a text that"),
-        ("serial: {connect_timeout: soon}", "serial.connect_timeout = 'soon': it must be a number"),
-        ("gpio: {pwm_chip: 1.5}", "gpio.pwm_chip = 1.5: it must be a whole number"),
-        ("store: 5", "line 2: store = 5: it must be a text"),
-    ):
-        file.write_text(f"driver: mock\n{text}\n")
-        assert said in refusal("robot", file)
     file.write_text("driver: mock\nserial: {connect_timeout: 3, stream_rate_hz:}\n")
     assert load_config(file).serial.connect_timeout == 3
 

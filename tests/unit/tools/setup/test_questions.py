@@ -78,24 +78,3 @@ def test_what_only_a_person_can_see_must_be_in_the_file(tmp_path: Path) -> None:
 
 def test_a_scripted_robot_keeps_its_counts_where_the_file_has_none(tmp_path: Path) -> None:
     assert answers(tmp_path, "raised: yes\n").answer(COUNTS) == "hand"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("frist: none", "frist.*did you mean first"),
-        ("- 1", "the file"),
-        ("first: up", "line 1: first = 'up': answer with"),
-        ("raised: yes\nsecond: sideways", "line 2: second = 'sideways': answer with forward"),
-        ("raised: yes\nsave: maybe", "line 2: save = 'maybe': answer with yes, no"),
-        ("tune: 1", "tune = 1: answer with yes, no"),
-        ("board: tb6621", "board = 'tb6621': answer with .*tb6612"),
-        ("counts_per_revolution: many", "answer with hand, .*tt-1-48.*, a number"),
-        ("counts_per_revolution: 0", "counts_per_revolution"),
-        ("wheel_radius: 33", "33 mm"),
-        ("wheel_separation: wide", "answer with a number"),
-    ],
-)
-def test_a_bad_file_is_refused_with_its_name(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=rf"answers\.yaml.*{message}"):
-        answers(tmp_path, text)
