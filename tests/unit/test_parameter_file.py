@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -171,6 +172,25 @@ def test_all_that_differs_is_set_and_only_that(wanted: dict[str, float]) -> None
 WANTED = {"estop_input_enabled": 0.0, "wheel_radius": 0.04, "max_duty": 1.0, "path_gain": 1.5}
 """One of them is the default."""
 REFUSED = errors.DeviceRefused(RefusalCode.NOT_STOPPED, "the request")
+CONTRADICTION = errors.DeviceRefused(RefusalCode.CONTRADICTION, "the request")
+STORE_FAILED = errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
+LOST = errors.LinkLost("unplugged")
+
+
+def failing(error: BaseException, when: Callable[..., bool]) -> Callable[..., None]:
+    """Raises it in the calls with such arguments."""
+
+    def fail(*arguments: Any) -> None:
+        if when(*arguments):
+            raise error
+
+    return fail
+
+
+@pytest.fixture
+def before(robot: Robot) -> dict[str, float]:
+    """What the robot held at first."""
+    return dict(robot.held)
 
 
 def test_the_switch_of_the_estop_contact_is_set_last(robot: Robot) -> None:
@@ -178,20 +198,18 @@ def test_the_switch_of_the_estop_contact_is_set_last(robot: Robot) -> None:
     assert robot.order == ["wheel_radius", "path_gain", "estop_input_enabled"]
 
 
-@pytest.mark.parametrize("failing", [name for name in WANTED if name != "max_duty"])
+@pytest.mark.parametrize("name", [name for name in WANTED if name != "max_duty"])
 @pytest.mark.parametrize("answered", [False, True])
-@pytest.mark.parametrize(
-    "error", [REFUSED, errors.RequestTimeout("no answer"), errors.LinkLost("unplugged")]
-)
+@pytest.mark.parametrize("error", [REFUSED, errors.RequestTimeout("no answer"), LOST])
 def test_after_a_failure_the_previous_values_are_active(
-    robot: Robot, failing: str, error: errors.WheelwireError, *, answered: bool
+    robot: Robot,
+    before: dict[str, float],
+    name: str,
+    error: errors.WheelwireError,
+    *,
+    answered: bool,
 ) -> None:
-    before = dict(robot.held)
-
-    def fail(name: str, value: float) -> None:
-        if (name, value) == (failing, WANTED[failing]):
-            raise error
-
+    fail = failing(error, lambda *given: given == (name, WANTED[name]))
     if answered:
         robot.before_set = fail
     else:  # it was carried out, and the answer was lost
@@ -200,17 +218,15 @@ def test_after_a_failure_the_previous_values_are_active(
         robot.set_all(WANTED, save=True)
     assert robot.held == before
     assert robot.saves == []
-    assert str(raised.value).startswith(f"{failing} = {WANTED[failing]:g}")
+    assert str(raised.value).startswith(f"{name} = {WANTED[name]:g}")
     assert "The previous values are active again." in str(raised.value)
     assert raised.value.__cause__ is error
 
 
 def test_what_is_refused_while_moving_is_tried_first_and_stops_nothing(robot: Robot) -> None:
-    def refuse(name: str, value: float) -> None:
-        if name == "wheel_radius" and value != robot.held[name]:
-            raise REFUSED
-
-    robot.before_set = refuse
+    robot.before_set = failing(
+        REFUSED, lambda name, value: name == "wheel_radius" and value != robot.held[name]
+    )
     with pytest.raises(errors.ImportFailed, match="wheel_radius"):
         robot.set_all({"path_gain": 1.5, "wheel_radius": 0.04, "integral_gain": 12.0})
     assert {"path_gain", "integral_gain"}.isdisjoint(robot.order)
@@ -218,29 +234,21 @@ def test_what_is_refused_while_moving_is_tried_first_and_stops_nothing(robot: Ro
 
 
 def test_values_that_were_set_before_a_refused_one_are_set_back_without_a_stop(
-    robot: Robot,
+    robot: Robot, before: dict[str, float]
 ) -> None:
-    before = dict(robot.held)
-
-    def refuse(name: str, value: float) -> None:
-        if (name, value) == ("wheel_separation", 0.3):
-            raise REFUSED
-
-    robot.before_set = refuse
+    robot.before_set = failing(REFUSED, lambda *given: given == ("wheel_separation", 0.3))
     with pytest.raises(errors.ImportFailed, match=r"wheel_separation .*active again"):
         robot.set_all({"wheel_radius": 0.04, "wheel_separation": 0.3})
     assert (robot.held, robot.reverts) == (before, 0)
 
 
-def test_what_can_no_longer_be_set_back_reverts_with_a_stop(robot: Robot) -> None:
+def test_what_can_no_longer_be_set_back_reverts_with_a_stop(
+    robot: Robot, before: dict[str, float]
+) -> None:
     """The robot began to drive in between."""
-    before = dict(robot.held)
-
-    def refuse(name: str, value: float) -> None:
-        if name == "wheel_separation" or value == before[name]:
-            raise REFUSED
-
-    robot.before_set = refuse
+    robot.before_set = failing(
+        REFUSED, lambda name, value: name == "wheel_separation" or value == before[name]
+    )
     with pytest.raises(errors.ImportFailed, match="wheel_separation"):
         robot.set_all({"wheel_radius": 0.04, "wheel_separation": 0.3})
     assert (robot.held, robot.reverts) == (before, 1)
@@ -252,29 +260,26 @@ def test_one_value_needs_no_trial(robot: Robot, monkeypatch: pytest.MonkeyPatch)
     assert robot.order == ["wheel_radius"]
 
 
-def test_an_interrupt_restores_too(robot: Robot) -> None:
-    before = dict(robot.held)
-
-    def interrupt(name: str, _value: float) -> None:
-        if name == "path_gain" and robot.held["wheel_radius"] != before["wheel_radius"]:
-            robot.before_set = lambda _name, _value: None
-            raise KeyboardInterrupt
-
-    robot.before_set = interrupt
+def test_an_interrupt_restores_too(robot: Robot, before: dict[str, float]) -> None:
+    interrupts = iter([True])
+    robot.before_set = failing(
+        KeyboardInterrupt(),
+        lambda name, _: (
+            name == "path_gain"
+            and robot.held["wheel_radius"] != before["wheel_radius"]
+            and next(interrupts, False)
+        ),
+    )
     with pytest.raises(KeyboardInterrupt):
         robot.set_all(WANTED)
     assert robot.held == before
 
 
-def test_restoring_waits_for_the_link(robot: Robot) -> None:
-    before = dict(robot.held)
-    failures = iter(range(4))
-
-    def unplugged(name: str, _value: float) -> None:
-        if name == "estop_input_enabled" and next(failures, None) is not None:
-            raise errors.LinkLost("unplugged")
-
-    robot.before_set = unplugged
+def test_restoring_waits_for_the_link(robot: Robot, before: dict[str, float]) -> None:
+    losses = iter([True] * 4)
+    robot.before_set = failing(
+        LOST, lambda name, _: name == "estop_input_enabled" and next(losses, False)
+    )
     with pytest.raises(errors.ImportFailed, match="active again"):
         robot.set_all(WANTED)
     assert robot.held == before
@@ -284,49 +289,37 @@ def test_values_that_could_not_be_restored_are_named(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(parameters, "RESTORE_TIMEOUT_S", 0.0)
-
-    def unplugged(_name: str, _value: float) -> None:
-        if not robot.on_trial:
-            raise errors.LinkLost("unplugged")
-
-    robot.before_set = unplugged
-    with pytest.raises(errors.ImportFailed) as raised:
+    robot.before_set = failing(LOST, lambda *_: not robot.on_trial)
+    with pytest.raises(
+        errors.ImportFailed,
+        match=r"not be restored: estop_input_enabled, path_gain, wheel_radius\. Reset the robot",
+    ):
         robot.set_all(WANTED)
-    assert (
-        "could not be restored: estop_input_enabled, path_gain, wheel_radius. Reset the robot"
-    ) in str(raised.value)
 
 
-@pytest.mark.parametrize("kept", [False, True])
-def test_values_that_contradict_each_other_change_nothing(robot: Robot, *, kept: bool) -> None:
+@pytest.mark.parametrize("moment", ["before_keep", "after_keep"])
+def test_values_that_contradict_each_other_change_nothing(
+    robot: Robot, before: dict[str, float], moment: str
+) -> None:
     """Also where the answer was lost, and the device has kept them after all."""
-    before = dict(robot.held)
-
-    def fail() -> None:
-        raise errors.DeviceRefused(RefusalCode.CONTRADICTION, "the request")
-
-    if kept:
-        robot.after_keep = fail
-    else:
-        robot.before_keep = fail
+    setattr(robot, moment, failing(CONTRADICTION, lambda: True))
     with pytest.raises(errors.ImportFailed, match=r"^the values were not set: .*active again"):
         robot.set_all(WANTED)
     assert robot.held == before
 
 
-def test_what_is_taken_only_after_others_is_restored_too(robot: Robot) -> None:
-    before = dict(robot.held)
-
-    def judge(name: str, value: float) -> None:
-        if robot.on_trial or name != "path_gain" or value != before[name]:
-            return
-        if robot.held["wheel_radius"] != before["wheel_radius"]:
-            raise errors.DeviceRefused(RefusalCode.CONTRADICTION, "the request")
-
-    def fail(_name: str | None) -> None:
-        raise errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
-
-    robot.before_set, robot.before_save = judge, fail
+def test_what_is_taken_only_after_others_is_restored_too(
+    robot: Robot, before: dict[str, float]
+) -> None:
+    robot.before_set = failing(
+        CONTRADICTION,
+        lambda name, value: (
+            not robot.on_trial
+            and (name, value) == ("path_gain", before[name])
+            and robot.held["wheel_radius"] != before["wheel_radius"]
+        ),
+    )
+    robot.before_save = failing(STORE_FAILED, lambda _: True)
     with pytest.raises(errors.ImportFailed, match="active again"):
         robot.set_all(WANTED, save=True)
     assert robot.held == before
@@ -354,18 +347,13 @@ def test_all_values_of_the_file_are_saved_and_no_other(robot: Robot) -> None:
     assert robot.saved == robot.held == full
 
 
-def test_a_save_that_fails_restores_and_says_what_was_saved(robot: Robot) -> None:
-    before = dict(robot.held)
-
-    def fail(name: str | None) -> None:
-        if name == "max_duty":
-            raise errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
-
-    robot.before_save = fail
-    with pytest.raises(errors.ImportFailed) as raised:
+def test_a_save_that_fails_restores_and_says_what_was_saved(
+    robot: Robot, before: dict[str, float]
+) -> None:
+    robot.before_save = failing(STORE_FAILED, lambda name: name == "max_duty")
+    with pytest.raises(errors.ImportFailed, match="the values were not saved: ") as raised:
         robot.set_all(WANTED, save=True)
     assert robot.held == before
-    assert "the values were not saved: " in str(raised.value)
     assert str(raised.value).endswith("Saved before that: estop_input_enabled, wheel_radius.")
 
 
