@@ -56,48 +56,6 @@ def test_every_edge_of_any_motion_is_counted(steps: list[int]) -> None:
     assert (decoder.ticks, decoder.illegal) == (sum(steps), 0)
 
 
-@given(st.integers(0, 1), st.integers(0, 1))
-def test_two_changes_in_one_sample_are_illegal_whatever_their_order(a: int, b: int) -> None:
-    for first, second in ((A, B), (B, A)):
-        decoder = QuadratureDecoder(a, b)
-        levels = {A: 1 - a, B: 1 - b}
-        decoder.change(first, levels[first], 5)
-        decoder.change(second, levels[second], 5)
-        assert (decoder.ticks, decoder.illegal) == (0, 1)
-
-
-def test_a_level_that_does_not_change_shows_lost_edges() -> None:
-    decoder = QuadratureDecoder(0, 0)
-    decoder.change(A, 1, 1)
-    decoder.change(A, 1, 2)
-    assert (decoder.ticks, decoder.illegal) == (1, 1)
-
-
-@given(
-    start=st.integers(0, 3),
-    jumps=st.lists(st.tuples(st.integers(-9, 9), st.booleans()), max_size=60),
-)
-def test_illegal_jumps_between_two_samples_are_counted_exactly(
-    start: int, jumps: list[tuple[int, bool]]
-) -> None:
-    """A wheel that turns by any number of ticks between samples: what can be known of it is."""
-    position, ticks, illegal = start, 0, 0
-    decoder = QuadratureDecoder(*LEVELS[start])
-    for stamp, (jump, b_first) in enumerate(jumps):
-        before, after = LEVELS[position % 4], LEVELS[(position + jump) % 4]
-        changed = [
-            (channel, new)
-            for channel, old, new in zip((A, B), before, after, strict=True)
-            if old != new
-        ]
-        for channel, level in reversed(changed) if b_first else changed:
-            decoder.change(channel, level, stamp)
-        position += jump
-        ticks += {0: 0, 1: 1, 2: 0, 3: -1}[jump % 4]
-        illegal += jump % 4 == 2
-        assert (decoder.ticks, decoder.illegal) == (ticks, illegal)
-
-
 @given(
     levels=st.tuples(st.integers(0, 1), st.integers(0, 1)),
     samples=st.lists(
@@ -122,26 +80,3 @@ def test_any_changes_whatever_are_judged_as_the_textbook_does(
         if len(changed) == 1:
             ticks += 1 if before[A] == now[B] else -1
         assert (decoder.ticks, decoder.illegal) == (ticks, illegal)
-
-
-@given(st.sets(st.integers(0, 99), max_size=60))
-def test_repeated_levels_of_a_channel_reveal_lost_edges(lost: set[int]) -> None:
-    """An even number of a channel's edges lost in a row leaves its levels in turn: no trace."""
-    edges = edges_of([1] * 100)
-    expected = 0
-    for channel in (A, B):
-        missing = 0
-        for index, (changed, _) in enumerate(edges):
-            if changed != channel:
-                continue
-            if index in lost:
-                missing += 1
-            else:
-                expected += missing % 2
-                missing = 0
-    assert fed([edge for i, edge in enumerate(edges) if i not in lost]).illegal == expected
-
-
-def test_the_levels_follow_the_grey_code() -> None:
-    for before, after in zip(LEVELS, (*LEVELS[1:], LEVELS[0]), strict=True):
-        assert (before[0] != after[0]) != (before[1] != after[1])
