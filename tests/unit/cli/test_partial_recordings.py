@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +11,7 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.command import check_error, output, run, run_json
-from support.recordings import SAID, rewritten, write
+from support.recordings import SAID, no_space, rewritten, write
 from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
@@ -129,29 +127,17 @@ def test_a_recording_that_grows_is_not_over(drive: list[Record], tmp_path: Path)
         file.close()
 
 
-@pytest.fixture
-def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[TappedLine], Recorder]:
-    """Records until the disk is full."""
-
-    def record(link: TappedLine) -> Recorder:
-        def fail(_: int, __: object) -> int:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-        recorder = Recorder(link, tmp_path / "day.mcap", SAID)
-        link.drive(1.0)
-        wait_until(lambda: len(list(records(recorder.file))) > 50)
-        monkeypatch.setattr("wheelwire.log.recorder.os.write", fail)
+def test_a_full_disk_is_no_kill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = TappedLine()
+    recorder = Recorder(link, tmp_path / "day.mcap", SAID)
+    file = recorder.file
+    link.drive(1.0)
+    wait_until(lambda: len(list(records(file))) > 50)
+    with monkeypatch.context() as patch:
+        patch.setattr("wheelwire.log.recorder.os.write", no_space)
         link.drive(1.0)
         wait_until(lambda: recorder.error)
         recorder.close()
-        monkeypatch.undo()
-        return recorder
-
-    return record
-
-
-def test_a_full_disk_is_no_kill(full: Callable[[TappedLine], Recorder]) -> None:
-    file = full(TappedLine()).file
     assert causes(file) == []
     text = "gave up before the robot was closed (No space left on device)"
     assert text in " ".join(output("why", str(file)).split())

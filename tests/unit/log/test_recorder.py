@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import logging
 import os
 import threading
@@ -17,6 +16,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from support.recordings import no_space
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire.errors import RecordingError
@@ -172,13 +172,16 @@ def test_a_full_disk_ends_the_recording_alone(
     link.drive(0.5)
     wait_until(lambda: len(list(records(recorder.file))) > 20)
     written = list(records(recorder.file))
+    write, left = os.write, [3000]  # room for a part of a chunk
 
-    def full(_: int, __: object) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def nearly_full(descriptor: int, data: memoryview) -> int:
+        size = write(descriptor, data[: left[0]]) if left[0] else no_space()
+        left[0] -= size
+        return size
 
     with monkeypatch.context() as patch, caplog.at_level(logging.ERROR, "wheelwire"):
-        patch.setattr("wheelwire.log.recorder.os.write", full)
-        link.drive(0.5)
+        patch.setattr("wheelwire.log.recorder.os.write", nearly_full)
+        link.drive(2)
         wait_until(lambda: recorder.error)
     link.drive(0.5)
     recorder.close()
@@ -187,26 +190,6 @@ def test_a_full_disk_ends_the_recording_alone(
     ]
     assert not link.traffic.readers
     assert list(records(recorder.file))[: len(written)] == written
-
-
-def test_a_disk_that_is_full_for_a_part_of_a_chunk(
-    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    recorder = make()
-    write, left = os.write, [3000]
-
-    def nearly_full(descriptor: int, data: memoryview) -> int:
-        if not left[0]:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written = write(descriptor, data[: left[0]])
-        left[0] -= written
-        return written
-
-    with monkeypatch.context() as patch:
-        patch.setattr("wheelwire.log.recorder.os.write", nearly_full)
-        link.drive(2)
-        wait_until(lambda: recorder.error)
-    recorder.close()
     assert repair(recorder.file)
     with recorder.file.open("rb") as file:
         assert make_reader(file).get_summary() is not None
