@@ -3,65 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from unittest.mock import MagicMock, call
 
 import pytest
 
 from wheelwire.cli import robot
 from wheelwire.cli.address import Address
 from wheelwire.errors import LinkClosed
-from wheelwire.robot.robot import Robot
-
-
-class Stopping:
-    """A driver whose link has ended, or not."""
-
-    def __init__(self, *, ends: bool) -> None:
-        self.stopped: list[str] = []
-        self._ends = ends
-
-    def __enter__(self) -> Stopping:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def stop(self) -> None:
-        self._note("stop")
-
-    def estop(self) -> None:
-        self._note("estop")
-
-    def _note(self, what: str) -> None:
-        if self._ends:
-            raise LinkClosed("it has ended")
-        self.stopped.append(what)
 
 
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> list[Stopping]:
-    """What is opened, the last one first."""
-    drivers: list[Stopping] = []
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[MagicMock]:
+    """The robots that are opened, the last one first."""
+    robots: list[MagicMock] = []
+    monkeypatch.setattr(Address, "open_to_look", lambda *_, **__: robots.pop())
+    return robots
 
-    def open_to_look(*_: object, **__: object) -> Robot:
-        return cast("Robot", drivers.pop())
 
-    monkeypatch.setattr(Address, "open_to_look", open_to_look)
-    return drivers
+def robot_of(command: Callable[..., None], error: LinkClosed | None = None) -> MagicMock:
+    """One whose link has ended, or not."""
+    robot = MagicMock()
+    getattr(robot.__enter__.return_value, command.__name__).side_effect = error
+    return robot
 
 
 @pytest.mark.parametrize("command", [robot.stop, robot.estop])
 def test_it_tries_again_with_the_program_that_holds_the_port_by_then(
-    opened: list[Stopping], command: Callable[..., None]
+    opened: list[MagicMock], command: Callable[..., None]
 ) -> None:
-    good = Stopping(ends=False)
-    opened += [good, Stopping(ends=True)]
+    good = robot_of(command)
+    opened += [good, robot_of(command, LinkClosed("it has ended"))]
     command("/dev/ttyUSB0", as_json=True)
-    assert good.stopped == [command.__name__]
+    assert good.__enter__.return_value.method_calls == [getattr(call, command.__name__)()]
 
 
 @pytest.mark.parametrize("command", [robot.stop, robot.estop])
-def test_it_fails_if_that_ends_too(opened: list[Stopping], command: Callable[..., None]) -> None:
-    opened += [Stopping(ends=True), Stopping(ends=True)]
+def test_it_fails_if_that_ends_too(opened: list[MagicMock], command: Callable[..., None]) -> None:
+    opened += [robot_of(command, LinkClosed("it has ended")) for _ in range(2)]
     with pytest.raises(LinkClosed):
         command("/dev/ttyUSB0", as_json=True)

@@ -23,21 +23,6 @@ def test_standing_still_adds_nothing() -> None:
     assert np.all(covariance.update(update(Pose(), 0, 0), SEPARATION_M) == 0)
 
 
-def test_a_straight_metre_by_hand() -> None:
-    """Both wheels travel s: var x = k s / 2, var heading = 2 k s / L^2, var y grows with s^3."""
-    covariance = PoseCovariance(VARIANCE, VARIANCE)
-    pose = Pose()
-    for _ in range(1000):
-        step = update(pose, 0.001, 0)
-        pose = step.pose
-        matrix = covariance.update(step, SEPARATION_M)
-    heading_variance = 2 * VARIANCE / SEPARATION_M**2
-    assert matrix[0, 0] == pytest.approx(VARIANCE / 2)
-    assert matrix[2, 2] == pytest.approx(heading_variance)
-    assert matrix[1, 1] == pytest.approx(heading_variance / 3, rel=1e-3)
-    assert matrix[1, 2] == pytest.approx(heading_variance / 2, rel=1e-3)
-
-
 def test_it_predicts_the_spread_of_simulated_runs() -> None:
     """The sample covariance of arcs whose wheels slip at random, by the model's own law."""
     random = np.random.default_rng(1)
