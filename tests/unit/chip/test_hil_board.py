@@ -6,6 +6,7 @@ The board is made up: it has the firmware's timing in a few lines, and one fault
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -332,21 +333,32 @@ def test_nothing_is_asked_of_it_before_the_permission() -> None:
         assert allowed or not isinstance(message, (SetDuty, SelfTestFail))
 
 
+MEASURE: dict[str, Callable[[Board], hil.Measured]] = {
+    "pwm": lambda board: hil_board.measure_pwm(board, LOOPS, 1),
+    "counters": lambda board: hil_board.measure_counters(board, LOOPS, 1),
+    "stops": lambda board: hil_board.measure_stops(board, LOOPS, 1),
+    "line": lambda board: hil_board.measure_line(board, 1),
+}
+
+
 @pytest.mark.parametrize(
-    ("fault", "what"),
+    ("row", "fault", "what"),
     [
-        ("", []),
-        ("long pulse", ["high time"]),
-        ("old duty", ["a reversal shows more than its duty"]),
-        ("direction sticks", ["and of the old direction"]),
+        *((row, "", []) for row in MEASURE),
+        ("pwm", "long pulse", ["high time"]),
+        ("pwm", "old duty", ["a reversal shows more than its duty"]),
+        ("pwm", "direction sticks", ["and of the old direction"]),
+        ("counters", "loses a tick", ["through 100 000 ticks and back"]),
+        ("counters", "no filter", ["100 spikes of 500 ns"]),
+        ("stops", "late", ["drive after 10 deadlines"]),
+        ("line", "loses a ping", ["of 600 pings at rest lost"]),
+        ("line", "long save", ["longest pause of a save"]),
     ],
 )
-def test_duties_changes_and_reversals(fault: str, what: list[str]) -> None:
+def test_each_row_fails_by_its_own_fault(row: str, fault: str, what: list[str]) -> None:
     device, board = bench(fault)
     saved = dict(device.saved)
-    measured = hil_board.measure_pwm(board, LOOPS, 1)
-    assert rows_that_fail("pwm", measured) == what
-    assert {it["frequency_hz"] for it in measured["duties"]} == {20_000, 500}
+    assert rows_that_fail(row, MEASURE[row](board)) == what
     assert device.saved == saved
 
 
@@ -365,6 +377,9 @@ def test_all_rows_leave_what_is_saved_as_it_was() -> None:
     measured = hil_board.measure(board, LOOPS, 1)
     assert list(measured) == list(hil.ROWS)
     assert hil.failing_rows(hil.checks(measured)) == []
+    assert {it["frequency_hz"] for it in measured["pwm"]["duties"]} == {20_000, 500}
+    assert len(measured["stops"]["freezes"]) == 10
+    assert measured["line"]["saves"] == 20
     assert device.saves > 20
     assert device.saved == saved
 
@@ -397,46 +412,11 @@ def test_an_unplugged_board_has_its_frequency_named(
         hil_board.measure_pwm(board, LOOPS, 1)
 
 
-@pytest.mark.parametrize(
-    ("fault", "what"),
-    [
-        ("", []),
-        ("loses a tick", ["through 100 000 ticks and back"]),
-        ("no filter", ["100 spikes of 500 ns"]),
-    ],
-)
-def test_ticks_and_spikes(fault: str, what: list[str]) -> None:
-    _, board = bench(fault)
-    assert rows_that_fail("counters", hil_board.measure_counters(board, LOOPS, 1)) == what
-
-
-@pytest.mark.parametrize(("fault", "what"), [("", []), ("late", ["drive after 10 deadlines"])])
-def test_deadlines_and_frozen_cores(fault: str, what: list[str]) -> None:
-    _, board = bench(fault)
-    measured = hil_board.measure_stops(board, LOOPS, 1)
-    assert rows_that_fail("stops", measured) == what
-    assert len(measured["freezes"]) == 10
-
-
 def test_one_core_freezes_unseen() -> None:
     _, board = bench(chip=Chip.ESP32C6)
     measured = hil_board.measure_stops(board, LOOPS, 1)
     assert measured["freezes"] is None
     assert rows_that_fail("stops", measured) == []
-
-
-@pytest.mark.parametrize(
-    ("fault", "what"),
-    [
-        ("", []),
-        ("loses a ping", ["of 600 pings at rest lost"]),
-        ("long save", ["longest pause of a save"]),
-    ],
-)
-def test_pings_and_saves(fault: str, what: list[str]) -> None:
-    device, board = bench(fault)
-    assert rows_that_fail("line", hil_board.measure_line(board, 1)) == what
-    assert device.saves == 20
 
 
 def test_pings_do_not_use_up_the_numbers_of_requests() -> None:
