@@ -9,38 +9,29 @@ from wheelwire.log.why.black_box import stops_of_box
 from wheelwire_protocol.black_box import Box
 
 SILENCE = "program_paused or host_killed or host_frozen or cable_pulled or line_corrupt"
-STOPS: dict[str, str | None] = {
+NOT_COUNTING = "encoder_dead or wheel_blocked"
+OTHERWISE: dict[str, str | None] = {
     # Without a sample at rest the supply shows nothing but a stalled motor, or one without current.
-    "encoder dead": "encoder_dead or wheel_blocked",
-    "encoder dead, right": "encoder_dead or wheel_blocked",
-    "wheel blocked": "wheel_blocked",
-    "motor's wire off": "motor_open",
-    "encoder dead, stiff supply": "encoder_dead or wheel_blocked",
-    "wheel blocked, stiff supply": "encoder_dead or wheel_blocked",
-    "encoder dead from rest": "wheel_never_counted",
-    "blocked from rest": "wheel_never_counted",
-    "one channel": "encoder_one_channel",
-    "one channel while it turns": "encoder_one_channel",
-    "reversed": "wheel_reversed",
-    "late step": "control_overrun",
-    "contact, still open": "contact_open",
-    "contact, closed again": "contact_open",
-    "estop of this program": "estop_by_session",
-    "estop of another one": "estop_by_stranger",
-    "stop of this program": "stop_by_session",
-    "stop of another one": "stop_by_stranger",
-    "robot closed while it drives": "stop_by_session",
-    "another session": "new_session",
-    "trial": "trial_expired",
-    "program pauses": "program_paused",
+    "encoder dead": NOT_COUNTING,
+    "encoder dead, right": NOT_COUNTING,
     "program frozen": SILENCE,
     "port gone": SILENCE,
     "line corrupt": SILENCE,
-    "setpoints too late": "setpoints_expired",
     "zero": None,
     "program killed": None,  # it drives on until the deadline
     "unarmed": "estop_by_session",
 }
+ALIKE = (
+    *("wheel blocked", "motor's wire off", "encoder dead, stiff supply"),
+    *("wheel blocked, stiff supply", "encoder dead from rest", "blocked from rest"),
+    *("one channel", "one channel while it turns", "reversed", "late step"),
+    *("contact, still open", "contact, closed again"),
+    *("estop of this program", "estop of another one"),
+    *("stop of this program", "stop of another one", "robot closed while it drives"),
+    *("another session", "trial", "program pauses", "setpoints too late"),
+)
+STOPS = {name: STAGED[name].stops[0] for name in ALIKE} | OTHERWISE
+"""What a box alone says: in part as all that crossed the link does."""
 
 
 def box_of(name: str) -> Box:
