@@ -67,20 +67,13 @@ class EspChip:
         self._write_at = 0
         self._write_end = 0
         self._inflate = zlib.decompressobj()
+        nothing_to_do = (0x04, 0x05, 0x06, 0x07, 0x09, 0x0B, 0x0D, 0x0F, 0x12)
         self._commands: dict[int, Callable[[bytes], bytes]] = {
+            **dict.fromkeys(nothing_to_do, lambda _: b""),
             0x02: self._begin,
             0x03: lambda body: self._program(body[16:]),
-            0x04: _done,
-            0x05: _done,
-            0x06: self._run_stub,
-            0x07: _done,
-            0x09: _done,
-            0x0B: _done,
-            0x0D: _done,
-            0x0F: _done,
             0x10: self._begin,
             0x11: lambda body: self._program(self._inflate.decompress(body[16:])),
-            0x12: _done,
             0x13: self._digest,
             0xD0: lambda _: self._erase(0, FLASH_BYTES),
             0xD1: lambda body: self._erase(*struct.unpack("<II", body)),
@@ -174,9 +167,6 @@ class EspChip:
             return 40_000_000 // 115_200
         return self.flash_id if address in _SPI_DATA else 0
 
-    def _run_stub(self, _: bytes) -> bytes:
-        return b""
-
     def _begin(self, body: bytes) -> bytes:
         size, _, _, offset = struct.unpack_from("<IIII", body)
         self._inflate = zlib.decompressobj()
@@ -254,10 +244,6 @@ class EspChip:
         sequence, _, _, crc = OTADATA_ENTRY.unpack_from(self.flash, at)
         expected = zlib.crc32(struct.pack("<I", sequence), 0xFFFFFFFF)
         return sequence if sequence != 0xFFFFFFFF and crc == expected else 0
-
-
-def _done(_: bytes) -> bytes:
-    return b""
 
 
 def _checksum(data: bytes) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,20 +13,9 @@ from wheelwire_protocol.types import MemoryValue
 SOUND = MemoryValue(0, 0, 90_000, 80_000, 5000, 1800, 0)
 
 
-class Chip:
-    """Only what is asked here; None: it cannot tell."""
-
-    def __init__(self, left: MemoryValue | None) -> None:
-        self.left = left
-
-    def memory(self) -> MemoryValue:
-        if self.left is None:
-            raise GroupUnavailable("platform", 1, 0)
-        return self.left
-
-
 def found(left: MemoryValue | None) -> list[str]:
-    chip: Any = Chip(left)
+    """What is found with so much left; None: the chip cannot tell."""
+    chip = Mock(memory=Mock(side_effect=[left or GroupUnavailable("platform", 1, 0)]))
     return [finding.problem for finding in checks._memory(chip, "/dev/ttyUSB0")]
 
 

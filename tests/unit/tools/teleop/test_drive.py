@@ -15,12 +15,7 @@ from wheelwire.tools.teleop.drive import DEFAULT_SPEED, PERIOD_S, RELEASE_FIRST,
 from wheelwire.tools.teleop.keys import FIRST_LIFE_S, INTERRUPT, SPACE, Action
 from wheelwire_protocol.codes import SupervisorState
 
-TYPED, PRESSED, REPEATED, RELEASED = (
-    Action.TYPED,
-    Action.PRESSED,
-    Action.REPEATED,
-    Action.RELEASED,
-)
+TYPED, PRESSED, REPEATED, RELEASED = Action
 
 
 @pytest.fixture

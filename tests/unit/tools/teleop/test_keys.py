@@ -20,12 +20,7 @@ from wheelwire.tools.teleop.keys import (
     KeyEvent,
 )
 
-TYPED, PRESSED, REPEATED, RELEASED = (
-    Action.TYPED,
-    Action.PRESSED,
-    Action.REPEATED,
-    Action.RELEASED,
-)
+TYPED, PRESSED, REPEATED, RELEASED = Action
 
 SEQUENCES: list[tuple[bytes, list[Event]]] = [
     (b"w", [KeyEvent("w", TYPED)]),

@@ -20,12 +20,7 @@ from wheelwire.tools.teleop.keys import (
     Presses,
 )
 
-TYPED, PRESSED, REPEATED, RELEASED = (
-    Action.TYPED,
-    Action.PRESSED,
-    Action.REPEATED,
-    Action.RELEASED,
-)
+TYPED, PRESSED, REPEATED, RELEASED = Action
 
 
 def presses(*events: tuple[float, str, Action]) -> Presses:
