@@ -25,5 +25,5 @@ def board_of(stage: Stage, standby: int | None = None) -> Configuration:
         for side, wheel in enumerate((PI.left, PI.right))
     )
     pulldowns = frozenset(pin for name in STAGES[stage].pull_downs for pin in PINS[name])
-    pins = {"left": left, "right": right, "standby": standby, "pulldowns": pulldowns}
-    return replace(PI, name=stage.name, stage=stage, **pins)
+    board = replace(PI, name=stage.name, stage=stage, left=left, right=right)
+    return replace(board, standby=standby, pulldowns=pulldowns)

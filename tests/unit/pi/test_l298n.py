@@ -47,6 +47,8 @@ def text(chip: GpioChip, file: str) -> str:
 
 
 def test_kernel_pwm_has_the_period_asked_for_and_ends_low(chip: GpioChip) -> None:
+    with pytest.raises(DriverUnavailable, match="no pwmchip7"):
+        open_on(chip, pwm_chip=7)
     with open_on(chip) as driver:
         driver.set_duty(0.25, -0.25, ttl=1.0)
         wait_until(lambda: text(chip, "pwm0/duty_cycle") == "12500")
@@ -56,33 +58,6 @@ def test_kernel_pwm_has_the_period_asked_for_and_ends_low(chip: GpioChip) -> Non
         assert not any("PWM at" in limit for limit in driver.limits)
     assert text(chip, "pwm0/duty_cycle") == text(chip, "pwm0/enable") == "0"
     assert text(chip, "pwm1/duty_cycle") == text(chip, "pwm1/enable") == "0"
-
-
-def test_a_pi_5_has_its_gpios_on_other_channels(tmp_path: Path, wire: Wire) -> None:
-    chip5 = tmp_path / "pwmchip2"
-    for channel in (2, 3):
-        directory = chip5 / f"pwm{channel}"
-        directory.mkdir(parents=True)
-        for name in ("duty_cycle", "period", "enable"):
-            (directory / name).write_text("0\n")
-    (chip5 / "npwm").write_text("4\n")
-    with GpioChip(tmp_path, kernel_pwm=False) as chip:
-        wire(chip)
-        with L298NDriver(pwm_directory=tmp_path):
-            assert (chip5 / "pwm2" / "period").read_text() == "50000\n"
-            assert (chip5 / "pwm3" / "period").read_text() == "50000\n"
-
-
-def test_several_chips_are_a_question(tmp_path: Path, wire: Wire) -> None:
-    for number in (0, 2):
-        (tmp_path / f"pwmchip{number}").mkdir()
-        (tmp_path / f"pwmchip{number}" / "npwm").write_text("4\n")
-    with GpioChip(tmp_path, kernel_pwm=False) as chip:
-        wire(chip)
-        with pytest.raises(DriverUnavailable, match=r"pwmchip0, pwmchip2.*pwm_chip"):
-            L298NDriver(pwm_directory=tmp_path)
-        with pytest.raises(DriverUnavailable, match="no pwmchip7"):
-            L298NDriver(pwm_directory=tmp_path, pwm_chip=7)
 
 
 def test_without_kernel_pwm_the_librarys_limit_is_reported(

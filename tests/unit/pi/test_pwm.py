@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from wheelwire.errors import DriverUnavailable
 from wheelwire.pi.gpio import pwm
 from wheelwire.pi.gpio.pwm import KernelPwm, find_channels
 
@@ -61,3 +62,27 @@ def test_each_input_needs_a_channel_of_its_own(
 ) -> None:
     channels = find_channels(chip.parent, None, gpios)
     assert (channels is not None) == found
+
+
+def with_chips(directory: Path, *numbers: int) -> Path:
+    """A computer with chips of four channels, as a Pi 5's."""
+    for number in numbers:
+        (directory / f"pwmchip{number}").mkdir()
+        (directory / f"pwmchip{number}" / "npwm").write_text("4\n")
+    return directory
+
+
+def test_a_pi_5_has_its_gpios_on_other_channels(tmp_path: Path) -> None:
+    channels = find_channels(with_chips(tmp_path, 2), None, (18, 19))
+    assert channels is not None
+    assert [one._directory for one in channels] == [
+        tmp_path / "pwmchip2" / f"pwm{number}" for number in (2, 3)
+    ]
+
+
+def test_several_chips_are_a_question(tmp_path: Path) -> None:
+    directory = with_chips(tmp_path, 0, 2)
+    with pytest.raises(DriverUnavailable, match=r"pwmchip0, pwmchip2.*pwm_chip"):
+        find_channels(directory, None, (18, 19))
+    with pytest.raises(DriverUnavailable, match="no pwmchip7"):
+        find_channels(directory, 7, (18, 19))
