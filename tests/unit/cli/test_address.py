@@ -57,18 +57,6 @@ def test_the_argument_comes_first_and_the_environment_second(
     assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0")
 
 
-@each("command", [*PUT_IN, *MOVING, "flash"])
-def test_an_empty_address_means_no_other_robot(
-    command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plug_in(monkeypatch, "/dev/no-such-port")
-    words = (PUT_IN | MOVING).get(command, ())
-    yes = ["--yes"] if command in MOVING else []
-    result = run(*command.split(), "", *words, *yes, WHEELWIRE_ROBOT="/dev/no-such-port")
-    assert result.returncode == InvalidArgument.exit_code, result.stderr
-    assert "ROBOT is empty" in result.stderr
-
-
 def test_the_only_candidate_is_taken_and_named(
     candidates: list[SerialPort], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,29 +80,25 @@ def test_none_and_several_candidates_are_errors_that_say_what_to_do(
 
 
 @each("command", [*PUT_IN, *MOVING, "flash"])
-def test_every_command_takes_the_only_candidate(
+def test_every_command_takes_the_robot_of_argument_environment_and_port(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is not there after all: the error names it."""
-    plug_in(monkeypatch, "/dev/no-such-port")
+    words = (PUT_IN | MOVING).get(command, ())
     yes = ["--yes"] if command in MOVING else []
-    words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), *yes, "--json"]
-    result = run(*words, WHEELWIRE_ROBOT="")
-    assert result.returncode == errors.PortUnavailable.exit_code, result.stderr
-    assert "cannot open /dev/no-such-port" in json.loads(result.stderr)["message"]
 
+    def refusal(error: type[errors.WheelwireError], *robot: str, named: str) -> str:
+        arguments = [*command.split(), *robot, *words, *(yes if robot or not named else ())]
+        result = run(*arguments, "--json", WHEELWIRE_ROBOT=named)
+        assert result.returncode == error.exit_code, result.stderr
+        return str(json.loads(result.stderr)["message"])
 
-@each("command", [*PUT_IN, *MOVING, "flash"])
-def test_every_command_takes_the_robot_that_the_environment_names(
-    command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    # The only candidate is not there after all: the error names it.
+    plug_in(monkeypatch, "/dev/no-such-port")
+    assert "cannot open /dev/no-such-port" in refusal(errors.PortUnavailable, named="")
+    assert "ROBOT is empty" in refusal(InvalidArgument, "", named="/dev/no-such-port")
     plug_in(monkeypatch, "/dev/ttyUSB0", "/dev/ttyUSB1")
-    words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), "--json"]
-    result = run(*words, WHEELWIRE_ROBOT="missing.yaml")
-    assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
-    result = run(*words, WHEELWIRE_ROBOT="")
-    assert result.returncode == RobotNotNamed.exit_code, result.stderr
-    assert "/dev/ttyUSB0 (CP210x" in json.loads(result.stderr)["message"]
+    refusal(errors.ConfigurationError, named="missing.yaml")
+    assert "/dev/ttyUSB0 (CP210x" in refusal(RobotNotNamed, named="")
 
 
 @pytest.mark.parametrize("command", MOVING)

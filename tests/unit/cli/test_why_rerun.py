@@ -11,10 +11,12 @@ import struct
 import subprocess
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from support.command import check_error, output, run, run_json
 from support.virtual import box_after_a_contact
 from wheelwire import errors
@@ -187,36 +189,24 @@ def test_no_folder_to_write_to_is_named(box: Path, tmp_path: Path) -> None:
     refused(run(*arguments, str(tmp_path / "none")), errors.InvalidArgument, "name a folder")
 
 
-@pytest.mark.parametrize(
-    ("content", "text"),
+@each(
+    ("change", "text"),
     [
-        (b"", "is no black box"),
-        (b"x" * BOX_SIZE, "is no black box"),
-        (bytes(BOX_SIZE + 1), "is no black box"),
+        (lambda _: b"", "is no black box"),
+        (lambda _: b"x" * BOX_SIZE, "is no black box"),
+        (lambda _: bytes(BOX_SIZE + 1), "is no black box"),
+        (lambda image: image[:5000] + bytes([image[5000] ^ 1]) + image[5001:], "damaged"),
+        (lambda image: stored([*words_of(image)[:64], *[0] * (BOX_SIZE // 4 - 64)]), "is empty"),
+        (lambda image: of_core(image, 0xC0FFEE), f"core 00c0ffee .*this is {core_hash():08x}"),
     ],
 )
-def test_a_file_that_is_no_box_is_refused(content: bytes, text: str, tmp_path: Path) -> None:
-    file = tmp_path / "other.bin"
-    file.write_bytes(content)
-    refused(run("why", "--rerun", str(file)), errors.RecordingError, text)
-
-
-def test_a_damaged_box_is_refused_and_not_exported(image: bytes, box: Path, checkout: Path) -> None:
-    box.write_bytes(image[:5000] + bytes([image[5000] ^ 1]) + image[5001:])
+def test_another_file_than_a_box_of_this_core_is_refused_and_not_exported(
+    change: Callable[[bytes], bytes], text: str, box: Path, image: bytes, checkout: Path
+) -> None:
+    box.write_bytes(change(image))
     result = run("why", "--rerun", str(box), "--export-test", str(checkout))
-    refused(result, errors.RecordingError, "damaged")
+    refused(result, errors.RecordingError, text)
     assert not (checkout / BOXES).exists()
-
-
-def test_an_empty_box_is_refused(image: bytes, box: Path) -> None:
-    box.write_bytes(stored([*words_of(image)[:64], *[0] * (BOX_SIZE // 4 - 64)]))
-    refused(run("why", "--rerun", str(box)), errors.RecordingError, "is empty")
-
-
-def test_a_box_of_another_core_is_refused_by_name(image: bytes, box: Path) -> None:
-    box.write_bytes(of_core(image, 0xC0FFEE))
-    result = run("why", "--rerun", str(box))
-    refused(result, errors.RecordingError, f"core 00c0ffee .*this is {core_hash():08x}")
 
 
 def test_wrong_usage_is_named(box: Path, tmp_path: Path) -> None:
