@@ -130,9 +130,11 @@ def test_calls_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> None:
     with mock() as robot:
         robot.on_lost = lost.append
         robot.unplug()
-        setpoints = (partial(call, 0.1, 0.1) for call in (robot.set_velocity, robot.set_duty))
-        requests = (robot.device_counters, robot.stop, robot.estop, robot.clear_fault)
-        for unreachable in (*setpoints, *requests):
+        calls: list[Callable[[], object]] = [
+            *(partial(setpoint, 0.1, 0.1) for setpoint in (robot.set_velocity, robot.set_duty)),
+            *(robot.device_counters, robot.stop, robot.estop, robot.clear_fault),
+        ]
+        for unreachable in calls:
             with pytest.raises(LinkLost) as raised:
                 unreachable()
             assert raised.value.why == LOST
