@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 
 def interruptible() -> None:
     """For `preexec_fn`: restore SIGINT, which a background job such as `make test &` ignores."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def captured(*command: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end, whatever that is, and keep what it prints."""
+    words = [str(word) for word in command]
+    return subprocess.run(words, capture_output=True, text=True, check=False, **options)
 
 
 def children(pid: int) -> list[int]:

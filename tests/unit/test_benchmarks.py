@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from support.bare_host import ECHO
+from support.processes import captured
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "bench").glob("*.py"))
 OURS = ("bench", "peers", "support", "wheelwire", "wheelwire_protocol", "wheelwire_ros")
@@ -21,13 +21,7 @@ IMPORT = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='imported')"
 def test_each_finds_what_it_imports(script: Path) -> None:
     # As the interpreter does for a script, and not for -c: its folder comes first.
     environment = f"import sys; sys.path[0] = {str(script.parent)!r}; {IMPORT}"
-    result = subprocess.run(
-        [sys.executable, "-c", environment, script],
-        capture_output=True,
-        text=True,
-        cwd="/",
-        check=False,
-    )
+    result = captured(sys.executable, "-c", environment, script, cwd="/")
     missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", result.stderr)
     if missing and missing[1] not in OURS:
         pytest.skip(f"{missing[1]} is missing: make bench installs it")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
+
+from support.processes import captured
 
 TESTS = Path(__file__).parents[1]
 
@@ -27,14 +28,7 @@ def test_a_second_planted_error_is_reported_too(tmp_path: Path) -> None:
     file = tmp_path / "test_planted.py"
     file.write_text(PLANTED)
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--rootdir", str(tmp_path)]
-    result = subprocess.run(
-        [*command, str(file)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={"PYTHONPATH": str(TESTS)},
-        cwd=tmp_path,
-    )
+    result = captured(*command, str(file), env={"PYTHONPATH": str(TESTS)}, cwd=tmp_path)
     failed = [line for line in result.stdout.splitlines() if line.startswith("SUBFAILED")]
     assert [line.partition("]")[0] for line in failed] == ["SUBFAILED[2, 5", "SUBFAILED[3, 8"]
     assert result.returncode == 1

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from support.processes import captured
 
 PROGRAM = Path(__file__).parents[2] / "tools" / "check-machine"
 GOOD = "exit 0"
@@ -33,13 +34,7 @@ def test_one_line_names_the_packages(
         if script is not None:
             (tmp_path / name).write_text(f"#!{shutil.which('sh')}\n{script}\n")
             (tmp_path / name).chmod(0o755)
-    result = subprocess.run(
-        [shutil.which("sh") or "sh", PROGRAM],
-        env={"PATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = captured(shutil.which("sh") or "sh", PROGRAM, env={"PATH": str(tmp_path)})
     if lacks is None:
         assert (result.returncode, result.stderr) == (0, "")
         return

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import pytest
 
+from support.processes import captured
+
 FIRMWARE = Path(__file__).parents[3] / "firmware" / "esp32"
 # What the preprocessor need not see of ESP-IDF.
 EMPTY = ("driver/gptimer.h", "esp_attr.h", "esp_private/gptimer.h", "freertos/FreeRTOS.h")
@@ -55,16 +57,11 @@ def preprocess(
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         path.touch()
-    return subprocess.run(
-        [
-            *("c++", "-std=c++20", "-E", "-o", folder / "out"),
-            *(f"-I{path}" for path in (folder, *(FIRMWARE / name for name in FOLDERS))),
-            *(f"-D{name}={value}" for name, value in definitions.items()),
-            FIRMWARE / "main" / f"{source}.cpp",
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    return captured(
+        *("c++", "-std=c++20", "-E", "-o", folder / "out"),
+        *(f"-I{path}" for path in (folder, *(FIRMWARE / name for name in FOLDERS))),
+        *(f"-D{name}={value}" for name, value in definitions.items()),
+        FIRMWARE / "main" / f"{source}.cpp",
     )
 
 

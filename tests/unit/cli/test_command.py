@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,6 +14,7 @@ import pytest
 import typer
 
 from support.command import PROGRAM, check_error, run, run_process
+from support.processes import captured
 from wheelwire import errors
 from wheelwire.cli import output
 from wheelwire.cli.app import app
@@ -79,15 +78,6 @@ def test_a_full_disk_is_one_line(arguments: tuple[str, ...]) -> None:
     assert "cannot write the output: No space left on device" in line
 
 
-@pytest.fixture
-def interruptible() -> Iterator[None]:
-    """Ctrl-C is heard: a shell ignores it for what it starts in the background."""
-    former = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, former)
-
-
-@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("module", ["typer", "rich.table", "serial.tools.list_ports"])
 def test_an_interrupt_while_it_starts_is_one_line(tmp_path: Path, module: str) -> None:
     """The signal comes in the middle of the imports, as a hasty Ctrl-C does."""
@@ -105,7 +95,6 @@ def test_an_interrupt_while_it_starts_is_one_line(tmp_path: Path, module: str) -
     assert as_json == {"error": "Interrupted", "message": "interrupted", "exit_code": 130}
 
 
-@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("moment", ["run", "_result", "_open_closed_streams", "print_error"])
 def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
     program = (
@@ -115,9 +104,7 @@ def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
         "    return before(*a, **k)\n"
         f"app.{moment} = interrupted\nsys.argv = ['wheelwire', 'board', 'show', 'nosuch']\nmain()"
     )
-    result = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    result = captured(sys.executable, "-c", program)
     assert result.returncode == 130
     assert result.stderr.splitlines()[-1] == "wheelwire: interrupted"
     assert "Traceback" not in result.stderr
@@ -128,14 +115,7 @@ def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
 @pytest.mark.parametrize("command", ["board init", "board show l298n", "drive mock", "setup"])
 def test_closed_streams_are_no_traceback(tmp_path: Path, command: str, closed: str) -> None:
     program = " ".join(map(shlex.quote, PROGRAM))
-    result = subprocess.run(
-        ["sh", "-c", f"exec {program} {command} {closed}"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-        timeout=60,
-    )
+    result = captured("sh", "-c", f"exec {program} {command} {closed}", cwd=tmp_path, timeout=60)
     assert "Traceback" not in result.stderr
     assert result.returncode in (0, 10, 19, 21), result.stderr
     if command == "board init" and "2>" not in closed and "0<" in closed:

@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from support.cases import each
 from support.command import PROGRAM, check_error, output, run, run_json
+from support.processes import captured
 from support.recordings import OFFSET_NS, rewritten, traffic_of, write
 from wheelwire import errors
 from wheelwire.cli import log
@@ -160,9 +161,7 @@ def test_a_picture_that_cannot_be_drawn(
 def without(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """The command where a package is not installed."""
     code = f"import sys; sys.modules[{module!r}] = None; from wheelwire.cli import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-    )
+    return captured(sys.executable, "-c", code, *arguments)
 
 
 @pytest.mark.whole
@@ -254,13 +253,7 @@ def test_a_record_that_means_nothing(tmp_path: Path) -> None:
 def test_what_cannot_be_recorded(
     arguments: tuple[str, str], error: type[errors.WheelwireError], text: str, tmp_path: Path
 ) -> None:
-    result = subprocess.run(
-        [*PROGRAM, "log", "record", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-    )
+    result = captured(*PROGRAM, "log", "record", *arguments, cwd=tmp_path)
     assert text in check_error(result, error)
     assert not list(tmp_path.iterdir())
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,6 +12,7 @@ import pytest
 
 from support.cases import each
 from support.confined import NOBODY
+from support.processes import captured
 from support.units import EMULATED, NOT_EMULATED, documented_units
 from wheelwire.pi.gpio import gpiozero
 
@@ -78,13 +78,7 @@ def test_lgpio_has_a_folder_for_its_pipe(number: int) -> None:
             "PYTHONPATH": os.pathsep.join(sys.path),
         }
         for folder in ("/", runtime):
-            result = subprocess.run(
-                [sys.executable, "-c", PROGRAM, str(user), folder],
-                env=environment,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            result = captured(sys.executable, "-c", PROGRAM, str(user), folder, env=environment)
             assert result.returncode == 0, result.stderr
             assert json.loads(result.stdout) == [runtime, folder]
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from support.processes import captured
 from support.virtual import VirtualRobot
 from wheelwire.errors import ConfigurationError
 from wheelwire.tools.files.plant import load_plant, shipped_plants
@@ -90,7 +90,5 @@ def test_an_unknown_plant_is_refused_with_the_known_ones(tmp_path: Path) -> None
 
 def test_the_pages_tables_are_what_simulator_and_plants_say() -> None:
     tool = Path(__file__).parents[3] / "tools" / "write_simulator_page.py"
-    result = subprocess.run(
-        [sys.executable, tool, "--check"], capture_output=True, text=True, check=False
-    )
+    result = captured(sys.executable, tool, "--check")
     assert result.returncode == 0, result.stderr
