@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 
@@ -18,11 +16,6 @@ from wheelwire.log.recorder import RecordingFile
 
 OFFSET_NS = 1_700_000_000_000_000_000
 SAID = {"driver": "mock", "board_id": "0a1b2c3d4e5f"}
-
-
-def no_space(*_: object) -> int:
-    """Stands in for a write to a full disk."""
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def traffic_of(play: Callable[[VirtualMockDriver], object]) -> list[Record]:

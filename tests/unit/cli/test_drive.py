@@ -1,5 +1,6 @@
 import itertools
 import time
+from typing import Any
 
 import pytest
 
@@ -8,6 +9,7 @@ from wheelwire.cli import robot as commands
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.link.clock import host_clock_us
 from wheelwire.motion.kinematics import Twist
+from wheelwire.motion.odometry import Pose
 
 SECONDS = 0.22
 
@@ -27,10 +29,15 @@ def lives(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return lives
 
 
+def drive(seconds: float, **options: Any) -> Pose:
+    """A simulated robot, straight on; returns where it ends."""
+    with open_driver("mock", **options) as robot:
+        return commands._drive(robot, Twist(0.1, 0.0), seconds)[1]
+
+
 def test_no_setpoint_lives_for_less_than_the_clocks_error(lives: list[float]) -> None:
     """At the end of a drive little is left of it, on a bad line less than the clock's bound."""
-    with open_driver("mock") as robot:
-        commands._drive(robot, Twist(0.1, 0.0), SECONDS)
+    drive(SECONDS)
     assert max(lives) <= SECONDS + commands.COMMAND_PERIOD_S
     assert min(lives) >= commands.COMMAND_PERIOD_S
 
@@ -55,16 +62,13 @@ def test_a_stop_ends_the_drive_and_not_the_last_setpoints_expiry(
 
 def test_the_last_setpoint_lasts_to_the_end(lives: list[float]) -> None:
     """And no further one has to arrive within the little time that is left."""
-    with open_driver("mock") as robot:
-        commands._drive(robot, Twist(0.1, 0.0), 2 * commands.TTL_S)
+    drive(2 * commands.TTL_S)
     assert min(lives) >= commands.TTL_S - 2 * commands.COMMAND_PERIOD_S
 
 
 def test_a_lower_limit_of_the_robots_is_kept(lives: list[float]) -> None:
-    with open_driver("mock", parameters={"ttl_max_s": 0.15}) as robot:
-        _, pose, _ = commands._drive(robot, Twist(0.1, 0.0), 3 * SECONDS)
+    assert drive(3 * SECONDS, parameters={"ttl_max_s": 0.15}).x_m > 0.03
     assert max(lives) <= 0.15
-    assert pose.x_m > 0.03
 
 
 def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
@@ -92,13 +96,11 @@ def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
 
 
 def test_a_drive_shorter_than_the_command_period_drives(lives: list[float]) -> None:
-    with open_driver("mock") as robot:
-        commands._drive(robot, Twist(0.1, 0.0), commands.COMMAND_PERIOD_S / 2)
+    drive(commands.COMMAND_PERIOD_S / 2)
     (life,) = lives
     assert commands.COMMAND_PERIOD_S < life <= 1.5 * commands.COMMAND_PERIOD_S
 
 
 def test_a_drive_of_no_time_sends_nothing(lives: list[float]) -> None:
-    with open_driver("mock") as robot:
-        commands._drive(robot, Twist(0.1, 0.0), 0.0)
+    drive(0.0)
     assert not lives

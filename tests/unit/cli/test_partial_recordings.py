@@ -11,7 +11,8 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.command import check_error, output, run, run_json
-from support.recordings import SAID, no_space, rewritten, write
+from support.full_disk import no_space
+from support.recordings import SAID, rewritten, write
 from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until

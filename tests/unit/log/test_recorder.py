@@ -16,7 +16,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from support.recordings import no_space
+from support.full_disk import no_space
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire.errors import RecordingError

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.full_disk import no_space
 from support.library_robot import LibraryRobot
 from wheelwire.errors import WheelwireError
 from wheelwire.log.why.black_box import stops_of_box
@@ -144,11 +145,7 @@ def test_a_disk_that_refuses_is_reported_and_stops_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     robot = PinsRobot(settings_in(tmp_path))
-
-    def full(*_: object) -> int:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "pwrite", no_space)
     robot.estop()
     robot.run(STORED_S)
     assert robot.outputs.state is SupervisorState.ESTOPPED

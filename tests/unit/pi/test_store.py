@@ -1,12 +1,11 @@
 """The parameters that a computer's robot keeps in a file."""
 
-import errno
-import os
 from pathlib import Path
 
 import pytest
 
 from support.core_host import CoreHost
+from support.full_disk import no_space
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused
 from wheelwire.pi.core import active_parameters, make_core
@@ -15,9 +14,8 @@ from wheelwire.pi.settings import McuSettings
 from wheelwire_protocol.types import ParameterSave
 
 
-def in_force(store: Path, **parameters: float) -> dict[str, float]:
-    settings = McuSettings(backend="l298n", board=Pins(), parameters=parameters, store=str(store))
-    return active_parameters(settings)
+def settings(store: Path | None = None, **parameters: float) -> McuSettings:
+    return McuSettings("l298n", Pins(), parameters, None if store is None else str(store))
 
 
 def test_saved_values_are_there_again(tmp_path: Path) -> None:
@@ -35,44 +33,35 @@ def test_saved_values_are_there_again(tmp_path: Path) -> None:
 
 def test_the_file_precedes_the_configuration_which_a_reset_restores(tmp_path: Path) -> None:
     store = tmp_path / "parameters"
-    _save_on(McuSettings("l298n", Pins(), {"integral_gain": 7.5}, str(store)))
-    assert in_force(store, integral_gain=3.0)["integral_gain"] == 7.5
+    _save_on(settings(store, integral_gain=7.5))
+    configured = settings(store, integral_gain=3.0)
+    assert active_parameters(configured)["integral_gain"] == 7.5
     store.unlink()
-    assert in_force(store, integral_gain=3.0)["integral_gain"] == 3.0
+    assert active_parameters(configured)["integral_gain"] == 3.0
 
 
 def test_a_computer_has_defaults_of_its_own(tmp_path: Path) -> None:
-    values = in_force(tmp_path / "none")
+    values = active_parameters(settings(tmp_path / "none"))
     assert values["control_rate_hz"] == 100
     assert values["estop_input_enabled"] == 0
 
 
 def test_without_a_file_nothing_can_be_saved() -> None:
-    core = make_core(McuSettings(backend="l298n", board=Pins()))
-    assert core is not None
     with pytest.raises(DeviceRefused, match="store"):
-        _save_on(McuSettings(backend="l298n", board=Pins()))
+        _save_on(settings())
 
 
 def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "parameters"
-    _save_on(
-        McuSettings(
-            backend="l298n", board=Pins(), store=str(store), parameters={"integral_gain": 7.5}
-        )
-    )
+    _save_on(settings(store, integral_gain=7.5))
     before = store.read_bytes()
-    monkeypatch.setattr("wheelwire.whole_file.os.fsync", _full)
+    monkeypatch.setattr("wheelwire.whole_file.os.fsync", no_space)
     with pytest.raises(DeviceRefused, match="store"):
-        _save_on(McuSettings(backend="l298n", board=Pins(), store=str(store)))
+        _save_on(settings(store))
     assert store.read_bytes() == before
     assert list(tmp_path.iterdir()) == [store]
-
-
-def _full(_: int) -> None:
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _save_on(settings: McuSettings) -> None:
