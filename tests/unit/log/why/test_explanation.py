@@ -73,30 +73,23 @@ def set_rates_that_contradict(robot: MockDriver) -> None:
     robot.parameters.set("control_rate_hz", 100.0)
 
 
-CONTACT, MOVING = "The emergency stop's contact opened.", f"{CAUSES['not_stopped'].sentence}."
+ESTOP = "The emergency stop was requested over this link."
+REVERSED = "Left wheel's speed grew against its drive."
+CONTACT = "The emergency stop's contact opened."
+NO_DRIVER = "A motor or encoder peripheral did not start."
+MOVING = f"{CAUSES['not_stopped'].sentence}."
+CONTRADICT = "Parameters contradict each other."
 CODES_THAT_SAY_IT = (RefusalCode.NOT_STOPPED, RefusalCode.CONTRADICTION)
 Act = Callable[[MockDriver], object]
 REFUSED: list[tuple[Act, Act, RefusalCode, str]] = [
-    (
-        *(estops, drive, RefusalCode.ESTOPPED),
-        "The emergency stop was requested over this link.",
-    ),
-    (
-        *(sets("left.encoder_reversed"), drive, RefusalCode.FAULT),
-        "Left wheel's speed grew against its drive.",
-    ),
+    (estops, drive, RefusalCode.ESTOPPED, ESTOP),
+    (sets("left.encoder_reversed"), drive, RefusalCode.FAULT, REVERSED),
     (sets("estop_open"), MockDriver.clear_estop, RefusalCode.CAUSE_PRESENT, CONTACT),
-    (
-        *(sets("driver_failed"), MockDriver.clear_fault, RefusalCode.CAUSE_PRESENT),
-        "A motor or encoder peripheral did not start.",
-    ),
+    (sets("driver_failed"), MockDriver.clear_fault, RefusalCode.CAUSE_PRESENT, NO_DRIVER),
     (drives, lambda robot: robot.parameters.save(), RefusalCode.NOT_STOPPED, MOVING),
     (drives, lambda robot: robot.recorder.ledger(), RefusalCode.NOT_STOPPED, MOVING),
     (drives, lambda robot: robot.board.restart(), RefusalCode.NOT_STOPPED, MOVING),
-    (
-        *(lambda _: None, set_rates_that_contradict, RefusalCode.CONTRADICTION),
-        "Parameters contradict each other.",
-    ),
+    (lambda _: None, set_rates_that_contradict, RefusalCode.CONTRADICTION, CONTRADICT),
 ]
 
 
