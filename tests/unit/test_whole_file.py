@@ -23,11 +23,19 @@ from wheelwire.pi.storage import RecorderFile
 from wheelwire.tools.demo.display import save_trajectory
 from wheelwire.tools.files.parameters import ParameterFile
 from wheelwire.tools.setup.setup import Progress, _write
+from wheelwire.tools.support import _written
 from wheelwire.tools.tune.before_after import draw as draw_drives
 from wheelwire.whole_file import write_whole
 
 CONTENT = bytes(1000)
 POSES = (Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 0.0))
+
+
+def archive(path: Path) -> None:
+    with _written(path) as zipped:
+        zipped.writestr("a", "b")
+
+
 WRITERS: dict[str, Callable[[Path], object]] = {
     "content": lambda path: write_whole(path, CONTENT),
     "new file": lambda path: write_new(path, CONTENT),
@@ -36,6 +44,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "progress of a set-up": lambda path: Progress("id", path.parent).save({"tune": {"a": 1.0}}),
     "black box": lambda path: _write_box(path, CONTENT),
     "recorder of a Pi": lambda path: RecorderFile(path, Heartbeat()),
+    "archive for a bug report": archive,
     "program that drove": lambda path: note_driver(SharingFolder(path.parent, None), "id", 1),
 }
 

@@ -9,6 +9,7 @@ import pytest
 
 from support.command import Result, check_error, run, run_json
 from wheelwire import errors
+from wheelwire.board import Configuration
 from wheelwire.tools.files.board import board_mapping, load_board, shipped_boards
 
 ANSWERS = [
@@ -68,51 +69,51 @@ def test_a_board_that_does_not_exist_is_an_error(command: str) -> None:
     assert "the built-in boards are " in line
 
 
+def made(
+    folder: Path, *options: str, answers: list[str], code: int = 0
+) -> tuple[Result, Configuration]:
+    """What `board init` says, and the board that it has written."""
+    file = folder / "mine.yaml"
+    result = ask("init", str(file), *options, answers=answers)
+    assert result.returncode == code, result.stderr
+    return result, load_board(file)
+
+
 def test_the_answers_make_a_file_that_can_be_used(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
-    result = ask("init", str(file), answers=ANSWERS)
-    assert result.returncode == 0, result.stderr
-    made = load_board(file)
-    assert made.problems() == []
-    assert (made.name, made.left.pwm, made.standby, made.led) == ("mine", 25, 21, None)
+    _, board = made(tmp_path, answers=ANSWERS)
+    assert board.problems() == []
+    assert (board.name, board.left.pwm, board.standby, board.led) == ("mine", 25, 21, None)
 
 
 def test_a_pin_that_cannot_be_used_is_asked_for_again(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
     answers = [*ANSWERS[:5], "34", "twelve", "12", *ANSWERS[5:]]
-    result = ask("init", str(file), answers=answers)
-    assert result.returncode == 0, result.stderr
+    result, board = made(tmp_path, answers=answers)
     assert "GPIO 34 of the ESP32 is an input only" in result.stderr
     assert "give the number of a GPIO" in result.stderr
     assert "the level of GPIO 12 at reset" in result.stderr
-    assert load_board(file).left.pwm == 25
+    assert board.left.pwm == 25
 
 
 def test_a_board_like_another_is_made_by_enter_alone(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
-    result = ask("init", str(file), "--like", "tb6612", "--json", answers=[""] * 30)
-    assert result.returncode == 0, result.stderr
+    result, board = made(tmp_path, "--like", "tb6612", "--json", answers=[""] * 30)
     assert json.loads(result.stdout)["board"] == board_mapping(load_board("tb6612"))
-    assert load_board(file) == load_board("tb6612")
+    assert board == load_board("tb6612")
 
 
 def test_a_missing_resistor_is_reported_and_the_answers_are_kept(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
     answers = [""] * 18 + ["n", "n"]  # no resistor on either enable
-    result = ask("init", str(file), "--like", "l298n", answers=answers)
-    assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
+    code = errors.ConfigurationError.exit_code
+    result, board = made(tmp_path, "--like", "l298n", answers=answers, code=code)
     assert result.stdout.count("fit some 10 kOhm to ground") == 2
-    assert f"correct it, then run `wheelwire board check {file}`" in result.stdout
-    assert load_board(file).left == load_board("l298n").left
+    assert f"correct it, then run `wheelwire board check {tmp_path / 'mine.yaml'}`" in result.stdout
+    assert board.left == load_board("l298n").left
 
 
 def test_a_resistor_is_asked_for_on_a_pin_that_the_chip_pulls_up(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
     answers = [*ANSWERS[:-4], "14", "21", "-", "-", "y"]  # standby on 14, the contact on 21
-    result = ask("init", str(file), answers=answers)
-    assert result.returncode == 0, result.stderr
+    result, board = made(tmp_path, answers=answers)
     assert "Is there a resistor of 10 kOhm from standby, GPIO 14, to ground?" in result.stderr
-    assert load_board(file).pulldowns == {14}
+    assert board.pulldowns == {14}
 
 
 def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
