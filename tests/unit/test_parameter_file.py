@@ -25,6 +25,9 @@ from wheelwire.tools.files.parameters import ParameterFile, load_parameter_file
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, Parameter
 
+Values = dict[str, float]
+"""By parameter."""
+
 
 class MemoryTrial(Trial):
     """A trial on a `Robot`, which reverts the values without a request for each."""
@@ -123,7 +126,7 @@ def robot() -> Robot:
 
 @given(values)
 def test_what_is_written_is_read_again(
-    tmp_path_factory: pytest.TempPathFactory, wanted: dict[str, float]
+    tmp_path_factory: pytest.TempPathFactory, wanted: Values
 ) -> None:
     exported = ParameterFile(wanted, "ESP32", "012345678901", "0.1.0")
     folder = tmp_path_factory.getbasetemp()
@@ -158,7 +161,7 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
 
 
 @given(values)
-def test_all_that_differs_is_set_and_only_that(wanted: dict[str, float]) -> None:
+def test_all_that_differs_is_set_and_only_that(wanted: Values) -> None:
     robot = Robot()
     expected = differences(robot.list(), wanted)
     assert robot.set_all(wanted) == expected
@@ -188,7 +191,7 @@ def failing(error: BaseException, when: Callable[..., bool]) -> Callable[..., No
 
 
 @pytest.fixture
-def before(robot: Robot) -> dict[str, float]:
+def before(robot: Robot) -> Values:
     """What the robot held at first."""
     return dict(robot.held)
 
@@ -202,12 +205,7 @@ def test_the_switch_of_the_estop_contact_is_set_last(robot: Robot) -> None:
 @pytest.mark.parametrize("answered", [False, True])
 @pytest.mark.parametrize("error", [REFUSED, errors.RequestTimeout("no answer"), LOST])
 def test_after_a_failure_the_previous_values_are_active(
-    robot: Robot,
-    before: dict[str, float],
-    name: str,
-    error: errors.WheelwireError,
-    *,
-    answered: bool,
+    robot: Robot, before: Values, name: str, error: errors.WheelwireError, *, answered: bool
 ) -> None:
     fail = failing(error, lambda *given: given == (name, WANTED[name]))
     if answered:
@@ -234,7 +232,7 @@ def test_what_is_refused_while_moving_is_tried_first_and_stops_nothing(robot: Ro
 
 
 def test_values_that_were_set_before_a_refused_one_are_set_back_without_a_stop(
-    robot: Robot, before: dict[str, float]
+    robot: Robot, before: Values
 ) -> None:
     robot.before_set = failing(REFUSED, lambda *given: given == ("wheel_separation", 0.3))
     with pytest.raises(errors.ImportFailed, match=r"wheel_separation .*active again"):
@@ -242,9 +240,7 @@ def test_values_that_were_set_before_a_refused_one_are_set_back_without_a_stop(
     assert (robot.held, robot.reverts) == (before, 0)
 
 
-def test_what_can_no_longer_be_set_back_reverts_with_a_stop(
-    robot: Robot, before: dict[str, float]
-) -> None:
+def test_what_can_no_longer_be_set_back_reverts_with_a_stop(robot: Robot, before: Values) -> None:
     """The robot began to drive in between."""
     robot.before_set = failing(
         REFUSED, lambda name, value: name == "wheel_separation" or value == before[name]
@@ -260,7 +256,7 @@ def test_one_value_needs_no_trial(robot: Robot, monkeypatch: pytest.MonkeyPatch)
     assert robot.order == ["wheel_radius"]
 
 
-def test_an_interrupt_restores_too(robot: Robot, before: dict[str, float]) -> None:
+def test_an_interrupt_restores_too(robot: Robot, before: Values) -> None:
     interrupts = iter([True])
     robot.before_set = failing(
         KeyboardInterrupt(),
@@ -275,7 +271,7 @@ def test_an_interrupt_restores_too(robot: Robot, before: dict[str, float]) -> No
     assert robot.held == before
 
 
-def test_restoring_waits_for_the_link(robot: Robot, before: dict[str, float]) -> None:
+def test_restoring_waits_for_the_link(robot: Robot, before: Values) -> None:
     losses = iter([True] * 4)
     robot.before_set = failing(
         LOST, lambda name, _: name == "estop_input_enabled" and next(losses, False)
@@ -299,7 +295,7 @@ def test_values_that_could_not_be_restored_are_named(
 
 @pytest.mark.parametrize("moment", ["before_keep", "after_keep"])
 def test_values_that_contradict_each_other_change_nothing(
-    robot: Robot, before: dict[str, float], moment: str
+    robot: Robot, before: Values, moment: str
 ) -> None:
     """Also where the answer was lost, and the device has kept them after all."""
     setattr(robot, moment, failing(CONTRADICTION, lambda: True))
@@ -308,9 +304,7 @@ def test_values_that_contradict_each_other_change_nothing(
     assert robot.held == before
 
 
-def test_what_is_taken_only_after_others_is_restored_too(
-    robot: Robot, before: dict[str, float]
-) -> None:
+def test_what_is_taken_only_after_others_is_restored_too(robot: Robot, before: Values) -> None:
     robot.before_set = failing(
         CONTRADICTION,
         lambda name, value: (
@@ -347,9 +341,7 @@ def test_all_values_of_the_file_are_saved_and_no_other(robot: Robot) -> None:
     assert robot.saved == robot.held == full
 
 
-def test_a_save_that_fails_restores_and_says_what_was_saved(
-    robot: Robot, before: dict[str, float]
-) -> None:
+def test_a_save_that_fails_restores_and_says_what_was_saved(robot: Robot, before: Values) -> None:
     robot.before_save = failing(STORE_FAILED, lambda name: name == "max_duty")
     with pytest.raises(errors.ImportFailed, match="the values were not saved: ") as raised:
         robot.set_all(WANTED, save=True)
@@ -366,7 +358,7 @@ def test_a_save_that_fails_restores_and_says_what_was_saved(
     ],
 )
 def test_nothing_is_set_if_any_value_is_wrong(
-    robot: Robot, wanted: dict[str, float], error: type[errors.WheelwireError]
+    robot: Robot, wanted: Values, error: type[errors.WheelwireError]
 ) -> None:
     with pytest.raises(error):
         robot.set_all(wanted)

@@ -29,6 +29,8 @@ from wheelwire.log.repair import repair
 from wheelwire.log.rerun import Rerun
 from wheelwire.log.summary import summary
 
+Make = Callable[..., Recorder]
+
 
 @pytest.fixture
 def link() -> TappedLine:
@@ -36,7 +38,7 @@ def link() -> TappedLine:
 
 
 @pytest.fixture
-def make(link: TappedLine, tmp_path: Path) -> Iterator[Callable[..., Recorder]]:
+def make(link: TappedLine, tmp_path: Path) -> Iterator[Make]:
     made: list[Recorder] = []
 
     def record(path: Path = tmp_path / "day.mcap", **options: object) -> Recorder:
@@ -56,7 +58,7 @@ def samples_of(path: Path) -> tuple[list[object], Session]:
     return list(found), again.session
 
 
-def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., Recorder]) -> None:
+def test_what_the_link_did_is_done_again(link: TappedLine, make: Make) -> None:
     known = len(link.line.samples)
     recorder = make()
     link.drive(3)
@@ -69,7 +71,7 @@ def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., R
     assert not link.traffic.readers
 
 
-def test_closing_twice_and_the_links_end(link: TappedLine, make: Callable[..., Recorder]) -> None:
+def test_closing_twice_and_the_links_end(link: TappedLine, make: Make) -> None:
     recorder = make()
     link.drive(0.2)
     link.has_ended = True
@@ -81,9 +83,7 @@ def test_closing_twice_and_the_links_end(link: TappedLine, make: Callable[..., R
     assert not repair(recorder.file)
 
 
-def test_viewers_find_messages_that_they_know(
-    link: TappedLine, make: Callable[..., Recorder]
-) -> None:
+def test_viewers_find_messages_that_they_know(link: TappedLine, make: Make) -> None:
     recorder = make()
     link.drive(2)
     link.line.run(1)  # the setpoint expires
@@ -115,11 +115,7 @@ def test_viewers_find_messages_that_they_know(
 
 @pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1), ("MAX_S", 0.5)])
 def test_a_full_file_goes_on_in_the_next(
-    link: TappedLine,
-    make: Callable[..., Recorder],
-    monkeypatch: pytest.MonkeyPatch,
-    limit: str,
-    value: float,
+    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
     monkeypatch.setattr(recorder_module, limit, value)
     known = len(link.line.samples)
@@ -142,7 +138,7 @@ def test_a_full_file_goes_on_in_the_next(
 
 
 def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
-    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "QUEUE", 50)
     monkeypatch.setattr(recorder_module, "PERIOD_S", 0.3)
@@ -163,10 +159,7 @@ def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
 
 
 def test_a_full_disk_ends_the_recording_alone(
-    link: TappedLine,
-    make: Callable[..., Recorder],
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     recorder = make()
     link.drive(0.5)
@@ -196,7 +189,7 @@ def test_a_full_disk_ends_the_recording_alone(
 
 
 def test_the_next_recording_in_a_folder_repairs_what_a_crash_left(
-    link: TappedLine, make: Callable[..., Recorder], tmp_path: Path
+    link: TappedLine, make: Make, tmp_path: Path
 ) -> None:
     recorder = make(tmp_path / "whole.mcap")
     link.drive(1)
@@ -225,9 +218,7 @@ def test_the_next_recording_in_a_folder_repairs_what_a_crash_left(
         assert not repair(one.file)
 
 
-def test_a_folder_gets_a_file_named_by_the_time(
-    make: Callable[..., Recorder], tmp_path: Path
-) -> None:
+def test_a_folder_gets_a_file_named_by_the_time(make: Make, tmp_path: Path) -> None:
     first, second = make(tmp_path), make(tmp_path)
     assert first.file != second.file
     for one in (first, second):
@@ -236,19 +227,19 @@ def test_a_folder_gets_a_file_named_by_the_time(
         assert one.file.suffix == ".mcap"
 
 
-def test_nothing_is_overwritten(make: Callable[..., Recorder], tmp_path: Path) -> None:
+def test_nothing_is_overwritten(make: Make, tmp_path: Path) -> None:
     (tmp_path / "day.mcap").write_text("precious")
     assert make().file == tmp_path / "day-2.mcap"
     assert (tmp_path / "day.mcap").read_text() == "precious"
 
 
-def test_a_folder_that_is_missing(make: Callable[..., Recorder], tmp_path: Path) -> None:
+def test_a_folder_that_is_missing(make: Make, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="there is no folder"):
         make(tmp_path / "none" / "day.mcap")
 
 
 def test_attachments_that_fail_are_the_error_of_a_whole_recording(
-    link: TappedLine, make: Callable[..., Recorder]
+    link: TappedLine, make: Make
 ) -> None:
     threads: list[threading.Thread] = []
 
@@ -268,9 +259,7 @@ def test_attachments_that_fail_are_the_error_of_a_whole_recording(
     assert (found.name, found.media_type, found.data) == ("a.yaml", "application/yaml", b"b: 1\n")
 
 
-def test_without_a_power_cut_nothing_is_older_than_a_chunk(
-    link: TappedLine, make: Callable[..., Recorder]
-) -> None:
+def test_without_a_power_cut_nothing_is_older_than_a_chunk(link: TappedLine, make: Make) -> None:
     recorder = make()
     link.drive(0.5)
     newest = link.line.now_us
@@ -303,7 +292,7 @@ class RecorderClock:
 
 
 def test_it_syncs_off_the_links_thread_and_each_second(
-    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = RecorderClock()
     monkeypatch.setattr("wheelwire.log.recorder.time", clock)
@@ -329,7 +318,7 @@ def test_it_syncs_off_the_links_thread_and_each_second(
 
 
 def test_times_of_day_follow_a_clock_that_is_set(
-    link: TappedLine, make: Callable[..., Recorder], monkeypatch: pytest.MonkeyPatch
+    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As on a Pi without a battery, once it reaches a time server."""
     years_ns = 10 * 365 * 86_400 * 10**9

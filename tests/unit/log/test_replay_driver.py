@@ -13,11 +13,12 @@ from wheelwire import Odometry, WheelSample, errors, open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.drivers.replay import ReplayDriver
 
+Day = tuple[Path, list[WheelSample]]
 SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
 
 
 @pytest.fixture(scope="module")
-def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[WheelSample]]:
+def day(tmp_path_factory: pytest.TempPathFactory) -> Day:
     """A file, and the samples that its program has read."""
     seen: list[WheelSample] = []
 
@@ -35,9 +36,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[WheelSampl
 
 
 @pytest.mark.parametrize("speed", [0, 1, 50.0])
-def test_samples_and_poses_are_those_of_the_day(
-    day: tuple[Path, list[WheelSample]], speed: float
-) -> None:
+def test_samples_and_poses_are_those_of_the_day(day: Day, speed: float) -> None:
     path, seen = day
     with open_driver("replay", file=path, speed=speed) as robot:
         again = list(robot.samples())
@@ -50,7 +49,7 @@ def test_samples_and_poses_are_those_of_the_day(
     assert poses[-1].heading_rad > 1
 
 
-def test_it_can_be_stepped_and_read(day: tuple[Path, list[WheelSample]]) -> None:
+def test_it_can_be_stepped_and_read(day: Day) -> None:
     path, seen = day
     with open_driver("replay", file=str(path), speed=0) as robot:
         assert robot.read() in seen
@@ -64,7 +63,7 @@ def test_it_can_be_stepped_and_read(day: tuple[Path, list[WheelSample]]) -> None
         assert right > 0
 
 
-def test_the_same_program_asks_for_the_same(day: tuple[Path, list[WheelSample]]) -> None:
+def test_the_same_program_asks_for_the_same(day: Day) -> None:
     path, _ = day
     with open_driver("replay", file=path, speed=0) as robot:
         for linear, angular in SETPOINTS:
@@ -76,13 +75,13 @@ def test_the_same_program_asks_for_the_same(day: tuple[Path, list[WheelSample]])
         robot.stop()
 
 
-def test_it_knows_what_the_program_noted(day: tuple[Path, list[WheelSample]]) -> None:
+def test_it_knows_what_the_program_noted(day: Day) -> None:
     with open_driver("replay", file=day[0], speed=0) as robot:
         assert robot.noted("weather") == {"wind": 3}
         assert robot.noted("moon") is None
 
 
-def test_its_parameters_are_those_of_the_day(day: tuple[Path, list[WheelSample]]) -> None:
+def test_its_parameters_are_those_of_the_day(day: Day) -> None:
     with wheelwire.connect(day[0]) as robot:
         assert robot.parameters["max_duty"] == 1.0
         assert len(robot.parameters.list()) > 30
@@ -90,13 +89,13 @@ def test_its_parameters_are_those_of_the_day(day: tuple[Path, list[WheelSample]]
             robot.parameters.set("max_duty", 0.5)
 
 
-async def test_asyncio_reads_it_as_well(day: tuple[Path, list[WheelSample]]) -> None:
+async def test_asyncio_reads_it_as_well(day: Day) -> None:
     async with await wheelwire.aio.open_driver("replay", file=day[0], speed=50) as robot:
         assert day[1][-1] in [sample async for sample in robot.samples()]
 
 
 @pytest.mark.parametrize("speed", [-1, float("nan"), 1e9, "fast", None])
-def test_a_wrong_speed_is_refused(day: tuple[Path, list[WheelSample]], speed: object) -> None:
+def test_a_wrong_speed_is_refused(day: Day, speed: object) -> None:
     with pytest.raises(errors.InvalidArgument, match="speed = "):
         open_driver("replay", file=day[0], speed=speed)  # type: ignore[call-overload]
 
@@ -111,7 +110,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes |
             open_driver("replay", file=path, speed=speed)
 
 
-def test_the_command_line_shows_it(day: tuple[Path, list[WheelSample]]) -> None:
+def test_the_command_line_shows_it(day: Day) -> None:
     path, _ = day
     shown = run("monitor", str(path))
     assert shown.returncode == 0, shown.stderr

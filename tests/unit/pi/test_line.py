@@ -19,6 +19,11 @@ MOST = 20_000
 """Bytes on their way to an application that does not read: a fifth of a second of states."""
 
 
+Ends = tuple[ConnectedLine, socket.socket]
+Service = tuple[ListeningLine, Path]
+"""A line that listens, and where."""
+
+
 class Frames:
     """Stands in for the core: has numbered frames to send."""
 
@@ -35,7 +40,7 @@ def core(frames: Frames) -> Core:
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[ConnectedLine, socket.socket]]:
+def ends() -> Iterator[Ends]:
     ours, theirs = socket.socketpair()
     line = ConnectedLine(ours.detach())
     theirs.settimeout(10)
@@ -59,9 +64,7 @@ def read(theirs: socket.socket, size: int) -> bytes:
     return data
 
 
-def test_bytes_that_do_not_fit_wait(
-    ends: tuple[ConnectedLine, socket.socket],
-) -> None:
+def test_bytes_that_do_not_fit_wait(ends: Ends) -> None:
     line, theirs = ends
     frames = Frames(200)
     got = b""
@@ -72,18 +75,14 @@ def test_bytes_that_do_not_fit_wait(
     assert got == frames.whole
 
 
-def test_little_waits_for_an_application_that_does_not_read(
-    ends: tuple[ConnectedLine, socket.socket],
-) -> None:
+def test_little_waits_for_an_application_that_does_not_read(ends: Ends) -> None:
     line, _ = ends
     frames = Frames(2000)
     line.send(core(frames))
     assert len(frames.whole) - len(frames.frames) * FRAME < MOST
 
 
-def test_an_application_that_has_nothing_to_say_has_not_hung_up(
-    ends: tuple[ConnectedLine, socket.socket],
-) -> None:
+def test_an_application_that_has_nothing_to_say_has_not_hung_up(ends: Ends) -> None:
     line, theirs = ends
     readable = line.wait_set()[0]
     assert line.receive(readable) == b""
@@ -98,9 +97,7 @@ def test_an_application_that_has_nothing_to_say_has_not_hung_up(
     assert not line.next_host()
 
 
-def test_what_an_application_said_last_is_read_before_its_end(
-    ends: tuple[ConnectedLine, socket.socket],
-) -> None:
+def test_what_an_application_said_last_is_read_before_its_end(ends: Ends) -> None:
     line, theirs = ends
     theirs.sendall(b"stop")
     theirs.close()
@@ -111,7 +108,7 @@ def test_what_an_application_said_last_is_read_before_its_end(
     assert line.hung_up
 
 
-def test_a_send_to_nobody_is_an_end(ends: tuple[ConnectedLine, socket.socket]) -> None:
+def test_a_send_to_nobody_is_an_end(ends: Ends) -> None:
     line, theirs = ends
     theirs.close()
     line.send(core(Frames(1)))
@@ -126,7 +123,7 @@ def connected(path: Path) -> socket.socket:
 
 
 @pytest.fixture
-def service(tmp_path: Path) -> Iterator[tuple[ListeningLine, Path]]:
+def service(tmp_path: Path) -> Iterator[Service]:
     path = tmp_path / "line"
     line = ListeningLine(path)
     yield line, path
@@ -134,9 +131,7 @@ def service(tmp_path: Path) -> Iterator[tuple[ListeningLine, Path]]:
     assert not path.exists()
 
 
-def test_the_next_host_gets_nothing_that_was_for_the_one_before(
-    service: tuple[ListeningLine, Path],
-) -> None:
+def test_the_next_host_gets_nothing_that_was_for_the_one_before(service: Service) -> None:
     line, path = service
     with connected(path) as first:
         line.receive(line.wait_set()[0])
@@ -153,16 +148,14 @@ def test_the_next_host_gets_nothing_that_was_for_the_one_before(
         assert read(second, 1000) == frames.whole
 
 
-def test_while_nobody_is_connected_nothing_piles_up(service: tuple[ListeningLine, Path]) -> None:
+def test_while_nobody_is_connected_nothing_piles_up(service: Service) -> None:
     line, _ = service
     frames = Frames(1)
     line.send(core(frames))
     assert not frames.frames
 
 
-def test_a_second_host_is_sent_away_and_the_first_one_stays(
-    service: tuple[ListeningLine, Path],
-) -> None:
+def test_a_second_host_is_sent_away_and_the_first_one_stays(service: Service) -> None:
     line, path = service
     with connected(path) as first, connected(path) as second:
         for _ in range(2):
@@ -173,7 +166,7 @@ def test_a_second_host_is_sent_away_and_the_first_one_stays(
         assert not line.hung_up
 
 
-def test_a_host_that_hangs_up_is_no_end_of_the_service(service: tuple[ListeningLine, Path]) -> None:
+def test_a_host_that_hangs_up_is_no_end_of_the_service(service: Service) -> None:
     line, path = service
     for _ in range(3):
         with connected(path):
@@ -202,7 +195,7 @@ class Narrow:
 
 @pytest.mark.parametrize("takes", [(1, 0), (99, 0), (100, 0), (50, 50, 7, 0), (0, 0, 33, 0)])
 def test_a_frame_that_was_taken_in_part_goes_on_where_it_was_left(
-    ends: tuple[ConnectedLine, socket.socket], takes: tuple[int, ...]
+    ends: Ends, takes: tuple[int, ...]
 ) -> None:
     line, _ = ends
     line.close()
