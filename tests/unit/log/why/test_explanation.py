@@ -6,7 +6,6 @@ import asyncio
 import pickle
 import subprocess
 import sys
-import threading
 import time
 import weakref
 from collections.abc import Callable
@@ -160,15 +159,9 @@ async def test_asyncio_says_it_of_calls_and_to_its_callback() -> None:
 
 def test_report_and_error_describe_a_watched_stop_alike() -> None:
     reported: list[Stop] = []
-    told = threading.Event()
-
-    def report(stop: Stop) -> None:
-        reported.append(stop)
-        told.set()
-
     with mock(realtime=True) as robot:
         robot.simulator.set("supply_ohm", 0.4)
-        robot.watch_stops(report)
+        robot.watch_stops(reported.append)
         end_s = time.monotonic() + 1.0
         while time.monotonic() < end_s:
             robot.set_velocity(0.2, 0.0)
@@ -176,7 +169,7 @@ def test_report_and_error_describe_a_watched_stop_alike() -> None:
         robot.simulator.set("left.blocked", 1)
         with pytest.raises(DeviceRefused) as raised:  # at once, before the stop is reported
             drive(robot, time.sleep)
-        assert told.wait(PATIENCE_S)
+        wait_until(lambda: bool(reported), PATIENCE_S)
         with pytest.raises(DeviceRefused) as later:
             robot.set_velocity(0.2, 0.0)
     (stop,) = reported

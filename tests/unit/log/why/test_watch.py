@@ -27,23 +27,10 @@ pytestmark = pytest.mark.timeout(60)
 PATIENCE_S = 20.0
 
 
-class Reports:
-    """Collects stops."""
-
-    def __init__(self) -> None:
-        self.stops: list[Stop] = []
-        self.changed = threading.Condition()
-
-    def __call__(self, stop: Stop) -> None:
-        with self.changed:
-            self.stops.append(stop)
-            self.changed.notify_all()
-
-    def wait(self, number: int) -> list[str]:
-        """The causes, once there are so many."""
-        with self.changed:
-            assert self.changed.wait_for(lambda: len(self.stops) >= number, PATIENCE_S)
-            return [stop.cause for stop in self.stops]
+def causes(reports: list[Stop], number: int) -> list[str]:
+    """Those of the stops, once there are so many."""
+    wait_until(lambda: len(reports) >= number, PATIENCE_S)
+    return [stop.cause for stop in reports]
 
 
 def drive(robot: Robot) -> None:
@@ -65,24 +52,24 @@ def drives_since(began_s: float, sample: wheelwire.WheelSample) -> bool:
 
 
 def test_each_stop_is_reported_once() -> None:
-    reports = Reports()
+    reports: list[Stop] = []
     with wheelwire.open_driver("mock") as robot:
-        watch = robot.watch_stops(reports)
+        watch = robot.watch_stops(reports.append)
         drive(robot)
-        assert reports.wait(1) == ["program_paused"]
+        assert causes(reports, 1) == ["program_paused"]
         drive(robot)
         robot.stop()
-        assert reports.wait(2) == ["program_paused", "stop_by_session"]
+        assert causes(reports, 2) == ["program_paused", "stop_by_session"]
         watch.close()
         watch.close()
         robot.estop()
-    assert len(reports.stops) == 2
+    assert len(reports) == 2
 
 
 def test_a_watch_misses_no_stop_while_the_session_still_asks_for_the_board(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    reports = Reports()
+    reports: list[Stop] = []
     with wheelwire.open_driver("mock") as robot:
         assert isinstance(robot, MockDriver)
         before = robot.info.device.boot_id
@@ -92,20 +79,20 @@ def test_a_watch_misses_no_stop_while_the_session_still_asks_for_the_board(
             with suppress(LinkLost):
                 robot.read(PATIENCE_S)
         drive(robot)
-        robot.watch_stops(reports)  # most computers get here before the board is known
+        robot.watch_stops(reports.append)  # most computers get here before the board is known
         robot.estop()
         with pytest.raises(DeviceRefused) as refused:
             robot.set_velocity(0.1, 0.0)
         assert refused.value.why == "The emergency stop was requested over this link."
-        assert reports.wait(1) == ["estop_by_session"]
+        assert causes(reports, 1) == ["estop_by_session"]
         assert lost.left == 0
 
 
 def test_an_exception_in_a_report_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    reports = Reports()
+    reports: list[Stop] = []
 
     def fail(stop: Stop) -> None:
-        reports(stop)
+        reports.append(stop)
         raise RuntimeError("mine")
 
     with wheelwire.open_driver("mock") as robot:
@@ -113,39 +100,39 @@ def test_an_exception_in_a_report_ends_nothing(caplog: pytest.LogCaptureFixture)
         for number in (1, 2):
             drive(robot)
             robot.stop()
-            reports.wait(number)
+            causes(reports, number)
     assert "the function to call at a stop has failed" in caplog.text
 
 
 def test_a_chip_that_resets_is_reported_and_watched_on() -> None:
-    reports = Reports()
+    reports: list[Stop] = []
     with wheelwire.open_driver("mock") as robot:
         assert isinstance(robot, MockDriver)
-        robot.watch_stops(reports)
+        robot.watch_stops(reports.append)
         drive(robot)
         robot.simulator.reset(ResetReason.TASK_WATCHDOG)
-        assert reports.wait(1) == ["task_watchdog"]
-        assert "TASK_WATCHDOG" in reports.stops[0].evidence[0]
+        assert causes(reports, 1) == ["task_watchdog"]
+        assert "TASK_WATCHDOG" in reports[0].evidence[0]
         drive(robot)
         robot.stop()
-        assert reports.wait(2) == ["task_watchdog", "stop_by_session"]
+        assert causes(reports, 2) == ["task_watchdog", "stop_by_session"]
 
 
 def test_two_watches_report_alike_and_one_outlives_the_other() -> None:
-    first, second = Reports(), Reports()
+    first, second = list[Stop](), list[Stop]()
     with wheelwire.open_driver("mock") as robot:
-        robot.watch_stops(first)
-        watch = robot.watch_stops(second)
+        robot.watch_stops(first.append)
+        watch = robot.watch_stops(second.append)
         drive(robot)
         robot.stop()
-        assert first.wait(1) == second.wait(1) == ["stop_by_session"]
+        assert causes(first, 1) == causes(second, 1) == ["stop_by_session"]
         # But for the time, which each watch estimates from the exchanges that it has seen.
-        assert first.stops == [replace(second.stops[0], host_us=first.stops[0].host_us)]
+        assert first == [replace(second[0], host_us=first[0].host_us)]
         watch.close()
         drive(robot)
         robot.stop()
-        assert first.wait(2) == ["stop_by_session"] * 2
-    assert len(second.stops) == 1
+        assert causes(first, 2) == ["stop_by_session"] * 2
+    assert len(second) == 1
 
 
 # --- asyncio -----------------------------------------------------------------------------------
