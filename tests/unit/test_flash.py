@@ -7,7 +7,6 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 
@@ -65,10 +64,11 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return command.run("flash", *arguments, COLUMNS="200")
 
 
-def run_json(*arguments: str) -> Any:
-    result = run(*arguments, "--json")
+def flashed(port: str, image: Path, *options: str) -> str:
+    """What is printed of a success."""
+    result = run(port, "--image", str(image), *options)
     assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout)
+    return result.stdout
 
 
 def check_holds(chip: EspChip, image: Path) -> None:
@@ -91,11 +91,10 @@ def test_saved_data_survives_flashing(chip: EspChip, port: str, image: Path) -> 
     put(chip, 0x11000, OTA_1_IS_SELECTED)
     put(chip, 0x280000, b"\xe9 another application")
     assert chip.application() == 0x280000
-    result = run(port, "--image", str(image))
-    assert result.returncode == 0, result.stderr
-    assert "keeps the data in: nvs, recorder, coredump" in result.stdout
-    assert "erases" not in result.stdout
-    assert "ESP32 240ac4123456" in result.stdout
+    said = flashed(port, image)
+    assert "keeps the data in: nvs, recorder, coredump" in said
+    assert "erases" not in said
+    assert "ESP32 240ac4123456" in said
     for name, _, _, offset, size in our_layout():
         if name in held:
             assert chip.flash[offset : offset + size] == held[name], name
@@ -112,7 +111,7 @@ def test_another_layouts_leftovers_are_erased_and_named(
     put(chip, 0x8000, table_bytes(FACTORY_LAYOUT))
     put(chip, 0x10000, b"\xe9" + Random(9).randbytes(0x8FFFF))
     saved = bytes(chip.flash[0x9000:0xF000])
-    told = run_json(port, "--image", str(image))
+    told = json.loads(flashed(port, image, "--json"))
     assert told["kept"] == ["nvs"]
     assert [(region["name"], region["offset"]) for region in told["erased"]] == [
         ("nvs", 0xF000),
@@ -127,9 +126,7 @@ def test_another_layouts_leftovers_are_erased_and_named(
 
 def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> None:
     put(chip, 0, Random(3).randbytes(len(chip.flash)))
-    result = run(port, "--image", str(image), "--erase")
-    assert result.returncode == 0, result.stderr
-    assert "erases the whole flash, saved parameters included" in result.stdout
+    assert "erases the whole flash, saved parameters included" in flashed(port, image, "--erase")
     check_holds(chip, image)
     content = image.read_bytes().ljust(len(chip.flash), b"\xff")
     assert chip.flash == content
@@ -140,7 +137,7 @@ def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
     with PtyDevice(tmp_path / "port", before=chip) as pty:
-        told = run_json(str(pty.path), "--image", str(image))
+        told = json.loads(flashed(str(pty.path), image, "--json"))
     assert told["kept"] == []
     assert told["device"]["board"] == "ESP32S3"
     assert chip.flash == image.read_bytes().ljust(len(chip.flash), b"\xff")
@@ -181,8 +178,7 @@ def test_a_larger_flash_and_an_unknown_one_are_not_refused(
     chip: EspChip, port: str, image: Path, flash_id: int
 ) -> None:
     chip.flash_id = flash_id
-    result = run(port, "--image", str(image))
-    assert result.returncode == 0, result.stderr
+    flashed(port, image)
     check_holds(chip, image)
 
 
