@@ -12,24 +12,14 @@ import pytest
 from wheelwire.cli import view
 
 
-class Terminal(io.StringIO):
+def terminal(encoding: str = "utf-8") -> SimpleNamespace:
     """A stream at a terminal."""
-
-    def __init__(self, encoding: str = "utf-8") -> None:
-        super().__init__()
-        self._encoding = encoding
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        return self._encoding
-
-    def isatty(self) -> bool:
-        return True
+    return SimpleNamespace(isatty=lambda: True, encoding=encoding)
 
 
 @pytest.fixture(autouse=True)
 def streams(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    streams = SimpleNamespace(stdin=Terminal(), stdout=Terminal(), stderr=Terminal())
+    streams = SimpleNamespace(stdin=terminal(), stdout=terminal(), stderr=terminal())
     monkeypatch.setattr(view, "sys", streams)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(view, "find_spec", lambda _: importlib.util.find_spec("json"))
@@ -52,7 +42,7 @@ def test_a_dumb_terminal_gets_lines(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_terminal_without_braille_gets_lines(streams: SimpleNamespace) -> None:
-    streams.stdout = Terminal("ascii")
+    streams.stdout = terminal("ascii")
     assert not view.can_show()
 
 

@@ -13,7 +13,7 @@ import pytest
 from support.cases import each
 from support.confined import NOBODY
 from support.processes import captured
-from support.units import EMULATED, NOT_EMULATED, documented_units
+from support.units import EMULATED, NOT_EMULATED, Unit, documented_units
 from wheelwire.pi.gpio import gpiozero
 
 UNITS = documented_units()
@@ -40,24 +40,21 @@ def test_the_pages_have_units() -> None:
     assert PINS
 
 
-@each("number", range(len(UNITS)))
-def test_every_entry_is_emulated_or_known_not_to_be(number: int) -> None:
-    unit = UNITS[number]
+@each("unit", UNITS, ids=lambda unit: unit.page)
+def test_every_entry_is_emulated_or_known_not_to_be(unit: Unit) -> None:
     assert unit.service.keys() <= EMULATED | NOT_EMULATED, unit.page
 
 
-@each("number", range(len(OURS)))
-def test_a_unit_has_a_user_without_rights_and_is_found_without_a_path(number: int) -> None:
-    unit = OURS[number]
+@each("unit", OURS, ids=lambda unit: unit.page)
+def test_a_unit_has_a_user_without_rights_and_is_found_without_a_path(unit: Unit) -> None:
     assert unit.service["User"] not in ("root", "0")
     assert unit.service["NoNewPrivileges"] == "yes"
     assert unit.service["ProtectSystem"] in ("full", "strict")
     assert unit.command[0].startswith("/")  # systemd searches no PATH of a user's
 
 
-@each("number", range(len(PINS)))
-def test_the_unit_of_the_pins_has_a_folder_that_it_can_write_to(number: int) -> None:
-    unit = PINS[number]
+@each("unit", PINS, ids=lambda unit: unit.page)
+def test_the_unit_of_the_pins_has_a_folder_that_it_can_write_to(unit: Unit) -> None:
     assert unit.folder in unit.writable  # lgpio makes a pipe there
     words = unit.command
     for word in words[1:]:
@@ -66,14 +63,14 @@ def test_the_unit_of_the_pins_has_a_folder_that_it_can_write_to(number: int) -> 
     assert str(Path(listen).parent) in unit.writable
 
 
-@each("number", range(len(PINS)))
-def test_lgpio_has_a_folder_for_its_pipe(number: int) -> None:
+@each("unit", PINS, ids=lambda unit: unit.page)
+def test_lgpio_has_a_folder_for_its_pipe(unit: Unit) -> None:
     """Without a home, in a folder of its own and in the root, as a user without rights."""
     user = NOBODY if os.getuid() == 0 else 0
     with TemporaryDirectory(prefix="wheelwire-unit-") as runtime:
         if user:
             os.chown(runtime, user, user)
-        environment = PINS[number].environment | {
+        environment = unit.environment | {
             "WHEELWIRE_RUNTIME_DIR": runtime,
             "PYTHONPATH": os.pathsep.join(sys.path),
         }

@@ -93,15 +93,6 @@ def test_a_release_stops_at_once(hand: Hand) -> None:
     assert hand.true("drive_on") == 0
 
 
-def test_the_release_of_one_of_two_keys_does_not(hand: Hand) -> None:
-    hand.key("w", PRESSED)
-    hand.key("a", PRESSED)
-    hand.wait(0.3)
-    hand.key("a", RELEASED)
-    hand.wait(0.1)
-    assert hand.state() is SupervisorState.DRIVING
-
-
 def test_space_stops_what_is_held(hand: Hand) -> None:
     hand.key("w", PRESSED)
     hand.wait(0.3)
