@@ -104,12 +104,10 @@ WRONG = [
     Wrong(ESP32, Fault.PIN_STRAPPING, {"left.in1": 0}),
     Wrong(ESP32, Fault.PIN_STRAPPING, {"left.in1": 2}),
     Wrong(ESP32, Fault.PIN_STRAPPING, {"left.encoder_b": 5}),
-    Wrong(ESP32, Fault.PIN_STRAPPING, {"right.in1": 12}),
     Wrong(ESP32, Fault.PIN_STRAPPING, {"estop.pin": 15}),
     Wrong(S3, Fault.PIN_STRAPPING, {"left.in1": 45}),
     Wrong(C6, Fault.PIN_STRAPPING, {"left.in1": 8}),
     Wrong(ESP32, Fault.PIN_OF_MEMORY, {"left.in2": 6}),
-    Wrong(ESP32, Fault.PIN_OF_MEMORY, {"right.encoder_a": 16}),
     Wrong(S3, Fault.PIN_OF_MEMORY, {"left.in2": 35}),
     Wrong(C6, Fault.PIN_OF_MEMORY, {"left.in2": 27}),
     Wrong(ESP32, Fault.PIN_OF_LINK, {"left.in1": 1}),
@@ -121,7 +119,6 @@ WRONG = [
     Wrong(PI, Fault.PIN_ABSENT, {"left.in1": 28}),
     # Pins used twice
     Wrong(ESP32, Fault.PIN_TWICE, {"right.in1": 26}, {"other": "left.in1"}),
-    Wrong(ESP32, Fault.PIN_TWICE, {"led": 18}, {"other": "left.encoder_a"}),
     Wrong(PI, Fault.PIN_TWICE, {"right.encoder_b": 17}, {"other": "left.encoder_a"}),
     # What a function needs
     Wrong(ESP32, Fault.NO_PULL_UP, {"left.encoder_a": 35}),
@@ -133,7 +130,6 @@ WRONG = [
     Wrong(ESP32, Fault.DIVIDER, {"battery.divider": 30, "battery.pin": 34}, {"value": 30_000}),
     # The stage
     Wrong(ESP32, Fault.PIN_MISSING, {"left.in2": None}),
-    Wrong(ESP32, Fault.PIN_MISSING, {"right.encoder_a": None}),
     Wrong("tb6612", Fault.PIN_MISSING, {"left.pwm": None}),
     Wrong("mdd10a", Fault.PIN_WITHOUT_USE, {"right.in1": 27}),
     Wrong("mdd10a", Fault.PIN_WITHOUT_USE, {"standby": 21}),

@@ -29,14 +29,6 @@ LOADERS: dict[str, Callable[[Path], object]] = {
     "plant": load_plant,
     "answers": AnswersFile,
 }
-MISSPELT = {
-    "robot": ("driver: mock\nparameters:\n  wheel_radus: 0.03\n", "parameters.wheel_radius"),
-    "board": ("name: a\nchip: esp32\npuldowns: [3]\n", "pulldowns"),
-    "parameters": ("board: ESP32\nparameters:\n  wheel_radus: 0.03\n", "parameters.wheel_radius"),
-    "profile": ("seed: 1\n\nto_host: {los: 0.1}\n", "to_host.loss"),
-    "plant": ("title: Mine\nvariables:\n  mass_kg: {valu: 1}\n", "variables.mass_kg.value"),
-    "answers": ("raised: yes\n\nsecnd: none\n", "second"),
-}
 REFUSED = {
     kind: yaml.safe_load((Path(__file__).parent / "refused" / f"{kind}.yaml").read_text("utf-8"))
     for kind in LOADERS
@@ -63,18 +55,6 @@ def test_a_wrong_file_is_refused_by_file_line_key_and_value(
     assert said.startswith(f"{file}: " if line is None else f"{file}, line {line}: ")
     assert case["says"] in said
     assert "\n" not in said
-
-
-@every_kind
-def test_a_misspelt_key_has_file_line_path_value_and_the_right_name(
-    kind: str, tmp_path: Path
-) -> None:
-    text, right = MISSPELT[kind]
-    file = tmp_path / "mine.yaml"
-    file.write_text(text)
-    said = refusal(kind, file)
-    assert said.startswith(f"{file}, line 3: ")
-    assert f"unknown key; did you mean {right}?" in said
 
 
 @every_kind
