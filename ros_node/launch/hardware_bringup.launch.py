@@ -30,46 +30,40 @@ LASER_FRAME = "laser_link"
 RESPAWN = {"respawn": True, "respawn_delay": 2.0}
 
 
+ARGUMENTS = {
+    "driver": ("", "mock, l298n, pigpio, serial or replay. Empty: as in params_file."),
+    "port": ("", "Port of the serial driver. Empty: as in params_file."),
+    "params_file": (str(PARAMETERS), "YAML file of the robot's parameters."),
+    "model": (str(MODEL), "URDF file of the robot's model."),
+    "robot_state_publisher": ("true", "Publish the model: true or false."),
+    "lidar": (
+        "auto",
+        "Start the RPLidar's node: true, false, or auto: if rplidar_ros is installed.",
+    ),
+    "lidar_port": ("/dev/rplidar", "The RPLidar's port."),
+    "lidar_baud": (
+        "115200",
+        "The RPLidar's baud rate: 115200 of A1 and A2M8, 256000 of A2M7, A2M12 and A3.",
+    ),
+    "namespace": ("", "Namespace of all nodes, topics and services, /tf included."),
+    "frame_prefix": (
+        "",
+        "Prefix of all frames, such as robot1: robot1/odom. /tf then stays outside the namespace, "
+        "for all robots to share.",
+    ),
+    "use_sim_time": ("false", "Take the time from /clock: true or false."),
+    "log_level": ("info", "Of all nodes: debug, info, warn, error or fatal."),
+}
+"""Each with its default and its description."""
+
+
 def generate_launch_description() -> LaunchDescription:
     """The whole launch description; `ros2 launch --show-args` lists the arguments."""
-    return LaunchDescription(
-        [
-            _argument(
-                "driver", "", "mock, l298n, pigpio, serial or replay. Empty: as in params_file."
-            ),
-            _argument("port", "", "Port of the serial driver. Empty: as in params_file."),
-            _argument("params_file", str(PARAMETERS), "YAML file of the robot's parameters."),
-            _argument("model", str(MODEL), "URDF file of the robot's model."),
-            _argument("robot_state_publisher", "true", "Publish the model: true or false."),
-            _argument(
-                "lidar",
-                "auto",
-                "Start the RPLidar's node: true, false, or auto: if rplidar_ros is installed.",
-            ),
-            _argument("lidar_port", "/dev/rplidar", "The RPLidar's port."),
-            _argument(
-                "lidar_baud",
-                "115200",
-                "The RPLidar's baud rate: 115200 of A1 and A2M8, 256000 of A2M7, A2M12 and A3.",
-            ),
-            _argument(
-                "namespace", "", "Namespace of all nodes, topics and services, /tf included."
-            ),
-            _argument(
-                "frame_prefix",
-                "",
-                "Prefix of all frames, such as robot1: robot1/odom. /tf then stays outside the "
-                "namespace, for all robots to share.",
-            ),
-            _argument("use_sim_time", "false", "Take the time from /clock: true or false."),
-            _argument("log_level", "info", "Of all nodes: debug, info, warn, error or fatal."),
-            OpaqueFunction(function=_nodes),
-        ]
-    )
-
-
-def _argument(name: str, default: str, description: str) -> DeclareLaunchArgument:
-    return DeclareLaunchArgument(name, default_value=default, description=description)
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=_nodes)])
 
 
 def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
