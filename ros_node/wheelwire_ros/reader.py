@@ -134,25 +134,18 @@ class SampleReader:
     def _wait(self) -> None:
         """Wait for a sample, which is in the iterator, too; raises the reason if none comes."""
         end_s = time.monotonic() + SILENCE_S
-        while not self._has_come(end_s):
-            pass
-
-    def _has_come(self, end_s: float) -> bool:
-        """Whether a sample has come, after a part of the wait until `end_s`."""
-        is_silent = self._silent_due_s is not None
-        try:
-            self._robot.read(self._tell_silence(end_s) if is_silent else SILENCE_S)
-        except RequestTimeout:
-            if not is_silent:
-                self._silent_due_s = time.monotonic()
-            if time.monotonic() >= end_s:
-                raise
-            return False
-        except LinkLost:
-            if not is_silent:
-                self._silent_due_s = time.monotonic()
-            raise
-        return True
+        while True:
+            is_silent = self._silent_due_s is not None
+            try:
+                self._robot.read(self._tell_silence(end_s) if is_silent else SILENCE_S)
+            except (LinkLost, RequestTimeout) as error:
+                now_s = time.monotonic()
+                if not is_silent:
+                    self._silent_due_s = now_s
+                if isinstance(error, LinkLost) or now_s >= end_s:
+                    raise
+            else:
+                return
 
     def _tell_silence(self, end_s: float) -> float:
         """Call `on_silent` if it is due; returns for how long to wait, until `end_s` at most."""
