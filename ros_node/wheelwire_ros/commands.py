@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 import wheelwire
 
-from .publishers import DEPTH, time_ns
+from .publishers import DEPTH, Pace, time_ns
 from .robot_connection import CommandIgnored, Ignored, RobotConnection
 from .threads import NodeThreads, steady_clock
 from .time_base import TimeBase
@@ -78,27 +78,6 @@ class CommandType:
         return True
 
 
-class LogPace:
-    """Limits how often the log repeats a line.
-
-    Each key has a pace of its own: two that alternate at 50 Hz are still two lines in a period.
-
-    Args:
-        period_s: Between two lines of one key.
-    """
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._due_s: dict[Any, float] = {}
-
-    def is_due(self, key: Any, now_s: float) -> bool:
-        """Whether to log it now."""
-        if now_s < self._due_s.get(key, -math.inf):
-            return False
-        self._due_s[key] = now_s + self._period_s
-        return True
-
-
 def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int, rate: float = 1.0) -> float:
     """A command's age in seconds: since its stamp, but at least since it was received.
 
@@ -154,7 +133,7 @@ class CommandSubscriber:
         self._clock = clock
         self._type = CommandType(type_name)
         self._subscription: Any = None
-        self._pace = LogPace(LOG_PERIOD_S)
+        self._pace = Pace(LOG_PERIOD_S)
         self._logged_holds = 0
         """`RobotConnection.holds` when the log last said that the robot waits for a zero."""
         self._topic = node.resolve_topic_name(TOPIC)
@@ -194,7 +173,7 @@ class CommandSubscriber:
         others = sorted(dropped)
         if others != self.ignored_types:
             self.ignored_types = others
-            if others and self._pace.is_due(tuple(others), time.monotonic()):
+            if others and self._pace.is_due(time.monotonic(), tuple(others)):
                 self._node.get_logger().error(
                     f"{self._topic}: DDS drops messages of type {', '.join(others)}, because the "
                     f"node listens to {PACKAGE}{self._type.name}: have all publishers publish one "
@@ -253,6 +232,6 @@ class CommandSubscriber:
             is_due = self._logged_holds != self._connection.holds
             self._logged_holds = self._connection.holds
         else:
-            is_due = self._pace.is_due(ignored.reason, time.monotonic())
+            is_due = self._pace.is_due(time.monotonic(), ignored.reason)
         if is_due:
             self._node.get_logger().warning(str(ignored))

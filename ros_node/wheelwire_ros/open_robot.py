@@ -24,7 +24,7 @@ from wheelwire.log.why.watch import StopWatch
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
 from .motion_estimator import MotionEstimator, PoseRecord
-from .publishers import MotionPublisher
+from .publishers import MotionPublisher, frames
 from .reader import SampleReader
 from .robot_connection import RobotConnection
 from .robot_state import ResetWatch, RobotState
@@ -64,7 +64,6 @@ class OpenRobot:
         self._closing = False
         self._is_held = False
         """Whether odom goes on without samples."""
-        """Whether odom has gone on without a sample since it last had one."""
         self._estopped_by_us = False
         self._stop = ""
         self._watch: StopWatch | None = None
@@ -133,18 +132,14 @@ class OpenRobot:
         # An e-stop of ours that was just cleared is still ours, until a sample shows its end.
         self._estopped_by_us = is_estopped and (self._estopped_by_us or connection.estopped)
         return robot_state.of_robot(
+            connection,
             self._newest,
             self._reader.silence,
-            connection.problem,
-            connection.robot.sessions,
             self._resets,
-            prepared=connection.is_prepared,
             estopped=self._estopped_by_us,
             stop=self._stop,
             limits=self._sensors.limits(),
             odom_held=self._is_held,
-            held_by=connection.robot.held_by,
-            last_stop=connection.robot.last_stop,
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
@@ -201,16 +196,17 @@ class OpenRobot:
             threads,
             resources,
             sensors.start(robot, get("imu_rate")),
-            parameters.sensor_topics(get),
+            get,
             self._time_base.to_ros_ns,
         )
         # Waits for the first sample, which shows whether the board's divider measures the battery.
         first = robot.read()
         self._remember_pose(first, resources)
         has_divider = first.battery_v is not None
-        topics = parameters.topics(get, has_battery=has_divider and not self._sensors.has_battery)
-        pose_memory.subscribe_set_pose(node, threads, resources, self.set_pose, topics.frames.odom)
-        self._publisher = MotionPublisher(node, threads, resources, topics)
+        has_battery = has_divider and not self._sensors.has_battery
+        odom, base = frames(get)
+        pose_memory.subscribe_set_pose(node, threads, resources, self.set_pose, odom)
+        self._publisher = MotionPublisher(node, threads, resources, get, has_battery=has_battery)
         self._commands = CommandSubscriber(
             node,
             self.connection,
@@ -219,7 +215,7 @@ class OpenRobot:
             self.prepare_soon,
             self._time_base,
             parameters.command_type(get),
-            topics.frames.base if get("publish_limited_velocity") else "",
+            base if get("publish_limited_velocity") else "",
         )
         if robot.has_device:
             robot.on_held = self._on_held

@@ -21,9 +21,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 from . import parameter_values as checks
 from .commands import AUTO, STAMPED, TYPES
 from .parameter_values import Get
-from .publishers import Frames, MotionTopics
 from .robot_connection import Tuning
-from .sensors import SensorTopics
 from .speed_limiter import AxisLimits, Limits
 
 Value = bool | int | float | str | list[float] | list[str]
@@ -167,11 +165,7 @@ SETTINGS: tuple[Setting, ...] = (
 )
 # fmt: on
 
-_TYPES = {
-    Kind.REAL: RosParameter.Type.DOUBLE,
-    Kind.WHOLE: RosParameter.Type.INTEGER,
-    Kind.SWITCH: RosParameter.Type.BOOL,
-}
+_NATIVE: dict[Kind, Any] = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}
 
 
 def declare(node: Any, settings: Iterable[Setting]) -> None:
@@ -185,10 +179,8 @@ def declare(node: Any, settings: Iterable[Setting]) -> None:
             descriptor.additional_constraints = "Read when the node is configured."
         node.declare_parameter(setting.name, setting.default, descriptor, ignore_override=True)
     for parameter in ROBOT_PARAMETERS.values():
-        doc, type_ = (
-            f"{parameter.doc} [{parameter.unit.value or 'no unit'}]",
-            _TYPES[parameter.kind],
-        )
+        doc = f"{parameter.doc} [{parameter.unit.value or 'no unit'}]"
+        type_ = RosParameter.Type.from_parameter_value(_NATIVE[parameter.kind]())
         descriptor = _describe(doc, type_, parameter.minimum, parameter.maximum)
         descriptor.additional_constraints = (
             "Stored on the robot: if not given, the robot's own value applies."
@@ -205,9 +197,7 @@ def is_set(node: Any, name: str) -> bool:
 def from_robot(name: str, value: float) -> RosParameter:
     """Convert a robot's value to a ROS parameter."""
     # On the wire each value is a float, and ROS refuses one for an integer or a switch.
-    kind = PARAMETER_BY_NAME[name].kind
-    native = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}[kind](value)
-    return RosParameter(name, value=native)
+    return RosParameter(name, value=_NATIVE[PARAMETER_BY_NAME[name].kind](value))
 
 
 def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescriptor:
@@ -248,44 +238,3 @@ def command_type(get: Get) -> str:
     """The type of cmd_vel, or `AUTO`."""
     name = str(get("cmd_vel_type"))
     return STAMPED if name == AUTO and get("use_stamped_vel") else name
-
-
-def frames(get: Get) -> Frames:
-    """The frames' names, with the prefix and a slash if there is one."""
-    return Frames(*(_frame(name, get) for name in ("odom_frame_id", "base_frame_id")))
-
-
-def _frame(parameter: str, get: Get) -> str:
-    return _frame_prefix(get) + str(get(parameter))
-
-
-def _frame_prefix(get: Get) -> str:
-    """Prefix of the frames' names, with a slash; empty if there is none."""
-    prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
-    return f"{prefix}/" if prefix else ""
-
-
-def topics(get: Get, *, has_battery: bool) -> MotionTopics:
-    """The settings of what the node publishes."""
-    return MotionTopics(
-        frames=frames(get),
-        joints=(tuple(get("left_wheel_names")), tuple(get("right_wheel_names"))),
-        transform=get("enable_odom_tf"),
-        battery=has_battery,
-        battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
-        pose_diagonal=get("pose_covariance_diagonal"),
-        twist_diagonal=get("twist_covariance_diagonal"),
-    )
-
-
-def sensor_topics(get: Get) -> SensorTopics:
-    """The settings of what the node publishes about sensors."""
-    return SensorTopics(
-        frame_prefix=_frame_prefix(get),
-        imu_frame=_frame("imu_frame_id", get),
-        takes_bias=get("imu_bias_at_rest"),
-        base_frame=_frame("base_frame_id", get),
-        bumper_radius_m=get("bumper_radius"),
-        bumper_height_m=get("bumper_height"),
-        battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
-    )

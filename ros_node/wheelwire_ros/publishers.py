@@ -20,6 +20,7 @@ from wheelwire.log import ros_messages
 from wheelwire.log.ros_messages import Layout
 
 from .motion_estimator import RobotMotion
+from .parameter_values import Get
 from .threads import NodeThreads
 
 try:
@@ -29,7 +30,6 @@ except ImportError:  # not on PyPI; every ROS installation has it
 
 NANOSECONDS = 1_000_000_000
 DEPTH = 10
-BATTERY_PERIOD_NS = NANOSECONDS
 LEAST_CURRENT_A = 0.02
 """Below this, a shunt's offset decides the sign, so it is unknown whether the battery charges."""
 TF_DEPTH = 100
@@ -45,18 +45,20 @@ class Frames(NamedTuple):
     base: str
 
 
-class MotionTopics(NamedTuple):
-    """What the node publishes, and its names."""
+def frames(get: Get) -> Frames:
+    """The frames of odom, with the prefix and a slash if there is one."""
+    return Frames(frame("odom_frame_id", get), frame("base_frame_id", get))
 
-    frames: Frames
-    joints: tuple[Sequence[str], Sequence[str]]
-    """The names of the left and the right joints."""
-    transform: bool
-    battery: bool
-    battery_range_v: tuple[float, float]
-    """The voltages of an empty and of a full battery; NaN: unknown."""
-    pose_diagonal: Sequence[float]
-    twist_diagonal: Sequence[float]
+
+def frame(parameter: str, get: Get) -> str:
+    """The frame that this parameter names, with the prefix."""
+    return frame_prefix(get) + str(get(parameter))
+
+
+def frame_prefix(get: Get) -> str:
+    """Prefix of the frames' names, with a slash; empty if there is none."""
+    prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
+    return f"{prefix}/" if prefix else ""
 
 
 class MotionPublisher:
@@ -66,29 +68,34 @@ class MotionPublisher:
         node: The lifecycle node.
         threads: The node's.
         resources: Removes the topics when it closes.
-        topics: What to publish. `transform` needs tf2_msgs; if that is missing, the log says so.
+        get: The node's settings. The transform needs tf2_msgs; if that is missing, the log says so.
+        has_battery: Whether the wheels' samples have a battery's voltage.
     """
 
     def __init__(
-        self, node: Any, threads: NodeThreads, resources: ExitStack, topics: MotionTopics
+        self,
+        node: Any,
+        threads: NodeThreads,
+        resources: ExitStack,
+        get: Get,
+        *,
+        has_battery: bool,
     ) -> None:
-        if topics.transform and TFMessage is None:
+        has_transform: bool = get("enable_odom_tf")
+        if has_transform and TFMessage is None:
             node.get_logger().warning(
                 "the node does not publish /tf: install tf2_msgs (ros-jazzy-tf2-msgs)"
             )
-            topics = topics._replace(transform=False)
+            has_transform = False
 
         publisher = lifecycle_publishers(node, threads, resources)
-        self.topics = topics
         self.published = 0
         """Samples published."""
-        self._messages = MotionMessages(topics)
+        self._messages = MotionMessages(get, has_transform=has_transform)
         self._publishers = [publisher(Odometry, "odom"), publisher(JointState, "joint_states")]
-        if topics.transform:
+        if has_transform:
             self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
-        self._battery: BatteryPublisher | None = None
-        if topics.battery:
-            self._battery = BatteryPublisher(publisher, topics.battery_range_v, topics.frames.base)
+        self._battery = BatteryPublisher(publisher, get) if has_battery else None
 
     def publish_held(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish only odom, for a robot that sends no samples: nothing else is known."""
@@ -135,35 +142,44 @@ class BatteryPublisher:
 
     Args:
         publisher: Makes its publisher.
-        range_v: The voltages of an empty and of a full battery; NaN: unknown.
-        frame: The robot's.
+        get: The node's settings.
     """
 
-    def __init__(self, publisher: MakePublisher, range_v: tuple[float, float], frame: str) -> None:
+    def __init__(self, publisher: MakePublisher, get: Get) -> None:
         self._publisher = publisher(BatteryState, "battery_state")
-        self._range_v = range_v
-        self._frame = frame
-        self._pace = BatteryPace()
+        self._range_v = get("battery_empty_v"), get("battery_full_v")
+        self._frame = frame("base_frame_id", get)
+        self._pace = Pace(NANOSECONDS)
 
     def publish(self, stamp_ns: int, voltage_v: float, current_a: float | None = None) -> None:
         """Publish what was measured, unless there was something within the second."""
         if self._pace.is_due(stamp_ns):
             message = battery_message(voltage_v, *self._range_v, current_a)
-            publish_stamped(self._publisher, message, stamp_ns, self._frame)
+            stamp = message.header.stamp
+            stamp.sec, stamp.nanosec = ros_messages.stamp(stamp_ns)
+            message.header.frame_id = self._frame
+            self._publisher.publish(message)
 
 
-class BatteryPace:
-    """Lets one message a second pass, also after the ROS clock went back."""
+class Pace:
+    """Lets one of a kind pass in a period, also after its clock went back.
 
-    def __init__(self) -> None:
-        self._newest_ns: int | None = None
+    Each kind has a pace of its own: two that alternate at 50 Hz are still two in a period.
 
-    def is_due(self, stamp_ns: int) -> bool:
-        """Whether one with this stamp passes."""
-        newest_ns = self._newest_ns
-        if newest_ns is not None and 0 <= stamp_ns - newest_ns < BATTERY_PERIOD_NS:
+    Args:
+        period: Between two of one kind, in the unit of the times.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._newest: dict[Any, float] = {}
+
+    def is_due(self, now: float, kind: Any = None) -> bool:
+        """Whether one at this time passes."""
+        newest = self._newest.get(kind)
+        if newest is not None and 0 <= now - newest < self._period:
             return False
-        self._newest_ns = stamp_ns
+        self._newest[kind] = now
         return True
 
 
@@ -174,20 +190,19 @@ class MotionMessages:
     costs. So each is laid out once, and its numbers are filled in.
 
     Args:
-        topics: As of `MotionPublisher`.
+        get: The node's settings.
+        has_transform: Whether there is a message for /tf.
     """
 
-    def __init__(self, topics: MotionTopics) -> None:
-        frames, joints = topics.frames, topics.joints
-        self._frames = frames
-        self._pose_diagonal = topics.pose_diagonal
-        self._twist_diagonal = topics.twist_diagonal
-        self._wheels = [len(names) for names in joints]
-        self._odometry = ros_messages.odometry(frames.odom, frames.base, topics.twist_diagonal)
-        self._joints = ros_messages.joint_state([*joints[0], *joints[1]])
-        self._transform = (
-            ros_messages.transforms(frames.odom, frames.base) if topics.transform else None
-        )
+    def __init__(self, get: Get, *, has_transform: bool) -> None:
+        self._frames = frames(get)
+        self._pose_diagonal: Sequence[float] = get("pose_covariance_diagonal")
+        self._twist_diagonal: Sequence[float] = get("twist_covariance_diagonal")
+        left, right = get("left_wheel_names"), get("right_wheel_names")
+        self._wheels = len(left), len(right)
+        self._odometry = ros_messages.odometry(*self._frames, self._twist_diagonal)
+        self._joints = ros_messages.joint_state([*left, *right])
+        self._transform = ros_messages.transforms(*self._frames) if has_transform else None
 
     def held(self, motion: RobotMotion, stamp_ns: int) -> bytes:
         """The nav_msgs/Odometry of a robot that sends no samples."""
@@ -195,7 +210,7 @@ class MotionMessages:
         if motion.twist_variances is not None:
             for index, variance in zip((0, 5), motion.twist_variances, strict=True):
                 diagonal[index] = max(diagonal[index], variance)
-        template = ros_messages.odometry(self._frames.odom, self._frames.base, diagonal)
+        template = ros_messages.odometry(*self._frames, diagonal)
         return self._fill_odometry(template, motion, stamp_ns)
 
     def odometry(self, motion: RobotMotion, stamp_ns: int) -> bytes:
@@ -226,19 +241,6 @@ def planar(pose: Pose) -> tuple[float, float, float, float]:
     # The heading need not be wrapped: a full turn changes both signs, which is the same rotation.
     half_rad = pose.heading_rad / 2
     return pose.x_m, pose.y_m, math.sin(half_rad), math.cos(half_rad)
-
-
-def publish_stamped(publisher: Any, message: Any, stamp_ns: int, frame: str) -> None:
-    """Publish a message with a header."""
-    message.header.stamp = time_message(stamp_ns)
-    message.header.frame_id = frame
-    publisher.publish(message)
-
-
-def time_message(stamp_ns: int) -> Time:
-    """Convert nanoseconds since the epoch to a message."""
-    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def time_ns(message: Time) -> int:

@@ -15,13 +15,13 @@ from wheelwire import (
     Fault,
     Held,
     HeldBy,
-    LastStop,
     SupervisorState,
     WheelSample,
     WheelwireError,
 )
 from wheelwire.holds import UNARMED
 
+from .robot_connection import RobotConnection
 from .sensors import Limits
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -186,49 +186,43 @@ def _last_start(robot: BaseDriver) -> tuple[str, str, str]:
 
 
 def of_robot(
+    connection: RobotConnection,
     sample: WheelSample | None,
     silence: WheelwireError | None,
-    problem: WheelwireError | None,
-    session: int,
     resets: ResetWatch,
     *,
-    prepared: bool,
     estopped: bool,
     stop: str,
     limits: Limits = NO_LIMITS,
     odom_held: bool = False,
-    held_by: HeldBy | None = None,
-    last_stop: LastStop | None = None,
 ) -> RobotState:
     """The state of an open robot.
 
     Args:
+        connection: The connection to it.
         sample: The newest one; None before the first.
         silence: Why no sample has come recently; None if one has.
-        problem: Why the session could not be prepared; None if it could.
-        session: Its number.
         resets: The device's.
-        prepared: Whether the session is prepared.
         estopped: Whether this node has set the e-stop.
         stop: Why it stopped; empty while it drives.
         limits: What the sensors keep it from.
         odom_held: Whether odom goes on without samples.
-        held_by: What holds it, as it reports.
-        last_stop: What ended its last motion.
     """
+    robot = connection.robot
+    held_by, last_stop = robot.held_by, robot.last_stop
     # The first of these that applies hides the rest: for example, a lost link shows nothing else.
     if silence is not None:
         link, cause = "lost", f"the robot cannot be reached: {silence}"
-    elif problem is not None:
-        link, cause = "preparing", f"the robot is not driven: {problem}"
-    elif not prepared or sample is None:
+    elif connection.problem is not None:
+        link, cause = "preparing", f"the robot is not driven: {connection.problem}"
+    elif not connection.is_prepared or sample is None:
         link, cause = "preparing", PREPARING
     else:
         link, cause = "connected", ""
     state = RobotState(
         link,
         cause,
-        session=session,
+        session=robot.sessions,
         reset=resets.text,
         reset_reason=resets.reason,
         resets=resets.count,

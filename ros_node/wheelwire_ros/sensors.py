@@ -7,12 +7,11 @@ of them, so that a filter gets them in the order of their stamps.
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, NamedTuple, TypeVar
 
-from sensor_msgs.msg import Imu, PointCloud2, PointField, Range
+from sensor_msgs.msg import Imu, PointCloud2, Range
 
 from wheelwire import (
     BaseDriver,
@@ -47,33 +46,17 @@ from wheelwire_protocol.sensors import (
 
 from .gyro_bias import GyroBias, Vector
 from .parameter_values import Get
-from .publishers import BatteryPublisher, lifecycle_publishers, publish_stamped
+from .publishers import BatteryPublisher, frame, frame_prefix, lifecycle_publishers
 from .threads import NodeThreads
 
 IMU_DEPTH = 100
 """The samples of half a second: they come with the wheels', several at once."""
 PASSING = (SensorState.UNREAD, SensorState.MISSED)
 """States that a busy computer sees for a moment, too: /diagnostics has them, ~/state does not."""
-_POINT = struct.Struct("<3f")
 
 Sample = TypeVar("Sample")
 ToRosNs = Callable[[float, str], int | None]
 """A stamp on the ROS clock; None if it has none. The text names the stream of samples."""
-
-
-class SensorTopics(NamedTuple):
-    """The settings of what the node publishes about sensors."""
-
-    frame_prefix: str
-    """Prefix of the range sensors' frames, with its slash."""
-    imu_frame: str
-    takes_bias: bool
-    """Whether the gyroscope's bias is measured at rest, and taken off."""
-    base_frame: str
-    bumper_radius_m: float
-    bumper_height_m: float
-    battery_range_v: tuple[float, float]
-    """The voltages of an empty and of a full battery; NaN: unknown."""
 
 
 class Limits(NamedTuple):
@@ -143,7 +126,7 @@ class SensorPublisher:
         threads: The node's.
         resources: Removes the topics when it closes.
         sensors: The robot's; None: it has none.
-        topics: What to publish.
+        get: The node's settings.
         to_ros_ns: Converts the samples' stamps.
     """
 
@@ -153,11 +136,11 @@ class SensorPublisher:
         threads: NodeThreads,
         resources: ExitStack,
         sensors: Sensors | None,
-        topics: SensorTopics,
+        get: Get,
         to_ros_ns: ToRosNs,
     ) -> None:
         self._sensors = sensors
-        self._topics = topics
+        self._get = get
         self._to_ros_ns = to_ros_ns
         self._imu: Any = None
         self._bumpers: Any = None
@@ -179,15 +162,15 @@ class SensorPublisher:
         if imu is not None:
             self._imu = publisher(Imu, "imu/data_raw", IMU_DEPTH)
             self._imu_samples = sensors.imu.samples()
-            noise_radps = imu.gyro_noise if topics.takes_bias else 0.0
+            noise_radps = imu.gyro_noise if get("imu_bias_at_rest") else 0.0
             self._bias = GyroBias(noise_radps, imu.acceleration_noise)
             self._log = node.get_logger()
-            self._imu_message = ros_messages.imu(topics.imu_frame)
+            self._imu_message = ros_messages.imu(frame("imu_frame_id", get))
             self._imu_variances = tuple(
                 ros_messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
             )
         if sensors.power.info is not None:
-            self._battery = BatteryPublisher(publisher, topics.battery_range_v, topics.base_frame)
+            self._battery = BatteryPublisher(publisher, get)
             self._power_samples = sensors.power.samples()
         if ranges := sensors.ranges.infos:
             self._ranges = {name: publisher(Range, f"range/{name}") for name in ranges}
@@ -267,8 +250,14 @@ class SensorPublisher:
         stamp_ns = self._to_ros_ns(sample.stamp, "ranges")
         publisher = self._ranges.get(sample.name)  # None: it was added to its board since
         if stamp_ns is not None and publisher is not None:
-            frame = f"{self._topics.frame_prefix}range_{sample.name}"
-            publish_stamped(publisher, range_message(sample), stamp_ns, frame)
+            message = ros_messages.range_(
+                f"{frame_prefix(self._get)}range_{sample.name}",
+                sample.field_of_view_rad,
+                sample.min_m,
+                sample.max_m,
+                sample.distance_m,
+            )
+            publisher.publish(message.fill(*ros_messages.stamp(stamp_ns)))
 
     def _publish_battery(self, sample: PowerSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "power")
@@ -280,9 +269,10 @@ class SensorPublisher:
         stamp_ns = self._to_ros_ns(sample.stamp, "inputs")
         if stamp_ns is not None:
             infos = [status.info for status in self.channels]
-            topics = self._topics
-            points = obstacles(infos, sample, topics.bumper_radius_m, topics.bumper_height_m)
-            publish_stamped(self._bumpers, cloud_message(points), stamp_ns, topics.base_frame)
+            radius_m, height_m = self._get("bumper_radius"), self._get("bumper_height")
+            points = obstacles(infos, sample, radius_m, height_m)
+            message = ros_messages.cloud(frame("base_frame_id", self._get), points)
+            self._bumpers.publish(message.fill(*ros_messages.stamp(stamp_ns)))
         return stamp_ns is not None
 
 
@@ -363,38 +353,3 @@ def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
         values["edges"] = reading.edges
     sentence = _sentence(status)
     return bool(sentence), sentence or status.sentence, values
-
-
-# --- ranges --------------------------------------------------------------------------------------
-
-
-def range_message(sample: RangeSample) -> Range:
-    """A distance: by REP-117 as in the sample, infinite if it was not measured."""
-    return Range(
-        radiation_type=Range.ULTRASOUND,
-        field_of_view=sample.field_of_view_rad,
-        min_range=sample.min_m,
-        max_range=sample.max_m,
-        range=sample.distance_m,
-    )
-
-
-# --- bumpers and cliffs as points ----------------------------------------------------------------
-
-
-def cloud_message(points: Sequence[tuple[float, float, float]]) -> PointCloud2:
-    """A cloud of points with x, y and z; without points it is empty."""
-    fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate("xyz")
-    ]
-    return PointCloud2(
-        height=1,
-        width=len(points),
-        fields=fields,
-        is_bigendian=False,
-        point_step=_POINT.size,
-        row_step=_POINT.size * len(points),
-        data=b"".join(_POINT.pack(*point) for point in points),
-        is_dense=True,
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from typing import Any
@@ -13,7 +14,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import BatteryState, Imu, JointState
+from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2, PointField, Range
 from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
@@ -133,6 +134,31 @@ def test_imu(places: set[int], name: str) -> None:
     assert list(message.orientation_covariance) == [-1.0, *[0.0] * 8]
     assert list(message.angular_velocity_covariance) == [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
     assert list(message.linear_acceleration_covariance) == [4.0, 0, 0, 0, 4.0, 0, 0, 0, 4.0]
+
+
+@names
+@pytest.mark.parametrize("distance_m", [0.85, math.inf, -math.inf])
+def test_range(places: set[int], name: str, distance_m: float) -> None:
+    data = ros_messages.range_(name, 0.25, 0.5, 4.0, distance_m).fill(1, 2)
+    message = assert_same(data, Range, places)
+    assert (message.header.stamp.sec, message.header.frame_id) == (1, name)
+    assert message.radiation_type == Range.ULTRASOUND
+    assert message.field_of_view == 0.25
+    assert (message.min_range, message.max_range) == (0.5, 4.0)
+    assert message.range == pytest.approx(distance_m)
+    assert message.variance == 0  # unknown
+
+
+@names
+@pytest.mark.parametrize("points", [[], [(1.0, -2.0, 0.5), (0.25, 0.0, 0.5)]])
+def test_cloud(places: set[int], name: str, points: list[tuple[float, float, float]]) -> None:
+    message = assert_same(ros_messages.cloud(name, points).fill(1, 2), PointCloud2, places)
+    assert (message.header.stamp.sec, message.header.frame_id) == (1, name)
+    fields = [(field.name, field.offset, field.datatype) for field in message.fields]
+    assert fields == [(axis, 4 * at, PointField.FLOAT32) for at, axis in enumerate("xyz")]
+    assert (message.height, message.width, message.is_dense) == (1, len(points), True)
+    assert len(message.data) == message.row_step == len(points) * message.point_step
+    assert [*struct.iter_unpack("<3f", bytes(message.data))] == points
 
 
 @names

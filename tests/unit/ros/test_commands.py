@@ -12,7 +12,6 @@ from wheelwire_ros.commands import (
     PLAIN,
     STAMPED,
     CommandType,
-    LogPace,
     command_age_s,
 )
 
@@ -59,12 +58,6 @@ def test_a_given_type_stays(name: str) -> None:
     assert not type_.look(BOTH - {name}, 1.0)
     assert not type_.decide()
     assert type_.name == name
-
-
-def test_two_reasons_that_alternate_are_two_lines_a_period() -> None:
-    pace = LogPace(5.0)
-    assert sum(pace.is_due(tick % 2, tick / 50) for tick in range(240)) == 2
-    assert pace.is_due(0, 5.0)
 
 
 @pytest.mark.parametrize("stamp_ns", [None, 0])

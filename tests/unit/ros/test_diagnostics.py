@@ -11,6 +11,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from support.cases import each
 from support.host_samples import sample
 from support.linkless_robot import LinklessRobot
 from wheelwire import HeldBy, LastStop, LinkLost, LinkStatistics, WheelSample
@@ -41,6 +42,19 @@ class CountingRobot(Robot):
         return MemoryValue(7, 7, 90_000, 80_000, 5000, 1800, 0)
 
 
+class BumpedRobot(Robot):
+    """Its bumper holds it."""
+
+    held_by: HeldBy | None = HeldBy(Held.BUMPER_FRONT | Held.UNARMED_FORWARD)
+
+
+class LatchedRobot(Robot):
+    """Its contact has stopped it."""
+
+    held_by: HeldBy | None = HeldBy(Held.ESTOP | Held.CONTACT, EstopSource.CONTACT)
+    last_stop: LastStop | None = LastStop(StopCause.ESTOP_CONTACT)
+
+
 def statuses(
     robot: Robot | None = None,
     newest: WheelSample | None = None,
@@ -48,25 +62,13 @@ def statuses(
     ignored: Ignored | None = None,
     ignored_types: tuple[str, ...] = (),
     stop: str = "",
-    held_by: HeldBy | None = None,
-    last_stop: LastStop | None = None,
 ) -> dict[str, Any]:
     connection = RobotConnection(robot or Robot(), {}, Tuning(), lambda: None)
+    connection.follow()
     if ignored is not None:
         connection.ignored[ignored] += 1
     newest = newest or sample()
-    state = of_robot(
-        newest,
-        silence,
-        None,
-        1,
-        ResetWatch(),
-        prepared=True,
-        estopped=False,
-        stop=stop,
-        held_by=held_by,
-        last_stop=last_stop,
-    )
+    state = of_robot(connection, newest, silence, ResetWatch(), estopped=False, stop=stop)
     found = diagnostics.open_statuses(
         "robot1/hardware_robot",
         "mock",
@@ -95,27 +97,16 @@ def test_a_latched_robot_says_why(state: SupervisorState) -> None:
 
 
 def test_the_cause_of_a_hold_is_a_warning_with_its_code() -> None:
-    held_by = HeldBy(Held.BUMPER_FRONT | Held.UNARMED_FORWARD)
-    robot = statuses(newest=sample(state=SupervisorState.DRIVING), held_by=held_by)["robot"]
+    robot = statuses(BumpedRobot(), newest=sample(state=SupervisorState.DRIVING))["robot"]
     assert (robot.level, robot.message) == (WARN, Held.BUMPER_FRONT.doc)
     assert values(robot)["held_by"] == "BUMPER_FRONT UNARMED_FORWARD"
 
 
 def test_the_state_names_what_holds_it_and_who_latched_it() -> None:
-    held_by = HeldBy(Held.ESTOP | Held.CONTACT, EstopSource.CONTACT)
+    connection = RobotConnection(LatchedRobot(), {}, Tuning(), lambda: None)
+    connection.follow()
     newest = sample(state=SupervisorState.ESTOPPED)
-    state = of_robot(
-        newest,
-        None,
-        None,
-        1,
-        ResetWatch(),
-        prepared=True,
-        estopped=False,
-        stop="",
-        held_by=held_by,
-        last_stop=LastStop(StopCause.ESTOP_CONTACT),
-    )
+    state = of_robot(connection, newest, None, ResetWatch(), estopped=False, stop="")
     assert state.cause == "the e-stop was set by its contact"
     told = values(state.message("node"))
     assert told["held_by"] == "CONTACT ESTOP"
@@ -128,8 +119,9 @@ def test_without_a_robot_there_is_the_reason() -> None:
     assert status.message == "no such port"
 
 
-def test_what_is_in_order() -> None:
-    found = statuses(newest=sample(state=SupervisorState.DRIVING))
+@each("state", [SupervisorState.IDLE, SupervisorState.DRIVING, SupervisorState.TIMED_OUT])
+def test_what_is_in_order(state: SupervisorState) -> None:
+    found = statuses(newest=sample(state=state))
     assert [status.level for status in found.values()] == [OK, OK, OK]
     link = values(found["link"])
     assert (link["driver"], link["sessions"], link["round_trip_p50_us"]) == ("mock", "2", "812.5")

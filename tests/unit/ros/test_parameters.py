@@ -1,36 +1,41 @@
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from wheelwire_ros import parameters
+from support.cases import each
+from wheelwire_ros import parameters, publishers
 
 
-@pytest.mark.parametrize(
-    ("prefix", "base"),
-    [("", "base_link"), ("left", "left/base_link"), ("/left/", "left/base_link")],
+@each(
+    ("prefix", "enabled", "base"),
+    [
+        ("", True, "base_link"),
+        ("left", True, "left/base_link"),
+        ("/left/", True, "left/base_link"),
+        ("left", False, "base_link"),
+    ],
 )
-def test_a_prefix_is_parted_from_the_frame_by_one_slash(prefix: str, base: str) -> None:
+def test_a_prefix_is_parted_from_the_frame_by_one_slash(
+    prefix: str, enabled: bool, base: str
+) -> None:
     values: dict[str, Any] = {
         "tf_frame_prefix": prefix,
-        "tf_frame_prefix_enable": True,
+        "tf_frame_prefix_enable": enabled,
         "odom_frame_id": "odom",
         "base_frame_id": "base_link",
     }
-    assert parameters.frames(values.__getitem__).base == base
+    assert publishers.frames(values.__getitem__).base == base
 
 
-def test_a_prefix_can_be_switched_off() -> None:
-    values: dict[str, Any] = {
-        "tf_frame_prefix": "left",
-        "tf_frame_prefix_enable": False,
-        "odom_frame_id": "odom",
-        "base_frame_id": "base_link",
-    }
-    assert parameters.frames(values.__getitem__) == ("odom", "base_link")
+def test_a_wheels_turns_per_minute_are_radians_per_second() -> None:
+    values = {"max_rpm": 150.0}
+    tuning = parameters.tuning(lambda name: values.get(name, 0.1))
+    assert tuning.max_wheel_radps == pytest.approx(5 * math.pi)
 
 
 @pytest.mark.parametrize(("rearm_gap_s", "ttl_max_s", "gap_s"), [(0.5, 1.0, 1.0), (2.0, 1.0, 2.0)])

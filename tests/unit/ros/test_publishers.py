@@ -19,11 +19,21 @@ import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire import Pose, Twist
 from wheelwire_ros import publishers
 from wheelwire_ros.motion_estimator import RobotMotion, WheelMotion
-from wheelwire_ros.publishers import Frames, MotionMessages, MotionTopics
+from wheelwire_ros.publishers import MotionMessages
 
 POSE_DIAGONAL = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
 TWIST_DIAGONAL = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 JOINTS = (["front_left", "rear_left"], ["front_right", "rear_right"])
+SETTINGS: dict[str, Any] = {
+    "odom_frame_id": "odom",
+    "base_frame_id": "base_link",
+    "tf_frame_prefix": "robot",
+    "tf_frame_prefix_enable": True,
+    "left_wheel_names": JOINTS[0],
+    "right_wheel_names": JOINTS[1],
+    "pose_covariance_diagonal": POSE_DIAGONAL,
+    "twist_covariance_diagonal": TWIST_DIAGONAL,
+}
 STAMP_NS = 1_700_000_000_123_456_789
 
 
@@ -42,17 +52,7 @@ def motion(chance: random.Random) -> RobotMotion:
 
 
 def made_for(*, transform: bool = False) -> MotionMessages:
-    return MotionMessages(
-        MotionTopics(
-            frames=Frames("robot/odom", "robot/base_link"),
-            joints=JOINTS,
-            transform=transform,
-            battery=False,
-            battery_range_v=(math.nan, math.nan),
-            pose_diagonal=POSE_DIAGONAL,
-            twist_diagonal=TWIST_DIAGONAL,
-        )
-    )
+    return MotionMessages(SETTINGS.__getitem__, has_transform=transform)
 
 
 def odometry_and_joints(made: MotionMessages, one: RobotMotion, stamp_ns: int) -> Any:
@@ -68,11 +68,6 @@ def heading_of(rotation: Any) -> float:
 def check_header(message: Any) -> None:
     assert publishers.time_ns(message.header.stamp) == STAMP_NS
     assert (message.header.frame_id, message.child_frame_id) == ("robot/odom", "robot/base_link")
-
-
-@pytest.mark.parametrize("stamp_ns", [0, 999_999_999, 1_000_000_000, STAMP_NS])
-def test_times_go_there_and_back(stamp_ns: int) -> None:
-    assert publishers.time_ns(publishers.time_message(stamp_ns)) == stamp_ns
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -136,10 +131,16 @@ def test_a_batterys_current_is_negative_while_it_discharges(current_a: float, st
     assert message.power_supply_status == getattr(message, f"POWER_SUPPLY_STATUS_{status}")
 
 
-def test_a_battery_is_published_once_a_second_although_the_clock_restarts() -> None:
-    pace = publishers.BatteryPace()
+def test_one_of_a_kind_passes_in_a_period_although_the_clock_restarts() -> None:
+    pace = publishers.Pace(publishers.NANOSECONDS)
     half_seconds = [*range(200, 220), *range(2, 22)]
     assert sum(pace.is_due(one * publishers.NANOSECONDS // 2) for one in half_seconds) == 20
+
+
+def test_two_kinds_that_alternate_are_two_in_a_period() -> None:
+    pace = publishers.Pace(5.0)
+    assert sum(pace.is_due(tick / 50, tick % 2) for tick in range(240)) == 2
+    assert pace.is_due(5.0, 0)
 
 
 def test_a_battery_says_what_it_does_not_know() -> None:

@@ -8,8 +8,6 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from sensor_msgs.msg import Range
-
 from wheelwire import (
     BatteryLevel,
     InputReading,
@@ -23,7 +21,7 @@ from wheelwire import (
 )
 from wheelwire.log.ros_messages import obstacles
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip, channel_name
-from wheelwire_ros.sensors import Limits, channel_words, limits_of, range_message
+from wheelwire_ros.sensors import Limits, channel_words, limits_of
 
 BUMPER, CLIFF, STAGE = PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT
 
@@ -126,16 +124,6 @@ def test_a_point_lies_where_the_bumper_is(place: Place, degrees: float) -> None:
 
 def ranged(distance_m: float) -> RangeSample:
     return RangeSample(5, 1, "front", distance_m, 0.02, 4.0, 0.26, 1.0, 0.001)
-
-
-@pytest.mark.parametrize("distance_m", [0.85, math.inf, -math.inf])
-def test_a_range_says_what_the_sensor_can_measure(distance_m: float) -> None:
-    message = range_message(ranged(distance_m))
-    assert message.radiation_type == Range.ULTRASOUND
-    assert message.range == pytest.approx(distance_m)
-    assert (message.min_range, message.max_range) == pytest.approx((0.02, 4.0))
-    assert message.field_of_view == pytest.approx(0.26)
-    assert message.variance == 0  # unknown
 
 
 def test_a_range_limits_nothing() -> None:

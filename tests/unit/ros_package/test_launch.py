@@ -161,7 +161,7 @@ def test_a_namespace_holds_everything(bringup: LaunchDescription) -> None:
 def test_a_prefix_reaches_all_frames(bringup: LaunchDescription, given: str) -> None:
     """The model's, the lidar's and the odometry's are the same tree."""
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
-    from wheelwire_ros import parameters
+    from wheelwire_ros import parameters, publishers
 
     nodes = started(bringup, namespace="robot1", frame_prefix=given)
     links = {link.attrib["name"] for link in ET.parse(URDF).getroot().iter("link")}  # noqa: S314
@@ -170,7 +170,7 @@ def test_a_prefix_reaches_all_frames(bringup: LaunchDescription, given: str) -> 
     in_tree = {prefix + link for link in links}
     assert _only_parameters(nodes[LIDAR])["frame_id"] in in_tree
     defaults = {setting.name: setting.default for setting in parameters.SETTINGS}
-    frames = parameters.frames({**defaults, **nodes[ROBOT].parameters[1]}.__getitem__)
+    frames = publishers.frames({**defaults, **nodes[ROBOT].parameters[1]}.__getitem__)
     assert frames.base in in_tree
     assert frames.odom == "robot1/odom"
     for node in nodes.values():
