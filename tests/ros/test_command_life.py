@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist
 from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, SPEED_MPS, TRUTH_HZ, Rig, open_rig, twist
+from support.ros_rig import NODE, SPEED_MPS, TRUTH_HZ, twist
 from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
@@ -28,16 +28,9 @@ def names_both(text: str) -> bool:
     return "cmd_vel_timeout" in text and "ttl_max_s" in text
 
 
-def refused(rig: Rig, name: str, value: float) -> bool:
-    """Whether it is, with both names."""
-    result = rig.graph.set_parameter(NODE, name, value)
-    return not result.successful and names_both(result.reason)
-
-
 @pytest.mark.parametrize(
     ("given", "cure"),
     [
-        ({"cmd_vel_timeout": 2.0}, ("cmd_vel_timeout", DEFAULT_TTL_MAX_S)),
         ({"cmd_vel_timeout": 2.0}, ("ttl_max_s", 2.0)),
         ({"ttl_max_s": SAVED_S}, ("cmd_vel_timeout", SAVED_S)),
     ],
@@ -54,16 +47,6 @@ def test_a_longer_one_is_refused_at_the_start_until_it_is_right(
         wait(lambda: names_both(node.errors()), "the line")
         assert graph.set_parameter(NODE, *cure).successful
         graph.wait_active()
-
-
-def test_one_of_the_two_is_not_set_against_the_other_while_it_runs(tmp_path: Path) -> None:
-    with open_rig(tmp_path) as rig:
-        assert refused(rig, "cmd_vel_timeout", 1.5)
-        assert refused(rig, "ttl_max_s", 0.3)
-        assert rig.graph.parameter(NODE, "cmd_vel_timeout") == 0.5
-        assert rig.graph.parameter(NODE, "ttl_max_s") == DEFAULT_TTL_MAX_S
-        assert rig.graph.set_parameter(NODE, "ttl_max_s", 1.5).successful
-        assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", 1.5).successful
 
 
 def test_a_robot_that_comes_back_with_a_lower_limit_is_not_driven_until_it_is_right(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from importlib.resources import as_file, files
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -17,27 +15,20 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
 
+from support.cases import each
 from support.ros import TIMEOUT_S, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, stamp_s, twist
 from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_ros.parameter_values import same
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with open_rig(tmp_path_factory.mktemp("rig"), max_velocity_mps=0.35) as rig:
         yield rig
-
-
-def fastest_mps(rig: Rig, linear_mps: float) -> float:
-    """The speed that is reached, by the plant."""
-    with Repeater(rig.commands, lambda: twist(linear_mps)):
-        rig.truth(lambda state: state.left_mps > 0.05)
-        odometry = len(rig.odometry)
-        wait(lambda: len(rig.odometry) > odometry + 50, "a second of odom")
-        return max(state.left_mps for state in rig.simulator.take_states())
 
 
 def test_they_describe_themselves_with_their_ranges(rig: Rig) -> None:
@@ -57,47 +48,33 @@ def test_those_that_were_not_given_are_as_the_robot_has_them(rig: Rig) -> None:
     assert rig.graph.parameter(NODE, "max_velocity_mps") == 0.35
 
 
-def test_a_limit_of_the_node_takes_effect_at_once(rig: Rig) -> None:
-    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 0.1).successful
-    assert fastest_mps(rig, 0.3) == pytest.approx(0.1, abs=0.03)
-    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", math.nan).successful
-
-
-def test_the_customers_max_rpm_limits_the_speed_of_each_wheel(rig: Rig) -> None:
-    rpm = 0.15 / 0.033 * 60 / (2 * math.pi)
-    assert rig.graph.set_parameter(NODE, "max_rpm", rpm).successful
-    assert fastest_mps(rig, 0.3) == pytest.approx(0.15, abs=0.03)
-    assert rig.graph.set_parameter(NODE, "max_rpm", math.nan).successful
-
-
 def test_a_value_that_stays_does_not_count_as_a_change(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "odom_frame_id", "odom").successful
 
 
 def test_a_limit_of_the_robot_takes_effect_at_once(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "max_velocity_mps", 0.2).successful
-    assert fastest_mps(rig, 0.4) == pytest.approx(0.2, abs=0.03)
+    with Repeater(rig.commands, lambda: twist(0.4)):
+        rig.truth(lambda state: state.left_mps > 0.05)
+        odometry = len(rig.odometry)
+        wait(lambda: len(rig.odometry) > odometry + 50, "a second of odom")
+        fastest_mps = max(state.left_mps for state in rig.simulator.take_states())
+    assert fastest_mps == pytest.approx(0.2, abs=0.03)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value", "reason"),
     [
         ("proportional_gain", -1.0, "out of range"),
         ("cmd_vel_timeout", float("nan"), "out of range"),
+        ("cmd_vel_timeout", 0.0, "Min: 0.02"),
+        ("cmd_vel_timeout", 1.5, "ttl_max_s: a command of 1.5 s is longer"),
+        ("ttl_max_s", 0.3, "cmd_vel_timeout, ttl_max_s: a command of 0.5 s is longer"),
         ("odom_frame_id", "elsewhere", "read when the node is configured"),
         ("wheel_base", 0.3, "undeclared"),
         ("control_rate_hz", 333.0, "type"),
-        ("cmd_vel_timeout", 0.0, "Min: 0.02"),
-        ("linear.x.max_velocity", -0.1, "above 0.0, or .NAN"),
-        ("linear.x.max_velocity", 0.0, "above 0.0, or .NAN"),
-        ("angular.z.max_jerk", 0.0, "above 0.0, or .NAN"),
-        ("angular.z.max_deceleration", 0.1, "at most 0.0, or .NAN"),
         ("max_rpm", 0.0, "above 0.0, or .NAN"),
-        ("base_frame_id", "", "a frame has a name"),
         ("base_frame_id", "odom", "they are equal"),
-        ("pose_covariance_diagonal", [0.0] * 5, "write six"),
-        ("twist_covariance_diagonal", [-1.0] * 6, "at least 0"),
-        ("twist_covariance_diagonal", [float("nan")] * 6, "finite"),
         ("left_wheel_names", ["a", "b"], "2 wheels on the left and 1 on the right"),
         ("open_loop", True, "does not drive without them"),
     ],
@@ -105,9 +82,12 @@ def test_a_limit_of_the_robot_takes_effect_at_once(rig: Rig) -> None:
 def test_an_impossible_value_is_refused_with_the_reason(
     rig: Rig, name: str, value: Any, reason: str
 ) -> None:
+    before = rig.graph.dump(NODE)
     result = rig.graph.set_parameter(NODE, name, value)
     assert not result.successful
     assert reason in result.reason
+    after = rig.graph.dump(NODE)
+    assert all(same(after[one], before[one]) for one in before)
 
 
 def test_aliases_and_changes_reach_the_firmware_and_saved_ones_stay(tmp_path: Path) -> None:
@@ -136,25 +116,6 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
             drive.counts_per_revolution,
             drive.max_velocity_mps,
         )
-
-
-def test_unknown_parameters_are_named() -> None:
-    given: dict[str, Any] = {"driver_type": "mock", "wheelradius": 0.03, "lidar_model": "A1"}
-    with open_graph() as graph, RobotNode(graph, **given) as node:
-        graph.wait_active()
-        (warning,) = [line for line in node.errors().splitlines() if "unknown parameters" in line]
-        assert "wheelradius (did you mean wheel_radius?)" in warning
-        assert "lidar_model" in warning
-
-
-def test_a_robots_own_file_is_no_parameter_file(graph: Graph) -> None:
-    with (
-        as_file(files("wheelwire.tools.files") / "pi4b_robot.yaml") as file,
-        RobotNode(graph, file=file) as node,
-    ):
-        words = "a ROS parameter file has its values below `/**:`"
-        wait(lambda: words in node.errors(), "the refusal of the file")
-        graph.wait_state(NODE, "unconfigured")
 
 
 def test_a_slow_odom_does_not_count_as_a_silence(graph: Graph, simulator: Simulator) -> None:

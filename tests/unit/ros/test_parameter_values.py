@@ -118,16 +118,27 @@ def test_values_are_compared_as_the_robot_stores_them(a: Any, b: Any, equal: boo
 
 
 @each(
-    "name",
+    ("name", "value", "words"),
     [
-        f"{axis}.{limit}"
-        for axis in ("linear.x", "angular.z")
-        for limit in ("max_velocity", "max_acceleration", "max_jerk")
+        *(
+            (f"{axis}.{limit}", value, words)
+            for axis in ("linear.x", "angular.z")
+            # A limit of 0 would disable the robot.
+            for limit, value, words in (
+                ("max_velocity", 0.0, "above 0.0, or .NAN"),
+                ("max_acceleration", 0.0, "above 0.0, or .NAN"),
+                ("max_jerk", 0.0, "above 0.0, or .NAN"),
+                ("max_deceleration", 0.1, "at most 0.0, or .NAN"),
+            )
+        ),
+        ("max_rpm", 0.0, "above 0.0, or .NAN"),
+        ("base_frame_id", "", "a frame has a name"),
+        ("pose_covariance_diagonal", [0.0] * 5, "write six"),
+        ("twist_covariance_diagonal", [-1.0] * 6, "at least 0"),
     ],
 )
-def test_a_limit_of_zero_that_would_disable_the_robot_is_refused(name: str) -> None:
+def test_a_parameter_has_its_check(name: str, value: Any, words: str) -> None:
     (setting,) = (one for one in SETTINGS if one.name == name)
     assert setting.check is not None
-    assert "above 0.0, or .NAN" in str(setting.check(0.0))
-    assert setting.check(math.nan) is None
-    assert setting.check(0.1) is None
+    assert words in str(setting.check(value))
+    assert setting.check(setting.default) is None
