@@ -4,6 +4,7 @@ import logging
 import math
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from geometry_msgs.msg import Point, Pose, Quaternion
 
+from support.cases import each
 from support.host_samples import sample
+from support.waiting import wait_until
 from wheelwire import DifferentialDrive
 from wheelwire_ros import pose_memory
 from wheelwire_ros.motion_estimator import MotionEstimator, PoseRecord
@@ -41,7 +44,15 @@ def test_the_pose_is_read_as_written(tmp_path: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
+@each("text", ["", "{", '{"format": 1}', '{"format": 99}', "[]"])
+def test_another_file_is_refused_with_its_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "pose.json"
+    path.write_text(text)
+    with pytest.raises(PoseFileError, match=r"pose\.json: it is not a pose file"):
+        pose_memory.read(path)
+
+
+@each(
     "change",
     [
         {"pose": (1.0, 2.0)},
@@ -106,16 +117,6 @@ def test_a_record_of_another_boot_is_where_it_begins() -> None:
     assert motions.rebases == 0
 
 
-def test_how_far_a_robot_may_be_off_is_bounded_by_its_last_command(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("time.time", lambda: 1e9 + 3600)
-    off_m, off_rad = how_far_off(RECORD, DRIVE, longest_drive_s=1.0)
-    assert off_m == pytest.approx(0.4 * 2.0)
-    assert off_rad == math.pi
-    assert how_far_off(replace(RECORD, is_final=True), DRIVE, 1.0) == (MOVED_M, MOVED_RAD)
-
-
 def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -> None:
     path, board = tmp_path / "pose.json", ["01"]
     memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
@@ -128,14 +129,30 @@ def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -
     assert found is None or found.boot_id == 1
 
 
-@pytest.mark.parametrize(
+def test_an_unwritable_folder_is_reported_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(pose_memory, "PERIOD_S", 0.001)
+    (tmp_path / "file").touch()
+    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
+    path = tmp_path / "file" / "pose.json"
+    tries = Mock(wraps=pose_memory.write)
+    monkeypatch.setattr(pose_memory, "write", tries)
+    memory.open(path, lambda: "01", sample(), motions, 1.0)
+    motions.update(sample())
+    wait_until(lambda: tries.call_count > 3, 10.0, "attempts to write")
+    memory.close()
+    assert caplog.text.count("without it a restart loses the pose") == 1
+
+
+@each(
     ("is_final", "age_s", "off_m", "turn_rad"),
     [
         (True, 0.0, MOVED_M, MOVED_RAD),
         # By hand: 0.4 m/s for the time, and the wheels 0.2 m apart against each other.
         (False, 0.3, 0.12, 1.2),
         (False, 0.5, 0.2, 2.0),
-        (False, 100.0, 0.8, math.pi),  # a second until the next record, and one of driving
+        (False, 3600.0, 0.8, math.pi),  # a second until the next record, and one of driving
     ],
 )
 def test_how_far_a_robot_may_have_turned_is_twice_the_way_over_the_separation(
@@ -146,7 +163,7 @@ def test_how_far_a_robot_may_have_turned_is_twice_the_way_over_the_separation(
     assert found == pytest.approx((off_m, turn_rad), rel=1e-5)
 
 
-@pytest.mark.parametrize("degrees", [0, 30, 90, 179, -90, -179])
+@each("degrees", [0, 30, 90, 179, -90, -179])
 def test_a_heading_is_the_turn_of_its_quaternion(degrees: float) -> None:
     half = math.radians(degrees) / 2
     message = Pose(
