@@ -51,7 +51,8 @@ class RobotNode:
             arguments += ["-r", f"{name}:={other}"]
         tests = str(Path(__file__).parents[1])
         self.errors_at_end = ""
-        """As `errors`, once it is closed."""
+        """All that it has written to standard error, once it is closed."""
+        self._forgotten = 0
         self._home = tempfile.TemporaryDirectory()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.process = subprocess.Popen(
@@ -67,9 +68,16 @@ class RobotNode:
         )
 
     def errors(self) -> str:
-        """What it has written to standard error."""
-        file = self._errors.fileno()
-        return os.pread(file, os.fstat(file).st_size, 0).decode()
+        """What it has written to standard error since `forget_errors`."""
+        return os.pread(self._errors.fileno(), self._size, self._forgotten).decode()
+
+    def forget_errors(self) -> None:
+        """Leave what was written so far to `errors_at_end`."""
+        self._forgotten = self._size
+
+    @property
+    def _size(self) -> int:
+        return os.fstat(self._errors.fileno()).st_size
 
     def end(self, number: signal.Signals) -> int:
         """Send a signal and wait; returns the exit code."""
@@ -87,6 +95,7 @@ class RobotNode:
             self.process.wait()
             raise
         finally:
+            self._forgotten = 0
             self.errors_at_end = self.errors()
             sys.stderr.write(self.errors_at_end)
             self._errors.close()
