@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,7 +23,6 @@ from wheelwire import (
     Twist,
 )
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_ros import robot_connection as connection_module
 from wheelwire_ros.robot_connection import CommandIgnored, Ignored, RobotConnection, Tuning
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, AxisLimits, Limits
 
@@ -90,49 +90,65 @@ class RecordingRobot:
         self.told.append(what)
 
 
-@pytest.fixture
-def robot() -> RecordingRobot:
-    return RecordingRobot()
+class Clock:
+    """The monotonic clock."""
+
+    def __init__(self) -> None:
+        self.now_s = time.monotonic()
+
+    def monotonic(self) -> float:
+        return self.now_s
 
 
 @pytest.fixture
-def connection(robot: RecordingRobot) -> RobotConnection:
-    connection = RobotConnection(
-        cast("BaseDriver", robot),
-        dict(GIVEN),
-        Tuning(),
-        lambda: None,
-    )
-    connection.active = True
-    connection.follow()
-    robot.told.clear()
-    return connection
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(time, "monotonic", clock.monotonic)
+    return clock
 
 
-def ignored(connection: RobotConnection, born_s: float | None = None) -> Ignored:
+class Connection(RobotConnection):
+    """To a robot that writes down what it receives."""
+
+    robot: RecordingRobot  # type: ignore[assignment]
+
+    def __init__(self) -> None:
+        super().__init__(cast("BaseDriver", RecordingRobot()), dict(GIVEN), Tuning(), lambda: None)
+        self.active = True
+        self.follow()
+        self.robot.told.clear()
+
+    def begin_session(self) -> None:
+        """The link was lost and is back."""
+        self.robot.sessions += 1
+        self.follow()
+
+
+@pytest.fixture
+def connection() -> Connection:
+    return Connection()
+
+
+def ignored(connection: Connection, born_s: float | None = None) -> Ignored:
     """Why a command is not obeyed."""
     with pytest.raises(CommandIgnored) as error:
         connection.command(Twist(0.2, 0), time.monotonic() if born_s is None else born_s)
     return error.value.reason
 
 
-def test_a_command_lives_no_longer_than_the_robot_takes(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_a_command_lives_no_longer_than_the_robot_takes(connection: Connection) -> None:
     connection.connected_s = 0
-    robot.ttl_max_s = 0.3
+    connection.robot.ttl_max_s = 0.3
     born_s = time.monotonic()
     connection.command(Twist(0.2, 0.0), born_s)
-    assert robot.told[-1][-1] == born_s + 0.3
+    assert connection.robot.told[-1][-1] == born_s + 0.3
 
 
-def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(connection: Connection) -> None:
     connection.connected_s = 0
     born_s = time.monotonic() - 0.2
     connection.command(Twist(0.2, 1.0), born_s)
-    ((_, left, right, end_s),) = robot.told
+    ((_, left, right, end_s),) = connection.robot.told
     assert (left, right) == pytest.approx((0.1, 0.3))
     assert end_s == born_s + 0.5
     assert connection.obeyed == 1
@@ -141,121 +157,104 @@ def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(
 @pytest.mark.parametrize("connected_s", [0.0, 1e9])
 @pytest.mark.parametrize("age_s", [0.5, 0.6, 1e9])
 def test_a_command_older_than_the_timeout_is_stale_whenever_the_session_began(
-    connection: RobotConnection, robot: RecordingRobot, age_s: float, connected_s: float
+    connection: Connection, age_s: float, connected_s: float
 ) -> None:
     connection.connected_s = connected_s
     assert ignored(connection, time.monotonic() - age_s) is Ignored.STALE
-    assert robot.told == []
+    assert connection.robot.told == []
 
 
-def test_a_velocity_that_the_driver_refuses_is_invalid(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = InvalidCommand("left = nan: give a finite number")
+def test_a_velocity_that_the_driver_refuses_is_invalid(connection: Connection) -> None:
+    connection.robot.error = InvalidCommand("left = nan: give a finite number")
     assert ignored(connection) is Ignored.INVALID
 
 
 def test_a_new_session_gets_the_parameters_and_the_estop_before_any_command(
-    connection: RobotConnection, robot: RecordingRobot
+    connection: Connection,
 ) -> None:
     connection.estop()
-    robot.told.clear()
-    robot.sessions += 1
-    connection.follow()
-    assert robot.told == ["estop", *GIVEN.items()]
+    connection.robot.told.clear()
+    connection.begin_session()
+    assert connection.robot.told == ["estop", *GIVEN.items()]
     assert ignored(connection) is Ignored.ESTOPPED
     connection.clear_estop()
     connection.command(Twist(0.2, 0), time.monotonic())
-    assert robot.told[-2:-1] == ["clear_estop"]
+    assert connection.robot.told[-2:-1] == ["clear_estop"]
 
 
-def test_a_command_of_the_previous_session_is_not_replayed(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_a_command_of_the_previous_session_is_not_replayed(connection: Connection) -> None:
     born_s = time.monotonic()
-    robot.sessions += 1
+    connection.robot.sessions += 1
     assert ignored(connection, born_s) is Ignored.BEFORE_RECONNECT
-    assert robot.told == []
+    assert connection.robot.told == []
     connection.follow()
     assert ignored(connection, born_s) is Ignored.BEFORE_RECONNECT
-    assert robot.told == list(GIVEN.items())
+    assert connection.robot.told == list(GIVEN.items())
     connection.command(Twist(0.2, 0), time.monotonic())
 
 
-def test_a_robot_that_does_not_take_its_parameters_is_not_driven(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.sessions += 1
-    robot.error = DeviceRefused(RefusalCode.OUT_OF_RANGE, "ParameterSet")
+def test_a_robot_that_does_not_take_its_parameters_is_not_driven(connection: Connection) -> None:
+    connection.robot.sessions += 1
+    connection.robot.error = DeviceRefused(RefusalCode.OUT_OF_RANGE, "ParameterSet")
     with pytest.raises(DeviceRefused):
         connection.follow()
     assert ignored(connection) is Ignored.REFUSED
-    assert connection.problem is robot.error
-    assert robot.told == []
-    robot.error = None
+    assert connection.problem is connection.robot.error
+    assert connection.robot.told == []
+    connection.robot.error = None
     connection.follow()
     assert connection.problem is None
 
 
-def test_a_loss_during_the_preparation_is_no_problem_of_the_session(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.sessions += 1
-    robot.error = LinkLost("the device has not answered yet")
+def test_a_loss_during_the_preparation_is_no_problem_of_the_session(connection: Connection) -> None:
+    connection.robot.sessions += 1
+    connection.robot.error = LinkLost("the device has not answered yet")
     with pytest.raises(LinkLost):
         connection.follow()
     assert connection.problem is None
     assert ignored(connection) is Ignored.BEFORE_RECONNECT
-    assert robot.told == []
-    robot.error = None
+    assert connection.robot.told == []
+    connection.robot.error = None
     connection.follow()
     drive(connection, Twist(0.4, 0.0))
 
 
 def test_a_robot_that_waits_for_a_zero_command_is_a_reason_of_its_own(
-    connection: RobotConnection, robot: RecordingRobot
+    connection: Connection,
 ) -> None:
-    robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+    connection.robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
     assert ignored(connection) is Ignored.UNARMED
-    robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+    connection.robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
     assert ignored(connection) is Ignored.REFUSED
-    assert robot.told == []  # no zero of the node's own
+    assert connection.robot.told == []  # no zero of the node's own
 
 
-def test_an_estop_that_did_not_arrive_is_reported_later(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = LinkLost("gone")
+def test_an_estop_that_did_not_arrive_is_reported_later(connection: Connection) -> None:
+    connection.robot.error = LinkLost("gone")
     with pytest.raises(LinkLost):
         connection.estop()
-    robot.error = None
+    connection.robot.error = None
     assert ignored(connection) is Ignored.ESTOPPED
-    robot.sessions += 1
-    connection.follow()
-    assert robot.told[0] == "estop"
+    connection.begin_session()
+    assert connection.robot.told[0] == "estop"
 
 
-def test_an_unacknowledged_estop_is_sent_again_in_the_same_session(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = RequestTimeout("no answer")
+def test_an_unacknowledged_estop_is_sent_again_in_the_same_session(connection: Connection) -> None:
+    connection.robot.error = RequestTimeout("no answer")
     with pytest.raises(RequestTimeout):
         connection.estop()
-    robot.error = None
+    connection.robot.error = None
     connection.follow()
-    assert robot.told[0] == "estop"
+    assert connection.robot.told[0] == "estop"
 
 
 @pytest.mark.parametrize("first", ["estop", "clear_estop"])
 def test_an_estop_that_is_set_while_one_is_cleared_holds(
-    connection: RobotConnection,
-    robot: RecordingRobot,
-    monkeypatch: pytest.MonkeyPatch,
-    first: str,
+    connection: Connection, monkeypatch: pytest.MonkeyPatch, first: str
 ) -> None:
     """By another thread: whichever of the two the robot got first, it ends latched."""
     connection.estop()
-    clear = robot.clear_estop
+    clear = connection.robot.clear_estop
 
     def interrupted() -> None:
         if first == "clear_estop":
@@ -264,28 +263,28 @@ def test_an_estop_that_is_set_while_one_is_cleared_holds(
         if first == "estop":
             clear()
 
-    monkeypatch.setattr(robot, "clear_estop", interrupted)
+    monkeypatch.setattr(connection.robot, "clear_estop", interrupted)
     connection.clear_estop()
     assert connection.estopped
-    assert robot.told[-1] == "estop"
+    assert connection.robot.told[-1] == "estop"
     assert ignored(connection) is Ignored.ESTOPPED
 
 
 def test_an_estop_that_is_cleared_while_a_new_session_sets_it_again_is_cleared(
-    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+    connection: Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not set again behind the clear, by a node that then says that it is cleared."""
     connection.estop()
-    robot.told.clear()
-    estop, sets, goes_on = robot.estop, threading.Event(), threading.Event()
+    connection.robot.told.clear()
+    estop, sets, goes_on = connection.robot.estop, threading.Event(), threading.Event()
 
     def slow() -> None:
         sets.set()
         assert goes_on.wait(10)
         estop()
 
-    monkeypatch.setattr(robot, "estop", slow)
-    robot.sessions += 1
+    monkeypatch.setattr(connection.robot, "estop", slow)
+    connection.robot.sessions += 1
     following = threading.Thread(target=connection.follow)
     following.start()
     assert sets.wait(10)
@@ -295,7 +294,7 @@ def test_an_estop_that_is_cleared_while_a_new_session_sets_it_again_is_cleared(
     goes_on.set()
     following.join(10)
     clearing.join(10)
-    assert [one for one in robot.told if one in ("estop", "clear_estop")] == [
+    assert [one for one in connection.robot.told if one in ("estop", "clear_estop")] == [
         "estop",
         "clear_estop",
     ]
@@ -304,10 +303,10 @@ def test_an_estop_that_is_cleared_while_a_new_session_sets_it_again_is_cleared(
 
 
 def test_no_command_is_sent_after_the_deactivation(
-    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+    connection: Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another thread deactivates while a command is in flight: the stop comes after it."""
-    send = robot.set_wheel_velocity
+    send = connection.robot.set_wheel_velocity
     threads = []
 
     def deactivate() -> None:
@@ -320,49 +319,40 @@ def test_no_command_is_sent_after_the_deactivation(
         threads[0].join(0.1)  # as far as it gets
         send(*velocity, stamp=stamp)
 
-    monkeypatch.setattr(robot, "set_wheel_velocity", interrupted)
+    monkeypatch.setattr(connection.robot, "set_wheel_velocity", interrupted)
     connection.command(Twist(0.2, 0), time.monotonic())
     threads[0].join()
-    assert robot.told[-1] == "stop"
+    assert connection.robot.told[-1] == "stop"
 
 
-def test_nothing_is_kept_for_a_robot_out_of_reach(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = LinkLost("gone")
+def test_nothing_is_kept_for_a_robot_out_of_reach(connection: Connection) -> None:
+    connection.robot.error = LinkLost("gone")
     assert ignored(connection) is Ignored.OUT_OF_REACH
-    robot.error = None
-    robot.sessions += 1
-    connection.follow()
-    assert robot.told == list(GIVEN.items())
+    connection.robot.error = None
+    connection.begin_session()
+    assert connection.robot.told == list(GIVEN.items())
 
 
-def test_an_inactive_node_drives_nothing(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_an_inactive_node_drives_nothing(connection: Connection) -> None:
     connection.active = False
     assert ignored(connection) is Ignored.INACTIVE
-    assert robot.told == []
+    assert connection.robot.told == []
 
 
-def test_parameters_are_set_together_or_not_at_all(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    before = dict(robot.values)
+def test_parameters_are_set_together_or_not_at_all(connection: Connection) -> None:
+    before = dict(connection.robot.values)
     with pytest.raises(ParameterOutOfRange, match="integral_gain"):
         connection.set_parameters({"proportional_gain": 5.0, "integral_gain": -1.0})
-    assert robot.values == before
+    assert connection.robot.values == before
 
 
-def test_parameters_of_a_robot_out_of_reach_are_refused(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = LinkLost("gone")
+def test_parameters_of_a_robot_out_of_reach_are_refused(connection: Connection) -> None:
+    connection.robot.error = LinkLost("gone")
     with pytest.raises(LinkLost):
         connection.set_parameters({"proportional_gain": 5.0})
 
 
-def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -> None:
+def test_multipliers_calibrate_the_robots_numbers(connection: Connection) -> None:
     connection.tuning = Tuning(
         separation_multiplier=1.1, left_radius_multiplier=0.9, right_radius_multiplier=1.05
     )
@@ -371,140 +361,114 @@ def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -
     assert (drive.left_radius_multiplier, drive.right_radius_multiplier) == (0.9, 1.05)
 
 
-def test_the_calibrated_geometry_is_computed_at_changes_only(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_the_calibrated_geometry_is_computed_at_changes_only(connection: Connection) -> None:
     drive = connection.drive
     connection.command(Twist(0.2, 0.0), time.monotonic())
     assert connection.drive is drive
     connection.tuning = Tuning(separation_multiplier=1.1)
     assert connection.drive.wheel_separation == pytest.approx(0.22)
-    robot.geometry = DifferentialDrive(0.3, 0.033, 360)
+    connection.robot.geometry = DifferentialDrive(0.3, 0.033, 360)
     assert connection.drive.wheel_separation == pytest.approx(0.33)
 
 
-def drive(connection: RobotConnection, twist: Twist) -> Twist:
+def drive(connection: Connection, twist: Twist) -> Twist:
     return connection.command(twist, time.monotonic())
 
 
-def test_a_limit_of_the_wheels_speed_scales_both_by_one_factor(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_a_limit_of_the_wheels_speed_scales_both_by_one_factor(connection: Connection) -> None:
     connection.tuning = Tuning(max_wheel_radps=10.0)  # 0.33 m/s at the rim
     assert drive(connection, Twist(0.4, 2.6)) == pytest.approx((0.2, 1.3))
-    assert robot.told[-1][1:3] == pytest.approx((0.07, 0.33))
+    assert connection.robot.told[-1][1:3] == pytest.approx((0.07, 0.33))
 
 
 ACCELERATION = Tuning(limits=Limits(AxisLimits(max_acceleration=1.0), AxisLimits()))
 
 
-def test_a_command_is_limited_but_a_stop_is_not(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_a_command_is_limited_but_a_stop_is_not(connection: Connection) -> None:
     connection.tuning = ACCELERATION
     for _ in range(3):
         assert 0 < drive(connection, Twist(0.4, 0.0)).linear_mps < 0.4
     assert drive(connection, Twist(0.0, 0.0)) == (0.0, 0.0)
-    assert robot.told[-1][1:3] == (0.0, 0.0)
+    assert connection.robot.told[-1][1:3] == (0.0, 0.0)
+
+
+def estop_and_clear(connection: Connection) -> None:
+    connection.estop()
+    connection.clear_estop()
+
+
+def be_refused(connection: Connection) -> None:
+    connection.robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+    assert ignored(connection) is Ignored.REFUSED
+    connection.robot.error = None
 
 
 @pytest.mark.parametrize(
-    "event", ["stop", "standstill", "estop", "clear_estop", "clear_fault", "refusal", "session"]
+    "happen",
+    [
+        lambda connection: connection.stop(),
+        lambda connection: connection.note_standstill(),
+        lambda connection: connection.clear_estop(),  # one that was set elsewhere
+        lambda connection: connection.clear_fault(),
+        estop_and_clear,
+        be_refused,
+        Connection.begin_session,
+    ],
 )
 def test_after_a_stop_the_acceleration_begins_at_zero(
-    connection: RobotConnection, robot: RecordingRobot, event: str
+    connection: Connection, happen: Callable[[Connection], None]
 ) -> None:
     drive(connection, Twist(0.4, 0.0))
     connection.tuning = ACCELERATION
-    if event == "stop":
-        connection.stop()
-    elif event == "standstill":
-        connection.note_standstill()
-    elif event == "estop":
-        connection.estop()
-        connection.clear_estop()
-    elif event == "clear_estop":  # one that was set elsewhere
-        connection.clear_estop()
-    elif event == "refusal":
-        robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
-        assert ignored(connection) is Ignored.REFUSED
-        robot.error = None
-    elif event == "clear_fault":
-        connection.clear_fault()
-    else:
-        robot.sessions += 1
-        connection.follow()
+    happen(connection)
     assert drive(connection, Twist(0.4, 0.0)).linear_mps == pytest.approx(FIRST_STEP_S)
 
 
 @pytest.mark.parametrize("what", ["clear_fault", "save"])
-def test_a_new_session_is_prepared_before_anything_else(
-    robot: RecordingRobot, connection: RobotConnection, what: str
-) -> None:
-    robot.sessions += 1
+def test_a_new_session_is_prepared_before_anything_else(connection: Connection, what: str) -> None:
+    connection.robot.sessions += 1
     actions = {"clear_fault": connection.clear_fault, "save": connection.save_parameters}
     actions[what]()
-    assert robot.told == [*GIVEN.items(), what]
+    assert connection.robot.told == [*GIVEN.items(), what]
 
 
-def test_no_parameter_is_set_before_a_new_session_is_prepared(
-    robot: RecordingRobot, connection: RobotConnection
-) -> None:
-    robot.sessions += 1
+def test_no_parameter_is_set_before_a_new_session_is_prepared(connection: Connection) -> None:
+    connection.robot.sessions += 1
     with pytest.raises(LinkLost, match="try again"):
         connection.set_parameters({"integral_gain": 1.0})
-    assert robot.told == []
+    assert connection.robot.told == []
     connection.follow()
     connection.set_parameters({"integral_gain": 1.0})
-    assert robot.told[-1] == ("integral_gain", 1.0)
+    assert connection.robot.told[-1] == ("integral_gain", 1.0)
 
 
 def test_a_command_whose_life_ends_while_it_is_handed_over_is_stale(
-    robot: RecordingRobot, connection: RobotConnection, monkeypatch: pytest.MonkeyPatch
+    clock: Clock, connection: Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """This process was suspended between two of its lines."""
-    now_s = time.monotonic() + 1
-    monkeypatch.setattr(time, "monotonic", lambda: now_s)
-    send = robot.set_wheel_velocity
+    clock.now_s += 1
+    send = connection.robot.set_wheel_velocity
 
     def frozen(*velocity: float, stamp: float) -> None:
-        nonlocal now_s
-        now_s += 10
+        clock.now_s += 10
         send(*velocity, stamp=stamp)
 
-    monkeypatch.setattr(robot, "set_wheel_velocity", frozen)
-    assert ignored(connection, now_s) is Ignored.STALE
-    assert robot.told == []
+    monkeypatch.setattr(connection.robot, "set_wheel_velocity", frozen)
+    assert ignored(connection, clock.now_s) is Ignored.STALE
+    assert connection.robot.told == []
     assert connection.obeyed == 0
 
 
-class Clock:
-    """The monotonic clock of the node."""
-
-    def __init__(self) -> None:
-        self.now_s = time.monotonic()
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(connection_module, "time", clock)
-    return clock
-
-
 def test_a_program_that_keeps_commanding_does_not_drive_a_restarted_device(
-    clock: Clock, connection: RobotConnection, robot: RecordingRobot
+    clock: Clock, connection: Connection
 ) -> None:
     connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
 
     def begin(boot_id: int) -> None:
-        robot.info = SimpleNamespace(device=SimpleNamespace(boot_id=boot_id))
-        robot.sessions += 1
+        connection.robot.info = SimpleNamespace(device=SimpleNamespace(boot_id=boot_id))
+        connection.robot.sessions += 1
         connection.follow()
-        robot.told.clear()
+        connection.robot.told.clear()
 
     connection.connected_s = 0.0
     for holds, ends in enumerate(("zero", "gap"), 1):
@@ -518,39 +482,34 @@ def test_a_program_that_keeps_commanding_does_not_drive_a_restarted_device(
             )  # turning on the spot is not a standstill
         assert connection.is_held
         assert connection.holds == holds
-        assert robot.told == []
+        assert connection.robot.told == []
         if ends == "zero":
             connection.command(Twist(0.0, 0.0), clock.now_s)
         else:
             clock.now_s += 0.6
         connection.command(Twist(0.2, 0.0), clock.now_s)
-        assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+        assert connection.robot.told[-1][:3] == ("drive", 0.2, 0.2)
         assert not connection.is_held
 
 
-def test_a_hold_lasts_until_the_robot_says_that_it_obeys(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
-    robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
-    robot.is_unarmed = True
+def test_a_hold_lasts_until_the_robot_says_that_it_obeys(connection: Connection) -> None:
+    connection.robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+    connection.robot.is_unarmed = True
     assert ignored(connection) is Ignored.UNARMED
-    robot.error = None
+    connection.robot.error = None
     connection.command(Twist(0.2, 0.0), time.monotonic())  # its refusal has not arrived yet
     assert connection.is_held
-    robot.is_unarmed = False
+    connection.robot.is_unarmed = False
     connection.command(Twist(0.0, 0.0), time.monotonic())
     assert not connection.is_held
     assert connection.holds == 1
 
 
-def test_the_same_device_is_driven_on_in_its_next_session(
-    connection: RobotConnection, robot: RecordingRobot
-) -> None:
+def test_the_same_device_is_driven_on_in_its_next_session(connection: Connection) -> None:
     connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
-    robot.sessions += 1
-    connection.follow()
+    connection.begin_session()
     connection.command(Twist(0.2, 0.0), time.monotonic())
-    assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+    assert connection.robot.told[-1][:3] == ("drive", 0.2, 0.2)
 
 
 SLOW = Limits(linear=AxisLimits(max_acceleration=1.0))
@@ -558,19 +517,19 @@ SLOW = Limits(linear=AxisLimits(max_acceleration=1.0))
 
 
 def test_the_next_command_starts_from_what_the_wheels_could_do(
-    clock: Clock, connection: RobotConnection, robot: RecordingRobot
+    clock: Clock, connection: Connection
 ) -> None:
-    robot.geometry = replace(robot.geometry, max_velocity_mps=0.1)
+    connection.robot.geometry = replace(connection.robot.geometry, max_velocity_mps=0.1)
     connection.command(Twist(0.4, 0.0), clock.now_s)  # without limits of the node's own
     connection.tuning = replace(connection.tuning, limits=SLOW)
-    robot.geometry = replace(robot.geometry, max_velocity_mps=1.0)
+    connection.robot.geometry = replace(connection.robot.geometry, max_velocity_mps=1.0)
     clock.now_s += 0.1
     assert connection.command(Twist(0.4, 0.0), clock.now_s).linear_mps == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("age_s", "goes_on"), [(0.0, True), (0.45, False)])
 def test_a_command_counts_until_the_end_of_its_life(
-    clock: Clock, connection: RobotConnection, age_s: float, goes_on: bool
+    clock: Clock, connection: Connection, age_s: float, goes_on: bool
 ) -> None:
     connection.connected_s = 0.0
     connection.command(Twist(0.4, 0.0), clock.now_s - age_s)
@@ -581,16 +540,16 @@ def test_a_command_counts_until_the_end_of_its_life(
 
 
 def test_an_estop_that_was_cleared_before_it_could_be_sent_again_holds_nobody(
-    connection: RobotConnection, robot: RecordingRobot
+    connection: Connection,
 ) -> None:
     connection.estop()
-    robot.sessions += 1
-    robot.error = LinkLost("the device no longer knows this session")
+    connection.robot.sessions += 1
+    connection.robot.error = LinkLost("the device no longer knows this session")
     with pytest.raises(LinkLost):
         connection.follow()
-    robot.error = None
+    connection.robot.error = None
     connection.clear_estop()
     connection.follow()
     assert connection.is_prepared
     connection.command(Twist(0.2, 0.0), time.monotonic())
-    assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+    assert connection.robot.told[-1][:3] == ("drive", 0.2, 0.2)
