@@ -31,6 +31,7 @@ def is_driven(device: CoreDevice) -> bool:
 
 
 def test_another_board_is_reported_and_not_driven(graph: Graph, tmp_path: Path) -> None:
+    """Also when the node is configured again."""
     with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=port.path):
@@ -45,13 +46,6 @@ def test_another_board_is_reported_and_not_driven(graph: Graph, tmp_path: Path) 
                 port.replace(first)
                 diagnostics.wait("link", lambda s, _: s.level == OK)
                 wait(lambda: is_driven(first), "the board of before is driven")
-
-
-def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
-        diagnostics = Diagnostics(graph)
-        with RobotNode(graph, port=port.path):
-            graph.wait_active()
             assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
             assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
             port.replace(CoreDevice(board_id=OTHER))

@@ -1,4 +1,4 @@
-"""Each driver under the node, but for the serial one, which is under all other tests of it."""
+"""Drivers under the node that no other test has there, as serial and mock."""
 
 from __future__ import annotations
 
@@ -43,26 +43,13 @@ def check_driving(graph: Graph, driver: str, **options: Any) -> None:
     assert abs(odometry[-1].pose.pose.position.y) < 0.02
 
 
-def test_mock(graph: Graph) -> None:
-    check_driving(graph, "mock")
-
-
 def test_pigpio(graph: Graph) -> None:
     with PigpioProcess() as daemon:
         check_driving(graph, "pigpio", pigpio_host="127.0.0.1", pigpio_port=daemon.port)
         assert not daemon.command("truth")["driven"]
 
 
-def test_l298n(graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
-    with GpioChip(tmp_path, kernel_pwm=False) as chip:
-        for name, value in chip.environment.items():
-            monkeypatch.setenv(name, value)
-        check_driving(graph, "l298n")
-        assert not chip.truth()["driven"]
-
-
-def test_a_pi_has_its_sensors_by_the_file_of_its_board(
+def test_l298n_with_its_sensors_by_the_file_of_its_board(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
@@ -75,12 +62,7 @@ def test_a_pi_has_its_sensors_by_the_file_of_its_board(
             monkeypatch.setenv(name, value)
         samples = graph.listen(Imu, "imu/data_raw")
         battery = graph.listen(BatteryState, "battery_state")
-        with RobotNode(
-            graph,
-            driver_type="l298n",
-            board=str(file),
-            overrun_limit_us=LONG_OVERRUN_LIMIT_US,
-        ):
-            wait(lambda: len(samples) > 100, "samples of the IMU")
-            assert samples[-1].linear_acceleration.z == pytest.approx(9.8, abs=0.1)
-            wait(lambda: battery and battery[-1].current == pytest.approx(-0.5), "the current")
+        check_driving(graph, "l298n", board=str(file))
+        assert not chip.truth()["driven"]
+    assert any(one.linear_acceleration.z == pytest.approx(9.8, abs=0.1) for one in samples)
+    assert battery[-1].current == pytest.approx(-0.5)

@@ -13,11 +13,13 @@ from xml.etree import ElementTree as ET
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
+from tf2_msgs.msg import TFMessage
 
 from support.launch_stand_in import load, started
 from support.ros import Diagnostics, Graph, Repeater, wait
@@ -44,9 +46,10 @@ def health(graph: Graph, node: str) -> int:
     return subprocess.run([sys.executable, HEALTH, node], env=environment, check=False).returncode
 
 
-def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
+def test_they_do_not_hear_each_other_and_share_one_tf(graph: Graph, tmp_path: Path) -> None:
     left_odometry = graph.listen(Odometry, "/left/odom")
     right_odometry = graph.listen(Odometry, "/right/odom")
+    shared = graph.listen(TFMessage, "/tf")
     with (
         Simulator(link=tmp_path / "left") as left,
         Simulator(link=tmp_path / "right") as right,
@@ -70,25 +73,13 @@ def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
         for name in ("left", "right"):
             assert health(graph, f"{name}/hardware_robot") == 0
         assert health(graph, "/hardware_robot") == 1, "there is none without a namespace"
-
-
-def test_with_prefixes_they_share_one_tf(graph: Graph, tmp_path: Path) -> None:
-    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
-    shared = graph.listen(tf2.TFMessage, "/tf")
-    with (
-        Simulator(link=tmp_path / "left") as left,
-        Simulator(link=tmp_path / "right") as right,
-        RobotNode(graph, namespace="/left", port=left.port, tf_frame_prefix="left/"),
-        RobotNode(graph, namespace="/right", port=right.port, tf_frame_prefix="right/"),
-    ):
         both = {("left/odom", "left/base_link"), ("right/odom", "right/base_link")}
         wait(lambda: edges(shared) >= both, "both robots' transforms")
     assert edges(shared) == both
 
 
 def test_in_a_namespace_each_has_a_tf_of_its_own(graph: Graph, tmp_path: Path) -> None:
-    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
-    shared, own = (graph.listen(tf2.TFMessage, topic) for topic in ("/tf", "/left/tf"))
+    shared, own = (graph.listen(TFMessage, topic) for topic in ("/tf", "/left/tf"))
     remappings = started(load(LAUNCH), namespace="left")["hardware_robot"].remappings
     with (
         Simulator(link=tmp_path / "left") as left,

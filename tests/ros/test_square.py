@@ -11,13 +11,15 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
+from tf2_msgs.msg import TFMessage
 
-from support.ros import TIMEOUT_S, Diagnostics, Graph, Repeater, wait
+from support.ros import TIMEOUT_S, Diagnostics, Graph, wait
 from support.ros_process import RobotNode
 from wheelwire.simulation.simulator import Simulator
 
@@ -28,6 +30,8 @@ SPEED_MPS = 0.3
 TURN_RADPS = 2.0
 PERIOD_S = 0.02
 RECENT_S = 5.0
+LONG = {"cmd_vel_timeout": 5.0, "ttl_max_s": 5.0}
+"""On a busy computer a command may take longer than half a second to the robot."""
 NAMES = ["left_wheel_joint", "right_wheel_joint"]
 
 
@@ -85,9 +89,9 @@ class Driver:
 def test_a_square(graph: Graph, simulator: Simulator) -> None:
     odometry = graph.listen(Odometry, "odom")
     joints = graph.listen(JointState, "joint_states")
+    transforms = graph.listen(TFMessage, "/tf")
     diagnostics = Diagnostics(graph)
-    # On a busy computer a command may take longer than half a second to the robot.
-    with RobotNode(graph, port=simulator.port, cmd_vel_timeout=5.0, ttl_max_s=5.0):
+    with RobotNode(graph, port=simulator.port, base_frame_id="base_footprint", **LONG):
         publisher = graph.publisher(Twist, "cmd_vel")
         wait(lambda: odometry, "odom")
         driver = Driver(odometry, publisher)
@@ -98,6 +102,7 @@ def test_a_square(graph: Graph, simulator: Simulator) -> None:
         check_pose(end, simulator)
         check_stamps(graph, odometry)
         check_joints(joints, simulator)
+        check_transforms(transforms, odometry)
         link = diagnostics.wait("link", lambda s, _: s.level == DiagnosticStatus.OK)
         assert (link["driver"], link["port"]) == ("serial", simulator.port)
         assert float(link["round_trip_p50_us"]) > 0
@@ -105,12 +110,14 @@ def test_a_square(graph: Graph, simulator: Simulator) -> None:
         assert link["device_resets"] == link["frames_lost"] == "0"
         obeyed = diagnostics.wait("commands", lambda _, v: int(v["obeyed"]) > 0)
         assert obeyed["ignored"] == "0"
-        assert graph.first(BatteryState, "battery_state").voltage == pytest.approx(7.4, abs=0.1)
+        battery = graph.first(BatteryState, "battery_state")
+        assert battery.voltage == pytest.approx(7.4, abs=0.1)
+        assert math.isnan(battery.percentage)  # nobody has told the cells
 
 
 def check_pose(message: Any, simulator: Simulator) -> None:
     """Odometry against truth: the ticks' resolution, and a loop that begins where it ends."""
-    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_footprint")
     position = message.pose.pose.position
     true = simulator.get("true.x_m"), simulator.get("true.y_m"), simulator.get("true.heading_rad")
     assert (position.x, position.y) == pytest.approx(true[:2], abs=0.01)
@@ -138,29 +145,17 @@ def check_joints(joints: deque[Any], simulator: Simulator) -> None:
     assert [a / math.tau for a in message.position] == pytest.approx(turns, abs=0.01)
 
 
-def test_the_transform_is_odoms_pose(graph: Graph, simulator: Simulator) -> None:
-    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
-    odometry = graph.listen(Odometry, "odom")
-    transforms = graph.listen(tf2.TFMessage, "/tf")
-    with RobotNode(graph, port=simulator.port, base_frame_id="base_footprint"):
-        publisher = graph.publisher(Twist, "cmd_vel")
-        with Repeater(publisher, lambda: Twist(linear=Vector3(x=0.3))):
-            wait(lambda: odometry and odometry[-1].pose.pose.position.x > 0.05, "5 cm")
-            wait(
-                lambda: transforms and transforms[-1].transforms[0].transform.translation.x > 0.05,
-                "tf",
-            )
+def check_transforms(transforms: deque[Any], odometry: deque[Any]) -> None:
+    """Each is the pose of odom at its time."""
     poses = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in tuple(odometry)}
     compared = 0
     for message in tuple(transforms):
         (transform,) = message.transforms
-        same = poses.get((transform.header.stamp.sec, transform.header.stamp.nanosec))
+        header = transform.header
+        same = poses.get((header.stamp.sec, header.stamp.nanosec))
         if same is not None:
             compared += 1
-            assert (transform.header.frame_id, transform.child_frame_id) == (
-                "odom",
-                "base_footprint",
-            )
+            assert (header.frame_id, transform.child_frame_id) == ("odom", "base_footprint")
             assert transform.transform.translation.x == same.pose.pose.position.x
             assert transform.transform.rotation == same.pose.pose.orientation
     assert compared > 10

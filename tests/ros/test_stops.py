@@ -56,17 +56,17 @@ def check_stopped_early(rig: Rig) -> None:
     assert end.deadline_us - end.drive_removed_us > LONG_S / 2 * 1e6
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Iterator[Rig]:
+def test_a_command_lives_for_the_timeout_and_nothing_sends_it_again(tmp_path: Path) -> None:
+    """Also if the node is killed."""
     with open_rig(tmp_path, cmd_vel_timeout=CMD_VEL_TIMEOUT_S) as rig:
-        yield rig
-
-
-def test_a_command_lives_for_the_timeout_and_is_not_sent_again(rig: Rig) -> None:
-    start = rig.drive_on()
-    end = rig.truth(stopped)
-    check_stopped_at_deadline(end)
-    assert end.deadline_us <= start.device_us + CMD_VEL_TIMEOUT_S * 1e6 + CLOCK_ERROR_US
+        start = rig.drive_on()
+        end = rig.truth(stopped)
+        check_stopped_at_deadline(end)
+        assert end.deadline_us <= start.device_us + CMD_VEL_TIMEOUT_S * 1e6 + CLOCK_ERROR_US
+        with rig.driving():
+            rig.truth(lambda state: state.drive_on)
+            rig.node.end(signal.SIGKILL)
+            check_stopped_at_deadline(rig.truth(stopped))
 
 
 @pytest.fixture
@@ -75,13 +75,6 @@ def far_rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
     code = getattr(request, "param", None)
     with open_rig(tmp_path, code=code, cmd_vel_timeout=LONG_S, ttl_max_s=LONG_S) as rig:
         yield rig
-
-
-def test_a_killed_node(rig: Rig) -> None:
-    with rig.driving():
-        rig.truth(lambda state: state.drive_on)
-        rig.node.end(signal.SIGKILL)
-        check_stopped_at_deadline(rig.truth(stopped))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -104,13 +97,10 @@ def test_an_exception_in_either_thread_stops_the_wheels_first(far_rig: Rig, topi
     assert "RuntimeError: a defect" in far_rig.node.errors()
 
 
-@pytest.mark.parametrize(
-    "transition", [Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN]
-)
-def test_when_a_transition_out_of_active_is_answered_the_wheels_have_stopped(
-    far_rig: Rig, transition: int
-) -> None:
-    far_rig.drive_on()
-    assert far_rig.graph.change_state(NODE, transition)
-    assert not far_rig.simulator.get("drive_on")
-    check_stopped_early(far_rig)
+def test_when_a_transition_out_of_active_is_answered_the_wheels_have_stopped(far_rig: Rig) -> None:
+    for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN):
+        far_rig.drive_on()
+        assert far_rig.graph.change_state(NODE, transition)
+        assert not far_rig.simulator.get("drive_on")
+        check_stopped_early(far_rig)
+        far_rig.graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
