@@ -95,20 +95,19 @@ class HardwareRobot(BaseRobotNode):
         Within a session of the link another board is refused by the link itself. A node that was
         cleaned up and configured again holds on to its board as well.
         """
-        driver = self._recorded_driver()
+        record: str | None = self.setting("record") or None
+        options = self._options()
+        try:
+            driver = open_driver(self.driver_type, record=record, **options)
+        except RecordingError as error:
+            if record is None:
+                raise
+            # A full disk may keep a robot from being recorded, not from being driven.
+            self.get_logger().error(f"record: {error}; the robot is not recorded")
+            driver = open_driver(self.driver_type, **options)
         if isinstance(driver, SerialDriver):
             self._first_board = self.setting("port"), driver.info.device.board_id
         return driver
-
-    def _recorded_driver(self) -> BaseDriver:
-        record: str = self.setting("record")
-        if record:
-            try:
-                return open_driver(self.driver_type, record=record, **self._options())
-            except RecordingError as error:
-                # A full disk may keep a robot from being recorded, not from being driven.
-                self.get_logger().error(f"record: {error}; the robot is not recorded")
-        return open_driver(self.driver_type, **self._options())
 
     def _board_id(self) -> str | None:
         """The only board that is accepted, if there is one."""

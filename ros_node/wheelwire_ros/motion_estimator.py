@@ -187,24 +187,26 @@ class MotionEstimator:
         with self._lock:
             self._odometry.reset(pose)
             self._covariance.matrix = covariance
-            return None if self._last is None else self._record("", self._last)
+            return self._record("", self._last)
 
     def restore(self, record: PoseRecord) -> None:
         """Go on from the state in this record, whose sample is the last one."""
         with self._lock:
             self._begin(record)
 
-    def record(self, board_id: str) -> PoseRecord | None:
-        """The pose at the last sample, to resume from; None before the first one."""
-        with self._lock:
-            return None if self._last is None else self._record(board_id, self._last)
+    def record(self, board_id: str = "", first: WheelSample | None = None) -> PoseRecord | None:
+        """The pose at the last sample, to resume from; None before the first one.
 
-    def record_at(self, first: WheelSample) -> PoseRecord:
-        """As `record`, but before the first update, for the sample that will be the first."""
+        Args:
+            board_id: For the record.
+            first: Before the first update: the sample that will be the first.
+        """
         with self._lock:
-            return self._record("", first)
+            return self._record(board_id, first or self._last)
 
-    def _record(self, board_id: str, sample: WheelSample) -> PoseRecord:
+    def _record(self, board_id: str, sample: WheelSample | None) -> PoseRecord | None:
+        if sample is None:
+            return None
         pose = self._odometry.pose
         return PoseRecord(
             board_id=board_id,

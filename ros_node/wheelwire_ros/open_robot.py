@@ -267,7 +267,7 @@ class OpenRobot:
         self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
         resources.callback(self._node.poses.close)
         self._recorded_poses.begin(first, self.estimator)
-        self._note_pose(self.estimator.record_at(first))
+        self._note_pose(self.estimator.record(first=first))
 
     def set_pose(self, where: Pose, covariance: Any) -> None:
         """Set the odometry to this pose."""

@@ -67,25 +67,20 @@ def command_timeout(seconds: float) -> str | None:
     return None
 
 
-def at_least_zero(value: float) -> str | None:
-    """An upper limit; NaN for none."""
-    return _limit(0 <= value < math.inf, value, "of at least")
+def _limit(bound: str, allows: Callable[[float], bool]) -> Check:
+    """A limit on one side of zero; NaN for none."""
+
+    def check(value: float) -> str | None:
+        if math.isnan(value) or (math.isfinite(value) and allows(value)):
+            return None
+        return f"write a number {bound} 0.0, or .NAN for no limit"
+
+    return check
 
 
-def at_most_zero(value: float) -> str | None:
-    """A lower limit; NaN for none."""
-    return _limit(-math.inf < value <= 0, value, "of at most")
-
-
-def above_zero(value: float) -> str | None:
-    """A limit that leaves some motion; NaN for none."""
-    return _limit(0 < value < math.inf, value, "above")
-
-
-def _limit(is_valid: bool, value: float, bound: str) -> str | None:
-    if is_valid or math.isnan(value):
-        return None
-    return f"write a number {bound} 0.0, or .NAN for no limit"
+at_least_zero = _limit("of at least", lambda value: value >= 0)
+at_most_zero = _limit("of at most", lambda value: value <= 0)
+above_zero = _limit("above", lambda value: value > 0)
 
 
 def only(accepted: Any, instead: str) -> Check:
