@@ -129,11 +129,10 @@ class CollisionMonitor:
 class Controller:
     """nav2_controller/src/controller_server.cpp, `computeControl`.
 
-    At `controller_frequency`; at each end of a goal, by success, cancellation, or any exception, it
+    At each end of a goal, by success, cancellation, or any exception, it
     publishes a zero (`publishZeroVelocity`, while `publish_zero_velocity` is true, its default).
     """
 
-    frequency_hz: float
     goal: tuple[float, float] | None = None
     """The velocity to follow; None: there is no goal."""
     _ends: bool = False

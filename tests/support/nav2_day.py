@@ -97,7 +97,7 @@ class Day:
         self._lock = threading.Lock()
         self._smoother = Smoother(shipped("velocity_smoother"))
         self._monitor = CollisionMonitor(shipped("collision_monitor"))
-        self._controller = Controller(shipped("controller_server")["controller_frequency"])
+        self._controller = Controller()
         for type_, topic in ((Odometry, "odom"), (JointState, "joint_states"), (TFMessage, "/tf")):
             self._listen(type_, topic)
         self.filter = FilterNode(graph)
