@@ -4,36 +4,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from typing import Any
+from unittest.mock import Mock, call
 
 import pytest
 
 from wheelwire_ros.library_log import LIBRARY, forward_library_log
 
 
-class Logger:
-    """A stand-in for rclpy's logger: keeps what it is given."""
+def logger(name: str) -> Mock:
+    """A stand-in for rclpy's logger; its only child notes what it is given."""
+    made = Mock()
+    made.name = name
+    return made
 
-    def __init__(self, name: str, lines: list[tuple[str, str, str]]) -> None:
-        self.name = name
-        self._lines = lines
 
-    def get_child(self, name: str) -> Logger:
-        return Logger(f"{self.name}.{name}", self._lines)
-
-    def debug(self, text: str) -> None:
-        self._lines.append((self.name, "debug", text))
-
-    def info(self, text: str) -> None:
-        self._lines.append((self.name, "info", text))
-
-    def warning(self, text: str) -> None:
-        self._lines.append((self.name, "warning", text))
-
-    def error(self, text: str) -> None:
-        self._lines.append((self.name, "error", text))
-
-    def fatal(self, text: str) -> None:
-        self._lines.append((self.name, "fatal", text))
+def told(logger: Mock) -> list[Any]:
+    """What its child was given."""
+    logger.get_child.assert_called_once_with(LIBRARY)
+    return list(logger.get_child.return_value.mock_calls)
 
 
 @pytest.fixture
@@ -46,43 +35,29 @@ def library() -> Iterator[logging.Logger]:
     library.setLevel(level)
 
 
-@pytest.mark.parametrize(
-    ("level", "severity"),
-    [
-        (logging.DEBUG, "debug"),
-        (logging.INFO, "info"),
-        (logging.WARNING, "warning"),
-        (logging.ERROR, "error"),
-        (logging.CRITICAL, "fatal"),
-    ],
-)
-def test_each_severity_is_kept(library: logging.Logger, level: int, severity: str) -> None:
-    lines: list[tuple[str, str, str]] = []
-    forward_library_log(Logger("robot", lines))
-    library.log(level, "%s: link open", "/dev/wheelwire")
-    assert lines == [("robot.wheelwire", severity, "/dev/wheelwire: link open")]
+def test_each_severity_is_kept(library: logging.Logger) -> None:
+    robot = logger("robot")
+    forward_library_log(robot)
+    levels = logging.DEBUG, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL
+    for level in levels:
+        library.log(level, "%s: link open", "/dev/wheelwire")
+    text = "/dev/wheelwire: link open"
+    expected = [getattr(call, one)(text) for one in ("debug", "info", "warning", "error", "fatal")]
+    assert told(robot) == expected
 
 
-def test_a_node_that_is_made_again_gets_each_record_once(library: logging.Logger) -> None:
-    lines: list[tuple[str, str, str]] = []
-    for _ in range(2):
-        forward_library_log(Logger("robot", lines))
-    library.warning("unplugged")
-    assert len(lines) == 1
-
-
-def test_two_nodes_get_it_each(library: logging.Logger) -> None:
-    lines: list[tuple[str, str, str]] = []
-    forward_library_log(Logger("left", lines))
-    forward_library_log(Logger("right", lines))
+def test_each_node_gets_each_record_once_also_one_that_is_made_again(
+    library: logging.Logger,
+) -> None:
+    robots = left, right = logger("left"), logger("right")
+    for robot in (*robots, left):
+        forward_library_log(robot)
     library.error("unplugged")
-    assert [name for name, _, _ in lines] == ["left.wheelwire", "right.wheelwire"]
+    assert told(left) == told(right) == [call.error("unplugged")]
 
 
 def test_an_exception_is_logged(library: logging.Logger) -> None:
-    lines: list[tuple[str, str, str]] = []
-    forward_library_log(Logger("robot", lines))
+    robot = logger("robot")
+    forward_library_log(robot)
     library.error("reading failed", exc_info=OSError("unplugged"))
-    ((_, severity, text),) = lines
-    assert severity == "error"
-    assert text == "reading failed\nOSError: unplugged"
+    assert told(robot) == [call.error("reading failed\nOSError: unplugged")]

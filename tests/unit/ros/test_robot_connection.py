@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import pytest
 
+from support.cases import each
 from wheelwire import (
     BaseDriver,
     DeviceRefused,
@@ -164,9 +165,22 @@ def test_a_command_older_than_the_timeout_is_stale_whenever_the_session_began(
     assert connection.robot.told == []
 
 
-def test_a_velocity_that_the_driver_refuses_is_invalid(connection: Connection) -> None:
-    connection.robot.error = InvalidCommand("left = nan: give a finite number")
-    assert ignored(connection) is Ignored.INVALID
+@each(
+    ("error", "reason"),
+    [
+        (InvalidCommand("left = nan: give a finite number"), Ignored.INVALID),
+        (DeviceRefused(RefusalCode.UNARMED, "the setpoint"), Ignored.UNARMED),
+        (DeviceRefused(RefusalCode.EXPIRED, "the setpoint"), Ignored.REFUSED),
+        (LinkLost("gone"), Ignored.OUT_OF_REACH),
+    ],
+)
+def test_nothing_is_kept_of_a_command_that_is_not_sent(error: Exception, reason: Ignored) -> None:
+    connection = Connection()
+    connection.robot.error = error
+    assert ignored(connection) is reason
+    connection.robot.error = None
+    connection.begin_session()
+    assert connection.robot.told == list(GIVEN.items())  # no zero of the node's own either
 
 
 def test_a_new_session_gets_the_parameters_and_the_estop_before_any_command(
@@ -217,16 +231,6 @@ def test_a_loss_during_the_preparation_is_no_problem_of_the_session(connection: 
     connection.robot.error = None
     connection.follow()
     drive(connection, Twist(0.4, 0.0))
-
-
-def test_a_robot_that_waits_for_a_zero_command_is_a_reason_of_its_own(
-    connection: Connection,
-) -> None:
-    connection.robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
-    assert ignored(connection) is Ignored.UNARMED
-    connection.robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
-    assert ignored(connection) is Ignored.REFUSED
-    assert connection.robot.told == []  # no zero of the node's own
 
 
 def test_an_estop_that_did_not_arrive_is_reported_later(connection: Connection) -> None:
@@ -323,14 +327,6 @@ def test_no_command_is_sent_after_the_deactivation(
     connection.command(Twist(0.2, 0), time.monotonic())
     threads[0].join()
     assert connection.robot.told[-1] == "stop"
-
-
-def test_nothing_is_kept_for_a_robot_out_of_reach(connection: Connection) -> None:
-    connection.robot.error = LinkLost("gone")
-    assert ignored(connection) is Ignored.OUT_OF_REACH
-    connection.robot.error = None
-    connection.begin_session()
-    assert connection.robot.told == list(GIVEN.items())
 
 
 def test_an_inactive_node_drives_nothing(connection: Connection) -> None:

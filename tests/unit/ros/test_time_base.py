@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from unittest.mock import Mock, call
 
 import pytest
 
@@ -29,19 +30,6 @@ class Clocks:
         return seen
 
 
-class Log:
-    """Keeps what is logged, each with its severity."""
-
-    def __init__(self) -> None:
-        self.lines: list[tuple[str, str]] = []
-
-    def info(self, text: str) -> None:
-        self.lines.append(("info", text))
-
-    def warning(self, text: str) -> None:
-        self.lines.append(("warning", text))
-
-
 def ros_ns(base: TimeBase, stamp_s: float) -> int:
     converted = base.to_ros_ns(stamp_s)
     assert converted is not None
@@ -50,20 +38,20 @@ def ros_ns(base: TimeBase, stamp_s: float) -> int:
 
 def test_a_monotonic_time_becomes_ros_time() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     assert abs(ros_ns(base, 4.5) - (4_500_000_000 + OFFSET_NS)) <= 1000
     assert base.error_s == 1e-6
 
 
 def test_an_interrupted_reading_is_not_the_one_that_counts() -> None:
     clocks = Clocks([40_000_000, 30_000_000, 0, 50_000_000, 20_000_000])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     assert abs(ros_ns(base, 1.0) - (1_000_000_000 + OFFSET_NS)) <= 1000
 
 
 def test_no_stamp_is_in_the_future_though_the_ros_clock_was_set_back() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     clocks.offset_ns -= 3_000_000_000
     stamp_ns = clocks.now_ns - 1_000_000
     assert abs(ros_ns(base, stamp_ns / 1e9) - (stamp_ns + clocks.offset_ns)) <= 2000
@@ -72,7 +60,7 @@ def test_no_stamp_is_in_the_future_though_the_ros_clock_was_set_back() -> None:
 
 def test_a_step_of_the_ros_clock_is_followed() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     clocks.offset_ns += 3_000_000_000
     base.measure()
     before_ns = clocks.now_ns
@@ -83,33 +71,33 @@ def test_a_step_of_the_ros_clock_is_followed() -> None:
 
 
 def test_nothing_is_converted_until_the_simulated_clock_runs() -> None:
-    clocks, log, simulated_ns = Clocks([]), Log(), 0
+    clocks, log, simulated_ns = Clocks([]), Mock(), 0
     base = TimeBase(lambda: simulated_ns, log, clocks.monotonic_ns)
     assert base.to_ros_ns(4.5) is None
     base.measure()
     assert not base.runs
-    assert log.lines == [("warning", WAITING_FOR_CLOCK)]
+    assert log.mock_calls == [call.warning(WAITING_FOR_CLOCK)]
     simulated_ns = 7_000_000_000
     assert abs(ros_ns(base, clocks.now_ns / 1e9 - 0.25) - 6_750_000_000) <= 10_000
     assert base.runs
-    assert log.lines[1:] == [("info", "/clock runs: motion is published from now on")]
+    assert log.mock_calls[1:] == [call.info("/clock runs: motion is published from now on")]
 
 
 def test_a_time_before_the_simulation_began_is_unknown() -> None:
     clocks, simulated_ns = Clocks([]), 1_000_000
-    base = TimeBase(lambda: simulated_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(lambda: simulated_ns, Mock(), clocks.monotonic_ns)
     assert base.runs
     assert base.to_ros_ns(clocks.now_ns / 1e9 - 0.25) is None
 
 
 def test_nothing_is_logged_of_a_clock_that_runs() -> None:
-    log = Log()
+    log = Mock()
     TimeBase(Clocks([]).ros_ns, log)
-    assert log.lines == []
+    assert log.mock_calls == []
 
 
 def test_a_clock_that_is_switched_to_a_simulation_is_waited_for() -> None:
-    clocks, log = Clocks([]), Log()
+    clocks, log = Clocks([]), Mock()
     now_ns = clocks.ros_ns
     base = TimeBase(lambda: now_ns(), log, clocks.monotonic_ns)
 
@@ -119,7 +107,7 @@ def test_a_clock_that_is_switched_to_a_simulation_is_waited_for() -> None:
     now_ns = simulated_ns
     assert base.to_ros_ns(clocks.now_ns / 1e9) is None
     assert not base.runs
-    assert log.lines == [("warning", WAITING_FOR_CLOCK)]
+    assert log.mock_calls == [call.warning(WAITING_FOR_CLOCK)]
 
 
 def simulated(speed: float, step_ns: int) -> tuple[list[int], TimeBase]:
@@ -129,7 +117,7 @@ def simulated(speed: float, step_ns: int) -> tuple[list[int], TimeBase]:
     def ros_ns() -> int:
         return 5 * 10**9 + int((now_ns[0] - 10**12) * speed) // step_ns * step_ns
 
-    return now_ns, TimeBase(ros_ns, Log(), lambda: now_ns[0], is_simulated=lambda: True)
+    return now_ns, TimeBase(ros_ns, Mock(), lambda: now_ns[0], is_simulated=lambda: True)
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
@@ -168,7 +156,7 @@ def test_one_stream_of_samples_takes_no_time_from_another() -> None:
 def test_a_recording_that_restarts_is_followed() -> None:
     now_ns, start_ns = [10**12], [10**10]
     base = TimeBase(
-        lambda: now_ns[0] - 10**12 + start_ns[0], Log(), lambda: now_ns[0], lambda: True
+        lambda: now_ns[0] - 10**12 + start_ns[0], Mock(), lambda: now_ns[0], lambda: True
     )
     for _ in range(100):
         now_ns[0] += 20_000_000
@@ -183,7 +171,7 @@ def test_a_recording_that_restarts_is_followed() -> None:
 
 def test_an_offset_stays_while_another_is_as_good() -> None:
     clocks, noted = Clocks([]), list[Sequence[Offset]]()
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns, note_offsets=noted.append)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns, note_offsets=noted.append)
     first = ros_ns(base, 4.5)
     clocks.offset_ns += 10_000
     base.measure()
@@ -199,7 +187,7 @@ def test_an_offset_stays_while_another_is_as_good() -> None:
 
 def test_time_never_runs_backward_in_a_stream() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     first = ros_ns(base, 4.5)
     for stamp_s in (4.5, 4.499, 3.0):  # as the estimate of the link's clock gets better
         assert base.to_ros_ns(stamp_s) is None
@@ -209,7 +197,7 @@ def test_time_never_runs_backward_in_a_stream() -> None:
 
 def test_a_clock_that_was_set_back_starts_again() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
     first = ros_ns(base, 4.5)
     clocks.offset_ns -= 3_600_000_000_000
     assert ros_ns(base, 4.75) < first
@@ -220,7 +208,7 @@ def test_samples_of_a_recording_keep_the_stamps_of_their_day() -> None:
     """By the offsets of that day, each for the stamps from one on, however late that is."""
     clocks = Clocks([])
     of_the_day = [Offset(0, 17_000_000_000)]
-    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns, recorded_offsets=lambda: of_the_day)
+    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns, recorded_offsets=lambda: of_the_day)
     assert ros_ns(base, 4.5) == 21_500_000_000
     of_the_day.append(Offset(5_000_000_000, 18_000_000_000))
     assert ros_ns(base, 4.9) == 21_900_000_000
