@@ -148,25 +148,6 @@ def test_cleaned_up_and_configured_it_goes_on(home: Home) -> None:
     assert home.files == []
 
 
-def test_the_file_is_replaced_whole_and_not_more_than_once_a_second(home: Home) -> None:
-    with home.node():
-        home.first()
-        path = home.file()
-        seen = set()
-        with Repeater(home.graph.publisher(Twist, "cmd_vel"), lambda: twist(0.1, 0.5)):
-            begin_s = time.monotonic()
-            while time.monotonic() < begin_s + 4.0:
-                seen.add(path.read_text())
-                time.sleep(0.002)
-        assert 3 <= len(seen) <= 6
-        assert all(json.loads(text)["format"] == 1 for text in seen)
-        stop_host.wait(home.simulator, stopped)
-        time.sleep(2.5)
-        rest = path.stat().st_ino
-        time.sleep(2.0)
-        assert path.stat().st_ino == rest  # nothing moves, nothing is written
-
-
 def test_an_invalid_file_is_reported_and_replaced(home: Home) -> None:
     path = home.folder / "pose.json"
     path.parent.mkdir()

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import json
 import logging
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
@@ -127,6 +129,34 @@ def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -
     memory.close()
     found = pose_memory.read(path)
     assert found is None or found.boot_id == 1
+
+
+def test_the_file_is_replaced_whole_once_a_period_and_only_after_a_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pose_memory, "PERIOD_S", 0.05)
+    path = tmp_path / "pose.json"
+    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
+    motions.update(sample())
+    memory.open(path, lambda: "01", sample(), motions, 1.0)
+    wait_until(path.exists, 10.0, "the file")
+    files: dict[int, str] = {}
+    begin_s = time.monotonic()
+    for step in range(200):  # it drives
+        motions.update(sample(left_ticks=step, t_us=step))
+        files[path.stat().st_mtime_ns] = path.read_text()
+        time.sleep(0.002)
+    periods = (time.monotonic() - begin_s) / pose_memory.PERIOD_S
+    assert 3 <= len(files) <= periods + 2
+    assert all(json.loads(text)["format"] == 1 for text in files.values())
+    assert not any(json.loads(text)["is_final"] for text in files.values())
+    time.sleep(3 * pose_memory.PERIOD_S)
+    rest = path.stat().st_mtime_ns
+    motions.update(sample(left_ticks=199, t_us=10**6))  # only its clock goes on
+    time.sleep(3 * pose_memory.PERIOD_S)
+    assert path.stat().st_mtime_ns == rest
+    memory.close()
+    assert json.loads(path.read_text())["is_final"]
 
 
 def test_an_unwritable_folder_is_reported_once(
