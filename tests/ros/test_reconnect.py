@@ -1,9 +1,9 @@
-"""The device goes away and comes back while the node runs."""
+"""The device goes away and comes back, or another one comes, while the node runs."""
 
 from __future__ import annotations
 
 import math
-import signal
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -13,23 +13,94 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+from lifecycle_msgs.msg import Transition
 from std_srvs.srv import SetBool
 
 from support import stop_host
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
-from support.ros import Diagnostics, open_graph, wait
+from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, Rig, open_rig, stamp_s
+from support.ros_rig import NODE, Rig, open_rig, stamp_s, twist
 from support.stop_host import stopped
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
-from wheelwire_protocol.types import DeviceHello
+from wheelwire_protocol.types import DeviceHello, SetWheelVelocity
 
 LIMIT_MPS = 0.25
-LONG_S = 5.0
 JUMP_M = 0.05
 """Odometry that follows another boot's ticks jumps by more than this."""
 OK, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+
+FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
+
+
+def is_driven(device: CoreDevice) -> bool:
+    """Whether it has obeyed motion: opening it sends a zero setpoint, too."""
+    obeyed = tuple(device.obeyed)
+    return any(isinstance(one, SetWheelVelocity) and one.left_mps for one in obeyed)
+
+
+def test_another_board_is_reported_and_not_driven(graph: Graph, tmp_path: Path) -> None:
+    """Also when the node is configured again."""
+    with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
+        diagnostics = Diagnostics(graph)
+        with RobotNode(graph, port=port.path):
+            graph.wait_active()
+            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.2)):
+                first = port.device
+                wait(lambda: is_driven(first), "the first board is driven")
+                other = port.replace(CoreDevice(seed=2, board_id=OTHER))
+                diagnostics.wait("link", lambda s, _: f"{OTHER:012x}" in s.message)
+                assert not other.obeyed
+                first.forget()
+                port.replace(first)
+                diagnostics.wait("link", lambda s, _: s.level == OK)
+                wait(lambda: is_driven(first), "the board of before is driven")
+            assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+            assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
+            port.replace(CoreDevice(board_id=OTHER))
+            assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+            diagnostics.wait("link", lambda s, _: f"{FIRST:012x}" in s.message)
+            port.replace(CoreDevice(board_id=FIRST))
+            assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+
+
+def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port,
+        RobotNode(graph, port=port.path, any_board=True) as node,
+    ):
+        graph.wait_active()
+        commands = graph.publisher(Twist, "cmd_vel")
+        with Repeater(commands, lambda: twist(0.2)):
+            wait(lambda: is_driven(port.device), "the first board is driven")
+            other = port.replace(CoreDevice(seed=2, board_id=OTHER))
+            wait(lambda: "held: unarmed; waiting for a zero command" in node.errors(), "the line")
+            time.sleep(2.0)
+            # A program that keeps commanding motion does not move a robot that appears later.
+            assert not other.obeyed
+            assert node.errors().count("waiting for a zero command") == 1
+        with Repeater(commands, lambda: twist(0.0)):
+            wait(lambda: other.obeyed, "a zero command")
+        with Repeater(commands, lambda: twist(0.2)):
+            wait(lambda: is_driven(other), "the other board is driven")
+
+
+def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:
+    path = tmp_path / "port"
+    with open_graph() as graph, PtyDevice(path) as device:
+        diagnostics = Diagnostics(graph)
+        with RobotNode(graph, port=path) as node:
+            graph.wait_active()
+            other = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
+            right = device.device
+            device.replace(CoreDevice(edits={DeviceHello: other}))
+            diagnostics.wait("link", lambda status, _: "do not match" in status.message)
+            device.replace(right)
+            diagnostics.wait("link", lambda status, _: status.level == OK)
+            assert node.process.poll() is None
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +124,7 @@ def longest_jump_m(rig: Rig) -> float:
 
 
 def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
-    with rig.driving_stamped():
+    with rig.driving():
         rig.truth(lambda state: state.drive_on)
         rig.simulator.unplug()
         rig.diagnostics.wait("link", lambda status, _: status.level == ERROR)
@@ -69,7 +140,7 @@ def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
     link = rig.diagnostics.wait("link", lambda status, _: status.level == OK)
     assert int(link["reconnects"]) == 1
     assert rig.simulator.get("true.left_ticks") == rest  # nothing was stored for later
-    with rig.driving_stamped():
+    with rig.driving():
         rig.truth(lambda state: state.drive_on)
     end = rig.truth(stopped)
     wait(lambda: abs(rig.x_m() - end.x_m) < 0.01, "odom where the robot is")
@@ -77,7 +148,7 @@ def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
 
 def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: Rig) -> None:
     rig.odometry.clear()
-    with rig.driving_stamped():
+    with rig.driving():
         rig.truth(lambda state: state.drive_on)
         boot_id = rig.simulator.reset()
         rig.truth(lambda state: state.boot_id == boot_id)
@@ -89,7 +160,7 @@ def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: R
         assert not any(state.drive_on for state in rig.simulator.take_states())
         assert rig.node.errors().count(HELD) == 1
     rig.arm()
-    with rig.driving_stamped():
+    with rig.driving():
         rig.truth(lambda state: state.left_mps > LIMIT_MPS / 2)
         rig.diagnostics.wait("commands", lambda status, _: status.level == OK)
         rig.diagnostics.wait(
@@ -105,33 +176,10 @@ def test_reset_it_is_held_and_goes_on_with_the_parameters_that_were_given(rig: R
     assert longest_jump_m(rig) < JUMP_M
 
 
-def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
-    """The node stands still while the command waits for it, and the device restarts.
-
-    Which of the two refuses it depends on what the node sees first: the command (it goes out to the
-    session of before, and the device refuses it) or the reset (the node ignores the command).
-    """
-    wait(lambda: rig.graph.set_parameter(NODE, "ttl_max_s", LONG_S).successful, "the wheels stand")
-    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
-    before = rig.diagnostics.wait("link", lambda *_: True)
-    ignored = int(rig.diagnostics.wait("commands", lambda *_: True)["ignored"])
-    rig.node.process.send_signal(signal.SIGSTOP)
-    rig.commands.publish(rig.stamped(0.3))
-    boot_id = rig.simulator.reset()
-    rig.truth(lambda state: state.boot_id == boot_id)
-    rig.simulator.take_states()
-    rig.node.process.send_signal(signal.SIGCONT)
-    resets = str(int(before["device_resets"]) + 1)
-    link = rig.diagnostics.wait("link", lambda s, v: s.level == OK and v["device_resets"] == resets)
-    if link["refused"] == before["refused"]:
-        rig.diagnostics.wait("commands", lambda _, v: int(v["ignored"]) > ignored)
-    assert not any(state.drive_on for state in rig.simulator.take_states())
-
-
 def test_an_estop_outlives_a_reset_of_the_device(rig: Rig) -> None:
     """The device forgets it; the node sets it again before anything else."""
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
-    with rig.driving_stamped():
+    with rig.driving():
         boot_id = rig.simulator.reset()
         rig.truth(lambda state: state.boot_id == boot_id)
         latched = stop_host.wait(
@@ -141,18 +189,3 @@ def test_an_estop_outlives_a_reset_of_the_device(rig: Rig) -> None:
     assert not latched.drive_on
     wait(lambda: rig.graph.call(SetBool, f"{NODE}/estop", data=False).success, "the new session")
     rig.arm()
-
-
-def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:
-    path = tmp_path / "port"
-    with open_graph() as graph, PtyDevice(path) as device:
-        diagnostics = Diagnostics(graph)
-        with RobotNode(graph, port=path) as node:
-            graph.wait_active()
-            other = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
-            right = device.device
-            device.replace(CoreDevice(edits={DeviceHello: other}))
-            diagnostics.wait("link", lambda status, _: "do not match" in status.message)
-            device.replace(right)
-            diagnostics.wait("link", lambda status, _: status.level == OK)
-            assert node.process.poll() is None

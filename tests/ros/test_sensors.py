@@ -1,4 +1,4 @@
-"""imu/data_raw, bumpers and the words about sensors: what the board measures, and nothing stale."""
+"""Topics of sensors and battery, and words about them: what the board measures, nothing stale."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import struct
 import time
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,19 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from sensor_msgs.msg import Imu, PointCloud2
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, Imu, PointCloud2, Range
 
-from support.ros import Graph, Repeater, wait
+from support.range_board import ABOUT_M, simulator_on_board
+from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import Rig, State, open_rig, silent, stamp_s, twist, values
+from wheelwire import open_driver
+from wheelwire.board import BatteryLevels, Peripheral, PowerSensor
 from wheelwire.simulation.simulator import Simulator
+from wheelwire.tools.files.board import load_board
+from wheelwire_protocol.board import Module
 from wheelwire_protocol.sensors import IMUS, SensorChip
 
 TABLE = IMUS[SensorChip.MPU6050]
@@ -30,6 +38,121 @@ RADIUS_M = 0.2
 HEIGHT_M = 0.05
 OBEYED_S = 0.5
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+VOLTS = 6.9
+POWER = PowerSensor(SensorChip.INA219, sda=16, scl=17, shunt_mohm=100.0)
+
+
+def points(cloud: Any) -> list[tuple[float, float, float]]:
+    """Those of a cloud, read by its own description."""
+    offsets = {field.name: field.offset for field in cloud.fields}
+    assert [offsets[name] for name in "xyz"] == [0, 4, 8]
+    assert len(cloud.data) == cloud.row_step == cloud.width * cloud.point_step
+    found = struct.iter_unpack("<3f", bytes(cloud.data))
+    return [(x, y, z) for x, y, z in found]
+
+
+def test_the_node_names_frame_radius_and_rate(graph: Graph, tmp_path: Path) -> None:
+    with (
+        Simulator(link=tmp_path / "port") as simulator,
+        RobotNode(
+            graph,
+            port=simulator.port,
+            tf_frame_prefix="robot1",
+            imu_frame_id="gyro",
+            imu_rate=50,
+            bumper_radius=0.5,
+            bumper_height=0.0,
+        ),
+    ):
+        simulator.set("bumper.front_left", 1)
+        imu = graph.listen(Imu, "imu/data_raw")
+        clouds = graph.listen(PointCloud2, "bumpers")
+        wait(lambda: len(imu) > 20 and clouds and points(clouds[-1]), "both topics")
+    assert imu[-1].header.frame_id == "robot1/gyro"
+    assert clouds[-1].header.frame_id == "robot1/base_link"
+    ((x_m, y_m, z_m),) = points(clouds[-1])
+    assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.5, 0.0))
+    seconds = stamp_s(imu[-1]) - stamp_s(imu[-11])
+    assert seconds == pytest.approx(10 / 50, abs=0.05)
+
+
+def test_a_broken_wire_is_no_voltage(graph: Graph, simulator: Simulator) -> None:
+    """The board's list names a battery, and its divider reads 0 mV."""
+    simulator.set("battery_v", 0.0)
+    batteries = graph.listen(BatteryState, "battery_state")
+    diagnostics = Diagnostics(graph)
+    with RobotNode(graph, port=simulator.port, battery_empty_v=6.0, battery_full_v=8.4):
+        told = diagnostics.wait("sensor battery", lambda _, v: v["reason"] == "ZERO")
+        assert told["state"] == "STALE"
+        assert not batteries
+        simulator.set("battery_v", VOLTS)
+        wait(lambda: batteries, "battery_state")
+    assert batteries[0].voltage == pytest.approx(VOLTS, abs=0.1)
+    assert batteries[0].percentage == pytest.approx(0.375, abs=0.05)
+
+
+def test_a_power_sensor_tells_the_current_and_the_boards_cells_a_percentage(
+    graph: Graph, simulator: Simulator
+) -> None:
+    """So that Nav2's IsBatteryLow fires."""
+    take_up(simulator, POWER, BatteryLevels(warn_v=7.0, limit_v=6.8, stop_v=6.6))  # cells: 2
+    with RobotNode(graph, port=simulator.port):
+        messages = graph.listen(BatteryState, "battery_state")
+        commands = graph.publisher(Twist, "cmd_vel")
+        with Repeater(commands, lambda: twist(0.3)):
+            wait(lambda: messages and messages[-1].current < -0.02, "a current")
+    message = messages[-1]
+    assert message.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    assert message.voltage == pytest.approx(7.4, abs=0.3)
+    assert message.percentage == pytest.approx((message.voltage - 6.6) / 1.8, abs=0.001)
+
+
+def test_a_board_without_divider_or_sensor_has_no_topic(graph: Graph, simulator: Simulator) -> None:
+    simulator.set("battery_v", 0.0)
+    take_up(simulator)
+    with RobotNode(graph, port=simulator.port):
+        graph.first(Odometry, "odom")
+        topics = dict(graph.node.get_topic_names_and_types())
+    assert "/odom" in topics
+    assert not {"/battery_state", "/imu/data_raw", "/bumpers"} & set(topics)
+
+
+def take_up(simulator: Simulator, *peripherals: Peripheral) -> None:
+    """Write the simulated board with these peripherals."""
+    with open_driver("serial", port=str(simulator.port)) as robot:
+        robot.board.take_up(
+            replace(load_board("l298n"), module=Module.WROOM_32, peripherals=peripherals)
+        )
+
+
+def test_a_range_is_in_its_frame_and_comes_once_and_a_voltage_is_diagnosed(
+    graph: Graph, tmp_path: Path
+) -> None:
+    front, left = graph.listen(Range, "range/front"), graph.listen(Range, "range/left")
+    with (
+        simulator_on_board(link=tmp_path / "port") as simulator,
+        RobotNode(graph, port=simulator.port, tf_frame_prefix="robot1"),
+    ):
+        simulator.set("range.left_m", 2.5)
+        simulator.set("analog.2_v", 3.0)
+        wait(lambda: left and abs(left[-1].range - 2.5) < ABOUT_M, "range/left")
+        wait(lambda: len(front) > 10, "range/front")
+        told = Diagnostics(graph).wait(
+            "sensor analog_2",
+            lambda _, v: "voltage_v" in v and abs(float(v["voltage_v"]) - 3) < 0.05,
+        )
+        late_s = graph.now_s() - stamp_s(front[-1])
+    assert told["kind"] == "ANALOG"
+    message = front[-1]
+    assert message.range == pytest.approx(1.0, abs=ABOUT_M)
+    assert message.header.frame_id == "robot1/range_front"
+    assert left[-1].header.frame_id == "robot1/range_left"
+    assert message.radiation_type == Range.ULTRASOUND
+    assert (message.min_range, message.max_range) == pytest.approx((0.02, 4.0))
+    assert message.field_of_view == pytest.approx(0.26)
+    stamps = [stamp_s(one) for one in tuple(front)[-10:]]
+    assert all(later > earlier for earlier, later in itertools.pairwise(stamps))
+    assert 0 <= late_s < 1
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +174,6 @@ def clouds(rig: Rig) -> deque[Any]:
 @pytest.fixture(scope="module")
 def state(rig: Rig) -> State:
     return State(rig.graph)
-
-
-def points(cloud: Any) -> list[tuple[float, float, float]]:
-    """Those of a cloud, read by its own description."""
-    offsets = {field.name: field.offset for field in cloud.fields}
-    assert [offsets[name] for name in "xyz"] == [0, 4, 8]
-    assert len(cloud.data) == cloud.row_step == cloud.width * cloud.point_step
-    found = struct.iter_unpack("<3f", bytes(cloud.data))
-    return [(x, y, z) for x, y, z in found]
 
 
 def test_an_imu_at_rest(rig: Rig, imu: deque[Any]) -> None:
@@ -88,7 +202,7 @@ def test_an_imu_at_rest(rig: Rig, imu: deque[Any]) -> None:
 
 
 def test_a_turn_to_the_left_is_positive_in_the_robots_axes(rig: Rig, imu: deque[Any]) -> None:
-    with Repeater(rig.commands, lambda: twist(0.0, 1.0)):
+    with rig.driving(0.0, 1.0):
         wait(lambda: imu and imu[-1].angular_velocity.z > 0.8, "the turn by the gyroscope")
         wait(lambda: rig.odometry[-1].twist.twist.angular.z > 0.8, "the same by the wheels")
 
@@ -141,7 +255,7 @@ def test_a_bumper_is_a_point_where_it_is_and_the_robot_only_backs_out(
     with rig.driving():
         time.sleep(OBEYED_S)
         rig.truth(lambda state: not state.drive_on)
-    with Repeater(rig.commands, lambda: twist(-0.2)):
+    with rig.driving(-0.2):
         rig.truth(lambda state: state.drive_on)
 
     rig.simulator.set("bumper.front_left", 0)
@@ -161,28 +275,3 @@ def test_after_a_reset_of_the_device_the_topics_go_on(
     imu.clear()
     clouds.clear()
     wait(lambda: imu and clouds, "both topics")
-
-
-def test_the_node_names_frame_radius_and_rate(graph: Graph, tmp_path: Path) -> None:
-    with (
-        Simulator(link=tmp_path / "port") as simulator,
-        RobotNode(
-            graph,
-            port=simulator.port,
-            tf_frame_prefix="robot1",
-            imu_frame_id="gyro",
-            imu_rate=50,
-            bumper_radius=0.5,
-            bumper_height=0.0,
-        ),
-    ):
-        simulator.set("bumper.front_left", 1)
-        imu = graph.listen(Imu, "imu/data_raw")
-        clouds = graph.listen(PointCloud2, "bumpers")
-        wait(lambda: len(imu) > 20 and clouds and points(clouds[-1]), "both topics")
-    assert imu[-1].header.frame_id == "robot1/gyro"
-    assert clouds[-1].header.frame_id == "robot1/base_link"
-    ((x_m, y_m, z_m),) = points(clouds[-1])
-    assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.5, 0.0))
-    seconds = stamp_s(imu[-1]) - stamp_s(imu[-11])
-    assert seconds == pytest.approx(10 / 50, abs=0.05)

@@ -1,11 +1,13 @@
-"""Two robots on one graph, each in a namespace of its own."""
+"""Several robots on one graph: each in a namespace of its own, and two nodes of one name."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -15,12 +17,14 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
+from support import ros
 from support.launch_stand_in import load, started
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
@@ -96,3 +100,53 @@ def edges(messages: Iterable[Any]) -> set[tuple[str, str]]:
         for message in tuple(messages)
         for transform in message.transforms
     }
+
+
+def is_said(node: RobotNode) -> bool:
+    return "another node has this node's name" in node.errors()
+
+
+def test_a_second_node_of_the_name_is_reported_and_a_killed_one_is_not(graph: Graph) -> None:
+    diagnostics = Diagnostics(graph)
+    with Simulator() as simulator, Simulator() as other:
+        with RobotNode(graph, port=simulator.port) as killed:
+            graph.wait_active()
+            killed.end(signal.SIGKILL)
+        with RobotNode(graph, port=simulator.port) as first:
+            with RobotNode(graph, port=other.port) as second:
+                diagnostics.wait("name", lambda status, _: status.level == DiagnosticStatus.ERROR)
+                for node in (first, second):
+                    wait(partial(is_said, node), "a line")
+            with RobotNode(graph, port=other.port, namespace="/other") as elsewhere:
+                Diagnostics(graph, "other/hardware_robot").wait("link", lambda *_: True)
+                assert not is_said(elsewhere)
+
+
+OTHER = """
+import sys
+import rclpy
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node("other")
+print("there", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_graph_keeps_away_from_a_domain_in_use(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    occupied = 1 + graph.domain % ros.DOMAINS
+    with subprocess.Popen(
+        [sys.executable, "-c", OTHER, str(occupied)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as other:
+        assert other.stdin
+        assert other.stdout
+        assert other.stdout.readline() == "there\n"
+        monkeypatch.setattr(ros, "_domains", iter(range(graph.domain - 1, graph.domain + 9)))
+        domain, reservation = ros.take_domain()
+        reservation.close()
+        other.stdin.close()
+    assert domain not in (graph.domain, occupied)

@@ -1,4 +1,4 @@
-"""E-stop, faults, odometry's origin by service; what each change of the robot's state reports."""
+"""Services; what each change of the robot's state reports on ~/state, in log and diagnostics."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import GetState
+from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool, Trigger
 
+from support.aggregator import OTHER, Aggregator
 from support.own_board import OWN_BOARD
 from support.pty_device import PtyDevice
 from support.ros import Graph, wait
@@ -27,8 +31,223 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import board_mapping
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
+from wheelwire_ros.diagnostics import twin_status
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def test_a_node_that_starts_onto_an_estopped_robot_says_so(graph: Graph, tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        simulator.set("estop_open", 1)
+        wait(lambda: simulator.get("state") == SupervisorState.ESTOPPED, "the e-stop")
+        state = State(graph)
+        with RobotNode(graph, port=simulator.port) as node:
+            told = state.wait(lambda v: v["state"] == "ESTOPPED")
+            assert told.level == ERROR
+            wait(lambda: "contact" in node.errors(), "the line")
+
+
+def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Path) -> None:
+    """A device that is there and silent: connecting to it takes seconds, again and again."""
+
+    def ask(client: Any, request: Any) -> tuple[Any, float]:
+        """The answer, and how long it took."""
+        begin_s = time.monotonic()
+        future = client.call_async(request)
+        wait(future.done, "an answer")
+        return future.result(), time.monotonic() - begin_s
+
+    path = tmp_path / "port"
+    with PtyDevice(path) as device:
+        device.device.mute = True
+        with (
+            RobotNode(graph, port=path) as node,
+            graph.client(GetParameters, f"{NODE}/get_parameters") as get,
+            graph.client(GetState, f"{NODE}/get_state") as get_state,
+            graph.client(SetBool, f"{NODE}/estop") as estop,
+        ):
+            waits_s: list[float] = []
+            while len(waits_s) < 20:
+                state, _ = ask(get_state, GetState.Request())
+                if state.current_state.label != "configuring":
+                    continue
+                _, get_s = ask(get, GetParameters.Request(names=["cmd_vel_timeout"]))
+                answer, estop_s = ask(estop, SetBool.Request(data=True))
+                assert not answer.success
+                assert "not open" in answer.message
+                waits_s += [get_s, estop_s]
+            # On a quiet machine milliseconds. What waits for an attempt to connect takes a second
+            # on average, and two at most.
+            assert sorted(waits_s)[len(waits_s) // 2] < 0.5
+            device.device.mute = False
+            graph.wait_active()
+            wait(
+                lambda: device.device.count(Estop) > 0,
+                "the e-stop that was asked for before there was a robot",
+            )
+            assert node.process.poll() is None
+
+
+def test_a_device_on_another_board_than_the_named_one_is_not_driven(
+    graph: Graph, tmp_path: Path
+) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        state = State(graph)
+        with RobotNode(graph, port=simulator.port, board="tb6612"):
+            told = state.wait(lambda v: "not TB6612FNG" in v["cause"])
+            assert told.level == ERROR
+        own = tmp_path / "own.yaml"
+        own.write_text(json.dumps(board_mapping(OWN_BOARD)))
+        with RobotNode(graph, port=simulator.port, board=str(own)):
+            graph.wait_active()
+
+
+def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: Path) -> None:
+    with (
+        Simulator(link=tmp_path / "port", settings={"board_unwritten": 1}) as simulator,
+        RobotNode(graph, port=simulator.port) as node,
+    ):
+        graph.wait_active()
+        wait(lambda: "wheelwire board confirm" in node.errors(), "the line")
+
+
+def test_a_silent_port_is_distinguished_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
+    state, path = State(graph), tmp_path / "port"
+    with RobotNode(graph, port=path):
+        told = state.wait(lambda v: "there is no such port" in v["cause"])
+        assert str(path) in told.message
+        graph.wait_state(NODE, "unconfigured")
+        with PtyDevice(path) as device:
+            device.device.mute = True
+            state.wait(lambda v: f"{path} is silent" in v["cause"])
+            device.device.mute = False
+            state.wait(lambda v: v["link"] == "connected")
+            graph.wait_active()
+            device.device.mute = True
+            state.wait(lambda v: "the port is there" in v["cause"])
+            device.unplug()
+            state.wait(lambda v: "the port is gone" in v["cause"])
+            device.device.mute = False
+            device.plug()
+            state.wait(lambda v: v["link"] == "connected")
+
+
+def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: Path) -> None:
+    state, path = State(graph), tmp_path / "port"
+    with RobotNode(graph, port=path):
+        answer = graph.call(SetBool, f"{NODE}/estop", data=True)
+        assert not answer.success
+        assert "not confirmed" in answer.message
+        assert "before anything else" in answer.message
+        state.wait(lambda v: "the robot gets the e-stop" in v["cause"])
+        answer = graph.call(SetBool, f"{NODE}/estop", data=False)
+        assert answer.success
+        assert "no robot is open" in answer.message
+        assert "is cleared" not in answer.message
+        state.wait(lambda v: "the robot gets the e-stop" not in v["cause"])
+        assert graph.call(SetBool, f"{NODE}/estop", data=True).message
+        with Simulator(link=path) as simulator:
+            state.wait(lambda v: v["state"] == "ESTOPPED")
+            assert simulator.get("state") == SupervisorState.ESTOPPED
+            simulator.unplug()
+            state.wait(lambda v: v["link"] == "lost")
+            answer = graph.call(SetBool, f"{NODE}/estop", data=False)
+            assert not answer.success
+            assert "stays set" in answer.message
+
+
+BROKEN_WATCH = """
+from wheelwire.log.why.diagnosis import Diagnosis
+from wheelwire_ros import hardware_robot
+
+def feed_all(self, records):
+    raise ZeroDivisionError("planted")
+
+Diagnosis.feed_all = feed_all
+hardware_robot.main()
+"""
+
+
+def test_a_watch_for_stops_that_failed_is_reported_while_the_robot_drives(tmp_path: Path) -> None:
+    with open_rig(tmp_path, code=BROKEN_WATCH) as rig:
+        state = State(rig.graph)
+        assert "planted" in values(state.wait(lambda v: "watch for stops" in v["stop"]))["stop"]
+        with rig.driving():
+            rig.truth(lambda truth: truth.state is SupervisorState.DRIVING)
+            state.wait(lambda v: v["state"] == "DRIVING" and "watch for stops" in v["stop"])
+
+
+LIBRARY = "hardware_robot.wheelwire"
+LINE = "a line of the library"
+TELLING = f"""
+import logging, threading, time
+from wheelwire_ros import hardware_robot
+
+def tell():
+    while True:
+        logging.getLogger("wheelwire").warning("{LINE}")
+        time.sleep(0.1)
+
+threading.Thread(target=tell, daemon=True).start()
+hardware_robot.main()
+"""
+"""The node, beside which the library has something to say."""
+
+
+def test_the_librarys_records_reach_rosout_and_a_loss_and_a_return_are_one_line_each(
+    tmp_path: Path,
+) -> None:
+    with open_rig(tmp_path, code=TELLING) as rig:
+        records = rig.graph.listen(Log, "/rosout")
+
+        def logged(name: str, level: int, text: str) -> bool:
+            return any(
+                (record.name, record.level) == (name, level) and text in record.msg
+                for record in tuple(records)
+            )
+
+        wait(lambda: logged(LIBRARY, Log.WARN, LINE), "the library's line")
+        wait(lambda: "is connected: session 1" in rig.node.errors(), "the first connection")
+        rig.node.forget_errors()
+        rig.simulator.unplug()
+        wait(lambda: logged("hardware_robot", Log.ERROR, "the port is gone"), "the loss")
+        rig.diagnostics.wait("link", lambda status, _: "the port is gone" in status.message)
+        rig.simulator.plug()
+        rig.diagnostics.wait("link", lambda status, _: status.message == "connected")
+        wait(lambda: logged("hardware_robot", Log.INFO, "is connected: session 2"), "the return")
+        wait(lambda: "is connected: session 2" in rig.node.errors(), "the line of the return")
+        lines = [line for line in rig.node.errors().splitlines() if LINE not in line]
+        # The second only where the robot takes its time to answer.
+        texts = ("the port is gone", "has not answered yet", "is connected: session 2")
+        told = [[text for text in texts if text in line] for line in lines]
+        assert told in ([[texts[0]], [texts[2]]], [[text] for text in texts]), lines
+
+
+FILE = Path(__file__).parents[2] / "ros_node" / "config" / "diagnostics_aggregator.yaml"
+
+
+def test_every_status_has_one_place(graph: Graph, simulator: Simulator) -> None:
+    """Of a closed node, of one without /clock, and of one with sensors."""
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    # A twin is reported after 25 s.
+    names = {twin_status(NODE.lstrip("/")).name}
+
+    def subjects() -> set[str]:
+        while reports:
+            names.update(status.name for status in reports.popleft().status)
+        return {name.partition(": ")[2] for name in names}
+
+    with RobotNode(graph, port=simulator.port, use_sim_time=True, autostart=False):
+        wait(lambda: "link" in subjects(), "a closed robot's status")
+        assert subjects() == {"link", "name"}
+        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        wait(lambda: any(one.startswith("sensor ") for one in subjects()), "sensors")
+        wait(lambda: subjects() >= {"link", "robot", "commands", "clock", "name"}, "each status")
+    aggregator = Aggregator(yaml.safe_load(FILE.read_text())["analyzers"]["ros__parameters"])
+    places = {name: aggregator.takers(name) for name in names}
+    assert all(len(found) == 1 for found in places.values()), places
+    assert [OTHER] not in places.values(), places
+    assert {found[0] for found in places.values()} == {a.path for a in aggregator.analyzers}
 
 
 @pytest.fixture(scope="module")
@@ -213,144 +432,3 @@ def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(
     assert rig.graph.call(Trigger, f"{NODE}/clear_fault").success
     assert state.wait(lambda v: v["resets"] == "0").level == OK
     rig.diagnostics.wait("robot", lambda s, _: s.level == OK)
-
-
-def test_a_node_that_starts_onto_an_estopped_robot_says_so(graph: Graph, tmp_path: Path) -> None:
-    with Simulator(link=tmp_path / "port") as simulator:
-        simulator.set("estop_open", 1)
-        wait(lambda: simulator.get("state") == SupervisorState.ESTOPPED, "the e-stop")
-        state = State(graph)
-        with RobotNode(graph, port=simulator.port) as node:
-            told = state.wait(lambda v: v["state"] == "ESTOPPED")
-            assert told.level == ERROR
-            wait(lambda: "contact" in node.errors(), "the line")
-
-
-def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Path) -> None:
-    """A device that is there and silent: connecting to it takes seconds, again and again."""
-
-    def ask(client: Any, request: Any) -> tuple[Any, float]:
-        """The answer, and how long it took."""
-        begin_s = time.monotonic()
-        future = client.call_async(request)
-        wait(future.done, "an answer")
-        return future.result(), time.monotonic() - begin_s
-
-    path = tmp_path / "port"
-    with PtyDevice(path) as device:
-        device.device.mute = True
-        with (
-            RobotNode(graph, port=path) as node,
-            graph.client(GetParameters, f"{NODE}/get_parameters") as get,
-            graph.client(GetState, f"{NODE}/get_state") as get_state,
-            graph.client(SetBool, f"{NODE}/estop") as estop,
-        ):
-            waits_s: list[float] = []
-            while len(waits_s) < 20:
-                state, _ = ask(get_state, GetState.Request())
-                if state.current_state.label != "configuring":
-                    continue
-                _, get_s = ask(get, GetParameters.Request(names=["cmd_vel_timeout"]))
-                answer, estop_s = ask(estop, SetBool.Request(data=True))
-                assert not answer.success
-                assert "not open" in answer.message
-                waits_s += [get_s, estop_s]
-            # On a quiet machine milliseconds. What waits for an attempt to connect takes a second
-            # on average, and two at most.
-            assert sorted(waits_s)[len(waits_s) // 2] < 0.5
-            device.device.mute = False
-            graph.wait_active()
-            wait(
-                lambda: device.device.count(Estop) > 0,
-                "the e-stop that was asked for before there was a robot",
-            )
-            assert node.process.poll() is None
-
-
-def test_a_device_on_another_board_than_the_named_one_is_not_driven(
-    graph: Graph, tmp_path: Path
-) -> None:
-    with Simulator(link=tmp_path / "port") as simulator:
-        state = State(graph)
-        with RobotNode(graph, port=simulator.port, board="tb6612"):
-            told = state.wait(lambda v: "not TB6612FNG" in v["cause"])
-            assert told.level == ERROR
-        own = tmp_path / "own.yaml"
-        own.write_text(json.dumps(board_mapping(OWN_BOARD)))
-        with RobotNode(graph, port=simulator.port, board=str(own)):
-            graph.wait_active()
-
-
-def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: Path) -> None:
-    with (
-        Simulator(link=tmp_path / "port", settings={"board_unwritten": 1}) as simulator,
-        RobotNode(graph, port=simulator.port) as node,
-    ):
-        graph.wait_active()
-        wait(lambda: "wheelwire board confirm" in node.errors(), "the line")
-
-
-def test_a_silent_port_is_distinguished_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
-    state, path = State(graph), tmp_path / "port"
-    with RobotNode(graph, port=path):
-        told = state.wait(lambda v: "there is no such port" in v["cause"])
-        assert str(path) in told.message
-        graph.wait_state(NODE, "unconfigured")
-        with PtyDevice(path) as device:
-            device.device.mute = True
-            state.wait(lambda v: f"{path} is silent" in v["cause"])
-            device.device.mute = False
-            state.wait(lambda v: v["link"] == "connected")
-            graph.wait_active()
-            device.device.mute = True
-            state.wait(lambda v: "the port is there" in v["cause"])
-            device.unplug()
-            state.wait(lambda v: "the port is gone" in v["cause"])
-            device.device.mute = False
-            device.plug()
-            state.wait(lambda v: v["link"] == "connected")
-
-
-def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: Path) -> None:
-    state, path = State(graph), tmp_path / "port"
-    with RobotNode(graph, port=path):
-        answer = graph.call(SetBool, f"{NODE}/estop", data=True)
-        assert not answer.success
-        assert "not confirmed" in answer.message
-        assert "before anything else" in answer.message
-        state.wait(lambda v: "the robot gets the e-stop" in v["cause"])
-        answer = graph.call(SetBool, f"{NODE}/estop", data=False)
-        assert answer.success
-        assert "no robot is open" in answer.message
-        assert "is cleared" not in answer.message
-        state.wait(lambda v: "the robot gets the e-stop" not in v["cause"])
-        assert graph.call(SetBool, f"{NODE}/estop", data=True).message
-        with Simulator(link=path) as simulator:
-            state.wait(lambda v: v["state"] == "ESTOPPED")
-            assert simulator.get("state") == SupervisorState.ESTOPPED
-            simulator.unplug()
-            state.wait(lambda v: v["link"] == "lost")
-            answer = graph.call(SetBool, f"{NODE}/estop", data=False)
-            assert not answer.success
-            assert "stays set" in answer.message
-
-
-BROKEN_WATCH = """
-from wheelwire.log.why.diagnosis import Diagnosis
-from wheelwire_ros import hardware_robot
-
-def feed_all(self, records):
-    raise ZeroDivisionError("planted")
-
-Diagnosis.feed_all = feed_all
-hardware_robot.main()
-"""
-
-
-def test_a_watch_for_stops_that_failed_is_reported_while_the_robot_drives(tmp_path: Path) -> None:
-    with open_rig(tmp_path, code=BROKEN_WATCH) as rig:
-        state = State(rig.graph)
-        assert "planted" in values(state.wait(lambda v: "watch for stops" in v["stop"]))["stop"]
-        with rig.driving():
-            rig.truth(lambda truth: truth.state is SupervisorState.DRIVING)
-            state.wait(lambda v: v["state"] == "DRIVING" and "watch for stops" in v["stop"])

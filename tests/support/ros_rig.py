@@ -120,30 +120,33 @@ class Rig:
         self.simulator.take_states()
         return stop_host.wait(self.simulator, condition)
 
+    def command(self, linear_mps: float, angular_radps: float = 0.0) -> Any:
+        """A command of now, of the rig's type."""
+        if not self._is_stamped:
+            return twist(linear_mps, angular_radps)
+        message = self.stamped(linear_mps)
+        message.twist.angular.z = angular_radps
+        return message
+
     def drive_on(self) -> TrueState:
         """Command once, and wait until the robot drives."""
         self.simulator.take_states()
-        self.commands.publish(twist(SPEED_MPS))
+        self.commands.publish(self.command(SPEED_MPS))
         return stop_host.wait(self.simulator, lambda state: state.drive_on)
 
-    def driving(self) -> Repeater:
+    def driving(self, linear_mps: float = SPEED_MPS, angular_radps: float = 0.0) -> Repeater:
         """Drive repeatedly during a `with` block."""
-        return Repeater(self.commands, lambda: twist(SPEED_MPS))
-
-    def driving_stamped(self) -> Repeater:
-        """As `driving`, with stamps."""
-        return Repeater(self.commands, lambda: self.stamped(SPEED_MPS))
+        return Repeater(self.commands, lambda: self.command(linear_mps, angular_radps))
 
     def arm(self) -> None:
         """After a clear: command standstill until the robot obeys. Before that nothing drives."""
-        zero = (lambda: self.stamped(0.0)) if self._is_stamped else (lambda: twist(0.0))
-        with Repeater(self.commands, zero):
+        with self.driving(0.0):
             self.truth(lambda state: state.state is SupervisorState.DRIVING)
 
     def arm_at_rest(self) -> None:
         """After a clear: arm by one zero command and end that, so that the next begins a motion."""
         # One, and awaited: another in flight would follow the stop.
-        self.commands.publish(self.stamped(0.0) if self._is_stamped else twist(0.0))
+        self.commands.publish(self.command(0.0))
         self.diagnostics.wait("robot", lambda _, values: values["state"] == "DRIVING")
         wait(lambda: self.graph.call(Trigger, f"{NODE}/stop").success, "the stop")
         self.diagnostics.wait("robot", lambda _, values: values["state"] == "IDLE")
