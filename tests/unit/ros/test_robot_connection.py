@@ -402,10 +402,10 @@ def be_refused(connection: Connection) -> None:
 @pytest.mark.parametrize(
     "happen",
     [
-        lambda connection: connection.stop(),
-        lambda connection: connection.note_standstill(),
-        lambda connection: connection.clear_estop(),  # one that was set elsewhere
-        lambda connection: connection.clear_fault(),
+        Connection.stop,
+        Connection.note_standstill,
+        Connection.clear_estop,  # one that was set elsewhere
+        Connection.clear_fault,
         estop_and_clear,
         be_refused,
         Connection.begin_session,
