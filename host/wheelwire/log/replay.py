@@ -13,29 +13,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice, takewhile
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Group, StopMode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import (
-    ANSWERS,
-    Ack,
-    AnyMessage,
-    ConfigurationValue,
-    Contradictions,
-    ControlCounters,
-    GroupGet,
-    GroupInfo,
-    LinkCounters,
-    ParameterEntry,
-    ParameterGet,
-    ParameterSet,
-    ParameterValue,
-    PeripheralValue,
-    SensorStream,
-    Stop,
-)
+from wheelwire_protocol.types import AnyMessage
 
 from ..errors import InvalidCommand, LinkClosed, RecordingError, WheelwireError
 from ..link.clock import host_clock_us
@@ -54,15 +38,16 @@ RECEIVED = (Kind.RECEIVED, Kind.RECEIVED_EACH)
 AHEAD_US = 60_000_000
 NOTES_AHEAD_US = 500_000
 """How long before its time a note is known."""
+_Key: TypeAlias = tuple[type[AnyMessage], int]
 _ANSWERS: dict[type[AnyMessage], str] = {
-    ParameterValue: "parameter",
-    ParameterEntry: "parameter_index",
-    GroupInfo: "group",
-    PeripheralValue: "channel",
-    LinkCounters: "",
-    ControlCounters: "",
-    Contradictions: "",
-    ConfigurationValue: "",
+    wire.ParameterValue: "parameter",
+    wire.ParameterEntry: "parameter_index",
+    wire.GroupInfo: "group",
+    wire.PeripheralValue: "channel",
+    wire.LinkCounters: "",
+    wire.ControlCounters: "",
+    wire.Contradictions: "",
+    wire.ConfigurationValue: "",
 }
 """The answers of a replay, and the fields that identify an answer and its request."""
 OPEN_S = 10.0
@@ -114,7 +99,7 @@ class _Answers:
 
     def __init__(self, records: Callable[[], Iterable[Record]]) -> None:
         self._records = records
-        self._known: dict[tuple[type[AnyMessage], int], Answer] = {}
+        self._known: dict[_Key, Answer] = {}
         self._ahead_from = -1
         self._feed = Decoder().feed
 
@@ -124,7 +109,7 @@ class _Answers:
 
     def to(self, message: RequestMessage, session: int, now_us: int) -> Answer | None:
         """The answer, if there is one; `session` counts them, for each is looked ahead in once."""
-        kind = ANSWERS.get(type(message))
+        kind = wire.ANSWERS.get(type(message))
         if kind is None or kind not in _ANSWERS:
             return None
         key = _key(kind, message)
@@ -133,8 +118,8 @@ class _Answers:
             self._look_ahead(now_us)
         answer = self._known.get(key)
         # Setting a value that is already set changes nothing.
-        if isinstance(message, ParameterSet) and getattr(answer, "value", None) != message.value:
-            return None
+        if isinstance(message, wire.ParameterSet):
+            return answer if getattr(answer, "value", None) == message.value else None
         return answer
 
     def _look_ahead(self, now_us: int) -> None:
@@ -146,17 +131,17 @@ class _Answers:
                 self._known = _answers_in(feed(record.data)) | self._known
 
 
-def _answers_in(messages: Iterable[AnyMessage]) -> dict[tuple[type[AnyMessage], int], Answer]:
+def _answers_in(messages: Iterable[AnyMessage]) -> dict[_Key, Answer]:
     answers = [cast("Answer", message) for message in messages if type(message) in _ANSWERS]
     found = {_key(type(answer), answer): answer for answer in answers}
     for answer in answers:
-        if isinstance(answer, ParameterEntry):  # it also says what its value is
-            value = ParameterValue(0, 0, answer.parameter, answer.value)
-            found[_key(ParameterValue, value)] = value
+        if isinstance(answer, wire.ParameterEntry):  # it also says what its value is
+            value = wire.ParameterValue(0, 0, answer.parameter, answer.value)
+            found[_key(wire.ParameterValue, value)] = value
     return found
 
 
-def _key(kind: type[AnyMessage], message: AnyMessage) -> tuple[type[AnyMessage], int]:
+def _key(kind: type[AnyMessage], message: AnyMessage) -> _Key:
     """What an answer of this kind is known by; `message` is the answer, or its request."""
     field = _ANSWERS[kind]
     return kind, getattr(message, field) if field else 0
@@ -398,15 +383,16 @@ class ReplayLink(RerunLink, InlineLink):
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:  # noqa: ARG002
         """Compare a setpoint with the recorded one."""
-        self._is_used = True
-        self.check()
-        self._comparing.note(Setpoint(left_mps, right_mps, duty=False), is_recorded=False)
+        self._compare(Setpoint(left_mps, right_mps, duty=False))
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:  # noqa: ARG002
         """As `drive_velocity`."""
+        self._compare(Setpoint(left, right, duty=True))
+
+    def _compare(self, asked: Setpoint) -> None:
         self._is_used = True
         self.check()
-        self._comparing.note(Setpoint(left, right, duty=True), is_recorded=False)
+        self._comparing.note(asked, is_recorded=False)
 
     def post(self, message: RequestMessage, done: Done) -> None:
         """Call `done` with what the device had answered by then.
@@ -415,16 +401,14 @@ class ReplayLink(RerunLink, InlineLink):
         """
         self.check()
         known = self._session.reported.values
-        if isinstance(message, SensorStream):
+        if isinstance(message, wire.SensorStream):
             self._is_used = True
-            done(Ack(0, 0, message_id(SensorStream)))  # they come as on that day
-        elif isinstance(message, ParameterGet) and message.parameter in known:
-            done(ParameterValue(0, 0, message.parameter, known[message.parameter]))
-        elif (
-            answer := self._answers.to(message, self._session.count, self._played_us)
-        ) is not None:
+            done(wire.Ack(0, 0, message_id(wire.SensorStream)))  # they come as on that day
+        elif isinstance(message, wire.ParameterGet) and message.parameter in known:
+            done(wire.ParameterValue(0, 0, message.parameter, known[message.parameter]))
+        elif answer := self._answers.to(message, self._session.count, self._played_us):
             done(answer)
-        elif isinstance(message, GroupGet) and message.group == Group.SENSOR:
+        elif isinstance(message, wire.GroupGet) and message.group == Group.SENSOR:
             done(self._nobody_asked)  # a caller checks this first
         else:
             done(
@@ -441,7 +425,7 @@ class ReplayLink(RerunLink, InlineLink):
     ) -> None:
         """Nothing moves."""
         self._check_alive()
-        done(Ack(0, 0, message_id(Stop)))
+        done(wire.Ack(0, 0, message_id(wire.Stop)))
 
     def withdraw(self, done: Done) -> None:
         """Everything is answered at once."""

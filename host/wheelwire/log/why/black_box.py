@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.black_box import (
     BOX_SIZE,
     PARTS,
@@ -38,17 +39,6 @@ from wheelwire_protocol.codes import (
     SupervisorState,
     TrialAction,
 )
-from wheelwire_protocol.types import (
-    AnyMessage,
-    Estop,
-    Hello,
-    ParameterTrial,
-    Ping,
-    SetDuty,
-    SetWheelVelocity,
-    WheelState,
-)
-from wheelwire_protocol.types import Stop as StopRequest
 
 from ...errors import RecordingError
 from ...link.clock import Conversion
@@ -134,7 +124,7 @@ LATE = 1.5
 
 _SILENT = ("host_killed", "host_frozen", "cable_pulled", "line_corrupt")
 """Causes that look the same in a box: as silence."""
-_OF_A_SESSION = (SetWheelVelocity, SetDuty, Ping)
+_OF_A_SESSION = (wire.SetWheelVelocity, wire.SetDuty, wire.Ping)
 
 
 def stops_of_box(box: Box, added_us: int = 0) -> list[Stop]:
@@ -245,8 +235,8 @@ class _Story:
                     story.is_ended = True
         return story
 
-    def _enter(self, message: AnyMessage) -> None:
-        if isinstance(message, Hello):
+    def _enter(self, message: wire.AnyMessage) -> None:
+        if isinstance(message, wire.Hello):
             self.session_id = message.nonce ^ self.box.head.boot_id
         elif isinstance(message, _OF_A_SESSION):
             self.session_id = message.session_id
@@ -280,14 +270,14 @@ class _Story:
                 taken_us = step.t_us
                 yield _measurement(step, left, right, state)
 
-    def last(self, kind: type[AnyMessage], until_us: int) -> Received | None:
+    def last(self, kind: type[wire.AnyMessage], until_us: int) -> Received | None:
         """The newest message of this kind."""
         found = [
             one for one in self.received if isinstance(one.message, kind) and one.t_us <= until_us
         ]
         return found[-1] if found else None
 
-    def just_before(self, kind: type[AnyMessage], t_us: int) -> Received | None:
+    def just_before(self, kind: type[wire.AnyMessage], t_us: int) -> Received | None:
         """A message of this kind that may be the cause."""
         found = self.last(kind, t_us)
         return found if found is not None and found.t_us >= t_us - SAME_STEP_US else None
@@ -361,22 +351,24 @@ def _estop(story: _Story, stop: Transition) -> _Judged:
     contacts = [one for one in story.others if isinstance(one, Contact) and one.t_us <= stop.t_us]
     if contacts and contacts[-1].open:
         return ("contact_open",), ("the contact opened just before",), ""
-    return _asked(story, stop, Estop, "estop")
+    return _asked(story, stop, wire.Estop, "estop")
 
 
 def _stop(story: _Story, stop: Transition) -> _Judged:
     ends = [one for one in story.others if isinstance(one, HangUp)]
     if ends and stop.t_us - SAME_STEP_US <= ends[-1].t_us <= stop.t_us:
         return ("host_hung_up",), ("the end of the connection came just before",), ""
-    trial = story.just_before(ParameterTrial, stop.t_us)
+    trial = story.just_before(wire.ParameterTrial, stop.t_us)
     if trial is not None and getattr(trial.message, "action", None) == TrialAction.REVERT:
         return ("stop_by_session",), ("a program reverted its trial of parameters",), ""
-    if story.just_before(StopRequest, stop.t_us) is None:
+    if story.just_before(wire.Stop, stop.t_us) is None:
         return ("trial_expired",), ("no Stop was read: the device stopped by itself",), ""
-    return _asked(story, stop, StopRequest, "stop")
+    return _asked(story, stop, wire.Stop, "stop")
 
 
-def _asked(story: _Story, stop: Transition, kind: type[Estop | StopRequest], what: str) -> _Judged:
+def _asked(
+    story: _Story, stop: Transition, kind: type[wire.Estop | wire.Stop], what: str
+) -> _Judged:
     """Whether the open session asked, or another program."""
     session, stranger = f"{what}_by_session", f"{what}_by_stranger"
     read = story.just_before(kind, stop.t_us)
@@ -392,13 +384,13 @@ def _asked(story: _Story, stop: Transition, kind: type[Estop | StopRequest], wha
 
 
 def _new_session(story: _Story, stop: Transition) -> _Judged:
-    hello = story.just_before(Hello, stop.t_us)
+    hello = story.just_before(wire.Hello, stop.t_us)
     nonce = f"{getattr(hello.message, 'nonce', 0):08x}" if hello is not None else "unknown"
     return ("new_session",), (f"a Hello with the nonce {nonce} was read just before",), ""
 
 
 def _deadline(story: _Story, stop: Transition) -> _Judged:
-    asked = [story.last(SetWheelVelocity, stop.t_us), story.last(SetDuty, stop.t_us)]
+    asked = [story.last(wire.SetWheelVelocity, stop.t_us), story.last(wire.SetDuty, stop.t_us)]
     times = [one.t_us for one in asked if one is not None]
     if not times:
         return ("program_paused", *_SILENT), ("no setpoint is in the box",), ""
@@ -479,7 +471,7 @@ def _change(before: int, now: int) -> int:
 
 
 def _measurement(step: Step, left: int, right: int, state: SupervisorState) -> Measurement:
-    frame = WheelState(
+    frame = wire.WheelState(
         boot_id=0,
         t_us=step.t_us & 0xFFFFFFFF,
         left_ticks=left,

@@ -10,6 +10,7 @@ from functools import partial
 from operator import itemgetter
 from typing import NamedTuple
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import (
     EstopSource,
@@ -23,23 +24,6 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import (
-    Ack,
-    AnyMessage,
-    ClearEstop,
-    DeviceHello,
-    Estop,
-    Event,
-    Hello,
-    Hold,
-    ParameterEntry,
-    ParameterValue,
-    Refuse,
-    Restart,
-)
-from wheelwire_protocol.types import (
-    Stop as StopRequest,
-)
 
 from ...link.port_loop import CLOSED
 from ...link.sample_stream import Measurement
@@ -174,7 +158,7 @@ class Diagnosis:
         self._moved = False
         self._refused: set[tuple[int, int]] = set()
         self._trial_us = -ANSWER_US
-        self._hold: Hold | None = None
+        self._hold: wire.Hold | None = None
         """What the device said last of what holds it, and when that came."""
         self._hold_us = 0
         self._latched_us = 0
@@ -342,24 +326,24 @@ class Diagnosis:
 
     # --- messages --------------------------------------------------------------------------------
 
-    def _take(self, message: AnyMessage, now_us: int) -> None:
-        if isinstance(message, Event):
+    def _take(self, message: wire.AnyMessage, now_us: int) -> None:
+        if isinstance(message, wire.Event):
             self._take_event(message, now_us)
-        elif isinstance(message, Hold):
+        elif isinstance(message, wire.Hold):
             self._take_hold(message, now_us)
-        elif isinstance(message, DeviceHello):
+        elif isinstance(message, wire.DeviceHello):
             self._take_hello(message, now_us)
-        elif isinstance(message, Refuse):
+        elif isinstance(message, wire.Refuse):
             self._take_refusal(message, now_us)
-        elif isinstance(message, (ParameterValue, ParameterEntry)):
+        elif isinstance(message, (wire.ParameterValue, wire.ParameterEntry)):
             if message.parameter == _NOMINAL_SUPPLY:
                 self._nominal_v = message.value
-        elif isinstance(message, Ack):
+        elif isinstance(message, wire.Ack):
             session = self._rerun.session
             if session is not None and message.session_id != session.id:
                 self._strangers.append((now_us, message.message_id))
 
-    def _take_event(self, event: Event, now_us: int) -> None:
+    def _take_event(self, event: wire.Event, now_us: int) -> None:
         if self._boot_id is not None and event.boot_id != self._boot_id:
             return
         if event.code == EventCode.TRIAL_EXPIRED:
@@ -376,7 +360,7 @@ class Diagnosis:
         self._state_t_us = event.t_us
         self._faults = faults
 
-    def _take_hold(self, hold: Hold, now_us: int) -> None:
+    def _take_hold(self, hold: wire.Hold, now_us: int) -> None:
         """The device has said what holds it; one that a bumper holds off changes no state."""
         before, self._hold, self._hold_us = self._hold, hold, now_us
         is_new = before is not None and hold.stop_us != before.stop_us
@@ -384,7 +368,7 @@ class Diagnosis:
             at_us = self._history.host_us(hold.stop_us % TICK_MODULUS) or now_us
             self._later(now_us, partial(self._held_off, at_us, hold), 0)
 
-    def _held_off(self, at_us: int, hold: Hold) -> Stop:
+    def _held_off(self, at_us: int, hold: wire.Hold) -> Stop:
         sensors = [flag for flag in Held if hold.stop_held & flag]
         evidence = [f"{flag.name}: {flag.doc}" for flag in sensors]
         evidence.append(f"it went at {hold.stop_mmps / 1000:.2f} m/s")
@@ -427,7 +411,7 @@ class Diagnosis:
         if judge is not None:
             self._later(now_us, judge)
 
-    def _take_hello(self, hello: DeviceHello, now_us: int) -> None:
+    def _take_hello(self, hello: wire.DeviceHello, now_us: int) -> None:
         if hello.refusal:
             self._refuse(hello.refusal, now_us, "the device refused the hello")
             return
@@ -443,19 +427,19 @@ class Diagnosis:
         except ValueError:
             reason = ResetReason.UNKNOWN
         at_us = loss.host_us if loss is not None else now_us
-        asked = self._history.was_sent(Restart, now_us - RESTART_US)
+        asked = self._history.was_sent(wire.Restart, now_us - RESTART_US)
         samples = tuple(self._history.samples)
         self._later(now_us, partial(self._reset, at_us, reason, samples, asked=asked))
         self._history.begin_boot()
         self._state, self._state_t_us, self._faults, self._latch = None, None, Fault(0), None
         self._refused.clear()
 
-    def _take_refusal(self, refuse: Refuse, now_us: int) -> None:
+    def _take_refusal(self, refuse: wire.Refuse, now_us: int) -> None:
         try:
             code = RefusalCode(refuse.code)
         except ValueError:
             return
-        if code is RefusalCode.CAUSE_PRESENT and refuse.message_id == message_id(ClearEstop):
+        if code is RefusalCode.CAUSE_PRESENT and refuse.message_id == message_id(wire.ClearEstop):
             self._contact_seen_us = now_us
         if refuse.message_id not in SETPOINT_IDS:
             return
@@ -528,14 +512,14 @@ class Diagnosis:
         return self._stop(at_us, causes, (*evidence, *supply_fall(samples)), side)
 
     def _estopped(self, at_us: int, first: bool) -> Stop:
-        asked = self._who_asked(at_us, Estop)
+        asked = self._who_asked(at_us, wire.Estop)
         if asked:
             return self._stop(at_us, ("estop_by_session",), asked)
         if first:
             return self._stop(
                 at_us, ("estop_before_reset",), ("ESTOPPED from the start of the session",)
             )
-        if self._is_answered(Estop, at_us):
+        if self._is_answered(wire.Estop, at_us):
             text = "the device acknowledged an Estop that another program had sent"
             return self._stop(at_us, ("estop_by_stranger",), (text,))
         source = self._estop_source(at_us)
@@ -562,15 +546,15 @@ class Diagnosis:
         if abs(self._trial_us - at_us) < ANSWER_US:
             self._trial_us = -ANSWER_US  # it explains no later stop
             return self._stop(at_us, ("trial_expired",), ("the device reported it",))
-        asked = self._who_asked(at_us, StopRequest)
+        asked = self._who_asked(at_us, wire.Stop)
         if asked:
             return self._stop(at_us, ("stop_by_session",), asked)
         evidence = ["no Stop was sent over this link"]
-        if self._is_answered(StopRequest, at_us):
+        if self._is_answered(wire.Stop, at_us):
             evidence.append("the device acknowledged one of another program")
         return self._stop(at_us, ("stop_by_stranger",), evidence)
 
-    def _who_asked(self, at_us: int, kind: type[AnyMessage]) -> tuple[str, ...]:
+    def _who_asked(self, at_us: int, kind: type[wire.AnyMessage]) -> tuple[str, ...]:
         """Evidence that this link asked for the stop; empty if it did not."""
         sent = self._history.stops_by(kind, at_us, ANSWER_US)
         if not sent:
@@ -578,7 +562,7 @@ class Diagnosis:
         by = self._history.who_asked(kind, sent)
         return f"the message {kind.__name__} was sent just before", by
 
-    def _is_answered(self, kind: type[AnyMessage], at_us: int) -> bool:
+    def _is_answered(self, kind: type[wire.AnyMessage], at_us: int) -> bool:
         asked = message_id(kind)
         before_us = self._history.explained_us(asked, at_us) + DECIDE_US
         is_answered = any(
@@ -590,7 +574,7 @@ class Diagnosis:
         return is_answered
 
     def _new_session(self, at_us: int) -> Stop:
-        if self._history.was_sent(Hello, at_us - ANSWER_US):
+        if self._history.was_sent(wire.Hello, at_us - ANSWER_US):
             error = self._rerun.session.error if self._rerun.session is not None else ""
             gap_s = self._history.longest_gap_s(at_us - 2 * ANSWER_US)
             cause = (
