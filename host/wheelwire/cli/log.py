@@ -26,7 +26,6 @@ from wheelwire.errors import (
     InvalidArgument,
     LinkClosed,
     OutputFailed,
-    RecordingError,
     meant,
 )
 from wheelwire.robot.robot import Robot
@@ -251,7 +250,8 @@ def decode(
             if wanted is None or isinstance(frame.message, wanted):
                 row = _row(frame, offset)
                 unix_s, host_s = float(row.pop("unix_s")), float(row.pop("host_s"))
-                print_json({"unix_s": unix_s, "host_s": host_s, **row, **_values(frame.message)})
+                values = {name: _json_value(v) for name, v in frame.message._asdict().items()}
+                print_json({"unix_s": unix_s, "host_s": host_s, **row, **values})
         return
     table = csv.writer(sys.stdout, lineterminator="\n")
     times = ("unix_s", "host_s", "direction", "message")
@@ -274,13 +274,11 @@ def _message(name: str) -> Any:
 
 
 def _checked(file: Path) -> Iterator[Frame]:
-    from wheelwire.log.reader import records
+    from wheelwire.log.reader import damage_of, records
     from wheelwire.log.rerun import frames
 
-    try:
+    with damage_of(file):
         yield from frames(records(file))
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
 
 
 def _row(frame: Frame, offset: int) -> dict[str, str]:
@@ -291,10 +289,6 @@ def _row(frame: Frame, offset: int) -> dict[str, str]:
         "direction": "sent" if frame.is_sent else "received",
         "message": type(frame.message).__name__,
     }
-
-
-def _values(message: Any) -> dict[str, Any]:
-    return {name: _json_value(value) for name, value in message._asdict().items()}
 
 
 def _json_value(value: Any) -> Any:
@@ -344,17 +338,15 @@ def draw_recording(
     if find_spec("matplotlib") is None:
         raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
     from wheelwire.log.plot import Trace, draw
-    from wheelwire.log.reader import metadata, session_records
+    from wheelwire.log.reader import damage_of, metadata, session_records
     from wheelwire.log.summary import time_of_day
     from wheelwire.tools.tune.before_after import check_picture
 
     said = metadata(file)
     check_writable(picture)
     check_picture(picture)
-    try:
+    with damage_of(file):
         trace = Trace.of(session_records(file))
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
     window = None
     if window_us is not None:
         begin_us, end_us = window_us

@@ -120,45 +120,33 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
 
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and what was latched before, if that is all."""
-    from wheelwire.log.reader import (
-        ENDED,
-        check_cut_off,
-        is_being_written,
-        metadata,
-        offset_us,
-        session_records,
-        was_cut,
-    )
+    from wheelwire.log import reader
     from wheelwire.log.why.diagnosis import Diagnosis
 
     diagnosis = Diagnosis()
-    try:
-        stops = [
-            *diagnosis.feed_all(session_records(file)),
-            *diagnosis.end(complete=not was_cut(file)),
-        ]
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
+    with reader.damage_of(file):
+        stops = diagnosis.feed_all(reader.session_records(file))
+        stops += diagnosis.end(complete=not reader.was_cut(file))
     if not stops and not diagnosis.has_heard:
-        check_cut_off(file)
+        reader.check_cut_off(file)
         raise RecordingError(
             f"{file}: the robot was out of reach all the time, so the recording cannot tell "
             "whether something stopped it: `wheelwire why ROBOT` asks the robot itself"
         )
-    said = metadata(file)
-    added_us = offset_us(file)
+    said = reader.metadata(file)
+    added_us = reader.offset_us(file)
     if plot is not None:
         _draw(file, stops, plot)
     facts = [] if stops else [NOTHING]
     if facts and diagnosis.latched_before:
         before = ", ".join(diagnosis.latched_before)
         facts.append(f"It was stopped before the recording began: {before}.")
-    if is_being_written(file):
+    if reader.is_being_written(file):
         facts.append("It is being recorded: what comes is not in this yet.")
-    elif ENDED in said:
+    elif ended := said.get(reader.ENDED):
         facts.append(
-            f"The recorder gave up before the robot was closed ({said[ENDED]}): what came later is "
-            "not in the file."
+            f"The recorder gave up before the robot was closed ({ended}): what came later is not "
+            "in the file."
         )
     return [_said(stop, stop.host_us + added_us) for stop in stops], facts
 

@@ -11,20 +11,17 @@ import stat
 import struct
 import zlib
 from collections.abc import Generator, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from wheelwire_protocol.codec import schema_hash
 
 from ..errors import RecordingError
 from ..link.traffic import Kind, Record
 from .ros_messages import CDR_HEADER
-
-if TYPE_CHECKING:
-    from mcap.records import Chunk
-
 
 RECEIVED = "/wheelwire/received"
 SENT = "/wheelwire/sent"
@@ -160,12 +157,11 @@ def parts(file: BinaryIO) -> Iterator[Part]:
 
 def is_whole(part: Part) -> bool:
     """Whether a part with a checksum, or of a known form, is undamaged."""
-    from mcap import records
     from mcap.exceptions import McapError
 
     try:
         if part.opcode == CHUNK:
-            chunk = chunk_of(part)
+            chunk = read_as("Chunk", part.content)
             # Without one (0) it is a page that was not written. Others may have compressed it.
             return bool(chunk.uncompressed_crc) and (
                 bool(chunk.compression) or zlib.crc32(chunk.data) == chunk.uncompressed_crc
@@ -176,26 +172,27 @@ def is_whole(part: Part) -> bool:
         if part.opcode == MESSAGE:
             return len(part.content) >= _MESSAGE.size
         if part.opcode in _READ:
-            getattr(records, _READ[part.opcode]).read(stream_of(part.content))
+            read_as(_READ[part.opcode], part.content)
     except (McapError, ValueError, OverflowError, struct.error, EOFError):
         return False
     return True
 
 
-def chunk_of(part: Part) -> Chunk:
-    """A part that is a chunk."""
-    from mcap.records import Chunk
-
-    return Chunk.read(stream_of(part.content))
-
-
-def stream_of(content: bytes) -> Any:
-    """The stream that `mcap` reads a part from."""
-    from io import BytesIO
-
+def read_as(kind: str, content: bytes) -> Any:
+    """A part's content, as this class of `mcap.records`."""
+    from mcap import records  # here: opening the file says what to install
     from mcap.data_stream import ReadDataStream
 
-    return ReadDataStream(BytesIO(content))
+    return getattr(records, kind).read(ReadDataStream(BytesIO(content)))
+
+
+@contextmanager
+def damage_of(path: str | Path) -> Iterator[None]:
+    """A `ValueError` of a record becomes the `RecordingError` of its file."""
+    try:
+        yield
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
 
 
 def records(path: str | Path) -> Iterator[Record]:
@@ -209,7 +206,7 @@ def records(path: str | Path) -> Iterator[Record]:
         if topic in TOPICS:
             try:
                 yield decode_record(data)
-            except ValueError as error:
+            except ValueError as error:  # no `damage_of`, which takes as long as a record
                 raise RecordingError(f"{path}: {error}") from error
 
 
@@ -276,7 +273,7 @@ def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
     with closing(_parts_of(path)) as from_file:
         for part in from_file:
             if part.opcode == CHUNK:
-                chunk = chunk_of(part)
+                chunk = read_as("Chunk", part.content)
                 if chunk.compression:
                     raise RecordingError(
                         f"{path} was compressed by another program: `mcap decompress` undoes that"
@@ -289,9 +286,7 @@ def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
                     channel, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
                     yield topics.get(channel, ""), time_ns, data[begin + _MESSAGE.size : end]
                 elif opcode == CHANNEL:
-                    from mcap.records import Channel  # here: opening the file says what to install
-
-                    one = Channel.read(stream_of(data[begin:end]))
+                    one = read_as("Channel", data[begin:end])
                     topics[one.id] = one.topic
 
 
@@ -332,13 +327,8 @@ def unreadable(file: BinaryIO, path: str | Path) -> RecordingError:
 
 def is_ours(first: Part | None) -> bool:
     """Whether a file that begins with this part is a recorder's."""
-    from mcap.records import Header
-
-    return (
-        first is not None
-        and first.opcode == HEADER
-        and Header.read(stream_of(first.content)).library == LIBRARY
-    )
+    is_header = first is not None and first.opcode == HEADER
+    return is_header and read_as("Header", first.content).library == LIBRARY
 
 
 def offset_us(path: str | Path) -> int:
@@ -369,17 +359,15 @@ def counts(path: str | Path) -> dict[str, str] | None:
         index, said = _index(file), _newest(file, COUNTS)
     if index is None or said is None:
         return None
-    from mcap.records import Channel, Statistics
-
     ours: set[int] = set()
     counted: dict[int, int] = {}
     for opcode, begin, end in within(index):
         if opcode == CHANNEL:
-            channel = Channel.read(stream_of(index[begin:end]))
+            channel = read_as("Channel", index[begin:end])
             if channel.topic in TOPICS:
                 ours.add(channel.id)
         elif opcode == STATISTICS:
-            counted = Statistics.read(stream_of(index[begin:end])).channel_message_counts
+            counted = read_as("Statistics", index[begin:end]).channel_message_counts
     there = sum(counted.get(number, 0) for number in ours)
     return said if said.get("records") == str(there) else None
 
@@ -407,11 +395,9 @@ def _metadata_offsets(file: BinaryIO) -> Iterator[int]:
     """Where metadata begin: by the file's index, or from part to part."""
     index = _index(file)
     if index is not None:
-        from mcap.records import MetadataIndex
-
         for opcode, begin, end in within(index):
             if opcode == METADATA_INDEX:
-                yield MetadataIndex.read(stream_of(index[begin:end])).offset
+                yield read_as("MetadataIndex", index[begin:end]).offset
         return
     size, offset = file.seek(0, os.SEEK_END), len(MAGIC)
     while offset + HEAD.size <= size:
@@ -427,9 +413,7 @@ def _metadata_offsets(file: BinaryIO) -> Iterator[int]:
 
 def _said(part: Part, name: str) -> dict[str, str] | None:
     """What a part with metadata says, if it has this name."""
-    from mcap.records import Metadata
-
-    found = Metadata.read(stream_of(part.content))
+    found = read_as("Metadata", part.content)
     return dict(found.metadata) if found.name == name else None
 
 

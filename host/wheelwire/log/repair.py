@@ -19,31 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import RecordingError
-from .reader import (
-    ATTACHMENT,
-    CHANNEL,
-    CHUNK,
-    DATA_END,
-    FOOTER,
-    HEAD,
-    HEADER,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_INDEX,
-    METADATA_RECORD,
-    REPAIRED,
-    SCHEMA,
-    Part,
-    chunk_of,
-    has_end,
-    is_ours,
-    is_whole,
-    opened,
-    parts,
-    stream_of,
-    unreadable,
-    within,
-)
+from . import reader
 
 if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
@@ -66,7 +42,7 @@ _CHUNK_HEAD = re.compile(rb"(?=\x06[\0-\xff]{3}[\0-\x0f]\0{4})")
 class _Found:
     """What a file holds, and where."""
 
-    end: int = len(MAGIC)
+    end: int = len(reader.MAGIC)
     """The end of what is undamaged."""
     is_complete: bool = False
     tail: bytes = b""
@@ -86,19 +62,15 @@ def repair(path: str | Path) -> bool:
         RecordingError: It is being recorded, is not a recording, or is damaged in its middle.
     """
     try:
-        with opened(path, "r+b") as file:
+        with reader.opened(path, "r+b") as file:
             _lock(file, path)
-            if not is_ours(next(parts(file), None)):
-                raise unreadable(file, path)
-            found = _found(file, 0.0)
-            if found.is_complete:
-                return False
-            _finish(file, found, path)
+            if not reader.is_ours(next(reader.parts(file), None)):
+                raise reader.unreadable(file, path)
+            return _repaired(file, path, 0.0)
     except OSError as error:
         raise RecordingError(
             f"cannot repair {path}: {error.strerror}; check its permissions and the free space"
         ) from error
-    return True
 
 
 def repair_folder(folder: Path) -> None:
@@ -106,19 +78,23 @@ def repair_folder(folder: Path) -> None:
     for path in sorted(folder.glob("*.mcap")):
         try:
             with path.open("r+b") as file:
-                if has_end(file) or not is_ours(next(parts(file), None)):
+                if reader.has_end(file) or not reader.is_ours(next(reader.parts(file), None)):
                     continue
                 _lock(file, path)
-                found = _found(file, PAUSE_S)
-                if found.is_complete:  # its recorder has closed it since
-                    continue
-                _finish(file, found, path)
-            _LOG.info("repaired %s, which had no end", path)
+                if _repaired(file, path, PAUSE_S):  # its recorder has not closed it since
+                    _LOG.info("repaired %s, which had no end", path)
         except RecordingError as error:
             if not isinstance(error, _BeingWritten):
                 _LOG.warning("%s", error)
         except OSError as error:
             _LOG.warning("cannot repair %s: %s", path, error.strerror)
+
+
+def _repaired(file: BinaryIO, path: str | Path, pause_s: float) -> bool:
+    found = _found(file, pause_s)
+    if not found.is_complete:
+        _finish(file, found, path)
+    return not found.is_complete
 
 
 class _BeingWritten(RecordingError):  # noqa: N818 - it says the state
@@ -139,30 +115,30 @@ def _found(file: BinaryIO, pause_s: float) -> _Found:
     found = _Found()
     awaited: list[bytes] = []
     """What has to follow: the index of the chunk before, one part for each channel."""
-    for part in parts(file):
-        if part.opcode == MESSAGE_INDEX and awaited[:1] == [part.content]:
+    for part in reader.parts(file):
+        if part.opcode == reader.MESSAGE_INDEX and awaited[:1] == [part.content]:
             del awaited[0]
-        elif part.opcode == MESSAGE_INDEX or awaited:
+        elif part.opcode == reader.MESSAGE_INDEX or awaited:
             break
-        elif part.opcode == CHUNK:
+        elif part.opcode == reader.CHUNK:
             awaited = _take_chunk(found, part)
             time.sleep(pause_s)
-        elif part.opcode in (ATTACHMENT, METADATA_RECORD):
+        elif part.opcode in (reader.ATTACHMENT, reader.METADATA_RECORD):
             _take_other(found, part)
-        elif part.opcode == DATA_END:
-            found.is_complete = has_end(file)
+        elif part.opcode == reader.DATA_END:
+            found.is_complete = reader.has_end(file)
             break
         found.end = part.end
     for content in awaited:
-        found.tail += HEAD.pack(MESSAGE_INDEX, len(content)) + content
+        found.tail += reader.HEAD.pack(reader.MESSAGE_INDEX, len(content)) + content
     return found
 
 
-def _take_chunk(found: _Found, part: Part) -> list[bytes]:
+def _take_chunk(found: _Found, part: reader.Part) -> list[bytes]:
     """Note a chunk; returns its messages' index, as it has to follow."""
     from mcap.records import ChunkIndex
 
-    chunk = chunk_of(part)
+    chunk = reader.read_as("Chunk", part.content)
     indexes = _indexes(found, chunk.data)
     places: dict[int, int] = {}
     offset = part.end
@@ -170,7 +146,7 @@ def _take_chunk(found: _Found, part: Part) -> list[bytes]:
     for channel, entries in indexes.items():
         contents.append(struct.pack(f"<HI{len(entries)}Q", channel, 8 * len(entries), *entries))
         places[channel] = offset
-        offset += HEAD.size + len(contents[-1])
+        offset += reader.HEAD.size + len(contents[-1])
         found.counts[channel] += len(entries) // 2
     found.chunks.append(
         ChunkIndex(
@@ -190,31 +166,29 @@ def _take_chunk(found: _Found, part: Part) -> list[bytes]:
 
 def _indexes(found: _Found, data: bytes) -> dict[int, list[int]]:
     """Each channel's messages in a chunk: time, offset, time, offset, ..."""
-    from mcap.records import Channel, Schema
-
     indexes: dict[int, list[int]] = {}
-    for opcode, begin, end in within(data):
-        if opcode == MESSAGE:
+    for opcode, begin, end in reader.within(data):
+        if opcode == reader.MESSAGE:
             channel, _, time_ns = _MESSAGE.unpack_from(data, begin)
-            indexes.setdefault(channel, []).extend((time_ns, begin - HEAD.size))
-        elif opcode == SCHEMA:
-            schema = Schema.read(stream_of(data[begin:end]))
+            indexes.setdefault(channel, []).extend((time_ns, begin - reader.HEAD.size))
+        elif opcode == reader.SCHEMA:
+            schema = reader.read_as("Schema", data[begin:end])
             found.schemas[schema.id] = schema
-        elif opcode == CHANNEL:
-            one = Channel.read(stream_of(data[begin:end]))
+        elif opcode == reader.CHANNEL:
+            one = reader.read_as("Channel", data[begin:end])
             found.channels[one.id] = one
     return indexes
 
 
-def _take_other(found: _Found, part: Part) -> None:
-    from mcap.records import Attachment, AttachmentIndex, Metadata, MetadataIndex
+def _take_other(found: _Found, part: reader.Part) -> None:
+    from mcap.records import AttachmentIndex, MetadataIndex
 
     length = part.end - part.offset
-    if part.opcode == METADATA_RECORD:
-        name = Metadata.read(stream_of(part.content)).name
+    if part.opcode == reader.METADATA_RECORD:
+        name = reader.read_as("Metadata", part.content).name
         found.metadata.append(MetadataIndex(part.offset, length, name))
     else:
-        one = Attachment.read(stream_of(part.content))
+        one = reader.read_as("Attachment", part.content)
         found.attachments.append(
             AttachmentIndex(
                 offset=part.offset,
@@ -233,7 +207,7 @@ def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
     file.seek(found.end)
     behind = file.read()
     rest = behind.strip(b"\0")  # pages that were never written read as zeros
-    if (other := behind.find(MAGIC + bytes([HEADER]))) >= 0:
+    if (other := behind.find(reader.MAGIC + bytes([reader.HEADER]))) >= 0:
         at = found.end + other
         raise RecordingError(
             f"{path} holds another recording {at} bytes from its beginning, which a repair would "
@@ -261,11 +235,11 @@ def _is_later(rest: bytes, found: _Found) -> bool:
     """Whether an undamaged chunk behind the damage is of later than what a crash destroys."""
     newest_ns = max((chunk.message_end_time for chunk in found.chunks), default=None)
     for begin in _CHUNK_HEAD.finditer(rest):
-        opcode, length = HEAD.unpack_from(rest, begin.start())
-        content = rest[begin.start() + HEAD.size :][:length]
-        part = Part(begin.start(), opcode, content)
-        if len(content) == length and is_whole(part):
-            chunk = chunk_of(part)
+        opcode, length = reader.HEAD.unpack_from(rest, begin.start())
+        content = rest[begin.start() + reader.HEAD.size :][:length]
+        part = reader.Part(begin.start(), opcode, content)
+        if len(content) == length and reader.is_whole(part):
+            chunk = reader.read_as("Chunk", part.content)
             # If a file was cut within its first second, nothing before this may be undamaged.
             newest_ns = chunk.message_start_time if newest_ns is None else newest_ns
             if chunk.message_end_time > newest_ns + LATEST_NS:
@@ -279,9 +253,9 @@ def _mark(found: _Found, offset: int) -> bytes:
     from mcap.records import Metadata, MetadataIndex
 
     builder = RecordBuilder()
-    Metadata(name=REPAIRED, metadata={}).write(builder)
+    Metadata(name=reader.REPAIRED, metadata={}).write(builder)
     mark: bytes = builder.end()
-    found.metadata.append(MetadataIndex(offset, len(mark), REPAIRED))
+    found.metadata.append(MetadataIndex(offset, len(mark), reader.REPAIRED))
     return mark
 
 
@@ -315,7 +289,7 @@ def _end(found: _Found, offset: int) -> bytes:
         one.write(builder)
     data = builder.end()
     # The checksum is of the summary and the footer's beginning.
-    head = struct.pack("<BQQQ", FOOTER, 20, offset + begin, 0)
+    head = struct.pack("<BQQQ", reader.FOOTER, 20, offset + begin, 0)
     crc = zlib.crc32(head, zlib.crc32(data[begin:]))
     Footer(summary_start=offset + begin, summary_offset_start=0, summary_crc=crc).write(builder)
-    return bytes(data + builder.end() + MAGIC)
+    return bytes(data + builder.end() + reader.MAGIC)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
 
-from ..errors import RecordingError
 from ..link.traffic import Record
 from .reader import (
     ENDED,
     check_release,
     counts,
+    damage_of,
     is_complete,
     metadata,
     offset_us,
@@ -144,11 +144,9 @@ def _said_at_end(path: str | Path) -> Counts | None:
 
 def _counted(path: str | Path) -> Counts:
     counter = Counter()
-    try:
+    with damage_of(path):
         for record in session_records(path):
             counter.feed(record)
-    except ValueError as error:
-        raise RecordingError(f"{path}: {error}") from error
     return counter.counts
 
 

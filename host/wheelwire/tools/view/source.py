@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from ...errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
 from ...holds import Holding
 from ...link.clock import host_clock_us
-from ...log.reader import session_records, was_cut
+from ...log.reader import damage_of, session_records, was_cut
 from ...log.why.device import standing_stops
 from ...log.why.diagnosis import Diagnosis, Stop
 from ...robot.robot import Robot
@@ -131,12 +131,10 @@ class _RecordedStops:
             RecordingError: The file is damaged.
         """
         stops: list[Stop] = []
-        try:
+        with damage_of(self._file):
             while self._next is not None and self._next.host_us <= now_us:
                 stops += self._diagnosis.feed(self._next)
                 self._next = next(self._records, None)
-        except ValueError as error:
-            raise RecordingError(f"{self._file}: {error}") from error
         return stops
 
     def rest(self) -> list[Stop]:
