@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +20,7 @@ from wheelwire.tools.files.board import (
     board_mapping,
     checked_board,
     load_board,
+    reported,
     shipped_boards,
     to_yaml,
 )
@@ -74,6 +75,12 @@ def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
     yield from complete_yaml(incomplete)
 
 
+def _board_argument(metavar: str, help_text: str) -> Any:
+    return typer.Argument(
+        metavar=metavar, help=help_text, autocompletion=_complete, show_default=False
+    )
+
+
 @app.callback(invoke_without_command=True)
 def board(context: typer.Context) -> None:
     """Show, check and write boards: pins, power stage and encoders as data."""
@@ -84,45 +91,21 @@ def board(context: typer.Context) -> None:
 def list_all(as_json: JsonFlag = False) -> None:
     """List the built-in boards."""
     boards = {name: load_board(name) for name in shipped_boards()}
+    rows = [
+        (name, one.name, CHIPS[one.chip].name, one.stage.name.lower(), STAGES[one.stage].parts)
+        for name, one in boards.items()
+    ]
     if as_json:
-        print_json(
-            [
-                {
-                    "name": name,
-                    "title": found.name,
-                    "chip": CHIPS[found.chip].name,
-                    "stage": found.stage.name.lower(),
-                }
-                for name, found in boards.items()
-            ]
-        )
+        keys = ("name", "title", "chip", "stage")
+        print_json([dict(zip(keys, row, strict=False)) for row in rows])
         return
-    print_table(
-        "Boards",
-        ("name", "board", "chip", "stage", "for"),
-        [
-            (
-                name,
-                found.name,
-                CHIPS[found.chip].name,
-                found.stage.name.lower(),
-                STAGES[found.stage].parts,
-            )
-            for name, found in boards.items()
-        ],
-    )
+    print_table("Boards", ("name", "board", "chip", "stage", "for"), rows)
 
 
 @app.command("show")
 def show(
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="A built-in board (`wheelwire board list`), or a file.",
-            autocompletion=_complete,
-            show_default=False,
-        ),
+        str, _board_argument("NAME", "A built-in board (`wheelwire board list`), or a file.")
     ],
     as_json: JsonFlag = False,
 ) -> None:
@@ -155,13 +138,8 @@ def _show(found: Configuration, *, as_json: bool) -> None:
             for action in Action
         ],
     )
-    for what, text in (
-        ("coast", stage.coast),
-        ("brake", stage.brake),
-        ("release", stage.release),
-        ("dead time", stage.dead_time),
-    ):
-        console.print(f"{what}: {text}")
+    for what in ("coast", "brake", "release", "dead_time"):
+        console.print(f"{what.replace('_', ' ')}: {getattr(stage, what)}")
 
 
 def _show_peripherals(found: Configuration) -> None:
@@ -180,15 +158,7 @@ def _show_peripherals(found: Configuration) -> None:
 
 @app.command("check")
 def check(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help="A file, or a built-in board's name.",
-            autocompletion=_complete,
-            show_default=False,
-        ),
-    ],
+    file: Annotated[str, _board_argument("FILE", "A file, or a built-in board's name.")],
     as_json: JsonFlag = False,
 ) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
@@ -320,10 +290,7 @@ def read(
     if as_json:
         print_json({"state": state, "board": board_mapping(found) if found else None})
         return
-    # The state is a comment of YAML, so that the output is a board's file.
-    typer.echo(f"# {state.doc}")
-    if found is not None:
-        typer.echo(to_yaml(found), nl=False)
+    typer.echo(reported(state, found), nl=False)
 
 
 def _with_a_board(driver: Robot) -> Robot:

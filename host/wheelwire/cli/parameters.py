@@ -13,7 +13,7 @@ from rich.padding import Padding
 
 from wheelwire.errors import InvalidArgument, OutputFailed, WheelwireError
 from wheelwire.link.info import DeviceInfo
-from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
+from wheelwire.parameters import ParameterInfo, differences, number_text
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.tools.files.state import state_folder
@@ -428,19 +428,7 @@ def diff(
     if as_json:
         values = {d.name: {"robot": d.robot, "file": d.wanted, "unit": d.unit} for d in found}
         print_json({"different": values, "not_in_file": absent, **_boards(wanted, device)})
-    else:
-        _print_differences(wanted, device, found, absent)
-    if found:
-        raise typer.Exit(DIFFERENT)
-
-
-def _print_differences(
-    wanted: ParameterFile,
-    device: DeviceInfo | None,
-    found: Sequence[Difference],
-    absent: Sequence[str],
-) -> None:
-    if found:
+    elif found:
         print_table(
             f"{len(found)} of {len(wanted.values)} values differ",
             ("name", "robot", "file", "unit"),
@@ -449,8 +437,10 @@ def _print_differences(
         print_lines(f"robot: {_robot(device)}; file: {wanted.source}")
     else:
         console.print(f"all {len(wanted.values)} values are equal")
-    if absent:
+    if absent and not as_json:
         print_lines(f"not in the file, not compared: {', '.join(absent)}")
+    if found:
+        raise typer.Exit(DIFFERENT)
 
 
 def _device(driver: Robot) -> DeviceInfo | None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -45,9 +45,6 @@ from .output import (
 from .registry import Heading, command
 from .sensors import ask_for_samples
 from .view import can_show, show
-
-if TYPE_CHECKING:
-    from wheelwire.log.why.diagnosis import Stop
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
@@ -323,15 +320,20 @@ def monitor(
         address.open_to_look(baud_rate, as_json=as_json) as driver,
         _ended_by_the_recording(address.text),
     ):
+        note = partial(print_note, as_json=as_json)
         if driver.has_device:
             with suppress(InvalidCommand):  # a recording: `why` names its stops
-                driver.watch_stops(partial(_print_stop, as_json=as_json))
-            driver.on_held = partial(_print_held, as_json=as_json)
+                driver.watch_stops(
+                    lambda stop: note(f"{stop.sentence} Look first at {stop.look_at}.")
+                )
+            driver.on_held = lambda held_by: note(
+                f"held by {', '.join(held_by.names)}: {held_by}" if held_by else "nothing holds it"
+            )
         end = time.monotonic() + (seconds or math.inf)
         shown: SupervisorState | None = None
         for news in watch(driver, end):
             if isinstance(news, str):
-                print_note(news, as_json=as_json)
+                note(news)
                 continue
             if as_json:
                 print_json(news)
@@ -342,15 +344,6 @@ def monitor(
             shown = news.state
             # A person, or a log, has no use for more.
             time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
-
-
-def _print_stop(stop: Stop, *, as_json: bool) -> None:
-    print_note(f"{stop.sentence} Look first at {stop.look_at}.", as_json=as_json)
-
-
-def _print_held(held_by: HeldBy, *, as_json: bool) -> None:
-    text = f"held by {', '.join(held_by.names)}: {held_by}" if held_by else "nothing holds it"
-    print_note(text, as_json=as_json)
 
 
 @contextmanager

@@ -14,6 +14,7 @@ import typer
 from wheelwire.connect import MOCK
 from wheelwire.errors import CommissioningFailed, InvalidArgument
 from wheelwire.robot.robot import Robot
+from wheelwire.samples import to_json_value
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
@@ -214,20 +215,9 @@ def _run(robot: Robot, person: Person, options: Options, *, as_json: bool) -> Fi
         options = replace(options, left=left.show)
         findings = set_up(robot, _Shown(person, say), say, options)
     if as_json:
-        print_json(
-            {
-                "imu": findings.imu,
-                "wiring": findings.wiring,
-                "counts_per_revolution": findings.counts_per_revolution,
-                "velocity_feedforward": findings.velocity_feedforward,
-                "static_feedforward": findings.static_feedforward,
-                "rms_before_mps": findings.rms_before_mps,
-                "rms_after_mps": findings.rms_after_mps,
-                "rms_sound_mps": findings.rms_sound_mps,
-                "problems": findings.problems,
-                "saved": findings.saved,
-            }
-        )
+        found = to_json_value(findings)
+        del found["is_complete"]  # the exit code says so
+        print_json(found)
     elif findings.is_complete and findings.problems:
         count = len(findings.problems)
         remain = "1 problem remains" if count == 1 else f"{count} problems remain"

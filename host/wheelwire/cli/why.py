@@ -29,7 +29,7 @@ from .registry import Heading, command
 if TYPE_CHECKING:
     from wheelwire.log.why.diagnosis import Stop
 
-    from ..robot.black_boxes import Recorded, StoredBox
+    from ..robot.black_boxes import Recorded
 
 
 BEFORE_S, AFTER_S = 4.0, 1.0
@@ -115,7 +115,10 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
         return
     if is_recording(address) or is_box(address):
         raise InvalidArgument(f"--save-boxes reads a robot: name one instead of {address}")
-    check_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)  # before anything is read
+    except OSError as error:
+        raise OutputFailed.at(folder, error) from error
 
 
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
@@ -136,7 +139,13 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
     said = reader.metadata(file)
     added_us = reader.offset_us(file)
     if plot is not None:
-        _draw(file, stops, plot)
+        if not stops:
+            raise InvalidArgument(
+                f"{file}: nothing has stopped the robot: there is nothing to draw"
+            )
+        at_us = stops[-1].host_us
+        window_us = at_us - BEFORE_S * 1e6, at_us + AFTER_S * 1e6
+        draw_recording(file, plot, stops[-1].sentence, window_us)
     facts = [] if stops else [NOTHING]
     if facts and diagnosis.latched_before:
         before = ", ".join(diagnosis.latched_before)
@@ -204,14 +213,6 @@ def _print(said: list[dict[str, Any]], facts: list[str]) -> None:
         if stop["look_at"]:
             print_lines(f"    Look first at {stop['look_at']}.", style="cyan")
     print_lines(*filter(None, facts))
-
-
-def _draw(file: Path, stops: list[Stop], picture: Path) -> None:
-    if not stops:
-        raise InvalidArgument(f"{file}: nothing has stopped the robot: there is nothing to draw")
-    newest = stops[-1]
-    window_us = newest.host_us - BEFORE_S * 1e6, newest.host_us + AFTER_S * 1e6
-    draw_recording(file, picture, newest.sentence, window_us)
 
 
 def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) -> None:
@@ -346,34 +347,19 @@ def stops_of_file(file: Path) -> list[Stop]:
         raise RecordingError(f"{file} is {error}: use the library of that release") from error
 
 
-def check_folder(folder: Path) -> None:
-    """Make the folder, before anything is read.
-
-    Raises:
-        OutputFailed: It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputFailed.at(folder, error) from error
-
-
 def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
     """Write each box that was read to a file of its own; a file that exists holds the same box.
 
     Raises:
         OutputFailed: One cannot be written.
     """
-    return [
-        _write_box(folder / _box_name(box, board_id), image)
-        for box, image in recorded.boxes
-        if image
-    ]
-
-
-def _box_name(box: StoredBox, board_id: str) -> str:
-    head = box.head
-    return f"{board_id}-{head.number}-{head.boot_id:08x}-{head.cause.name.lower()}{SUFFIX}"
+    written = []
+    for box, image in recorded.boxes:
+        head = box.head
+        name = f"{board_id}-{head.number}-{head.boot_id:08x}-{head.cause.name.lower()}{SUFFIX}"
+        if image:
+            written.append(_write_box(folder / name, image))
+    return written
 
 
 def _write_box(file: Path, image: bytes) -> Path:

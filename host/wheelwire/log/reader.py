@@ -327,8 +327,9 @@ def unreadable(file: BinaryIO, path: str | Path) -> RecordingError:
 
 def is_ours(first: Part | None) -> bool:
     """Whether a file that begins with this part is a recorder's."""
-    is_header = first is not None and first.opcode == HEADER
-    return is_header and read_as("Header", first.content).library == LIBRARY
+    if first is None or first.opcode != HEADER:
+        return False
+    return bool(read_as("Header", first.content).library == LIBRARY)
 
 
 def offset_us(path: str | Path) -> int:

@@ -18,7 +18,7 @@ from ..robot.board import DeviceBoard
 from ..robot.calls import Requests, run
 from ..robot.parameters import DeviceParameters
 from ..robot.sensors import DEFAULT_RATE_HZ, Streams
-from .files.board import to_yaml
+from .files.board import reported
 from .files.parameters import ParameterFile
 
 ASKS = 10
@@ -81,5 +81,4 @@ def _parameters(link: Link | AttachedLink) -> str:
 
 
 def _board(link: Link | AttachedLink) -> str:
-    state, found = DeviceBoard(Requests(link)).read()
-    return f"# {state.doc}\n{to_yaml(found) if found else ''}"
+    return reported(*DeviceBoard(Requests(link)).read())

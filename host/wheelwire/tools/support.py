@@ -20,7 +20,7 @@ from ..errors import OutputFailed, WheelwireError
 from ..link.info import library_version
 from ..robot.robot import Robot
 from ..samples import to_json_value
-from .files.board import to_yaml
+from .files.board import reported
 from .files.parameters import ParameterFile
 
 RECORDINGS = "*.mcap"
@@ -81,7 +81,7 @@ def of_robot(driver: Robot) -> Iterator[Part]:
         return
     yield Part("info.json", _json(driver.info), "the device, its firmware and its board")
     yield _answer("parameters.yaml", "all parameters", lambda: _parameters(driver))
-    yield _answer("board.yaml", "the active board", lambda: _board(driver))
+    yield _answer("board.yaml", "the active board", lambda: reported(*driver.board.read()))
     yield _answer("device.json", "what the device has counted", lambda: _counters(driver))
 
 
@@ -100,11 +100,6 @@ def _answer(name: str, what: str, ask: Any) -> Part:
 
 def _parameters(driver: Robot) -> str:
     return ParameterFile.of_robot(driver.parameters.list(), driver.info.device).text()
-
-
-def _board(driver: Robot) -> str:
-    state, found = driver.board.read()
-    return f"# {state.doc}\n{to_yaml(found) if found else ''}"
 
 
 def _counters(driver: Robot) -> str:

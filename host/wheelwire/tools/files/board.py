@@ -17,6 +17,7 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
+from wheelwire_protocol.codes import ConfigurationState
 
 from ...board import Configuration, WheelPins
 from ...errors import ConfigurationError
@@ -157,6 +158,11 @@ def to_yaml(board: Configuration) -> str:
     from .yaml_text import dump  # here: it is slow to import
 
     return dump(board_mapping(board))
+
+
+def reported(state: ConfigurationState, board: Configuration | None) -> str:
+    """A file with the board that a device reports; the board's state is a comment."""
+    return f"# {state.doc}\n{to_yaml(board) if board else ''}"
 
 
 def _wheel(board: Section, side: str) -> WheelPins:

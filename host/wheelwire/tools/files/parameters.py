@@ -44,7 +44,11 @@ class ParameterFile:
         cls, parameters: Iterable[ParameterInfo], device: DeviceInfo | None
     ) -> ParameterFile:
         """The parameters that a robot has now. `device` is None if its driver does not know it."""
-        values = {p.name: p.value for p in parameters}
+        return cls.of_values({p.name: p.value for p in parameters}, device)
+
+    @classmethod
+    def of_values(cls, values: dict[str, float], device: DeviceInfo | None) -> ParameterFile:
+        """As `of_robot`, of these values."""
         if device is None:
             return cls(values)
         return cls(values, device.board.name, device.board_id, device.release.release)

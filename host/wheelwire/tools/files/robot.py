@@ -170,7 +170,7 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
 
 def parse_config(content: object) -> RobotConfig:
     """Check the content of a file; raises as `load_config`."""
-    config = RobotConfig(**parse_robot(content, SECTIONS_OF_DRIVERS))
+    config = RobotConfig(**_values_of(content))
     try:
         SerialDriverOptions(**asdict(config.serial)).checked()
     except InvalidArgument as error:
@@ -178,15 +178,13 @@ def parse_config(content: object) -> RobotConfig:
     return config
 
 
-def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
-    """The values of a file by name; each section in `shapes` becomes the dataclass given there.
-
-    `options` is the section of a driver that is not in `shapes`. `aliases` maps other packages'
-    names in the file to the names that they mean.
+def _values_of(content: object) -> dict[str, Any]:
+    """The fields of a `RobotConfig` by name.
 
     Raises:
         ConfigurationError: The message begins with the key, and has its value and what is allowed.
     """
+    shapes = SECTIONS_OF_DRIVERS
     if content is None:
         raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
     # Before the check of keys, which would call the node's name at the top an unknown key.

@@ -34,12 +34,8 @@ class Counted(NamedTuple):
 
 
 def known_motors() -> dict[str, int]:
-    """Counts per wheel turn of the motors that are known by name; none without PyYAML."""
-    try:
-        plants = {name: load_plant(name) for name in shipped_plants()}
-    except ImportError:
-        return {}
-    return {name: round(plant.values[COUNTS].value) for name, plant in plants.items()}
+    """Counts per wheel turn of the motors that are known by name."""
+    return {name: round(load_plant(name).values[COUNTS].value) for name in shipped_plants()}
 
 
 def ask_counts(robot: Robot, person: Person, say: Say) -> Counted:

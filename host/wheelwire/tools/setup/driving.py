@@ -292,23 +292,17 @@ def set_at_rest(robot: Robot, name: str, value: float) -> None:
         DeviceRefused: The value is refused for another reason, or a wheel goes on turning.
     """
     begin: WheelSample | None = None
-    while not _is_set(robot, name, value, in_time=begin is None or _is_recent(robot, begin)):
+    is_late = False
+    while True:
+        try:
+            robot.parameters.set(name, value)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.NOT_STOPPED or is_late:
+                raise
+        else:
+            return
         begin = begin or next_sample(robot)
-
-
-def _is_recent(robot: Robot, begin: WheelSample) -> bool:
-    return next_sample(robot).since(begin).dt_s <= LONGEST_ROLL_S
-
-
-def _is_set(robot: Robot, name: str, value: float, *, in_time: bool) -> bool:
-    """Set a parameter; false if it is refused because a wheel turns and that may end in time."""
-    try:
-        robot.parameters.set(name, value)
-    except DeviceRefused as error:
-        if error.code != RefusalCode.NOT_STOPPED or not in_time:
-            raise
-        return False
-    return True
+        is_late = next_sample(robot).since(begin).dt_s > LONGEST_ROLL_S
 
 
 @contextmanager

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 from ...drivers.mock import MockDriver
 from ...errors import ConfigurationError, InvalidArgument, ParameterOutOfRange
 from ...parameters import checked_value
-from ..files.answers import load_answers
 from ..files.board import shipped_boards
 from ..files.plant import shipped_plants
+from ..files.reading import Section, reading
 from .driving import SIDES
 
 Say = Callable[[str], None]
@@ -148,8 +148,11 @@ class AnswersFile:
     def __init__(self, file: Path, otherwise: Person | None = None) -> None:
         self._file = file
         self._otherwise = otherwise
-        forms = {key: form.parse for key, form in _forms().items()}
-        self._answers = load_answers(file, forms)
+        forms = _forms()
+        with reading(file, "answers") as content:
+            self._answers = Section({} if content is None else content, forms).values
+            for key, answer in self._answers.items():
+                forms[key].parse(answer)
 
     def answer(self, question: Question) -> str:
         """As the file says.

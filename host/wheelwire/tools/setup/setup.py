@@ -422,7 +422,8 @@ class _SetUp:
         if same:
             self.say(f"  as before: {', '.join(same)}")
         if self.options.keep is not None:
-            _write(self.options.keep, _file_of(self.robot, values))
+            device = self.robot.info.device if self.robot.has_device else None
+            _write(self.options.keep, ParameterFile.of_values(values, device))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
             # The device saves nothing while values are on trial.
@@ -491,13 +492,6 @@ def _was_brownout(robot: Robot) -> bool:
     # Waits until the device is back: what `info` says is then of its newest start.
     robot.read(timeout=3.0)
     return robot.has_device and robot.info.device.reset_reason is ResetReason.BROWNOUT
-
-
-def _file_of(robot: Robot, values: dict[str, float]) -> ParameterFile:
-    if not robot.has_device:
-        return ParameterFile(values)
-    device = robot.info.device
-    return ParameterFile(values, device.board.name, device.board_id, device.release.release)
 
 
 def _write(path: Path, file: ParameterFile) -> None:

@@ -12,7 +12,6 @@ from rich.text import Text
 
 from wheelwire_protocol.codes import Fault
 
-from ...samples import WheelSample
 from .canvas import BLANK, Canvas
 from .model import WINDOW_S, Look, Model
 
@@ -49,31 +48,28 @@ class Side(NamedTuple):
     asked_duty: Curve
 
 
-def _measured(of: Callable[[WheelSample], float]) -> _Value:
-    return lambda look: None if look.sample is None else of(look.sample)
+def _measured(name: str, style: str) -> Curve:
+    """What this attribute of the samples is."""
+    return Curve(lambda look: None if look.sample is None else getattr(look.sample, name), style)
 
 
-def _asked(index: int, *, duty: bool) -> _Value:
+def _asked(index: int, *, duty: bool) -> Curve:
     def value(look: Look) -> float | None:
         asked = look.asked
         return asked[index] if asked is not None and asked.duty is duty else None
 
-    return value
+    return Curve(value, ASKED, dotted=True)
 
 
-LEFT = Side(
-    "LEFT",
-    Curve(_measured(lambda sample: sample.left_mps), MEASURED),
-    Curve(_asked(0, duty=False), ASKED, dotted=True),
-    Curve(_measured(lambda sample: sample.left_duty), DUTY),
-    Curve(_asked(0, duty=True), ASKED, dotted=True),
-)
-RIGHT = Side(
-    "RIGHT",
-    Curve(_measured(lambda sample: sample.right_mps), MEASURED),
-    Curve(_asked(1, duty=False), ASKED, dotted=True),
-    Curve(_measured(lambda sample: sample.right_duty), DUTY),
-    Curve(_asked(1, duty=True), ASKED, dotted=True),
+LEFT, RIGHT = (
+    Side(
+        side.upper(),
+        _measured(f"{side}_mps", MEASURED),
+        _asked(index, duty=False),
+        _measured(f"{side}_duty", DUTY),
+        _asked(index, duty=True),
+    )
+    for index, side in enumerate(("left", "right"))
 )
 
 
