@@ -8,16 +8,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from ..link.traffic import Record
-from .reader import (
-    ENDED,
-    check_release,
-    counts,
-    damage_of,
-    is_complete,
-    metadata,
-    offset_us,
-    session_records,
-)
+from . import reader
 from .rerun import FrameReader
 
 
@@ -115,11 +106,11 @@ def summary(path: str | Path) -> Summary:
         RecordingError: The file cannot be read, is not a recording, or is from another release; or
             it lacks what crossed the link.
     """
-    said = metadata(path)
-    check_release(path)
+    said = reader.metadata(path)
+    reader.check_release(path)
     counted, complete = _said_at_end(path), True
     if counted is None:
-        counted, complete = _counted(path), is_complete(path)
+        counted, complete = _counted(path), reader.is_complete(path)
     return Summary(
         duration_s=(counted.last_us - counted.first_us) / 1e6,
         frames_received=counted.frames_received,
@@ -127,7 +118,7 @@ def summary(path: str | Path) -> Summary:
         frames_lost=counted.frames_lost,
         board_id=said.get("board_id", ""),
         complete=complete,
-        ended_by=said.get(ENDED, ""),
+        ended_by=said.get(reader.ENDED, ""),
         began=time_of_day(counted.first_us, path),
         driver=said.get("driver", ""),
         version=said.get("version", ""),
@@ -137,20 +128,20 @@ def summary(path: str | Path) -> Summary:
 
 def _said_at_end(path: str | Path) -> Counts | None:
     try:
-        return None if (said := counts(path)) is None else Counts.of(said)
+        return None if (said := reader.counts(path)) is None else Counts.of(said)
     except (KeyError, ValueError):
         return None
 
 
 def _counted(path: str | Path) -> Counts:
     counter = Counter()
-    with damage_of(path):
-        for record in session_records(path):
+    with reader.damage_of(path):
+        for record in reader.session_records(path):
             counter.feed(record)
     return counter.counts
 
 
 def time_of_day(host_us: int, path: str | Path) -> str:
     """A time of the host's clock, in UTC, by what the recording says."""
-    moment = datetime.fromtimestamp((host_us + offset_us(path)) / 1e6, timezone.utc)
+    moment = datetime.fromtimestamp((host_us + reader.offset_us(path)) / 1e6, timezone.utc)
     return moment.isoformat(timespec="seconds")

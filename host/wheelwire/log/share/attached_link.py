@@ -34,17 +34,8 @@ from ...link.sample_stream import LatestSample
 from ...link.statistics import LinkStatistics
 from ...link.traffic import Kind, Record, Traffic, TrafficReader
 from ..rerun import RerunLink
-from .wire import (
-    VERSION,
-    MessageReader,
-    Say,
-    decoded_error,
-    decoded_json,
-    decoded_records,
-    message,
-    tagged,
-    take_tag,
-)
+from . import wire
+from .wire import MessageReader, Say
 
 GREETING_S = 3.0
 """How long a program has to say what it holds; a busy computer takes a while. A suspended program
@@ -125,7 +116,7 @@ def _connect(path: Path) -> socket.socket | None:
     try:
         connection.settimeout(GREETING_S)
         connection.connect(str(path))
-        connection.sendall(VERSION)
+        connection.sendall(wire.VERSION)
     except OSError:  # it was killed, or is ending
         connection.close()
         return None
@@ -141,7 +132,7 @@ def _greeted(connection: socket.socket) -> Holder | None:
             if not data:
                 raise ConnectionError
             messages = reader.feed(data)
-        known = decoded_json(messages.pop(0)[1])
+        known = wire.decoded_json(messages.pop(0)[1])
         name = f"{known['program']}, process {known['pid']}"
         robot = known["identity"], known["port"], known["board_id"]
         return Holder(name, *robot, connection, reader, messages)
@@ -193,7 +184,7 @@ class AttachedLink(RerunLink):
         if not self._listens:
             return
         try:
-            self._send(message(Say.LISTEN))
+            self._send(wire.message(Say.LISTEN))
             self.changed.wait_for(self._is_known, CONNECT_TIMEOUT_S)
             self._check_known()
         except BaseException:
@@ -266,21 +257,21 @@ class AttachedLink(RerunLink):
 
     def _take(self, kind: Say, data: bytes) -> None:
         if kind is Say.RECORDS:
-            for record in decoded_records(data):
+            for record in wire.decoded_records(data):
                 self._do_again(record)
             self._latest_sample.notify_all()
         elif kind is Say.STATUS:
-            self._status = decoded_json(data)
+            self._status = wire.decoded_json(data)
             self.changed.notify_all()
         elif kind is Say.ANSWER:
-            tag, frame = take_tag(data)
+            tag, frame = wire.take_tag(data)
             for answer in Decoder().feed(frame):
                 self._answer(tag, cast("Answer", answer))
         elif kind is Say.FAILURE:
-            tag, error = take_tag(data)
-            self._answer(tag, decoded_error(error))
+            tag, error = wire.take_tag(data)
+            self._answer(tag, wire.decoded_error(error))
         elif kind is Say.LOST:
-            self.lost += take_tag(data)[0]
+            self.lost += wire.take_tag(data)[0]
 
     def _do_again(self, record: Record) -> None:
         traffic = self._traffic
@@ -334,7 +325,7 @@ class AttachedLink(RerunLink):
     def listen_to_traffic(self, reader: TrafficReader) -> None:
         """As `Link.listen_to_traffic`; records that this program takes too late are missing."""
         self._joining.append(reader)
-        self._send(message(Say.LISTEN))
+        self._send(wire.message(Say.LISTEN))
 
     def leave_traffic(self, reader: TrafficReader) -> None:
         """`reader` gets nothing more."""
@@ -379,7 +370,7 @@ class AttachedLink(RerunLink):
         self._check_alive()
         tag = next(self._tags)
         self._asked[tag] = done
-        self._send(tagged(Say.ASK, tag, encode_frame(asked, 0)))
+        self._send(wire.tagged(Say.ASK, tag, encode_frame(asked, 0)))
 
     def _send(self, data: bytes) -> None:
         # One call, all or nothing: any thread may send without a lock.

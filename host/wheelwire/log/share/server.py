@@ -31,16 +31,8 @@ from ...link.programs import process_name, program_name
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.sharing import COPY_S, MAX_PROGRAMS, credentials
 from ...link.traffic import STOP_ASKED, TrafficReader
-from .wire import (
-    VERSION,
-    MessageReader,
-    Say,
-    encoded_error,
-    encoded_records,
-    message,
-    tagged,
-    take_tag,
-)
+from . import wire
+from .wire import MessageReader, Say
 
 if TYPE_CHECKING:
     from ...link.connection import Link
@@ -160,8 +152,8 @@ class _Program:
             "pid": os.getpid(),
             "program": program_name(os.getpid()),
         }
-        self._output = bytearray(VERSION)
-        self._output += message(Say.GREETING, json.dumps(greeting).encode())
+        self._output = bytearray(wire.VERSION)
+        self._output += wire.message(Say.GREETING, json.dumps(greeting).encode())
         self._records: TrafficReader | None = None
         """The records not yet passed to it; None if it does not listen."""
         self._waiting: dict[int, Done] = {}
@@ -184,7 +176,7 @@ class _Program:
             for kind, payload in self._reader.feed(data):
                 if kind is Say.ASK:
                     self.asked += 1
-                    self._ask(link, stop, *take_tag(payload))
+                    self._ask(link, stop, *wire.take_tag(payload))
                 elif kind is Say.LISTEN:
                     self._listen(link)
                     self._say_status(link)
@@ -251,7 +243,7 @@ class _Program:
             "low_latency": info.low_latency,
             "statistics": dataclasses.asdict(link.statistics),
         }
-        self._output += message(Say.STATUS, json.dumps(status).encode())
+        self._output += wire.message(Say.STATUS, json.dumps(status).encode())
 
     def write(self, link: Link, *, with_status: bool) -> bool:
         """Write what it takes of what there is; False once it is gone, or reads nothing.
@@ -264,7 +256,7 @@ class _Program:
             self._waiting.pop(tag, None)
             if result is not former:  # stops that were merged have the same one
                 former, (kind, data) = result, _encoded(result)
-            self._output += tagged(kind, tag, data)
+            self._output += wire.tagged(kind, tag, data)
         # While it has not read what it was given, its records wait where the oldest fall out.
         if self._records is not None and self._records.failure is not None:
             return False
@@ -286,10 +278,12 @@ class _Program:
         taken = records.take()
         if records.lost:
             # What comes after a gap cannot be done again from what came before it.
-            self._output += message(Say.LOST, struct.pack("<I", min(records.lost, 0xFFFF_FFFF)))
+            self._output += wire.message(
+                Say.LOST, struct.pack("<I", min(records.lost, 0xFFFF_FFFF))
+            )
             self._listen(link)
         elif taken:
-            self._output += message(Say.RECORDS, encoded_records(taken))
+            self._output += wire.message(Say.RECORDS, wire.encoded_records(taken))
 
     def leave(self, link: Link) -> None:
         """It is gone, or is sent away: nothing more is asked for it, but a stop goes out."""
@@ -315,7 +309,7 @@ def _decoded(frame: bytes) -> AnyMessage:
 
 def _encoded(result: Answer | WheelwireError) -> tuple[Say, bytes]:
     if isinstance(result, WheelwireError):
-        return Say.FAILURE, encoded_error(result)
+        return Say.FAILURE, wire.encoded_error(result)
     return Say.ANSWER, encode_frame(result, 0)
 
 

@@ -26,22 +26,8 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ...errors import CommissioningFailed
 from ...robot.robot import Robot
-from .driving import (
-    SIDES,
-    STANDSTILL_S,
-    Pair,
-    Record,
-    ShowTimeLeft,
-    come_to_rest,
-    duty_of,
-    follow_duty,
-    has_gap,
-    hold_duty,
-    one_session,
-    require_ready,
-    show_nothing,
-    uninterrupted,
-)
+from . import driving
+from .driving import SIDES, Pair, Record, ShowTimeLeft
 from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
 from .problems import MAGNET_MISSING, Problem
 
@@ -151,7 +137,7 @@ def identify(
     report: Callable[[str], None],
     *,
     on_the_floor: bool,
-    left: ShowTimeLeft = show_nothing,
+    left: ShowTimeLeft = driving.show_nothing,
 ) -> Identification:
     """Measure what duty the wheels need. The robot is stopped at the end, whatever happens.
 
@@ -172,10 +158,10 @@ def identify(
         LinkLost: The robot is out of reach.
         RequestTimeout: It is in reach, but does not answer.
     """
-    require_ready(robot)
+    driving.require_ready(robot)
     bench = _Bench(robot, report, on_the_floor, left)
     # Each record checks itself alone: a reset between two of them shows in the sessions only.
-    with one_session(robot):
+    with driving.one_session(robot):
         try:
             return bench.identify()
         finally:
@@ -263,7 +249,7 @@ class _Bench:
         for _ in range(_BREAKAWAY_ROUNDS):
             # Alternately, so that a robot on the floor stays where it is.
             for sign in (1, -1):
-                come_to_rest(self._robot)
+                driving.come_to_rest(self._robot)
                 found.append(self._breakaway_towards(sign))
         # Friction at rest differs from start to start and with the direction.
         return Pair(*(median(side) for side in zip(*found, strict=True)))
@@ -272,7 +258,7 @@ class _Bench:
         """Both wheels at once; one that has started is let go."""
         # With few counts per turn, 5 degrees are hardly more than an encoder at rest may toggle.
         ramps = _Ramps(sign, max(4.0, _BREAKAWAY_RAD / (2 * math.pi) * self._counts))
-        follow_duty(
+        driving.follow_duty(
             self._robot,
             ramps.duty,
             lambda _: None not in ramps.broken,
@@ -300,7 +286,7 @@ class _Bench:
         # apart, so that the step stands out from the noise of the measured speed.
         low = 1.3 * breakaway
         high = min(self._most_duty, max(STAIRS[1], low + 0.2))
-        records = uninterrupted(lambda: self._steps_both_ways(low, high))
+        records = driving.uninterrupted(lambda: self._steps_both_ways(low, high))
         edges: tuple[list[Edge], list[Edge]] = [], []
         for sign, record in records.items():
             for wheel, found in enumerate(edges):
@@ -313,10 +299,10 @@ class _Bench:
         """Up and down again, forward and then back."""
         records = {}
         for sign in (1, -1):
-            come_to_rest(self._robot)
+            driving.come_to_rest(self._robot)
             records[sign] = self._steps([sign * low, sign * high, sign * low])
         # The fit takes a while: the wheels must not turn until the last setpoint expires.
-        come_to_rest(self._robot)
+        driving.come_to_rest(self._robot)
         return None if any(record.lapsed for record in records.values()) else records
 
     def _steps(self, duties: Sequence[float]) -> Record:
@@ -327,12 +313,12 @@ class _Bench:
             return Pair(duties[index], duties[index])
 
         end_s = _EDGE_S * len(duties)
-        return follow_duty(self._robot, duty, lambda record: record.seconds >= end_s)
+        return driving.follow_duty(self._robot, duty, lambda record: record.seconds >= end_s)
 
     def _edges(self, record: Record, wheel: int, low: float, high: float) -> list[Edge]:
         """The parts of the record around the two changes of duty."""
         times = record.times_s()
-        duties = [duty_of(sample, wheel) for sample in record.samples]
+        duties = [driving.duty_of(sample, wheel) for sample in record.samples]
         speeds = [(sample.left_mps, sample.right_mps)[wheel] for sample in record.samples]
         found: list[Edge] = []
         for number, (start, end) in enumerate(((low, high), (high, low)), 1):
@@ -397,16 +383,16 @@ class _Bench:
         """Up from where the wheels start to turn, down to the lowest."""
         up = [duty for duty in duties if duty >= start]
         for sign in (1, -1):
-            come_to_rest(self._robot)
+            driving.come_to_rest(self._robot)
             # Below breakaway a wheel turns only if it turned before: these duties are measured on
             # the way down alone.
             way = (*up, *reversed(duties[:-1]))
             for climbed, duty in enumerate(way):
                 runs = len(way) * (2 if sign > 0 else 1) - climbed
                 self._left(self._stair_s() * runs)
-                points = uninterrupted(partial(self._stair, sign * duty))
+                points = driving.uninterrupted(partial(self._stair, sign * duty))
                 self._add(points, sign * duty, stairs)
-        come_to_rest(self._robot)
+        driving.come_to_rest(self._robot)
 
     def _back_and_forth(
         self, duties: Sequence[float], kick: float, stairs: tuple[_Stairs, _Stairs]
@@ -414,23 +400,23 @@ class _Bench:
         """Each duty forward and back, so that the robot stays where it is."""
         for done, duty in enumerate(reversed(duties)):
             self._left(self._stair_s() * (len(duties) - done))
-            forward, backward = uninterrupted(partial(self._there_and_back, duty, kick))
+            forward, backward = driving.uninterrupted(partial(self._there_and_back, duty, kick))
             self._add(forward, duty, stairs)
             self._add(backward, -duty, stairs)
-        come_to_rest(self._robot)
+        driving.come_to_rest(self._robot)
 
     def _stair_s(self) -> float:
         """About how long a stair takes: on the floor both ways, with the rests between."""
         run_s = _SETTLED * self._time_constant_s + 0.1 + _MEASURED_S
-        return 2 * (run_s + 4 * STANDSTILL_S) if self._on_the_floor else run_s
+        return 2 * (run_s + 4 * driving.STANDSTILL_S) if self._on_the_floor else run_s
 
     def _there_and_back(self, duty: float, kick: float) -> tuple[Pair, Pair] | None:
         speeds = []
         for sign in (1, -1):
-            come_to_rest(self._robot)
+            driving.come_to_rest(self._robot)
             # A duty below breakaway keeps a wheel turning, but does not start it.
             if duty < kick:
-                hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
+                driving.hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
             speeds.append(self._stair(sign * duty))
         forward, backward = speeds
         # Both ways are repeated if one of them failed, so that the robot stays where it is.
@@ -446,12 +432,12 @@ class _Bench:
         # 0.1 s more for the link and for the ramp of the duty.
         settle_s = _SETTLED * self._time_constant_s + 0.1
         both = Pair(duty, duty)
-        settling = hold_duty(self._robot, both, settle_s)
-        record = follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
+        settling = driving.hold_duty(self._robot, both, settle_s)
+        record = driving.follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
         if settling.lapsed or record.lapsed:
             return None
         for side in (0, 1):
-            self._gaps[side] += has_gap(record.samples, side)
+            self._gaps[side] += driving.has_gap(record.samples, side)
         # While the wheels turn: the feed-forward will hold at the voltage of a loaded battery.
         self._supply += [sample.battery_v for sample in record.samples if sample.battery_v]
         return Pair(self._speed_mps(record, 0), self._speed_mps(record, 1))

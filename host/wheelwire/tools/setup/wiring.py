@@ -13,26 +13,8 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from ...errors import CommissioningFailed, DeviceRefused, fault_names
 from ...robot.robot import Robot
 from ...samples import WheelSample
-from .driving import (
-    COUNTED_TICKS,
-    RESTING_TICKS,
-    SIDES,
-    BoardReset,
-    Pair,
-    Pulsed,
-    Record,
-    arm,
-    duty_of,
-    fresh,
-    has_gap,
-    meaning_of,
-    next_sample,
-    not_watching,
-    pulse,
-    pulse_harder,
-    run,
-    show,
-)
+from . import driving
+from .driving import SIDES, Pair, Pulsed, Record
 from .problems import (
     BLOCKED,
     BOTH_TURNED,
@@ -239,21 +221,21 @@ def check_floor(robot: Robot, person: Person) -> None:
 
 def _check_still(robot: Robot) -> None:
     clear(robot)
-    sample = fresh(robot)
+    sample = driving.fresh(robot)
     # USB may feed the board while the battery is switched off.
     if sample.battery_v is not None and sample.battery_v < _LOWEST_SUPPLY_V:
         raise Unfit([Problem(NO_SUPPLY)])
     start = sample
     while sample.since(start).dt_s < _STILL_S:
-        sample = next_sample(robot)
+        sample = driving.next_sample(robot)
     travel = sample.since(start)
-    if max(abs(travel.left), abs(travel.right)) > RESTING_TICKS:
+    if max(abs(travel.left), abs(travel.right)) > driving.RESTING_TICKS:
         raise CommissioningFailed("a wheel turns although it is not driven: hold it still")
 
 
 def find_low_battery(robot: Robot) -> list[Problem]:
     """Whether the battery, as far as it is measured, is too empty to judge a motor by."""
-    measured_v, nominal_v = fresh(robot).battery_v, robot.parameters["nominal_supply_v"]
+    measured_v, nominal_v = driving.fresh(robot).battery_v, robot.parameters["nominal_supply_v"]
     if measured_v is None or measured_v >= _LOW_SUPPLY * nominal_v:
         return []
     return [
@@ -268,23 +250,23 @@ def clear(robot: Robot) -> None:
         Unfit: The e-stop's contact is open.
         CommissioningFailed: A fault lasts.
     """
-    sample = fresh(robot)
+    sample = driving.fresh(robot)
     try:
         if sample.state is SupervisorState.ESTOPPED:
             robot.clear_estop()
-            sample = fresh(robot)
+            sample = driving.fresh(robot)
         # A fault that the e-stop hid is active again once that is cleared.
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
         # Even if nothing was latched: choosing a board has restarted the robot.
-        arm(robot)
+        driving.arm(robot)
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
             raise
         # `sample` is from before the refused request, so its state tells which one that was.
         if sample.state is SupervisorState.ESTOPPED:
             raise Unfit([Problem(CONTACT_OPEN)]) from error
-        raise CommissioningFailed(f"a fault lasts: {meaning_of(sample.faults)}") from error
+        raise CommissioningFailed(f"a fault lasts: {driving.meaning_of(sample.faults)}") from error
 
 
 def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequence[Pulsed]]:
@@ -300,7 +282,7 @@ def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequenc
     say("One motor is pulsed, gently at first. Watch which wheel turns.")
     # A wheel that counts against its drive is not a fault yet. The fault would end a pulse before
     # anybody has seen the wheel turn.
-    with not_watching(robot, "reversal_duty"):
+    with driving.not_watching(robot, "reversal_duty"):
         first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
         other = None if first.wheel is None else 1 - first.wheel
         say("Now the other motor.")
@@ -329,11 +311,11 @@ def _ask(robot: Robot, person: Person, key: str, side: int, choices: tuple[str, 
     if WHEEL_AND_WAY[0] not in choices:
         text = "Which way did the other wheel turn?"
     question = Question(key, text, (*choices, AGAIN), AGAIN)
-    seen = _ask_until_seen(robot, person, question, side, pulse(robot, side))
+    seen = _ask_until_seen(robot, person, question, side, driving.pulse(robot, side))
     if seen.pulsed.was_noticed or seen.answer != NONE:
         return seen
     # A low supply, much friction or a weak motor: where nothing turned, nothing turns far.
-    harder = pulse_harder(robot, side)
+    harder = driving.pulse_harder(robot, side)
     if harder.was_noticed:
         return _ask_until_seen(robot, person, question, side, harder)
     return Seen(harder, NONE)
@@ -343,7 +325,7 @@ def _harder_if_unnoticed(robot: Robot, side: int, seen: Seen) -> Seen:
     """A file of answers knows the wheel, and the way, that only a harder pulse turns."""
     if seen.wheel is None or seen.pulsed.was_noticed:
         return seen
-    return Seen(pulse_harder(robot, side), seen.answer)
+    return Seen(driving.pulse_harder(robot, side), seen.answer)
 
 
 def _ask_until_seen(
@@ -354,7 +336,7 @@ def _ask_until_seen(
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
         if (answer := person.answer(question)) != AGAIN:
             return Seen(pulsed, answer)
-        shown = show(robot, side, pulsed)
+        shown = driving.show(robot, side, pulsed)
         pulsed = pulsed if pulsed.was_noticed else shown
     # More turns would be too many for an unknown wheel.
     last = replace(question, choices=question.choices[:-1], default=NONE)
@@ -381,7 +363,7 @@ def _motionless(robot: Robot, person: Person, first: Seen, second: Seen) -> list
 
 def _by_hand(robot: Robot, person: Person, wheel: int) -> tuple[str, bool]:
     """The answer, and whether a counter counted."""
-    before = fresh(robot)
+    before = driving.fresh(robot)
     answer = person.answer(
         Question(
             f"hand_{SIDES[wheel]}",
@@ -393,8 +375,8 @@ def _by_hand(robot: Robot, person: Person, wheel: int) -> tuple[str, bool]:
         )
     )
     # Either counter: the encoders may be swapped.
-    ticks = fresh(robot).since(before)[:2]
-    return answer, max(map(abs, ticks)) >= COUNTED_TICKS
+    ticks = driving.fresh(robot).since(before)[:2]
+    return answer, max(map(abs, ticks)) >= driving.COUNTED_TICKS
 
 
 def _problem_of(wheel: int, answer: str, counted: bool) -> Problem:
@@ -421,12 +403,12 @@ def confirm(robot: Robot, pulsed: Sequence[float]) -> float:
     """
     low, high = _CONFIRM_DUTY
     duty = min(max(1.5 * max(pulsed, default=high), low), high)
-    driven = run(robot, Pair(duty, duty), _CONFIRM_S)
+    driven = driving.run(robot, Pair(duty, duty), _CONFIRM_S)
     # With a low supply or much friction no wheel may turn. That proves nothing about the wiring.
-    if min(map(abs, driven.ticks)) < COUNTED_TICKS:
+    if min(map(abs, driven.ticks)) < driving.COUNTED_TICKS:
         duty = 1.0
-        driven = run(robot, Pair(duty, duty), _CONFIRM_S)
-    wrong = [side for side in (0, 1) if driven.ticks[side] < COUNTED_TICKS]
+        driven = driving.run(robot, Pair(duty, duty), _CONFIRM_S)
+    wrong = [side for side in (0, 1) if driven.ticks[side] < driving.COUNTED_TICKS]
     if wrong:
         detail = " and ".join(f"the {SIDES[w]} wheel counted {driven.ticks[w]}" for w in wrong)
         raise Unfit([Problem(NOT_CONFIRMED, detail=detail)])
@@ -441,8 +423,8 @@ def check_supply(robot: Robot) -> list[Problem]:
     """
     # Two motors that start from rest at full duty draw the most current.
     try:
-        burst = run(robot, Pair(1.0, 1.0), _BURST_S)
-    except BoardReset as error:
+        burst = driving.run(robot, Pair(1.0, 1.0), _BURST_S)
+    except driving.BoardReset as error:
         raise Unfit([Problem(SAGS, detail=" so far that the board is reset")]) from error
     volts = [s.battery_v for s in burst.samples if s.battery_v is not None]
     # If the battery is measured at all, each sample has it.
@@ -466,10 +448,10 @@ def check_wheels(robot: Robot, pulsed: Sequence[float], turning: float) -> list[
     low, high = _STEADY_DUTY
     # Well beyond what starts them, so that both turn steadily.
     duty = max(min(max(3 * max(pulsed, default=high), low), high), turning)
-    driven = run(robot, Pair(duty, duty), _STEADY_S)
+    driven = driving.run(robot, Pair(duty, duty), _STEADY_S)
     if driven.faults:
         raise Unfit([Problem(FAULTED, detail=fault_names(driven.faults))])
-    gaps = [side for side in (0, 1) if has_gap(_at_steady_speed(driven, side, duty), side)]
+    gaps = [side for side in (0, 1) if driving.has_gap(_at_steady_speed(driven, side, duty), side)]
     # Where no edge comes, a wheel seems to start late.
     unequal = _unequal(driven, () if gaps else pulsed)
     # At a low voltage a little more friction is a great difference.
@@ -500,5 +482,5 @@ def _at_steady_speed(driven: Record, side: int, duty: float) -> list[WheelSample
     return [
         sample
         for sample in driven.samples
-        if sample.since(first).dt_s > _STARTED_S and duty_of(sample, side) > 0.9 * duty
+        if sample.since(first).dt_s > _STARTED_S and driving.duty_of(sample, side) > 0.9 * duty
     ]

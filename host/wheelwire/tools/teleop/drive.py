@@ -11,17 +11,8 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from ...errors import DeviceRefused, RequestTimeout, WheelwireError
 from ...motion.kinematics import Twist
 from ...robot.robot import Robot
-from .keys import (
-    DIRECTIONS,
-    INTERRUPT,
-    SPACE,
-    STILL,
-    Action,
-    KeyboardFlags,
-    KeyDecoder,
-    KeyEvent,
-    Presses,
-)
+from . import keys
+from .keys import KeyEvent
 from .terminal import Terminal
 
 SPEEDS = 10
@@ -57,7 +48,7 @@ class Teleop:
     ) -> None:
         self._robot = robot
         self._say = say
-        self._presses = Presses()
+        self._presses = keys.Presses()
         self._complaint = ""
         self._waits_for_release = False
         """Whether all keys have to be released first, as after a clear."""
@@ -98,9 +89,9 @@ class Teleop:
         """
         key, action = event
         try:
-            if key in DIRECTIONS:
+            if key in keys.DIRECTIONS:
                 self._take_direction(event, now, stale=stale)
-            elif action is not Action.RELEASED:
+            elif action is not keys.Action.RELEASED:
                 self._take_command(key)
         except WheelwireError as error:
             self._complain(error)
@@ -115,7 +106,7 @@ class Teleop:
         # little that is left.
         if self._sent == setpoint and self._sent_until >= motion.until:
             return
-        if motion is STILL or life_s < PERIOD_S:
+        if motion is keys.STILL or life_s < PERIOD_S:
             return
         try:
             linear, angular = self.velocity
@@ -151,14 +142,14 @@ class Teleop:
             self._say(text)
 
     def _take_direction(self, event: KeyEvent, now: float, *, stale: bool) -> None:
-        released = event.action is Action.RELEASED
+        released = event.action is keys.Action.RELEASED
         # A release only ever ends a motion, so it counts however late it comes.
         if stale and not released:
             return
-        drove = self._presses.motion(now) is not STILL
+        drove = self._presses.motion(now) is not keys.STILL
         self._presses.take(event, now)
         # Only the last release stops at once: until then another key asks for some motion.
-        if released and drove and self._presses.motion(now) is STILL:
+        if released and drove and self._presses.motion(now) is keys.STILL:
             # The stop voids what was sent, whether or not its answer comes.
             self._sent = None
             self._robot.stop()
@@ -174,9 +165,9 @@ class Teleop:
     def _take_command(self, key: str) -> None:
         # A person who presses a command wants to know what is wrong, even if it was shown before.
         self._complaint = ""
-        if key == INTERRUPT:
+        if key == keys.INTERRUPT:
             raise KeyboardInterrupt
-        if key == SPACE:
+        if key == keys.SPACE:
             self._let_go()
             self._robot.stop()
         elif key == "e":
@@ -229,7 +220,7 @@ def drive(robot: Robot, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
         KeyboardInterrupt: Ctrl-C.
     """
     teleop = Teleop(robot, terminal.say, speed)
-    decoder = KeyDecoder()
+    decoder = keys.KeyDecoder()
     seen, show_from = time.monotonic(), 0.0
     while not teleop.done:
         data = terminal.read(teleop.wait_s(time.monotonic()))
@@ -239,7 +230,7 @@ def drive(robot: Robot, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
         # What was typed may have waited for as long as this loop did not come round.
         stale, seen = now - seen > STALE_S, now
         for event in decoder.feed(data):
-            if isinstance(event, KeyboardFlags):
+            if isinstance(event, keys.KeyboardFlags):
                 terminal.take_flags(event)
             else:
                 # Read the time again: a key before this one may have waited for the robot's answer.

@@ -24,21 +24,8 @@ from wheelwire_protocol.codes import Fault
 from ...errors import CommissioningFailed, DeviceRefused, InvalidArgument
 from ...robot.robot import Robot
 from ...whole_file import save_figure
-from ..setup.driving import (
-    SIDES,
-    Pair,
-    Record,
-    ShowTimeLeft,
-    arm,
-    come_to_rest,
-    life_s,
-    next_sample,
-    one_session,
-    require_ready,
-    set_at_rest,
-    show_nothing,
-    uninterrupted,
-)
+from ..setup import driving
+from ..setup.driving import SIDES, Pair, Record, ShowTimeLeft
 
 TOP_MPS = 0.35
 """Speed in the fastest part of the drive, on a robot that reaches it."""
@@ -398,7 +385,7 @@ def prove(
     robot: Robot,
     before: Mapping[str, float],
     after: Mapping[str, float],
-    left: ShowTimeLeft = show_nothing,
+    left: ShowTimeLeft = driving.show_nothing,
 ) -> Proof:
     """Drive the course with both sets of parameters.
 
@@ -417,7 +404,7 @@ def prove(
         DeviceRefused: An e-stop was latched during the drive, or a value is refused.
         LinkLost: The robot is out of reach; a reset brings back what was saved.
     """
-    require_ready(robot)
+    driving.require_ready(robot)
     # One course for both drives: its speed follows from the new feed-forward.
     course = _course(robot, {**before, **after})
     traces, faults = drive_with_each(robot, (before, after), course, left, _ATTEMPTS)
@@ -428,7 +415,7 @@ def drive_with_each(
     robot: Robot,
     sets: Sequence[Mapping[str, float]],
     course: Course,
-    left: ShowTimeLeft = show_nothing,
+    left: ShowTimeLeft = driving.show_nothing,
     attempts: int = 1,
 ) -> tuple[tuple[Trace | None, ...], tuple[Fault, ...]]:
     """Drive a course with each set of parameters; the traces, and the faults that ended a drive.
@@ -436,7 +423,7 @@ def drive_with_each(
     Afterwards the robot has the first set again. `attempts` as `drive_with`, otherwise as `prove`.
     """
     found = []
-    with one_session(robot):
+    with driving.one_session(robot):
         try:
             for driven, values in enumerate(sets):
                 left((len(sets) - driven) * course.seconds)
@@ -494,37 +481,37 @@ def drive_with(
     robot.stop()
     _set(robot, values)
     for _ in range(attempts):
-        trace, faults = uninterrupted(partial(_drive, robot, course))
+        trace, faults = driving.uninterrupted(partial(_drive, robot, course))
         if trace is None or not trace.is_held_up(course):
             break
     if faults:
-        come_to_rest(robot)
+        driving.come_to_rest(robot)
         robot.clear_fault()
-        arm(robot)
+        driving.arm(robot)
     return trace, faults
 
 
 def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
     """A trace, or the fault that ended the drive; None if a setpoint expired."""
-    resting = come_to_rest(robot)
+    resting = driving.come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
     # round trip later, and is active until the next one: its middle has to be on the course.
     round_trip_us = robot.statistics.round_trip_p50_us
     ahead_s = 0.0 if math.isnan(round_trip_us) else round_trip_us / 1e6
     ahead_s += resting.seconds / (len(resting.samples) - 1) / 2
-    record = Record(next_sample(robot))
+    record = Record(driving.next_sample(robot))
     m_per_tick = 2 * math.pi * robot.parameters["wheel_radius"]
     m_per_tick /= robot.parameters["counts_per_revolution"]
     while record.seconds < course.seconds:
         # Along the course by the robot's clock, so that a late sample does not stretch it.
         left, right = course.at(record.seconds + ahead_s)
         try:
-            robot.set_wheel_velocity(left, right, life_s(robot))
+            robot.set_wheel_velocity(left, right, driving.life_s(robot))
         except DeviceRefused as error:
             if error.faults:
                 return None, error.faults
             raise
-        record.add(next_sample(robot))
+        record.add(driving.next_sample(robot))
         # A fault may show in a sample before a setpoint is refused because of it.
         if record.faults:
             return None, record.faults
@@ -549,7 +536,7 @@ def _drive(robot: Robot, course: Course) -> tuple[Trace | None, Fault] | None:
 
 def _set(robot: Robot, values: Mapping[str, float]) -> None:
     for name, value in values.items():
-        set_at_rest(robot, name, value)
+        driving.set_at_rest(robot, name, value)
 
 
 def _mmps(value: float | None) -> str:

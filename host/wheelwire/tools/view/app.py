@@ -21,19 +21,10 @@ from ...log.reader import offset_us
 from ...robot.robot import Robot
 from ..teleop.drive import STALE_S, Teleop
 from ..teleop.keys import DIRECTIONS
+from . import screens
 from .controls import Controls
 from .model import Model
-from .screens import (
-    DRIVING_KEYS,
-    HELP,
-    KEYS,
-    LOOKING_KEYS,
-    RECORDING_KEYS,
-    ParametersScreen,
-    RobotScreen,
-    TextScreen,
-    drive_question,
-)
+from .screens import ParametersScreen, RobotScreen, TextScreen
 from .source import Source
 
 LOOK_S = 0.05
@@ -141,10 +132,10 @@ class ViewApp(App[None]):
     def keys(self) -> tuple[tuple[str, str], ...]:
         """The keys that do something now."""
         if self.controls.hand is not None:
-            return DRIVING_KEYS
+            return screens.DRIVING_KEYS
         if self._stays:
-            return RECORDING_KEYS
-        return LOOKING_KEYS if self.controls.only_looks else KEYS
+            return screens.RECORDING_KEYS
+        return screens.LOOKING_KEYS if self.controls.only_looks else screens.KEYS
 
     def _look(self) -> None:
         now = time.monotonic()
@@ -193,7 +184,7 @@ class ViewApp(App[None]):
             "p": lambda: self.push_screen(ParametersScreen()),
             "t": self._toggle_drive,
             "r": self.controls.record,
-            "?": lambda: self.push_screen(TextScreen(HELP)),
+            "?": lambda: self.push_screen(TextScreen(screens.HELP)),
             "q": self.action_end,
         }
         if key == "escape":
@@ -211,7 +202,7 @@ class ViewApp(App[None]):
         if self.controls.hand is not None:
             self.controls.let_go()
         elif self.controls.may_drive():
-            self.push_screen(TextScreen(drive_question(self.model.name)), self._drive_if)
+            self.push_screen(TextScreen(screens.drive_question(self.model.name)), self._drive_if)
 
     def _drive_if(self, yes: bool | None) -> None:
         if yes:
