@@ -42,7 +42,10 @@ def flash(
     from wheelwire.tools import flash as flasher  # here, so that other commands start faster
     from wheelwire.tools.files.board import checked_board
 
-    _check_is_no_image(robot)
+    if robot and (robot.endswith(".bin") or (Path(robot).is_file() and not is_robot_file(robot))):
+        raise InvalidArgument(
+            f"{robot} is an image, not a ROBOT: `wheelwire flash [ROBOT] --image {robot}`"
+        )
     # What can be wrong without the chip is found before it is touched.
     wanted = flasher.read_image(image) if image else None
     pins = checked_board(board) if board else None
@@ -93,13 +96,6 @@ def flash(
         )
         if pins is not None:
             print_lines(f"{pins.name}: written, tried and saved")
-
-
-def _check_is_no_image(robot: str | None) -> None:
-    if robot and (robot.endswith(".bin") or (Path(robot).is_file() and not is_robot_file(robot))):
-        raise InvalidArgument(
-            f"{robot} is an image, not a ROBOT: `wheelwire flash [ROBOT] --image {robot}`"
-        )
 
 
 def _describe(plan: Plan) -> list[str]:

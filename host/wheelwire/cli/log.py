@@ -19,15 +19,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from wheelwire import errors
 from wheelwire.connect import driver_at, is_recording
 from wheelwire.drivers.attached import AttachedDriver
-from wheelwire.errors import (
-    DriverUnavailable,
-    InvalidArgument,
-    LinkClosed,
-    OutputFailed,
-    meant,
-)
 from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codec import BY_ID
 
@@ -113,7 +107,7 @@ def record(
     recording_path(file)  # first: a robot should not be opened for nothing
     address = resolve(robot, as_json=as_json)
     if is_recording(address.text):
-        raise InvalidArgument(f"{address.text} is a recording already: name a robot")
+        raise errors.InvalidArgument(f"{address.text} is a recording already: name a robot")
     # Drop what the log says of the end of the recording: this command reports it.
     logging.getLogger("wheelwire.log").addHandler(logging.NullHandler())
     recorder: Recorder | None = None
@@ -122,7 +116,7 @@ def record(
     try:
         with ended_by_signals(), address.open_to_look(baud_rate, as_json=as_json) as driver:
             if not driver.has_device:
-                raise DriverUnavailable(
+                raise errors.DriverUnavailable(
                     f"the driver of {address.text} has no link that could be recorded: "
                     "name another robot"
                 )
@@ -153,7 +147,7 @@ def _wait(driver: Robot, recorder: Recorder, until: float, *, as_json: bool) -> 
                 return
             has_asked = has_asked or ask_for_samples(driver)
             time.sleep(max(0.0, min(LOOK_S, until - time.monotonic())))
-    except LinkClosed:
+    except errors.LinkClosed:
         if not isinstance(driver, AttachedDriver):
             raise
         print_note(f"{driver.holder.name} has ended, and so does the recording", as_json=as_json)
@@ -268,9 +262,9 @@ def decode(
 def _message(name: str) -> Any:
     if name in MESSAGES:
         return MESSAGES[name]
-    near = meant(name, MESSAGES)
+    near = errors.meant(name, MESSAGES)
     hint = f"did you mean {near}?" if near else f"there are {', '.join(MESSAGES)}"
-    raise InvalidArgument(f"no message has the name {name}: {hint}")
+    raise errors.InvalidArgument(f"no message has the name {name}: {hint}")
 
 
 def _checked(file: Path) -> Iterator[Frame]:
@@ -336,7 +330,9 @@ def draw_recording(
         OutputFailed: The picture cannot be written.
     """
     if find_spec("matplotlib") is None:
-        raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
+        raise errors.DriverUnavailable(
+            "a picture needs matplotlib: run pip install 'wheelwire[tools]'"
+        )
     from wheelwire.log.plot import Trace, draw
     from wheelwire.log.reader import damage_of, metadata, session_records
     from wheelwire.log.summary import time_of_day
@@ -357,7 +353,7 @@ def draw_recording(
     try:
         draw(trace, title, picture, window)
     except OSError as error:
-        raise OutputFailed.at(picture, error) from error
+        raise errors.OutputFailed.at(picture, error) from error
 
 
 @app.command("plot")

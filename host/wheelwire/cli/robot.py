@@ -11,17 +11,8 @@ from typing import Annotated
 
 import typer
 
+from wheelwire import errors
 from wheelwire.connect import is_recording
-from wheelwire.errors import (
-    DeviceRefused,
-    DriverUnavailable,
-    InvalidArgument,
-    InvalidCommand,
-    LinkClosed,
-    PortUnavailable,
-    WheelwireError,
-    fault_names,
-)
 from wheelwire.holds import HeldBy
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
@@ -68,7 +59,7 @@ def info(
     address = resolve(robot, as_json=as_json)
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
         if not driver.has_device:
-            raise DriverUnavailable(
+            raise errors.DriverUnavailable(
                 f"the driver of {address.text} has no information about its device; "
                 f"`wheelwire monitor {address.text}` shows the wheels"
             )
@@ -167,7 +158,7 @@ def _state(state: SupervisorState, address: str) -> str:
 
 def _latched(sample: WheelSample, address: str) -> str:
     """Why nothing drives, and the command that ends it."""
-    state, faults = _state(sample.state, address), fault_names(sample.faults)
+    state, faults = _state(sample.state, address), errors.fault_names(sample.faults)
     return f"{state.rstrip('.')}. {faults}" if faults else state
 
 
@@ -185,7 +176,7 @@ def drive(
 ) -> None:
     """Drive at a constant velocity for a set time, stop, and report the distance."""
     if linear is None and angular is None:
-        raise InvalidCommand("no velocity given: use --linear, --angular or both")
+        raise errors.InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     # In this order: the signals are still handled while the driver stops the robot.
@@ -200,7 +191,7 @@ def drive(
         ask_for_samples(driver)
         try:
             end, pose, late = _drive(driver, asked, seconds)
-        except DeviceRefused as error:
+        except errors.DeviceRefused as error:
             hint = f"`wheelwire clear {address.text}` ends it"
             if error.code == RefusalCode.ESTOPPED:
                 hint += f". {_without_contact(address.text)}"
@@ -243,7 +234,7 @@ def drive(
 
 def _triggered(robot: Robot) -> tuple[str, ...]:
     """The inputs that act on the robot now, by name; none if nothing tells."""
-    with suppress(WheelwireError):  # it has no inputs, or cannot be asked any more
+    with suppress(errors.WheelwireError):  # it has no inputs, or cannot be asked any more
         return robot.inputs.read().triggered
     return ()
 
@@ -322,7 +313,7 @@ def monitor(
     ):
         note = partial(print_note, as_json=as_json)
         if driver.has_device:
-            with suppress(InvalidCommand):  # a recording: `why` names its stops
+            with suppress(errors.InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(
                     lambda stop: note(f"{stop.sentence} Look first at {stop.look_at}.")
                 )
@@ -351,7 +342,7 @@ def _ended_by_the_recording(address: str) -> Iterator[None]:
     """The end of a recording is not the loss of a robot."""
     try:
         yield
-    except LinkClosed:
+    except errors.LinkClosed:
         if not is_recording(address):
             raise
 
@@ -403,10 +394,12 @@ def _stopped(
 ) -> Robot:
     """Stop the robot by `act`; returns the driver that did it, closed."""
     if is_recording(address.text):
-        raise InvalidArgument(f"{address.text} is a recording, and cannot stop: name a robot")
+        raise errors.InvalidArgument(
+            f"{address.text} is a recording, and cannot stop: name a robot"
+        )
     try:
         return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
-    except LinkClosed:  # the program that held the port just ended
+    except errors.LinkClosed:  # the program that held the port just ended
         return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
 
 
@@ -415,10 +408,10 @@ def _stopped_by_anyone(
 ) -> Robot:
     try:
         opened = address.open_to_look(baud_rate, as_json=as_json, listens=False)
-    except PortUnavailable as error:
-        raise PortUnavailable(error.port, f"{error.reason}. Nothing was sent") from error
-    except DriverUnavailable as error:
-        raise DriverUnavailable(f"{error}. Nothing was sent") from error
+    except errors.PortUnavailable as error:
+        raise errors.PortUnavailable(error.port, f"{error.reason}. Nothing was sent") from error
+    except errors.DriverUnavailable as error:
+        raise errors.DriverUnavailable(f"{error}. Nothing was sent") from error
     with opened as driver:
         act(driver)
     return driver
@@ -438,7 +431,7 @@ def clear(
         if before.state is SupervisorState.ESTOPPED:
             try:
                 driver.clear_estop()
-            except DeviceRefused as error:
+            except errors.DeviceRefused as error:
                 hint = _without_contact(address.text)
                 raise error.hinted("to end the e-stop", hint) from error
         elif before.state is SupervisorState.FAULT:
@@ -458,7 +451,7 @@ def clear(
     # A fault that the e-stop hid is active again.
     if after.state in _LATCHED:
         print_lines(
-            f"{after.state.name} remains. {fault_names(after.faults)} "
+            f"{after.state.name} remains. {errors.fault_names(after.faults)} "
             f"Fix the cause, then run `wheelwire clear {address.text}` again"
         )
 
@@ -476,13 +469,13 @@ def restart(
     # Bare: a robot's file would set its values again, and they are not what the device has saved.
     with address.open(baud_rate, bare=True) as driver:
         if not driver.has_device:
-            raise DriverUnavailable(
+            raise errors.DriverUnavailable(
                 f"the driver of {address.text} has no device to restart: name another robot"
             )
         before = driver.info.device.boot_id
         try:
             driver.board.restart()
-        except DeviceRefused as error:
+        except errors.DeviceRefused as error:
             service = "Restart the program or the service that moves its pins."
             hints: dict[int, str] = {
                 RefusalCode.NOT_SUPPORTED: service,

@@ -9,19 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
+from wheelwire import samples
 from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.robot.robot import Robot
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
-from wheelwire.samples import (
-    ImuSample,
-    InputReading,
-    InputsSample,
-    PowerSample,
-    RangeSample,
-    SensorEvent,
-    SensorInfo,
-)
 from wheelwire_protocol.sensors import (
     INPUTS,
     BatteryLevel,
@@ -85,7 +77,7 @@ def ask_for_samples(driver: Robot) -> bool:
 
 
 def _print_events(
-    events: SampleIterator[SensorEvent], *, as_json: bool, warnings_only: bool = False
+    events: SampleIterator[samples.SensorEvent], *, as_json: bool, warnings_only: bool = False
 ) -> None:
     while (event := events.poll()) is not None:
         if event.is_warning or not warnings_only:
@@ -128,7 +120,7 @@ def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
         )
 
 
-def _rate(info: SensorInfo) -> str:
+def _rate(info: samples.SensorInfo) -> str:
     if info.kind is PeripheralKind.BATTERY and not info.rate_hz:
         return ""  # the power sensor measures it
     return "change" if info.kind in INPUTS else f"{info.rate_hz} Hz"
@@ -147,9 +139,9 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
     sample = one.sample
     if sample is None:
         return None
-    if isinstance(sample, InputsSample):
+    if isinstance(sample, samples.InputsSample):
         reading = _of_input(sample, one)
-        if not isinstance(reading, InputReading):
+        if not isinstance(reading, samples.InputReading):
             return {"voltage_v": reading}
         return {
             "triggered": reading.triggered,
@@ -159,16 +151,18 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
     times = ("t_us", "sample", "name", "stamp", "stamp_error_s")
     value = {name: value for name, value in sample._asdict().items() if name not in times}
     # JSON has no infinite numbers: an infinite distance becomes null.
-    return value | ({"quality": _quality(sample)} if isinstance(sample, RangeSample) else {})
+    return value | (
+        {"quality": _quality(sample)} if isinstance(sample, samples.RangeSample) else {}
+    )
 
 
-def _of_input(sample: InputsSample, one: SensorStatus) -> InputReading | float:
+def _of_input(sample: samples.InputsSample, one: SensorStatus) -> samples.InputReading | float:
     """What a digital input reads, or the voltage of an analogue one."""
     name = one.info.name
     return sample.channels[name] if name in sample.channels else sample.analog[name]
 
 
-def _quality(sample: RangeSample) -> RangeQuality:
+def _quality(sample: samples.RangeSample) -> RangeQuality:
     if math.isfinite(sample.distance_m):
         return RangeQuality.GOOD
     return RangeQuality.FAR if sample.distance_m > 0 else RangeQuality.NEAR
@@ -176,26 +170,26 @@ def _quality(sample: RangeSample) -> RangeQuality:
 
 def _text(one: SensorStatus) -> str:
     sample = one.sample
-    if isinstance(sample, ImuSample):
+    if isinstance(sample, samples.ImuSample):
         turning, pulling = (
             " ".join(f"{value:+.2f}" for value in vector)
             for vector in (sample.gyro, sample.acceleration)
         )
         return f"{turning} rad/s, {pulling} m/s^2, {sample.temperature_c:.0f} degC"
-    if isinstance(sample, PowerSample):
+    if isinstance(sample, samples.PowerSample):
         current = "" if sample.current_a is None else f", {sample.current_a:.2f} A"
         used = "" if sample.used_ah is None else f", {sample.used_ah:.3f} Ah used"
         level = "" if sample.level is BatteryLevel.UNKNOWN else f", {sample.level.name.lower()}"
         return f"{sample.voltage_v:.2f} V{current}{used}{level}"
-    if isinstance(sample, RangeSample):
+    if isinstance(sample, samples.RangeSample):
         return {
             RangeQuality.GOOD: f"{sample.distance_m:.2f} m",
             RangeQuality.FAR: f"nothing within {sample.max_m:g} m",
             RangeQuality.NEAR: f"nearer than {sample.min_m:g} m",
         }[_quality(sample)]
-    if isinstance(sample, InputsSample):
+    if isinstance(sample, samples.InputsSample):
         reading = _of_input(sample, one)
-        if not isinstance(reading, InputReading):
+        if not isinstance(reading, samples.InputReading):
             return f"{reading:.2f} V"
         return "triggered" if reading.triggered else "free"
     return ""

@@ -8,15 +8,9 @@ from typing import Annotated
 
 import typer
 
+from wheelwire import errors
 from wheelwire.arguments import at_home
 from wheelwire.connect import MOCK
-from wheelwire.errors import (
-    DeviceSilent,
-    FlashFailed,
-    ForeignDevice,
-    InvalidArgument,
-    ProtocolMismatch,
-)
 from wheelwire.link.ports import likely_boards
 from wheelwire.parameters import definition_of
 from wheelwire_protocol.codes import ConfigurationState
@@ -36,7 +30,7 @@ _LOOK = "look"
 _BUILD, _SKIP = "build", "skip"
 _SHOWN = 3
 """So many values show that a robot has been set up."""
-_NO_FIRMWARE = (DeviceSilent, ForeignDevice, ProtocolMismatch)
+_NO_FIRMWARE = (errors.DeviceSilent, errors.ForeignDevice, errors.ProtocolMismatch)
 
 
 @command("start", Heading.BUILD, 1, page="first-hour")
@@ -53,7 +47,7 @@ def start(
     skip each. After an error, run the command again.
     """
     if not sys.stdin.isatty():
-        raise InvalidArgument(
+        raise errors.InvalidArgument(
             "start asks questions: run it in a terminal; scripts use flash, board, setup and drive"
         )
     address = _find(robot)
@@ -76,7 +70,7 @@ def _find(given: str | None) -> Address:
     print_lines("1/5 Port")
     if (known := named_robot(given)) is not None:
         if known.text == MOCK:
-            raise InvalidArgument(
+            raise errors.InvalidArgument(
                 "mock exists only while one command runs: start `wheelwire sim`, then "
                 "`wheelwire start /tmp/wheelwire`"
             )
@@ -145,8 +139,8 @@ def _ask_image() -> str:
         file = at_home(Path(given))
         try:
             read_image(file)
-        except FlashFailed as error:
-            raise InvalidArgument(str(error)) from error
+        except errors.FlashFailed as error:
+            raise errors.InvalidArgument(str(error)) from error
         return str(file)
 
     return ask_until(question, parse, _BUILD if built else None)
@@ -207,6 +201,6 @@ def _choose(question: str, *choices: str, default: str | None = None) -> str:
         found = [choice for choice in choices if choice.startswith(given)]
         if given in choices or len(found) == 1:
             return given if given in choices else found[0]
-        raise InvalidArgument(f"answer with {' or '.join(choices)}")
+        raise errors.InvalidArgument(f"answer with {' or '.join(choices)}")
 
     return ask_until(f"{question} ({', '.join(choices)})", parse, default)

@@ -75,7 +75,7 @@ class StopWatch:
 
     def _run(self) -> None:
         try:
-            while not self._closing.wait(PERIOD_S) and not self._has_ended:
+            while not (self._closing.wait(PERIOD_S) or self._link.has_ended or self.error):
                 with self._lock:
                     self._take()
                     found, self._found = self._found, []
@@ -83,10 +83,6 @@ class StopWatch:
                     self._tell(stop)
         finally:
             self._link.traffic.remove(self._reader)
-
-    @property
-    def _has_ended(self) -> bool:
-        return self._link.has_ended or self.error is not None
 
     def _take(self) -> None:
         if not self._link.has_ended:

@@ -6,19 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any
 
-from wheelwire_protocol.sensors import (
-    DIGITAL_INPUTS,
-    IMUS,
-    MAX_SHUNT_UOHM,
-    MOST_ANALOG,
-    POWERS,
-    RANGES,
-    Axis,
-    PeripheralKind,
-    Place,
-    SensorChip,
-    channel_name,
-)
+from wheelwire_protocol import sensors
+from wheelwire_protocol.sensors import PeripheralKind, Place
 
 from ...arguments import is_number
 from ...board import (
@@ -38,11 +27,11 @@ from .reading import Section
 
 SECTIONS = ("imu", "power", "inputs", "ranges")
 
-_CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in SensorChip}
-_IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in IMUS}
-_POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in POWERS}
-_RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in RANGES}
-_AXES = {axis_name(axis): axis for axis in Axis}
+_CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in sensors.SensorChip}
+_IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.IMUS}
+_POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.POWERS}
+_RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.RANGES}
+_AXES = {axis_name(axis): axis for axis in sensors.Axis}
 _PULLS = {pull.value: pull for pull in Pull}
 _LEVELS = {"low": True, "high": False}
 # The defaults. A bumper is a normally closed switch to ground.
@@ -53,17 +42,17 @@ _TRIGGERED = {
 }
 _NOT_OF_BUMPERS = (Place.NONE, Place.LEFT, Place.RIGHT)
 _INPUTS = {
-    channel_name(kind, place).replace(".", "_"): (kind, place)
-    for kind in DIGITAL_INPUTS
+    sensors.channel_name(kind, place).replace(".", "_"): (kind, place)
+    for kind in sensors.DIGITAL_INPUTS
     for place in Place
     if kind is not PeripheralKind.BUMPER or place not in _NOT_OF_BUMPERS
 }
 _ANALOG = {
-    channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
-    for number in range(1, MOST_ANALOG + 1)
+    sensors.channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
+    for number in range(1, sensors.MOST_ANALOG + 1)
 }
 _PLACES = {place.name.lower(): place for place in Place if place is not Place.NONE}
-_SHUNTS_MOHM = 0.1, MAX_SHUNT_UOHM / 1000
+_SHUNTS_MOHM = 0.1, sensors.MAX_SHUNT_UOHM / 1000
 _MAX_V = 65.0
 """A level travels as millivolts in 16 bits."""
 _DIVIDERS = 1.0, 20.0
@@ -173,7 +162,7 @@ def _levels(power: Section) -> BatteryLevels:
     )
 
 
-def _bias(imu: Section, chip: SensorChip) -> tuple[float, float, float]:
+def _bias(imu: Section, chip: sensors.SensorChip) -> tuple[float, float, float]:
     value, most = imu.get("bias", None), most_bias_radps(chip)
     if value is None:
         return (0.0, 0.0, 0.0)

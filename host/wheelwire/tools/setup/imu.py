@@ -11,16 +11,8 @@ from typing import NamedTuple, TypeVar, cast
 from wheelwire_protocol.codes import Capability, ConfigurationState
 from wheelwire_protocol.sensors import Axis, SensorState
 
+from ... import errors
 from ...board import Configuration, ImuSensor, axis_name, packed_entry, unpacked_entry
-from ...errors import (
-    BoardNotKept,
-    CommissioningFailed,
-    ConfigurationError,
-    DeviceRefused,
-    GroupUnavailable,
-    SensorMissing,
-    SensorStale,
-)
 from ...robot.robot import Robot
 from ...robot.sensors import DEFAULT_RATE_HZ
 from ...samples import ImuSample, Vector, WheelSample, sentence_of_state
@@ -43,37 +35,23 @@ from .imu_mounting import (
     turned_by,
     upward_axis,
 )
-from .questions import NO, READY, SKIP, YES, Person, Question, Say
+from .questions import NO, READY, SKIP, YES, Person, Question, Say, yes_or_no
 
 Found = TypeVar("Found")
 
-REST = Question(
-    "imu_rest",
-    "Stand the robot on a level floor, and press Enter. Then leave it alone for three seconds.",
-    (READY, SKIP),
-    READY,
+REST, FRONT, LEFT, TURN = (
+    Question(f"imu_{key}", text, (READY, SKIP), READY)
+    for key, text in {
+        "rest": "Stand the robot on a level floor, and press Enter. Then leave it alone for three "
+        "seconds.",
+        "front": "Press Enter; then lift its front by about 30 degrees, and hold it until setup "
+        "goes on.",
+        "left": "Put the robot down, and press Enter; then lift its left side in the same way.",
+        "turn": "Put the robot down, and press Enter; then turn it to the left on the floor, by "
+        "about a quarter.",
+    }.items()
 )
-FRONT = Question(
-    "imu_front",
-    "Press Enter; then lift its front by about 30 degrees, and hold it until setup goes on.",
-    (READY, SKIP),
-    READY,
-)
-LEFT = Question(
-    "imu_left",
-    "Put the robot down, and press Enter; then lift its left side in the same way.",
-    (READY, SKIP),
-    READY,
-)
-TURN = Question(
-    "imu_turn",
-    "Put the robot down, and press Enter; then turn it to the left on the floor, "
-    "by about a quarter.",
-    (READY, SKIP),
-    READY,
-)
-
-SAVE = Question("save", "Save this on the robot? It restarts for that.", (YES, NO), NO)
+SAVE = yes_or_no("save", "Save this on the robot? It restarts for that.")
 
 _ATTEMPTS = 3
 _PATIENCE_S = 60.0
@@ -122,11 +100,11 @@ class ImuFindings:
     saved: bool = False
 
 
-class _Skipped(CommissioningFailed):
+class _Skipped(errors.CommissioningFailed):
     """The person leaves the IMU as it is."""
 
 
-class _GivenUp(CommissioningFailed):
+class _GivenUp(errors.CommissioningFailed):
     """The mounting cannot be found; the message says why."""
 
 
@@ -196,7 +174,7 @@ def _save(
         return False
     try:
         robot.board.take_up(board)
-    except (BoardNotKept, ConfigurationError, DeviceRefused) as error:
+    except (errors.BoardNotKept, errors.ConfigurationError, errors.DeviceRefused) as error:
         note(f"IMU not saved: {error}")
         return False
     say("saved; `wheelwire board read` shows the board's file with it")
@@ -208,7 +186,7 @@ def _board_of(robot: Robot) -> Configuration | None:
         return None  # it cannot store another list
     try:
         state, board = robot.board.read()
-    except GroupUnavailable:
+    except errors.GroupUnavailable:
         return None
     return board if state is ConfigurationState.STORED else None
 
@@ -221,11 +199,10 @@ def _find(
         sample = robot.imu.read()
         # By default do not measure it again, unless the mounting seems to have changed.
         is_known = any(imu.bias) and angle_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
-        question = Question(
+        question = yes_or_no(
             "imu",
             f"Find how the IMU ({imu.chip.name}) is mounted{', again' if is_known else ''}? You "
             "lift and turn the robot by hand; its motors stay off.",
-            (YES, NO),
             NO if is_known else YES,
         )
         if person.answer(question) != YES:
@@ -233,12 +210,12 @@ def _find(
         # Somebody turns the robot by hand: it must not report that it rolls away.
         with robot.parameters.trial(), not_watching(robot, "rolling_velocity_mps"):
             return _Search(robot, person, say, imu).run()
-    except SensorMissing:
+    except errors.SensorMissing:
         return None  # the firmware does not read an unconfirmed list
-    except SensorStale as error:
+    except errors.SensorStale as error:
         look_at = _LOOK_AT.get(error.state, "its wires")
         note(f"IMU {sentence_of_state(error.state)}. Look at {look_at}; its values stay the same")
-    except (_GivenUp, DeviceRefused) as error:
+    except (_GivenUp, errors.DeviceRefused) as error:
         note(f"the IMU's values stay as they were: {error}")
     except _Skipped:
         say("the IMU's values stay as they were")
@@ -317,7 +294,7 @@ class _Search:
         self._ask(REST)
         info = self._robot.imu.info
         if info is None:
-            raise CommissioningFailed(_RESET)
+            raise errors.CommissioningFailed(_RESET)
         for _, mean in self._watch(_REST_S, _SETTLING_S, on_the_floor=True):
             if mean is not None and is_steady(mean, info.gyro_noise, info.acceleration_noise):
                 check_rest(mean)
@@ -397,7 +374,7 @@ class _Search:
                 yield reading, window.add(reading)
             now = next_sample(self._robot)
             if now.boot_id != self._boot_id:
-                raise CommissioningFailed(_RESET)  # what was set for this is lost
+                raise errors.CommissioningFailed(_RESET)  # what was set for this is lost
             if now.since(start).dt_s > limit_s:
                 return
             if on_the_floor and max(map(abs, now.since(stood)[:2])) > RESTING_TICKS:

@@ -15,12 +15,12 @@ class Defect:
     Attributes:
         name: In a few words; `{side}` is the wheel's.
         remedy: What was seen, and what to do.
-        variables: Variables of the simulator that cause it; separated by commas.
+        variables: Variables of the simulator that cause it, separated by commas; empty: none does.
     """
 
     name: str
     remedy: str
-    variables: str
+    variables: str = ""
 
 
 NO_ENCODER = Defect(
@@ -99,71 +99,50 @@ MAGNET_MISSING = Defect(
     "code disc, and at its distance from the sensor",
     "left.magnet_missing",
 )
-DEFECTS = (
-    NO_ENCODER,
-    NO_MOTOR,
-    CHANNEL_DEAD,
-    SAME_ENCODER,
-    CHANNELS_MIXED,
-    NO_SUPPLY,
-    LOW_BATTERY,
-    SAGS,
-    CONTACT_OPEN,
-    ON_THE_FLOOR,
-    WEAK,
-    BLOCKED,
-    MAGNET_MISSING,
-)
-"""The defects that the simulated robot can have."""
-
 BOTH_TURNED = Defect(
     "one bridge turns both wheels",
     "each bridge must have one motor: separate their outputs",
-    "",
 )
 SHARED_COUNTER = Defect(
     "both wheels on one counter",
     "one counter follows both wheels and the other none: connect A and B of each wheel to their "
     "own pins",
-    "",
 )
 UNSEEN = Defect(
     "a counter counts, but no wheel was seen turning",
     "look again: which wheel turns when the robot pulses a motor? If none does, a wheel slips on "
     "its shaft",
-    "",
 )
 NOT_CONFIRMED = Defect(
     "wiring not confirmed",
     "driven forward with the corrections, {detail}: one of the two answers was wrong, or a "
     "contact is loose; begin again",
-    "",
 )
 FAULTED = Defect(
     "a drive ended in a fault",
     "{detail} Repair it, then begin again; to save what was found before without tuning, answer no "
     "to the question for it",
-    "",
 )
 TRACKS_BADLY = Defect(
     "{side} wheel tracks badly",
     "its tracking error is {detail}: its encoder may miss a magnet or be uneven: look at the "
     "magnet ring or code disc, and at its distance from the sensor; then at play in gearbox and "
     "hub, and at what rubs",
-    "",
 )
 LATE_SETPOINTS = Defect(
     "setpoints came late",
     "up to {detail} ms apart, because this computer or the line was too busy, and so the test "
     "drives say nothing about gains and encoders: end other programs, then repeat the set-up",
-    "",
 )
 WRONG_WHEEL = Defect(
     "answers and hand disagree",
     "{detail} when the {side} wheel was turned forward by hand: one of the two answers was wrong, "
     "or another wheel was turned, or backward; begin again",
-    "",
 )
+DEFECTS = tuple(
+    each for each in list(vars().values()) if isinstance(each, Defect) and each.variables
+)
+"""The defects that the simulated robot can have."""
 VOIDING = (NOT_CONFIRMED, WRONG_WHEEL)
 """Problems after which an earlier answer may be wrong: earlier findings are void."""
 

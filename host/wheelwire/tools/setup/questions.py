@@ -107,6 +107,11 @@ class Question:
         raise InvalidArgument(f"{self.key} = {answer!r}: answer with {', '.join(expected)}")
 
 
+def yes_or_no(key: str, text: str, default: str = NO) -> Question:
+    """A question whose answer is `YES` or `NO`."""
+    return Question(key, text, (YES, NO), default)
+
+
 def _forms() -> dict[str, Question]:
     """The questions that a file may answer, by key."""
     yes_or_no = dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO))

@@ -15,14 +15,8 @@ from wheelwire_protocol.codes import (
     ResetReason,
 )
 
+from ... import errors
 from ...board import Configuration, chip_of_pins
-from ...errors import (
-    CommissioningFailed,
-    DeviceRefused,
-    GroupUnavailable,
-    OutputFailed,
-    fault_names,
-)
 from ...parameters import Trial, definition_of, number_text
 from ...robot.robot import Robot
 from ...whole_file import write_whole
@@ -45,7 +39,7 @@ from .problems import (
     Problem,
     Unfit,
 )
-from .questions import KEEP, NO, YES, Person, Question, Say
+from .questions import KEEP, YES, Person, Question, Say, yes_or_no
 from .wiring import (
     Wiring,
     check_floor,
@@ -79,10 +73,9 @@ UNEQUAL_WHEELS = (
     "find unequal ones. A robot that drives a curve when it should drive straight has them."
 )
 
-TUNE = Question(
+TUNE = yes_or_no(
     "tune",
     "Measure the motors and tune the velocity loop? The wheels turn for about two minutes.",
-    (YES, NO),
     YES,
 )
 
@@ -119,7 +112,7 @@ class Progress:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._file, json.dumps(found).encode())
         except OSError as error:
-            raise OutputFailed.at(self._file, error) from error
+            raise errors.OutputFailed.at(self._file, error) from error
 
     def forget(self) -> None:
         """Delete the file: setup has finished."""
@@ -244,7 +237,7 @@ class _SetUp:
             # Only the device knows whether it was the supply.
             sags = Problem(SAGS, detail=" so far that the board is reset")
             self._note(sags if _was_brownout(self.robot) else str(error))
-        except CommissioningFailed as error:
+        except errors.CommissioningFailed as error:
             self._note(str(error))
         finally:
             self.options.left(0.0)
@@ -325,7 +318,7 @@ class _SetUp:
             after, proof = self._measure()
         except BoardReset:
             raise
-        except CommissioningFailed as error:
+        except errors.CommissioningFailed as error:
             if self.options.on_the_floor or isinstance(error, Unfit):
                 # On the floor the gains are all that was asked for.
                 raise
@@ -369,19 +362,21 @@ class _SetUp:
             self._note(*found.problems)
             after = tuned(found, self.robot)
             return after, prove(self.robot, self._remember(after), after, self.options.left)
-        except DeviceRefused as error:
+        except errors.DeviceRefused as error:
             if not error.faults:
                 raise
-            raise Unfit([Problem(FAULTED, detail=fault_names(error.faults))]) from error
+            raise Unfit([Problem(FAULTED, detail=errors.fault_names(error.faults))]) from error
         finally:
             self.options.left(0.0)
 
     def _judge_faults(self, before: Fault, after: Fault) -> None:
         if after:
             which = "with the previous values, too" if before else "with the new values"
-            raise Unfit([Problem(FAULTED, detail=f"{which}. {fault_names(after | before)}")])
+            raise Unfit([Problem(FAULTED, detail=f"{which}. {errors.fault_names(after | before)}")])
         if before:
-            self.say(f"with the previous values a fault ended the drive: {fault_names(before)}")
+            self.say(
+                f"with the previous values a fault ended the drive: {errors.fault_names(before)}"
+            )
 
     def _judge_tracking(self, problems: Sequence[Problem]) -> bool:
         """Whether the test drives tell which values are better."""
@@ -425,7 +420,7 @@ class _SetUp:
             device = self.robot.info.device if self.robot.has_device else None
             _write(self.options.keep, ParameterFile.of_values(values, device))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
-        elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
+        elif self.person.answer(yes_or_no("save", "Save them on the robot?")) == YES:
             # The device saves nothing while values are on trial.
             trial.keep()
             # Each by its name: saving all would also save what somebody only tried before.
@@ -453,8 +448,7 @@ class _SetUp:
             return found
         done = ", ".join(found)
         text = f"The last set-up of this robot was not saved. Go on after {done}?"
-        answer = self.person.answer(Question("resume", text, (YES, NO), YES))
-        return found if answer == YES else {}
+        return found if self.person.answer(yes_or_no("resume", text, YES)) == YES else {}
 
     def _set(self, step: str, values: Mapping[str, float]) -> None:
         self._try(values)
@@ -463,7 +457,7 @@ class _SetUp:
             return
         try:
             self.options.progress.save(self.found)
-        except OutputFailed as error:
+        except errors.OutputFailed as error:
             self.say(f"this run cannot be resumed: {error}")
 
     def _try(self, values: Mapping[str, float]) -> None:
@@ -498,7 +492,7 @@ def _write(path: Path, file: ParameterFile) -> None:
     try:
         write_whole(path, file.text().encode())
     except OSError as error:
-        raise OutputFailed.at(path, error) from error
+        raise errors.OutputFailed.at(path, error) from error
 
 
 def _is_valid(content: object) -> bool:
@@ -527,7 +521,7 @@ def choose_board(robot: Robot, person: Person, say: Say) -> None:
         return  # its pins are in the robot's file
     try:
         state, present = robot.board.read()
-    except GroupUnavailable:
+    except errors.GroupUnavailable:
         return  # the device has its pins otherwise
     if state is ConfigurationState.STORED and present is not None:
         say(f"board: {present.name}")
@@ -578,7 +572,7 @@ def tell_contradictions(robot: Robot, say: Say) -> None:
         if flag in active:
             say(f"contradiction: {flag.doc}")
     if active:
-        raise CommissioningFailed(
+        raise errors.CommissioningFailed(
             "parameters contradict each other, and nothing drives: correct them with "
             "`wheelwire params set`, then begin again"
         )

@@ -41,7 +41,6 @@ from .questions import (
     AGAIN,
     BOTH,
     HELD,
-    NO,
     NONE,
     SKIP,
     TURNED,
@@ -51,22 +50,19 @@ from .questions import (
     Person,
     Question,
     Say,
+    yes_or_no,
 )
 
-RAISED = Question(
+RAISED = yes_or_no(
     "raised",
     "Do both wheels hang free, with nothing in their way? They will turn; an e-stop or fault that "
     "is latched will be cleared.",
-    (YES, NO),
-    NO,
 )
 
-FLOOR = Question(
+FLOOR = yes_or_no(
     "floor",
     "Does the robot stand on the floor, with a metre free ahead of it? It will drive back and "
     "forth; an e-stop or fault that is latched will be cleared.",
-    (YES, NO),
-    NO,
 )
 
 _LOWEST_SUPPLY_V = 2.0
