@@ -73,17 +73,10 @@ COUNTS = "wheelwire_counts"
 """The name of the one at the end that says what was counted: the fields of `summary.Counts`."""
 REPAIRED = "wheelwire_repaired"
 """The name of the metadata that a repair adds to a recording that was not closed."""
-INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
-NOTHING = "it is not an MCAP file, or it is empty; name a file that `wheelwire log record` has made"
 CUT_OFF = (
     "it was cut off, or damaged, as it began: nothing that the robot sent can be read; record again"
 )
-LEFT_OUT = (
-    "it lacks data of the link, which takes /wheelwire/received, "
-    "/wheelwire/sent and /wheelwire/session, and its topics are: {topics}. Another program left "
-    "them out, or the recording ended as it began; name the original"
-)
-FOREIGN = "it is not a Wheelwire recording; name a file that `wheelwire log record` has made"
+_MADE = "name a file that `wheelwire log record` has made"
 
 BUFFER = 8192
 """Python 3.14 reads 128 KiB for the few bytes that a seek leads to."""
@@ -128,7 +121,9 @@ def require_mcap() -> None:
     try:
         import mcap.records  # noqa: F401 - here, for most programs record nothing
     except ImportError as error:
-        raise RecordingError(INSTALL) from error
+        raise RecordingError(
+            "recordings need the package mcap: pip install 'wheelwire[record]'"
+        ) from error
 
 
 def parts(file: BinaryIO) -> Iterator[Part]:
@@ -248,8 +243,12 @@ def check_left_out(path: str | Path) -> None:
     """Raise `RecordingError` for a file without what is to be read, unless it has just begun."""
     if not is_being_written(path):
         check_cut_off(path)
-        topics = sorted({topic for topic, _, _ in messages(path)})
-        raise RecordingError(f"{path}: {LEFT_OUT.format(topics=', '.join(topics) or 'none')}")
+        topics = ", ".join(sorted({topic for topic, _, _ in messages(path)}))
+        raise RecordingError(
+            f"{path}: it lacks data of the link, which takes {RECEIVED}, {SENT} and {SESSION}, and "
+            f"its topics are: {topics or 'none'}. Another program left them out, or the recording "
+            "ended as it began; name the original"
+        )
 
 
 def check_cut_off(path: str | Path) -> None:
@@ -321,8 +320,10 @@ def unreadable(file: BinaryIO, path: str | Path) -> RecordingError:
     file.seek(0)
     begin = file.read(len(MAGIC))
     if first is None and not (begin and MAGIC.startswith(begin)):
-        return RecordingError(f"{path}: {NOTHING}")
-    return RecordingError(f"{path}: {CUT_OFF if first is None or is_ours(first) else FOREIGN}")
+        return RecordingError(f"{path}: it is not an MCAP file, or it is empty; {_MADE}")
+    if first is None or is_ours(first):
+        return RecordingError(f"{path}: {CUT_OFF}")
+    return RecordingError(f"{path}: it is not a Wheelwire recording; {_MADE}")
 
 
 def is_ours(first: Part | None) -> bool:
@@ -376,20 +377,14 @@ def counts(path: str | Path) -> dict[str, str] | None:
 def _newest(file: BinaryIO, name: str) -> dict[str, str] | None:
     """The last metadata of this name; None if there are none."""
     found = None
-    for part in _metadata_parts(file):
-        found = _said(part, name) or found
-    return found
-
-
-def _metadata_parts(file: BinaryIO) -> Iterator[Part]:
-    """The metadata of a file, without reading what is between them."""
-    for offset in _metadata_offsets(file):
+    for offset in _metadata_offsets(file):  # without reading what is between them
         file.seek(offset)
         opcode, length = HEAD.unpack(file.read(HEAD.size))
         part = Part(offset, opcode, file.read(length))
         if not is_whole(part):
-            return
-        yield part
+            break
+        found = _said(part, name) or found
+    return found
 
 
 def _metadata_offsets(file: BinaryIO) -> Iterator[int]:
