@@ -48,13 +48,6 @@ def complete_yaml(incomplete: str) -> Iterator[tuple[str, str]]:
         yield path, "a file"
 
 
-def complete_robot_or_name() -> Iterator[tuple[str, str]]:
-    """The suggestions for an argument that may be ROBOT or the name of a parameter."""
-    yield from complete_robot()
-    for name, parameter in PARAMETER_BY_NAME.items():
-        yield name, parameter.doc
-
-
 RobotArgument = Annotated[
     str | None,
     typer.Argument(

@@ -45,7 +45,6 @@ from wheelwire_protocol.core import check_board
 from .address import (
     BaudRateOption,
     RobotArgument,
-    complete_robot,
     complete_yaml,
     is_port,
     resolve,
@@ -183,19 +182,12 @@ def _refuse_port(given: str) -> None:
         )
 
 
-def _complete_robot_or_board(incomplete: str) -> Iterator[tuple[str, str]]:
-    yield from complete_robot()
-    yield from _complete(incomplete)
-
-
 @app.command("write", cls=RobotCommand)
 def write(
     context: typer.Context,
     arguments: Annotated[
         list[str] | None,
-        robot_and(
-            "FILE", "FILE is a board's file, or a built-in board's name.", _complete_robot_or_board
-        ),
+        robot_and("FILE", "FILE is a board's file, or a built-in board's name.", _complete),
     ] = None,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,

@@ -25,7 +25,7 @@ from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codec import BY_ID
 
-from .address import BaudRateOption, complete_robot, resolve
+from .address import BaudRateOption, resolve
 from .interruptions import Interrupted, ended_by_signals, watch
 from .output import (
     JsonFlag,
@@ -86,11 +86,7 @@ def record(
     context: typer.Context,
     arguments: Annotated[
         list[str] | None,
-        robot_and(
-            "FILE.mcap",
-            "FILE.mcap may be a folder: a file in it is named by the time.",
-            complete_robot,
-        ),
+        robot_and("FILE.mcap", "FILE.mcap may be a folder: a file in it is named by the time."),
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
     baud_rate: BaudRateOption = None,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, TypeAlias, cast
 
 import typer
 import typer.core
@@ -25,7 +25,6 @@ from .address import (
     BaudRateOption,
     RobotArgument,
     complete_robot,
-    complete_robot_or_name,
     complete_yaml,
     looks_like_address,
     outlives_commands,
@@ -53,6 +52,9 @@ DIFFERENT = 22
 TABLE_COLUMNS = 100
 """Narrower terminals get a list in place of a table."""
 
+Complete: TypeAlias = Callable[[str], Iterable[tuple[str, str]]]
+"""What the shell suggests for what was typed, each with a description."""
+
 app = typer.Typer()
 command("params", Heading.BUILD, 7, page="robot-file")(app)
 
@@ -66,19 +68,26 @@ class RobotCommand(typer.core.TyperCommand):
         return [self.options_metavar or "", *(str(argument.metavar) for argument in arguments)]
 
 
-def robot_and(what: str, help_text: str, complete: Callable[..., Any]) -> Any:
+def robot_and(what: str, help_text: str, complete: Complete = lambda _: ()) -> Any:
     """ROBOT, which may be left out, and what comes after it, as one list for Click."""
+
+    def complete_any(incomplete: str) -> Iterator[tuple[str, str]]:
+        yield from complete_robot()
+        yield from complete(incomplete)
+
     return typer.Argument(
         metavar=f"[ROBOT] {what}",
         help=f"{ROBOT_HELP} {help_text}",
         show_default=False,
-        autocompletion=complete,
+        autocompletion=complete_any,
     )
 
 
 def _robot_and_names(what: str) -> Any:
     help_text = "`wheelwire params list` shows the names."
-    return robot_and(what, help_text, complete_robot_or_name)
+    return robot_and(
+        what, help_text, lambda _: ((p.name, p.doc) for p in PARAMETER_BY_NAME.values())
+    )
 
 
 def split(
@@ -317,14 +326,9 @@ def _new_copy(board_id: str) -> Path:
     return free_path(folder / f"params-{board_id or 'unknown'}-{now:%Y%m%d-%H%M%S}.yaml")
 
 
-def _complete_file(incomplete: str) -> Iterator[tuple[str, str]]:
-    yield from complete_robot()
-    yield from complete_yaml(incomplete)
-
-
 RobotAndFile = Annotated[
     list[str] | None,
-    robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", _complete_file),
+    robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", complete_yaml),
 ]
 
 
