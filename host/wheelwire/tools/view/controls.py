@@ -128,20 +128,17 @@ class Controls:
 
     def stop(self) -> None:
         """Stop the wheels."""
-        if self.hand is not None:
-            self.hand.press(" ")  # lets go of the keys, too
-        if self._may_stop():
-            self._ask(STOP, self._stop)
+        self._halt(" ", STOP, self._stop)
 
     def estop(self) -> None:
         """Stop the wheels, and latch."""
-        if self.hand is not None:
-            self.hand.press("e")
-        if self._may_stop():
-            self._ask(ESTOP, self._estop)
+        self._halt("e", ESTOP, self._estop)
 
-    def _may_stop(self) -> bool:
-        return not isinstance(self._robot, ReplayDriver) or self.may_act()
+    def _halt(self, key: str, kind: str, act: Callable[[], str]) -> None:
+        if self.hand is not None:
+            self.hand.press(key)  # lets go of the keys, too
+        if not isinstance(self._robot, ReplayDriver) or self.may_act():
+            self._ask(kind, act)
 
     def _stop(self) -> str:
         self._robot.stop()

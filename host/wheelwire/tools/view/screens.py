@@ -113,13 +113,15 @@ class Panel(Widget):
         self.show()
 
 
-class RobotScreen(Screen[None]):
-    """What the robot does."""
-
+class _ViewScreen(Screen[None]):
     @property
     def view(self) -> ViewApp:
         """The application."""
         return cast("ViewApp", self.app)
+
+
+class RobotScreen(_ViewScreen):
+    """What the robot does."""
 
     def compose(self) -> ComposeResult:
         """The panels, from the top."""
@@ -192,7 +194,7 @@ class TextScreen(ModalScreen[bool]):
             self.dismiss(event.character in ("y", "Y"))
 
 
-class ParametersScreen(Screen[None]):
+class ParametersScreen(_ViewScreen):
     """The robot's parameters; changed ones are on trial."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -209,11 +211,6 @@ class ParametersScreen(Screen[None]):
         """The table is there."""
         self._is_closing = False
         """As of `TextScreen`."""
-
-    @property
-    def view(self) -> ViewApp:
-        """The application."""
-        return cast("ViewApp", self.app)
 
     def compose(self) -> ComposeResult:
         """The table, what is known of the line with the cursor, and what has happened."""
