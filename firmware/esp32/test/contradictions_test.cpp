@@ -60,7 +60,7 @@ TEST(values_on_trial_are_judged_together_in_any_order) {
     if (stream_first) {
       // Until the other value is there nothing drives, and a KEEP is refused.
       bench.drive(0.1f, 0.1f);
-      CHECK(!bench.driven() && bench.of<Refuse>().back().code == RefusalCode::kContradiction);
+      CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kContradiction);
       CHECK(bench.refusal(keep) == RefusalCode::kContradiction);
     }
     CHECK(bench.set(stream_first ? kControlRateHz : kStreamRateHz, 2000) == RefusalCode::kNone);
@@ -90,7 +90,7 @@ TEST(saved_values_that_contradict_each_other_do_not_drive) {
   bench.open();
   CHECK(bench.ask<Contradictions>(ContradictionsGet{})->active == contradiction::kOverrunLimit);
   bench.drive(0.1f, 0.1f);
-  CHECK(!bench.driven() && bench.of<Refuse>().back().code == RefusalCode::kContradiction);
+  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kContradiction);
   // Another value may still change, and each one that ends it.
   CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
   CHECK(bench.set(kOverrunLimitUs, 20'000) == RefusalCode::kNone);

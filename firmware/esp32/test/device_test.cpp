@@ -4,6 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
+using test::DrivingRobot;
 using test::OpenRobot;
 using test::RobotBench;
 
@@ -21,8 +22,7 @@ std::vector<SupervisorEvent> causes(const RobotBench& bench) {
 }  // namespace
 
 TEST(a_step_that_comes_too_late_is_a_fault_although_a_stop_is_waiting) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
+  DrivingRobot bench;
   bench.received.clear();
   bench.send(bench.stop());
   bench.step(40'000);
@@ -36,8 +36,7 @@ TEST(a_setpoint_read_in_the_step_at_which_the_last_one_expires_drives_on) {
   bench.send(bench.velocity(0.2f, 0.2f, 20 * RobotBench::kPeriodUs));
   bench.run(19);
   bench.received.clear();
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.step();
+  bench.drive(0.2f, 0.2f, 1);
   CHECK(bench.driven());
   CHECK(causes(bench).empty());
 }
@@ -65,8 +64,7 @@ TEST(a_state_reports_what_its_own_step_did) {
 }
 
 TEST(a_line_that_hangs_up_stops_the_wheels_and_is_told_nothing_more) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
+  DrivingRobot bench;
   bench.received.clear();
   bench.device.hang_up(bench.now_us);
   CHECK(!bench.driven() && bench.device.deadline_us() == 0);

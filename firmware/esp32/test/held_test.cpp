@@ -11,43 +11,26 @@ Hold hold_of(RobotBench& bench) {
   return hold.value_or(Hold{});
 }
 
-/// A device that starts with what another one kept through its reset.
-void survive(const RobotBench& from, RobotBench& to) {
-  to.latches.record = from.latches.record;
-  to.latch_store.block = from.latch_store.block;
-}
-
-/// Its wheels turn as a robot at 0.2 m/s.
-void roll(RobotBench& bench, int steps, int ticks = 1) {
-  for (int i = 0; i < steps; ++i) {
+/// Drives for long enough that its speed is measured.
+void drive_on(RobotBench& bench) {
+  for (int i = 0; i < 200; ++i) {
     bench.send(bench.velocity(0.2f, 0.2f));
-    bench.turn(ticks, ticks);
-    bench.step();
+    bench.roll(1);
   }
 }
 
-/// Drives for long enough that its speed is measured. `end` is what ends it.
+/// What is said of the end of a drive, which `end` ends.
 template <typename End>
-Hold stopped_by(RobotBench& bench, End end) {
-  bench.open();
-  roll(bench, 200);
-  end();
+Hold stopped_by(End end) {
+  OpenRobot bench;
+  drive_on(bench);
+  end(bench);
   bench.step();
   return hold_of(bench);
 }
 
 PeripheralList bumpers() {
   return list_of({bumper(Place::kFrontLeft, 36), bumper(Place::kRear, 39)});
-}
-
-Peripheral input(PeripheralKind kind) {
-  return {.kind = kind, .flags = peripheralflag::kTriggeredLow, .pin_a = 36};
-}
-
-/// A bench whose inputs are all untriggered.
-void release_inputs(SensorBench& bench) {
-  for (size_t i = 0; i < bench.list.count; ++i)
-    bench.set_level(i, (bench.list.entries[i].flags & peripheralflag::kTriggeredLow) != 0);
 }
 
 }  // namespace
@@ -77,9 +60,8 @@ TEST(a_start_holds_until_a_zero_setpoint_or_a_pause) {
 }
 
 TEST(an_estop_is_named_with_who_latched_it) {
-  RobotBench bench;
-  bench.open().send(Estop{});
-  bench.step();
+  OpenRobot bench;
+  bench.estop();
   Hold hold = hold_of(bench);
   CHECK(hold.held == held::kEstop && hold.estop_source == EstopSource::kOtherProgram);
   CHECK(bench.clear_estop() == RefusalCode::kNone);
@@ -107,18 +89,15 @@ TEST(an_open_contact_is_named) {
 }
 
 TEST(who_latched_an_estop_survives_a_reset) {
-  RobotBench first;
-  first.open();
+  OpenRobot first;
   first.contact.open = true;
   first.step();
   RobotBench second;
-  survive(first, second);
-  second.open();
+  second.survive_reset(first).open();
   CHECK(hold_of(second).estop_source == EstopSource::kContact);
   first.run(3000);
   RobotBench third;
-  third.latch_store.block = first.latch_store.block;  // the power was off
-  third.open();
+  third.survive_power_cut(first).open();  // the power was off
   CHECK(hold_of(third).estop_source == EstopSource::kBeforePowerOn);
   RobotBench damaged;
   damaged.latches.record = first.latches.record;
@@ -129,8 +108,7 @@ TEST(who_latched_an_estop_survives_a_reset) {
 }
 
 TEST(a_fault_is_named_and_its_flags_are_in_the_stop) {
-  RobotBench bench;
-  const Hold hold = stopped_by(bench, [&] { bench.now_us += 100'000; });
+  const Hold hold = stopped_by([](RobotBench& bench) { bench.now_us += 100'000; });
   CHECK(hold.held == held::kFault);
   CHECK(hold.stop_cause == StopCause::kFault && hold.stop_faults == fault::kControlOverrun);
 }
@@ -180,8 +158,9 @@ TEST(inputs_that_stop_are_named_by_their_kind) {
   } kinds[] = {{PeripheralKind::kCliff, held::kCliff, StopCause::kCliff},
                {PeripheralKind::kStageFault, held::kFaultInput, StopCause::kFaultInput}};
   for (const auto& one : kinds) {
-    SensorBench bench(list_of({input(one.kind)}));
-    release_inputs(bench);
+    SensorBench bench(
+        list_of({{.kind = one.kind, .flags = peripheralflag::kTriggeredLow, .pin_a = 36}}));
+    bench.set_level(0, true);
     bench.open();
     CHECK(hold_of(bench).held == 0);
     bench.drive_on(0.2f, 0.2f, 200);
@@ -213,12 +192,9 @@ TEST(an_empty_battery_is_named_and_so_is_one_that_is_not_measured) {
 
 TEST(a_deadline_is_named_with_its_command_speed_and_distance) {
   OpenRobot bench;
-  roll(bench, 200);
+  drive_on(bench);
   const uint32_t command = bench.command_seq;
-  for (int i = 0; i < 298; ++i) {
-    bench.turn(1, 1);
-    bench.step();
-  }
+  bench.roll(298);
   CHECK(bench.state() == SupervisorState::kDriving);
   bench.turn(1, 1);
   bench.step();
@@ -228,10 +204,7 @@ TEST(a_deadline_is_named_with_its_command_speed_and_distance) {
   CHECK(hold.stop_cause == StopCause::kDeadline && hold.stop_command == command);
   CHECK(hold.stop_session == bench.session_id() && hold.stop_us == stop_us);
   CHECK(hold.stop_mmps > 100 && hold.stop_flags == 0 && hold.stop_held == 0);
-  for (int i = 0; i < 100; ++i) {
-    bench.turn(1, 1);
-    bench.step();
-  }
+  bench.roll(100);
   bench.run(700);
   hold = hold_of(bench);
   CHECK(hold.stop_flags == stopflag::kAtRest);
@@ -243,24 +216,28 @@ TEST(a_deadline_is_named_with_its_command_speed_and_distance) {
 }
 
 TEST(a_stop_is_named_by_who_asked_for_it) {
-  RobotBench bench;
-  CHECK(stopped_by(bench, [&] { bench.send(bench.stop()); }).stop_cause == StopCause::kStop);
-  RobotBench other;
-  CHECK(stopped_by(other, [&] { other.send(Stop{}); }).stop_cause == StopCause::kStopOther);
-  RobotBench estop;
-  CHECK(stopped_by(estop, [&] {
-          estop.send(Estop{.session_id = estop.session_id()});
-        }).stop_cause == StopCause::kEstopSession);
-  RobotBench stranger;
-  CHECK(stopped_by(stranger, [&] { stranger.send(Estop{}); }).stop_cause == StopCause::kEstopOther);
-  RobotBench contact;
-  CHECK(stopped_by(contact, [&] { contact.contact.open = true; }).stop_cause ==
-        StopCause::kEstopContact);
+  const struct {
+    StopCause cause;
+    void (*end)(RobotBench&);
+  } ends[] = {
+      {StopCause::kStop, [](RobotBench& bench) { bench.send(bench.stop()); }},
+      {StopCause::kStopOther, [](RobotBench& bench) { bench.send(Stop{}); }},
+      {StopCause::kEstopSession,
+       [](RobotBench& bench) { bench.send(Estop{.session_id = bench.session_id()}); }},
+      {StopCause::kEstopOther, [](RobotBench& bench) { bench.send(Estop{}); }},
+      {StopCause::kEstopContact, [](RobotBench& bench) { bench.contact.open = true; }},
+      {StopCause::kTrialEnded,
+       [](RobotBench& bench) {
+         bench.ask<Ack>(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 10.0f});
+         bench.ask<Ack>(ParameterTrial{.action = TrialAction::kRevert});
+       }},
+  };
+  for (const auto& one : ends) CHECK(stopped_by(one.end).stop_cause == one.cause);
 }
 
 TEST(a_program_that_loses_its_session_is_named) {
   OpenRobot bench;
-  roll(bench, 200);
+  drive_on(bench);
   const uint32_t session = bench.session_id();
   const uint32_t command = bench.command_seq;
   bench.send(RobotBench::hello(0x777));
@@ -274,59 +251,37 @@ TEST(a_program_that_loses_its_session_is_named) {
     CHECK(hold.stop_session == session && hold.stop_command == command);
   }
   CHECK(reported);  // without having been asked
-  RobotBench gone;
-  gone.open();
-  roll(gone, 200);
+  OpenRobot gone;
+  drive_on(gone);
   gone.device.hang_up(gone.now_us);
   gone.connect();
   CHECK(hold_of(gone).stop_cause == StopCause::kHangUp);
 }
 
-TEST(a_trial_that_ends_while_it_drives_is_named) {
-  RobotBench bench;
-  const Hold hold = stopped_by(bench, [&] {
-    bench.ask<Ack>(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 10.0f});
-    bench.ask<Ack>(ParameterTrial{.action = TrialAction::kRevert});
-  });
-  CHECK(hold.stop_cause == StopCause::kTrialEnded);
-}
-
 TEST(a_reset_while_it_moves_is_named_with_its_reason_once) {
-  RobotBench first;
-  first.open();
-  roll(first, 200);
+  OpenRobot first;
+  drive_on(first);
   RobotBench second;
-  survive(first, second);
-  second.open();
+  second.survive_reset(first).open();
   Hold hold = hold_of(second);
   CHECK(hold.stop_cause == StopCause::kReset && hold.stop_reset == ResetReason::kPowerOn);
   CHECK(hold.stop_session == first.session_id());
   CHECK((hold.stop_flags & stopflag::kEarlierStart) != 0 && hold.stop_us == 0);
   // What stood before another reset was not stopped by it.
   second.run(100);
-  roll(second, 200);
+  drive_on(second);
   second.send(second.stop());
   second.step();
   RobotBench third;
-  survive(second, third);
-  third.open();
+  third.survive_reset(second).open();
   hold = hold_of(third);
   CHECK(hold.stop_cause == StopCause::kStop && hold.stop_us == 0);
   CHECK((hold.stop_flags & stopflag::kEarlierStart) != 0 && hold.stop_mmps > 100);
 }
 
-TEST(what_is_lost_with_the_power_is_unknown) {
-  RobotBench first;
-  first.open();
-  roll(first, 200);
-  RobotBench second;
-  second.open();
-  CHECK(hold_of(second).stop_cause == StopCause::kUnknown);
-}
-
 TEST(a_drive_that_turned_no_wheel_ends_no_motion) {
   OpenRobot bench;
-  roll(bench, 200);
+  drive_on(bench);
   bench.send(bench.stop());
   bench.step();
   bench.drive(0.0f, 0.0f);
@@ -374,8 +329,7 @@ TEST(nothing_is_reported_without_a_session) {
 TEST(a_repeat_of_the_question_is_answered_with_what_holds_it_now) {
   OpenRobot bench;
   CHECK(hold_of(bench).held == 0);
-  bench.send(Estop{});
-  bench.step();
+  bench.estop();
   bench.send(HoldGet{bench.session_id(), bench.request_id});
   bench.received.clear();
   bench.service();

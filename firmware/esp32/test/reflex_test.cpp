@@ -1,4 +1,5 @@
 // What the sensors forbid, at the robot's pins.
+#include <algorithm>
 #include <cmath>
 
 #include "check.hpp"
@@ -11,6 +12,7 @@ using test::bumper;
 using test::list_of;
 using test::RobotBench;
 using test::SensorBench;
+using test::SensorRobot;
 
 namespace {
 
@@ -37,45 +39,38 @@ bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.r
 
 // --- bumpers -------------------------------------------------------------------------------------
 
-TEST(a_bumper_removes_the_drive_in_the_step_that_reads_it) {
+TEST(a_bumper_removes_the_drive_in_the_step_that_reads_it_and_then_holds_the_wheels) {
   for (const size_t channel : {0u, 1u}) {
-    SensorBench bench(kBumpers);
-    bench.open();
-    const float speed = channel == 0 ? 0.2f : -0.2f;
-    bench.drive_on(speed, speed, 30);
-    CHECK(bench.driven());
-    bench.set_level(channel, true);
-    bench.step();
-    CHECK(!bench.driven());
-    CHECK(bench.state() == SupervisorState::kDriving && bench.device.faults() == 0);
-    bench.drive_on(speed, speed, 300);
-    CHECK(!bench.driven());
-    CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+    for (const bool stands : {false, true}) {
+      SensorRobot bench(kBumpers);
+      const float speed = channel == 0 ? 0.2f : -0.2f;
+      bench.drive_on(speed, speed, 30);
+      CHECK(bench.driven());
+      bench.touch(channel);
+      CHECK(!bench.driven());
+      CHECK(bench.state() == SupervisorState::kDriving && bench.device.faults() == 0);
+      const float next = stands ? 0.0f : speed;
+      bench.drive_on(next, next, 300);
+      CHECK(bench.brakes() && bench.switched_gently());
+    }
   }
 }
 
 TEST(a_bumper_stops_an_open_loop_too) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  bench.send(bench.duty(20'000, 20'000));
-  bench.run(100);
+  SensorRobot bench(kBumpers);
+  bench.drive_duty(20'000, 20'000);
   CHECK(bench.left.duty() > 10'000);
-  bench.set_level(0, true);
-  bench.step();
+  bench.touch(0);
   CHECK(!bench.driven());
-  bench.send(bench.duty(20'000, 20'000));
-  bench.run(20);
+  bench.drive_duty(20'000, 20'000, 20);
   CHECK(!bench.driven());
-  bench.send(bench.duty(-20'000, -20'000));
-  bench.run(20);
+  bench.drive_duty(-20'000, -20'000, 20);
   CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
 }
 
 TEST(the_robot_backs_out_and_is_free_after_a_while) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  bench.set_level(0, true);
-  bench.step();
+  SensorRobot bench(kBumpers);
+  bench.touch(0);
   bench.drive_on(0.1f, 0.1f, 20);
   CHECK(!bench.driven());
   bench.drive_on(-0.1f, -0.1f, 20);
@@ -93,56 +88,48 @@ TEST(the_robot_backs_out_and_is_free_after_a_while) {
 namespace {
 
 /// It drove until its bumper opened, and the bumper is free again.
-void bump(SensorBench& bench) {
-  bench.open();
-  bench.drive_on(0.2f, 0.2f, 100);
-  bench.set_level(0, true);
-  bench.drive_on(0.2f, 0.2f, 100);
-  CHECK(!bench.driven());
-  bench.set_level(0, false);
-  bench.run(60);
-}
-
-RefusalCode last_refusal(const SensorBench& bench) {
-  const auto refusals = bench.of<Refuse>();
-  return refusals.empty() ? RefusalCode::kNone : refusals.back().code;
-}
+struct BumpedRobot : SensorRobot {
+  BumpedRobot() : SensorRobot(kBumpers) {
+    drive_on(0.2f, 0.2f, 100);
+    set_level(0, true);
+    drive_on(0.2f, 0.2f, 100);
+    CHECK(!driven());
+    set_level(0, false);
+    run(60);
+  }
+};
 
 }  // namespace
 
 TEST(a_bumper_that_is_free_again_does_not_restart_the_program) {
-  SensorBench bench(kBumpers);
-  bump(bench);
+  BumpedRobot bench;
   // Neither the setpoint that is still valid nor the next ones.
   CHECK(bench.state() == SupervisorState::kDriving);
   for (int i = 0; i < 2000; ++i) {
     bench.drive_on(0.2f, 0.2f, 1);
     CHECK(!forward(bench));
   }
-  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
   CHECK(bench.state() == SupervisorState::kTimedOut);
 }
 
 TEST(zero_a_pause_or_a_way_back_arms_after_a_bumper) {
   for (const int how : {0, 1, 2}) {
-    SensorBench bench(kBumpers);
-    bump(bench);
+    BumpedRobot bench;
     if (how == 0) bench.drive_on(0.0f, 0.0f, 1);
     if (how == 1) bench.run(1000);
     if (how == 2) bench.drive_on(-0.1f, 0.0f, 1);
     bench.drive_on(0.2f, 0.2f, 200);
-    CHECK(forward(bench) && last_refusal(bench) == RefusalCode::kNone);
+    CHECK(forward(bench) && bench.last_refusal() == RefusalCode::kNone);
   }
 }
 
 TEST(a_clear_after_a_bumper_needs_more_than_a_way_back) {
-  SensorBench bench(kBumpers);
-  bump(bench);
-  bench.send(Estop{});
-  bench.step();
+  BumpedRobot bench;
+  bench.estop();
   CHECK(bench.clear_estop() == RefusalCode::kNone);
   bench.drive_on(-0.1f, -0.1f, 20);
-  CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
 }
 
 /// Each wheel counts, however little the robot as a whole goes there.
@@ -151,17 +138,13 @@ TEST(no_wheel_turns_towards_a_bumper) {
     const float way = channel == 0 ? 1.0f : -1.0f;
     const float wheels[][2] = {{-0.3001f, 0.3f}, {0.3f, -0.3001f}, {-0.3f, 0.05f}, {0.0f, 0.1f}};
     for (const auto& [left, right] : wheels) {
-      SensorBench bench(kBumpers);
-      bench.open();
-      bench.set_level(channel, true);
-      bench.step();
+      SensorRobot bench(kBumpers);
+      bench.touch(channel);
       bench.drive_on(way * left, way * right, 300);
       CHECK(!bench.driven() && bench.state() == SupervisorState::kDriving);
     }
-    SensorBench bench(kBumpers);
-    bench.open();
-    bench.set_level(channel, true);
-    bench.step();
+    SensorRobot bench(kBumpers);
+    bench.touch(channel);
     bench.drive_on(0.0f, way * -0.2f, 100);
     CHECK((channel == 0 ? bench.right.duty() < 0 : bench.right.duty() > 0) &&
           bench.left.duty() == 0);
@@ -169,66 +152,23 @@ TEST(no_wheel_turns_towards_a_bumper) {
 }
 
 TEST(a_low_battery_slows_the_setpoint_that_is_obeyed_already) {
-  SensorBench bench(kGuard);
-  bench.open();
+  SensorRobot bench(kGuard);
   const float top = bench.device.parameter(ParameterId::kMaxVelocityMps);
   CHECK(bench.set(ParameterId::kTtlMaxS, 5.0f) == RefusalCode::kNone);
   bench.send(bench.velocity(top, top, 5'000'000));
   bench.run(1);
   bench.battery.measured_mv = 6700;
   const auto fastest_mps = [&] { return to_mps(bench.device.commanded().left); };
-  // The wheels follow.
-  double rest = 0.0;
-  const auto run = [&](int steps) {
-    for (int i = 0; i < steps; ++i) {
-      rest += fastest_mps() * 1e-3 / 0.000576;
-      const int ticks = static_cast<int>(rest);
-      rest -= ticks;
-      bench.turn(ticks, ticks);
-      bench.step();
-    }
-  };
-  run(1900);
+  bench.follow(1900);
   CHECK(fastest_mps() > 0.99f * top);
-  run(1000);
+  bench.follow(1000);
   CHECK(bench.state() == SupervisorState::kDriving && fastest_mps() < 0.51f * top);
-}
-
-TEST(turning_on_the_spot_needs_both_bumpers_free) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  for (const size_t channel : {0u, 1u}) {
-    bench.set_level(channel, true);
-    bench.step();
-    for (const float speed : {0.1f, -0.1f}) {
-      bench.drive_on(speed, -speed, 20);
-      CHECK(!bench.driven());
-    }
-    bench.set_level(channel, false);
-    bench.run(100);
-  }
-  bench.drive_on(0.0f, 0.0f, 1);
-  bench.drive_on(0.1f, -0.1f, 20);
-  CHECK(bench.left.duty() > 0 && bench.right.duty() < 0);
-}
-
-TEST(with_both_bumpers_open_nothing_drives) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  bench.set_level(0, true);
-  bench.set_level(1, true);
-  bench.step();
-  for (const float speed : {0.2f, -0.2f}) {
-    bench.drive_on(speed, speed, 20);
-    CHECK(!bench.driven());
-  }
 }
 
 /// The wheels still roll forward when the program begins to back out: they are not driven at that
 /// speed first.
 TEST(a_reversal_at_a_bumper_never_drives_forward) {
-  SensorBench bench(kBumpers);
-  bench.open();
+  SensorRobot bench(kBumpers);
   for (int i = 0; i < 200; ++i) {
     bench.turn(3, 3);
     bench.drive_on(0.3f, 0.3f, 1);
@@ -246,8 +186,7 @@ TEST(a_reversal_at_a_bumper_never_drives_forward) {
 
 /// The setpoint is allowed already, but the slew limit still has the wheels going forward.
 TEST(a_bumper_during_a_reversal_stops_the_slewing) {
-  SensorBench bench(kBumpers);
-  bench.open();
+  SensorRobot bench(kBumpers);
   bench.drive_on(0.4f, 0.4f, 400);
   bench.drive_on(-0.4f, -0.4f, 5);
   CHECK(bench.device.commanded().left > 0);
@@ -262,8 +201,7 @@ TEST(a_bumper_during_a_reversal_stops_the_slewing) {
 /// still commands a speed forward when the setpoint is slewed backward already.
 TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
   for (int reversed_for = 1; reversed_for < 200; ++reversed_for) {
-    SensorBench bench(kBumpers);
-    bench.open();
+    SensorRobot bench(kBumpers);
     for (int i = 0; i < 120; ++i) {
       bench.send(bench.velocity(0.2f, 0.2f));
       bench.turn(i % 4 == 0, i % 4 == 0);
@@ -271,42 +209,33 @@ TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
     }
     for (int i = 0; i <= reversed_for; ++i) {
       bench.send(bench.velocity(-0.2f, -0.2f));
-      if (i == reversed_for) bench.set_level(0, true);
-      bench.step();
+      if (i == reversed_for) bench.touch(0);
     }
     const WheelPair commanded = bench.device.commanded();
     CHECK(commanded.left + commanded.right <= 0);
   }
 }
 
-TEST(a_bumper_whose_wire_is_broken_at_the_start_forbids_driving_from_the_first_setpoint) {
-  SensorBench bench(kBumpers);
-  bench.set_level(0, true);
-  bench.open();
-  for (int i = 0; i < 50; ++i) {
-    bench.drive_on(0.2f, 0.2f, 1);
-    CHECK(!bench.driven());
+TEST(what_is_wrong_at_the_start_forbids_driving_from_the_first_setpoint) {
+  for (const bool by_bumper : {false, true}) {
+    SensorBench bench(by_bumper ? kBumpers : kGuard);
+    bench.set_level(0, by_bumper);  // As where its wire is broken.
+    bench.battery.measured_mv = by_bumper ? 7400 : 6000;
+    bench.open();
+    for (int i = 0; i < 50; ++i) {
+      bench.drive_on(0.2f, 0.2f, 1);
+      CHECK(!bench.driven());
+    }
   }
-}
-
-TEST(the_deadline_ends_driving_at_a_bumper_as_anywhere) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  bench.drive_on(0.2f, 0.2f, 10);
-  bench.set_level(0, true);
-  bench.run(400);
-  CHECK(bench.state() == SupervisorState::kTimedOut);
 }
 
 // --- what stops ----------------------------------------------------------------------------------
 
 TEST(a_cliff_is_a_fault_that_lasts_as_long_as_it_does) {
-  SensorBench bench(kCliff);
-  bench.open();
+  SensorRobot bench(kCliff);
   bench.drive_on(0.2f, 0.2f, 20);
   CHECK(bench.driven());
-  bench.set_level(0, true);
-  bench.step();
+  bench.touch(0);
   CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
   CHECK(bench.device.faults() == fault::kExternal);
   CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
@@ -317,21 +246,18 @@ TEST(a_cliff_is_a_fault_that_lasts_as_long_as_it_does) {
 }
 
 TEST(a_robot_that_is_lifted_is_in_no_fault_until_it_is_to_drive) {
-  SensorBench bench(kCliff);
-  bench.open();
+  SensorRobot bench(kCliff);
   bench.set_level(0, true);
   bench.run(20);
   CHECK(bench.state() == SupervisorState::kIdle);
   bench.received.clear();
-  bench.send(bench.velocity(0.0f, 0.0f));
-  bench.run(20);
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  bench.drive(0.0f, 0.0f);
+  CHECK(bench.last_refusal() == RefusalCode::kFault);
   CHECK(bench.state() == SupervisorState::kIdle && bench.device.faults() == 0);
   bench.received.clear();
-  bench.send(bench.velocity(0.1f, 0.1f));
-  bench.step();
+  bench.drive(0.1f, 0.1f, 1);
   CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  CHECK(bench.last_refusal() == RefusalCode::kFault);
 }
 
 TEST(a_power_stage_that_trips_is_a_fault) {
@@ -375,134 +301,110 @@ TEST(a_battery_limits_and_then_stops) {
   CHECK(bench.clear_fault() == RefusalCode::kNone);
 }
 
-TEST(a_sag_under_load_is_no_empty_battery) {
-  SensorBench bench(kGuard);
-  bench.open();
-  for (int i = 0; i < 10; ++i) {
-    bench.battery.measured_mv = 6000;
-    bench.drive_on(0.2f, 0.2f, 1900);
-    bench.battery.measured_mv = 7400;
-    bench.drive_on(0.2f, 0.2f, 260);
-    CHECK(bench.device.reflexes() == 0);
-  }
-}
+namespace {
 
-TEST(a_battery_that_recovers_whenever_the_robot_stops_is_empty_all_the_same) {
-  // Nine tenths of the time below the lowest level, in drives that are shorter than a sag.
-  SensorBench bench(kGuard);
-  bench.open();
-  int drives = 0;
-  for (; drives < 40 && bench.device.faults() == 0; ++drives) {
-    bench.battery.measured_mv = 6000;
-    bench.drive_on(0.2f, 0.2f, 1800);
-    if (bench.device.faults() != 0) break;
-    bench.send(bench.stop());
-    bench.battery.measured_mv = 7400;
-    bench.run(200);
-  }
-  CHECK(bench.device.faults() == fault::kExternal && drives == 1);
-}
+struct Nobody final : SensorObserver {
+  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
+  void on_reading(size_t, const ImuReading&, uint16_t) override {}
+  void on_reading(size_t, const RangeReading&, uint16_t) override {}
+};
 
-TEST(a_start_that_sags_again_and_again_is_no_empty_battery) {
-  SensorBench bench(kGuard);
-  bench.open();
-  for (int i = 0; i < 60; ++i) {
-    bench.battery.measured_mv = 6000;
-    bench.drive_on(0.2f, 0.2f, 300);
-    bench.battery.measured_mv = 7400;
-    bench.drive_on(0.2f, 0.2f, 300);
-    bench.send(bench.stop());
-    bench.run(50);
-  }
-  CHECK(bench.device.faults() == 0 && bench.device.reflexes() == 0);
-}
+/// A voltage that lasts for some time, and the battery's level at its end.
+struct Phase {
+  uint16_t millivolts;
+  int milliseconds;
+  BatteryLevel level;
+};
+/// The phases follow each other so many times.
+struct Course {
+  int times;
+  std::vector<Phase> phases;
+};
 
-TEST(a_level_falls_by_the_time_below_its_own_bound) {
-  SensorBench bench(kGuard);
-  bench.open();
-  const auto drive_at = [&](uint16_t millivolts, int steps) {
-    bench.battery.measured_mv = millivolts;
-    bench.drive_on(0.2f, 0.2f, steps);
+}  // namespace
+
+TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
+  using enum BatteryLevel;
+  const std::vector<Course> cases[] = {
+      // A sag under load is no empty battery, nor is a start that sags again and again.
+      {{1, {{7400, 10, kOk}}}, {10, {{6000, 1900, kOk}, {7400, 260, kOk}}}},
+      {{1, {{7400, 10, kOk}}}, {60, {{6000, 300, kOk}, {7400, 350, kOk}}}},
+      // Nine tenths of the time below STOP, in drives that are shorter than a sag: it is empty.
+      {{1, {{7400, 10, kOk}, {6000, 1800, kOk}, {7400, 200, kOk}, {6000, 300, kStop}}}},
+      // A dip amid a sag that stays above the lower bounds. Then it is deep enough for LIMIT all
+      // the time, and for STOP with an interruption, in which little leaks.
+      {{1,
+        {{7400, 10, kOk},
+         {6950, 1940, kOk},
+         {6300, 100, kWarn},
+         {6950, 5000, kWarn},
+         {6300, 1990, kWarn},
+         {6700, 20, kLimit},
+         {6300, 10, kLimit},
+         {6300, 10, kStop}}}},
+      // It trembles around a 32nd above WARN, 7226 mV, and rises above LIMIT.
+      {{1, {{6700, 20, kLimit}}},
+       {10, {{7200, 476, kLimit}, {7260, 476, kLimit}}},
+       {1, {{7200, 476, kLimit}, {7260, 40, kWarn}}}},
+      // Silence charges no battery; what it fell before counts on, and silence adds nothing.
+      {{1,
+        {{7400, 10, kOk},
+         {6300, 2100, kStop},
+         {7600, 1000, kStop},
+         {0, 9200, kStop},
+         {7600, 9900, kStop},
+         {7600, 200, kOk},
+         {6300, 1500, kOk},
+         {0, 700, kOk},
+         {6300, 450, kOk},
+         {6300, 100, kStop}}}},
   };
-  // A dip amid a sag that stays above the lower bounds.
-  drive_at(6950, 1940);
-  drive_at(6300, 100);
-  CHECK(bench.driven() && bench.device.reflexes() == 0);
-  drive_at(6950, 5000);
-  CHECK(bench.device.reflexes() == 0);
-  drive_at(6300, 1990);
-  CHECK(bench.driven() && bench.device.faults() == 0);
-  // Deep enough for LIMIT all the time, and for STOP with an interruption, in which little leaks.
-  drive_at(6700, 20);
-  CHECK(bench.device.reflexes() == reflex::kLimit);
-  drive_at(6300, 10);
-  CHECK(bench.driven());
-  drive_at(6300, 10);
-  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
-}
-
-TEST(a_voltage_that_trembles_around_one_level_rises_above_a_lower_one) {
-  SensorBench bench(kGuard);
-  bench.battery.measured_mv = 6700;
-  bench.open();
-  CHECK(bench.device.reflexes() == reflex::kLimit);
-  for (int i = 0; i < 22; ++i) {
-    CHECK(bench.device.reflexes() == reflex::kLimit);
-    bench.battery.measured_mv = i % 2 == 0 ? 7200 : 7260;  // A 32nd above WARN is 7226 mV.
-    bench.run(i == 21 ? 40 : 476);
+  for (const auto& courses : cases) {
+    Nobody nobody;
+    test::BenchSensors sensors;
+    SensorHub hub(nobody);
+    hub.start(sensors, kGuard);
+    uint64_t now_us = 0;
+    for (const Course& course : courses)
+      for (int time = 0; time < course.times; ++time)
+        for (const Phase& phase : course.phases) {
+          for (int ms = 0; ms < phase.milliseconds; ++ms)
+            hub.update(phase.millivolts, now_us += 1000);
+          CHECK(hub.battery_level() == phase.level);
+        }
   }
-  CHECK(bench.device.reflexes() == 0);
-}
-
-TEST(silence_neither_charges_nor_empties_a_battery) {
-  SensorBench bench(kGuard);
-  bench.open();
-  bench.battery.measured_mv = 6300;
-  bench.drive_on(0.2f, 0.2f, 2100);
-  CHECK(bench.device.faults() == fault::kExternal);
-  const auto measure = [&](uint16_t millivolts, int milliseconds) {
-    bench.battery.measured_mv = millivolts;
-    bench.run(milliseconds);
-  };
-  measure(7600, 1000);
-  measure(0, 9200);
-  measure(7600, 9900);
-  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
-  measure(7600, 200);
-  CHECK(bench.clear_fault() == RefusalCode::kNone);
-  // What it fell before counts on, and silence adds nothing.
-  measure(6300, 1500);
-  measure(0, 700);
-  measure(6300, 450);
-  CHECK((bench.device.reflexes() & reflex::kStop) == 0);
-  measure(6300, 100);
-  CHECK((bench.device.reflexes() & reflex::kStop) != 0);
 }
 
 namespace {
 
 /// A robot whose battery was at STOP, and has recovered without its load.
-void drive_empty(SensorBench& bench) {
-  bench.open();
-  bench.battery.measured_mv = 6300;
-  bench.drive_on(0.2f, 0.2f, 2100);
-  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
-  bench.battery.measured_mv = 6900;
-  bench.run(100);
-  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
-}
+struct EmptyRobot : SensorRobot {
+  EmptyRobot() : SensorRobot(kGuard) {
+    battery.measured_mv = 6300;
+    drive_on(0.2f, 0.2f, 2100);
+    CHECK(device.faults() == fault::kExternal && !driven());
+    battery.measured_mv = 6900;
+    run(100);
+    CHECK(clear_fault() == RefusalCode::kCausePresent);
+  }
+};
 
 /// A reset of the processor; the battery has 6.9 V.
 void survive(const SensorBench& before, SensorBench& after) {
-  after.latches.record = before.latches.record;
+  after.survive_reset(before);
   after.battery.measured_mv = 6900;
+}
+
+/// What the power sensor measures now.
+void measure(SensorBench& bench, uint16_t millivolts) {
+  bench.sensors.power =
+      PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
 }
 
 }  // namespace
 
 TEST(a_reset_charges_no_battery) {
-  SensorBench first(kGuard);
-  drive_empty(first);
+  EmptyRobot first;
   // Neither does a reset on a board whose list has no levels, such as a list on trial.
   SensorBench second(kBumpers);
   survive(first, second);
@@ -528,10 +430,9 @@ TEST(a_reset_charges_no_battery) {
 }
 
 TEST(after_a_power_cut_the_first_voltage_decides) {
-  SensorBench first(kGuard);
-  drive_empty(first);
+  EmptyRobot first;
   SensorBench second(kGuard);
-  second.latch_store.block = first.latch_store.block;
+  second.survive_power_cut(first);
   second.battery.measured_mv = 6900;
   second.open();
   second.drive_on(0.2f, 0.2f, 50);
@@ -539,8 +440,7 @@ TEST(after_a_power_cut_the_first_voltage_decides) {
 }
 
 TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
-  SensorBench first(kGuard);
-  first.open();
+  SensorRobot first(kGuard);
   first.battery.measured_mv = 0;
   first.drive_on(0.2f, 0.2f, 200);
   CHECK(first.device.faults() == fault::kExternal);
@@ -555,34 +455,21 @@ TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
   CHECK(second.device.faults() == fault::kExternal);
 }
 
-TEST(an_empty_battery_drives_not_even_at_first) {
-  SensorBench bench(kGuard);
-  bench.battery.measured_mv = 6000;
-  bench.open();
-  for (int i = 0; i < 50; ++i) {
-    bench.drive_on(0.2f, 0.2f, 1);
-    CHECK(!bench.driven());
-  }
-}
-
 TEST(a_battery_that_was_not_read_yet_refuses_setpoints_and_then_stops) {
   SensorBench bench(kGuard);
   bench.battery.measured_mv = 0;
   bench.open();
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.step();
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kBooting);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(bench.last_refusal() == RefusalCode::kBooting);
   CHECK(bench.state() == SupervisorState::kIdle);
   bench.run(1000);
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.step();
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(bench.last_refusal() == RefusalCode::kFault);
   CHECK(bench.device.faults() == fault::kExternal);
 }
 
 TEST(a_divider_whose_wire_breaks_stops_the_robot) {
-  SensorBench bench(kGuard);
-  bench.open();
+  SensorRobot bench(kGuard);
   bench.drive_on(0.2f, 0.2f, 20);
   bench.battery.measured_mv = 0;
   bench.drive_on(0.2f, 0.2f, 90);
@@ -601,18 +488,14 @@ TEST(a_battery_that_is_only_measured_stops_nothing) {
 
 TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
   SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}), false);
-  const auto measure = [&](uint16_t millivolts) {
-    bench.sensors.power =
-        PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
-  };
-  measure(7400);
+  measure(bench, 7400);
   bench.open();
   for (int i = 0; i < 10; ++i) {
-    measure(7400);
+    measure(bench, 7400);
     bench.drive_on(0.2f, 0.2f, 100);
   }
   CHECK(bench.driven() && bench.device.faults() == 0);
-  measure(7400);
+  measure(bench, 7400);
   bench.drive_on(0.2f, 0.2f, 195);
   CHECK(bench.driven());
   bench.drive_on(0.2f, 0.2f, 10);
@@ -622,36 +505,25 @@ TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
 TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
   SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}));
   bench.battery.measured_mv = 7600;
-  const auto measure = [&](uint16_t millivolts) {
-    bench.sensors.power =
-        PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
-  };
-  measure(5800);
+  measure(bench, 5800);
   bench.open();
-  measure(5800);
+  measure(bench, 5800);
   bench.drive_on(0.2f, 0.2f, 20);
   CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
 }
 
 TEST(a_battery_that_nothing_measures_is_missing_after_a_second) {
-  SensorBench bench(kGuard, false);
-  bench.open();
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.step();
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kBooting);
+  SensorRobot bench(kGuard, false);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(bench.last_refusal() == RefusalCode::kBooting);
   bench.run(1000);
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.step();
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(bench.last_refusal() == RefusalCode::kFault);
   CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
 }
 
 TEST(charge_is_counted_while_the_current_is_measured) {
-  struct Nobody final : SensorObserver {
-    void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
-    void on_reading(size_t, const ImuReading&, uint16_t) override {}
-    void on_reading(size_t, const RangeReading&, uint16_t) override {}
-  } nobody;
+  Nobody nobody;
   const PeripheralList list = list_of({kIna219});
   test::BenchSensors sensors;
   SensorHub hub(nobody);
@@ -684,8 +556,7 @@ TEST(charge_is_counted_while_the_current_is_measured) {
 // --- what the host is sent -----------------------------------------------------------------------
 
 TEST(a_host_that_did_not_ask_is_sent_nothing) {
-  SensorBench bench(kBumpers);
-  bench.open();
+  SensorRobot bench(kBumpers);
   bench.set_level(0, true);
   bench.run(2000);
   CHECK(bench.of<SensorEvent>().empty() && bench.of<Inputs>().empty());
@@ -693,8 +564,7 @@ TEST(a_host_that_did_not_ask_is_sent_nothing) {
 }
 
 TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
-  SensorBench bench(list_of({kMpu6050, bumper(Place::kFront)}));
-  bench.open();
+  SensorRobot bench(list_of({kMpu6050, bumper(Place::kFront)}));
   CHECK(bench.refusal(SensorStream{.rate_hz = 200}) == RefusalCode::kNone);
   bench.run(5);
   CHECK(bench.of<SensorInfo>().size() == 2 && bench.of<Inputs>().size() == 1);
@@ -718,15 +588,14 @@ TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
   CHECK(bench.of<Inputs>().back().triggered == 2);
   CHECK(bench.of<Inputs>().back().edges_1 == 1);
   CHECK(bench.of<Inputs>().back().reflexes == reflex::kNoForward);
-  bool triggered = false;
-  for (const SensorEvent& event : bench.of<SensorEvent>())
-    triggered = triggered || (event.code == SensorEventCode::kTriggered && event.channel == 1);
-  CHECK(triggered);
+  const auto events = bench.of<SensorEvent>();
+  CHECK(std::ranges::any_of(events, [](const SensorEvent& event) {
+    return event.code == SensorEventCode::kTriggered && event.channel == 1;
+  }));
 }
 
 TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
-  SensorBench bench(list_of({kMpu6050}));
-  bench.open();
+  SensorRobot bench(list_of({kMpu6050}));
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.sensors.imu = ImuReading{.state = SensorState::kOk, .t_us = bench.now_us};
   bench.run(11);
@@ -743,8 +612,7 @@ TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
 }
 
 TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
-  SensorBench bench(list_of({kMpu6050, bumper(Place::kFront)}));
-  bench.open();
+  SensorRobot bench(list_of({kMpu6050, bumper(Place::kFront)}));
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(100);
   bench.received.clear();
@@ -755,36 +623,6 @@ TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
   CHECK(bench.of<Imu>().size() > 390);
   CHECK(bench.of<Inputs>().size() == 2);
   CHECK(bench.of<Inputs>().back().edges_0 == 0);
-}
-
-TEST(states_go_before_sensors_on_a_slow_line) {
-  SensorBench bench(list_of({kMpu6050}));
-  bench.line.rate = 11'520;
-  bench.open();
-  CHECK(bench.refusal(SetStreamRate{.rate_hz = 150}) == RefusalCode::kNone);
-  bench.received.clear();
-  bench.refusal(SensorStream{.rate_hz = 200});
-  bench.run(3);
-  const auto events = bench.of<SensorEvent>();
-  CHECK(!events.empty() && events[0].code == SensorEventCode::kReduced);
-  const uint16_t rate_hz = events[0].value;
-  CHECK(rate_hz > 0 && rate_hz < 100);
-  CHECK(bench.of<SensorInfo>()[0].rate_hz == rate_hz);
-  const double bytes = 150.0 * frame_size(WheelState::kSize) + rate_hz * frame_size(Imu::kSize);
-  CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
-}
-
-TEST(an_imu_that_gets_nothing_of_the_line_is_reported) {
-  SensorBench bench(list_of({kMpu6050}));
-  bench.line.rate = 11'520;
-  bench.open();
-  CHECK(bench.refusal(SetStreamRate{.rate_hz = 188}) == RefusalCode::kNone);
-  bench.received.clear();
-  bench.refusal(SensorStream{.rate_hz = 200});
-  bench.run(3);
-  const auto events = bench.of<SensorEvent>();
-  CHECK(!events.empty() && events[0].code == SensorEventCode::kReduced && events[0].value == 0);
-  CHECK(bench.of<SensorInfo>()[0].rate_hz == 0);
 }
 
 namespace {
@@ -814,8 +652,7 @@ TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
   imu.value_a = 3;
   imu.value_b = 0xffff;
   imu.value_c = 0x8000;
-  SensorBench bench(list_of({imu}));
-  bench.open();
+  SensorRobot bench(list_of({imu}));
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(2);
   const SensorInfo info = bench.of<SensorInfo>().back();
@@ -847,18 +684,36 @@ TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
   CHECK(bench.of<SensorEvent>().back().value == static_cast<uint16_t>(SensorState::kAbsent));
 }
 
-TEST(ranges_go_before_an_imu_on_a_slow_line) {
-  SensorBench bench(list_of({kRange, kMpu6050}));
-  bench.line.rate = 11'520;
-  bench.open();
-  CHECK(bench.refusal(SetStreamRate{.rate_hz = 100}) == RefusalCode::kNone);
-  bench.refusal(SensorStream{.rate_hz = 200});
-  bench.run(3);
-  const uint16_t rate_hz = bench.of<SensorInfo>()[0].rate_hz;
-  const double others = 100.0 * frame_size(WheelState::kSize) + 17 * frame_size(Range::kSize);
-  const double bytes = others + rate_hz * frame_size(Imu::kSize);
-  CHECK(rate_hz > 0 && rate_hz < 200);
-  CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
+TEST(on_a_slow_line_states_go_before_ranges_and_these_before_an_imu) {
+  const double state = frame_size(WheelState::kSize);
+  const double imu = frame_size(Imu::kSize);
+  struct Case {
+    PeripheralList list;
+    uint16_t state_rate_hz;
+    double others;  ///< Bytes per second of all but the IMU.
+    bool leaves_room;
+  };
+  const Case cases[] = {
+      {list_of({kMpu6050}), 150, 150 * state, true},
+      {list_of({kRange, kMpu6050}), 100, 100 * state + 17 * frame_size(Range::kSize), true},
+      {list_of({kMpu6050}), 188, 188 * state, false},
+  };
+  for (const Case& one : cases) {
+    SensorBench bench(one.list);
+    bench.line.rate = 11'520;
+    bench.open();
+    CHECK(bench.refusal(SetStreamRate{.rate_hz = one.state_rate_hz}) == RefusalCode::kNone);
+    bench.received.clear();
+    bench.refusal(SensorStream{.rate_hz = 200});
+    bench.run(3);
+    const auto events = bench.of<SensorEvent>();
+    CHECK(!events.empty() && events[0].code == SensorEventCode::kReduced);
+    const uint16_t rate_hz = bench.of<SensorInfo>()[0].rate_hz;
+    CHECK(rate_hz == events[0].value && rate_hz < 200);
+    const double bytes = one.others + rate_hz * imu;
+    if (one.leaves_room) CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
+    CHECK((rate_hz > 0) == one.leaves_room);
+  }
 }
 
 TEST(an_analogue_input_is_sent_when_it_has_moved_and_each_second) {
@@ -883,8 +738,7 @@ TEST(an_analogue_input_is_sent_when_it_has_moved_and_each_second) {
 }
 
 TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
-  SensorBench bench(kAnalog);
-  bench.open();
+  SensorRobot bench(kAnalog);
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(30);
   CHECK(bench.of<Inputs>().back().stale == 1);
@@ -900,40 +754,25 @@ TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
 
 // --- rolling -------------------------------------------------------------------------------------
 
-namespace {
-
-/// The events of a robot that rolls at 0.576 m/s while its host drives on against a bumper.
-int rolling_events(SensorBench& bench, float left_mps, float right_mps, int steps) {
-  for (int i = 0; i < steps; ++i) {
-    bench.send(bench.velocity(left_mps, right_mps));
-    bench.turn(1, 1);
-    bench.step();
+TEST(a_robot_that_rolls_while_a_bumper_holds_it_is_reported) {
+  SensorRobot bench(kBumpers);
+  bench.set_level(0, true);
+  for (int i = 0; i < 1500; ++i) {
+    bench.send(bench.velocity(0.2f, 0.2f));
+    bench.roll(1);  // 0.576 m/s
   }
-  int events = 0;
+  CHECK(bench.count(EventCode::kRolling) == 1);
   for (const Event& event : bench.of<Event>()) {
     if (event.code != EventCode::kRolling) continue;
-    ++events;
     CHECK(event.after == SupervisorState::kDriving);
     CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
   }
-  return events;
-}
-
-}  // namespace
-
-TEST(a_robot_that_rolls_while_a_bumper_holds_it_is_reported) {
-  SensorBench bench(kBumpers);
-  bench.open();
-  bench.set_level(0, true);
-  CHECK(rolling_events(bench, 0.2f, 0.2f, 1500) == 1);
   CHECK(bench.state() == SupervisorState::kDriving && !forward(bench));
 }
 
 TEST(a_robot_that_a_bumper_lets_drive_back_does_not_roll) {
-  SensorBench bench(kBumpers);
-  bench.open();
+  SensorRobot bench(kBumpers);
   bench.set_level(0, true);
   bench.drive_on(-0.4f, -0.4f, 1500);
-  CHECK(bench.driven());
-  for (const Event& event : bench.of<Event>()) CHECK(event.code != EventCode::kRolling);
+  CHECK(bench.driven() && bench.count(EventCode::kRolling) == 0);
 }

@@ -29,6 +29,7 @@ class BenchBridge final : public StagePort {
   }
 
   bool brakes() const { return in1 == in2 && enable != 0; }
+  bool coasts() const { return enable == 0; }
   /// EN's duty, with the direction's sign; braking and coasting are 0.
   int duty() const { return in1 == in2 ? 0 : in1 ? enable : -enable; }
 
@@ -127,11 +128,16 @@ class RobotBench {
   /// As `open`, but as a program does whose library reconnects by itself: nothing arms.
   RobotBench& connect() {
     start();
-    send(hello(kNonce));
-    send(Ping{session_id(), ++request_id, 0});
+    greet();
     step();
     received.clear();
     return *this;
+  }
+  /// Asks for a session, and synchronises its clock if `pings`, before the next step.
+  void greet(uint32_t nonce = kNonce, bool pings = true) {
+    nonce_ = nonce;
+    send(hello(nonce));
+    if (pings) send(Ping{session_id(), ++request_id, 0});
   }
   /// A zero setpoint, and a stop that leaves the windings open, before the next step.
   void arm() {
@@ -144,7 +150,8 @@ class RobotBench {
     step();
   }
 
-  uint32_t session_id() const { return kNonce ^ kBootId; }
+  /// Of the last greeting.
+  uint32_t session_id() const { return nonce_ ^ kBootId; }
   static Hello hello(uint32_t nonce) {
     return {.nonce = nonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash};
   }
@@ -179,6 +186,10 @@ class RobotBench {
   RefusalCode set(ParameterId id, float value) {
     return refusal(ParameterSet{.parameter = static_cast<uint8_t>(id), .value = value});
   }
+  /// Sets all of these, of which none is refused.
+  void configure(std::initializer_list<std::pair<ParameterId, float>> values) {
+    for (const auto& [id, value] : values) CHECK(set(id, value) == RefusalCode::kNone);
+  }
   RefusalCode clear_fault() { return refusal(ClearFault{}); }
   RefusalCode clear_estop() { return refusal(ClearEstop{}); }
 
@@ -196,6 +207,15 @@ class RobotBench {
     send(velocity(left_mps, right_mps));
     run(steps);
   }
+  void drive_duty(int16_t left_q15, int16_t right_q15, int steps = 100) {
+    send(duty(left_q15, right_q15));
+    run(steps);
+  }
+  /// An e-stop of another program, and a step.
+  void estop() {
+    send(Estop{});
+    step();
+  }
 
   /// One control period, with a step at its end.
   void step(uint64_t elapsed_us = kPeriodUs) {
@@ -212,6 +232,13 @@ class RobotBench {
     device.service_link(now_us);
     collect();
   }
+  /// Steps, each of which finds that both wheels have turned by these ticks.
+  void roll(int steps, int left_ticks = 1, int right_ticks = 1) {
+    for (int i = 0; i < steps; ++i) {
+      turn(left_ticks, right_ticks);
+      step();
+    }
+  }
   /// Advances both counters.
   void turn(int left_ticks, int right_ticks) {
     encoders.counts.left = static_cast<int16_t>(encoders.counts.left + left_ticks);
@@ -226,7 +253,38 @@ class RobotBench {
     }
     return found;
   }
+  size_t count(EventCode code) const {
+    size_t found = 0;
+    for (const Event& event : of<Event>()) found += event.code == code;
+    return found;
+  }
+  RefusalCode last_refusal() const {
+    const auto refusals = of<Refuse>();
+    return refusals.empty() ? RefusalCode::kNone : refusals.back().code;
+  }
+  /// The last one of the next steps, alone.
+  WheelState newest_state() {
+    received.clear();
+    run(20);
+    return of<WheelState>().back();
+  }
   bool driven() const { return left.duty() != 0 || right.duty() != 0; }
+  bool brakes() const { return left.brakes() && right.brakes(); }
+  bool coasts() const { return left.coasts() && right.coasts(); }
+  /// Nothing switched under current, and each change came after a period with EN low.
+  bool switched_gently() const {
+    return !left.switched_under_current && !right.switched_under_current &&
+           left.shortest_pause_us >= kPeriodUs && right.shortest_pause_us >= kPeriodUs;
+  }
+  /// Before its start: what `other` keeps through a reset of the processor, or a cut of the power.
+  RobotBench& survive_reset(const RobotBench& other) {
+    latches.record = other.latches.record;
+    return survive_power_cut(other);
+  }
+  RobotBench& survive_power_cut(const RobotBench& other) {
+    latch_store.block = other.latch_store.block;
+    return *this;
+  }
   SupervisorState state() const { return device.state(); }
 
   uint64_t now_us;
@@ -275,12 +333,18 @@ class RobotBench {
   }
 
   FrameDecoder decoder_{body_size};
+  uint32_t nonce_ = kNonce;
   uint16_t seq_ = 0;
 };
 
 /// One that is ready to drive.
 struct OpenRobot : RobotBench {
   OpenRobot() { open(); }
+};
+
+/// One that drives forward.
+struct DrivingRobot : RobotBench {
+  DrivingRobot() { open().drive(0.2f, 0.2f); }
 };
 
 }  // namespace wheelwire::test

@@ -4,10 +4,13 @@
 
 using namespace wheelwire;
 using enum ParameterId;
+using test::DrivingRobot;
 using test::OpenRobot;
 using test::RobotBench;
 
 namespace {
+
+const ParameterSpec& spec_of(ParameterId id) { return kParameters[static_cast<size_t>(id) - 1]; }
 
 /// A value other than the active one, within the parameter's bounds and without contradicting
 /// others.
@@ -16,61 +19,43 @@ float another_value(const ParameterSpec& spec) {
   return spec.default_value == spec.minimum ? spec.maximum : spec.minimum;
 }
 
-template <typename Visit>
-void for_each_parameter(Visit&& visit) {
-  for (const ParameterSpec& spec : kParameters) visit(spec);
+RefusalCode refused_unless(bool may_change) {
+  return may_change ? RefusalCode::kNone : RefusalCode::kNotStopped;
 }
 
 }  // namespace
 
 // --- a stop that slews ---------------------------------------------------------------------------
 
-TEST(a_stop_in_a_step_leaves_enable_low_for_a_whole_period) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
-  CHECK(bench.driven());
-  bench.send(bench.stop(StopMode::kBrake));
-  bench.step();
-  CHECK(bench.left.enable == 0);
-  bench.run(3);
-  CHECK(bench.left.brakes() && bench.right.brakes());
-  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
-  CHECK(bench.right.shortest_pause_us >= RobotBench::kPeriodUs);
-}
-
-TEST(a_stop_between_two_steps_leaves_enable_low_for_a_whole_period) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
-  bench.now_us += 969;
-  bench.send(bench.stop(StopMode::kBrake));
-  bench.service();
-  CHECK(!bench.driven() && bench.left.enable == 0);
-  bench.step(31);
-  bench.run(3);
-  CHECK(bench.left.brakes() && bench.right.brakes());
-  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
-  CHECK(!bench.left.switched_under_current);
+TEST(a_stop_leaves_enable_low_for_a_whole_period) {
+  for (const bool in_step : {false, true}) {
+    DrivingRobot bench;
+    CHECK(bench.driven());
+    bench.now_us += in_step ? 0 : 969;
+    bench.send(bench.stop(StopMode::kBrake));
+    if (!in_step) bench.service();
+    if (in_step) bench.step();
+    CHECK(bench.coasts());
+    bench.step(in_step ? RobotBench::kPeriodUs : 31);
+    bench.run(3);
+    CHECK(bench.brakes() && bench.switched_gently());
+  }
 }
 
 TEST(a_stop_and_a_reversal_in_one_read_leave_enable_low_for_a_whole_period) {
-  for (const bool twice : {false, true}) {
+  for (const int times : {1, 2}) {
     OpenRobot bench;
-    bench.send(bench.duty(20'000, 20'000));
-    bench.run(100);
+    bench.drive_duty(20'000, 20'000);
     CHECK(bench.left.duty() > 10'000);
     bench.now_us += 969;
-    bench.send(bench.stop(StopMode::kBrake));
-    bench.send(bench.duty(-20'000, -20'000));
-    if (twice) {
+    for (int i = 0; i < times; ++i) {
       bench.send(bench.stop(StopMode::kBrake));
       bench.send(bench.duty(-20'000, -20'000));
     }
     bench.service();
     bench.step(31);
     bench.run(10);
-    CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
-    CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
-    CHECK(!bench.left.switched_under_current);
+    CHECK(bench.left.duty() < 0 && bench.right.duty() < 0 && bench.switched_gently());
   }
 }
 
@@ -80,56 +65,44 @@ TEST(a_deadline_brakes_as_configured_after_a_period_with_enable_low) {
   bench.run(49);
   CHECK(bench.driven());
   bench.step();
-  CHECK(!bench.driven() && bench.state() == SupervisorState::kTimedOut);
+  CHECK(bench.coasts());
   bench.run(2);
-  CHECK(bench.left.brakes() && bench.right.brakes());
-  CHECK(bench.left.shortest_pause_us == RobotBench::kPeriodUs);
+  CHECK(bench.brakes() && bench.left.shortest_pause_us == RobotBench::kPeriodUs);
   bench.run(1000);
-  CHECK(!bench.left.brakes() && bench.left.enable == 0);
+  CHECK(bench.coasts());
 }
 
 // --- parameters ----------------------------------------------------------------------------------
 
 TEST(every_parameter_says_when_it_may_change_and_is_refused_otherwise) {
-  for_each_parameter([](const ParameterSpec& spec) {
-    using enum RefusalCode;
+  for (const ParameterSpec& spec : kParameters) {
     const float value = another_value(spec);
-    RobotBench idle;
-    idle.open();
-    CHECK(idle.set(spec.id, value) == kNone);
+    CHECK(OpenRobot().set(spec.id, value) == RefusalCode::kNone);
 
-    RobotBench driving;
-    driving.open().drive(0.1f, 0.1f);
+    DrivingRobot driving;
     const bool always = spec.changes == ParameterChanges::kAlways;
-    CHECK(driving.set(spec.id, value) == (always ? kNone : kNotStopped));
-    CHECK(driving.set(spec.id, always ? value : spec.default_value) == kNone);
+    CHECK(driving.set(spec.id, value) == refused_unless(always));
+    CHECK(driving.set(spec.id, always ? value : spec.default_value) == RefusalCode::kNone);
     CHECK(driving.state() == SupervisorState::kDriving);
 
-    RobotBench latched;
-    latched.open().send(Estop{});
-    latched.step();
-    const bool refused = spec.changes == ParameterChanges::kReleased;
-    CHECK(latched.set(spec.id, value) == (refused ? kNotStopped : kNone));
-    CHECK(latched.set(spec.id, refused ? spec.default_value : value) == kNone);
-  });
-}
+    OpenRobot latched;
+    latched.estop();
+    const bool may_change = spec.changes != ParameterChanges::kReleased;
+    CHECK(latched.set(spec.id, value) == refused_unless(may_change));
+    CHECK(latched.set(spec.id, may_change ? value : spec.default_value) == RefusalCode::kNone);
 
-TEST(what_must_not_change_while_driving_does_not_change_while_a_wheel_turns_either) {
-  for_each_parameter([](const ParameterSpec& spec) {
-    OpenRobot bench;
+    OpenRobot turning;
     for (int i = 0; i < 20; ++i) {
-      bench.turn(0, -1);
-      bench.run(5);
+      turning.turn(0, -1);
+      turning.run(5);
     }
-    CHECK(bench.state() == SupervisorState::kIdle);
-    const bool always = spec.changes == ParameterChanges::kAlways;
-    CHECK(bench.set(spec.id, another_value(spec)) ==
-          (always ? RefusalCode::kNone : RefusalCode::kNotStopped));
-    CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
-    bench.run(600);
-    CHECK(bench.set(spec.id, another_value(spec)) == RefusalCode::kNone);
-    CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNone);
-  });
+    CHECK(turning.state() == SupervisorState::kIdle);
+    CHECK(turning.set(spec.id, value) == refused_unless(always));
+    CHECK(turning.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
+    turning.run(600);
+    CHECK(turning.set(spec.id, value) == RefusalCode::kNone);
+    CHECK(turning.refusal(ParameterReset{}) == RefusalCode::kNone);
+  }
 }
 
 TEST(the_moment_between_two_drives_lets_no_geometry_in) {
@@ -162,33 +135,14 @@ TEST(no_parameter_changes_before_the_saved_ones_are_loaded) {
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kBooting);
 }
 
-TEST(what_must_not_change_while_driving_is_exactly_this) {
-  for_each_parameter([](const ParameterSpec& spec) {
-    switch (spec.id) {
-      case kEstopInputEnabled:
-        return CHECK(spec.changes == ParameterChanges::kReleased);
-      case kWheelRadius:
-      case kWheelSeparation:
-      case kCountsPerRevolution:
-      case kControlRateHz:
-      case kTtlMaxS:
-      case kStopMode:
-      case kBrakeTimeS:
-      case kStallDuty:
-      case kStallTimeS:
-      case kReversalDuty:
-      case kReversalVelocityMps:
-      case kOverrunLimitUs:
-      case kLeftMotorInverted:
-      case kRightMotorInverted:
-      case kLeftEncoderInverted:
-      case kRightEncoderInverted:
-      case kRearmGapS:
-        return CHECK(spec.changes == ParameterChanges::kStopped);
-      default:
-        return;
-    }
-  });
+TEST(what_must_not_change_while_driving_is_at_least_this) {
+  for (const ParameterId id :
+       {kWheelRadius, kWheelSeparation, kCountsPerRevolution, kControlRateHz, kTtlMaxS, kStopMode,
+        kBrakeTimeS, kStallDuty, kStallTimeS, kReversalDuty, kReversalVelocityMps, kOverrunLimitUs,
+        kLeftMotorInverted, kRightMotorInverted, kLeftEncoderInverted, kRightEncoderInverted,
+        kRearmGapS})
+    CHECK(spec_of(id).changes == ParameterChanges::kStopped);
+  CHECK(spec_of(kEstopInputEnabled).changes == ParameterChanges::kReleased);
 }
 
 TEST(an_open_contact_cannot_be_switched_off) {
@@ -233,8 +187,7 @@ TEST(a_closed_contact_can_be_switched_off_and_is_then_ignored) {
 }
 
 TEST(parameters_are_neither_saved_nor_reset_while_driving) {
-  RobotBench bench;
-  bench.open().drive(0.1f, 0.1f);
+  DrivingRobot bench;
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNotStopped);
   CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
   CHECK(bench.store.block.empty());
@@ -248,41 +201,32 @@ TEST(parameters_are_neither_saved_nor_reset_while_driving) {
 }
 
 TEST(an_estopped_robot_may_be_saved) {
-  RobotBench bench;
-  bench.open().send(Estop{});
-  bench.step();
+  OpenRobot bench;
+  bench.estop();
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNone);
 }
 
-TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
-  OpenRobot bench;
-  bench.send(bench.duty(20'000, -20'000));
-  bench.run(100);
-  CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -20'000);
-  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
-  CHECK(bench.left.duty() == 20'000);
-  bench.run(40);
-  CHECK(bench.left.duty() == 16'384 && bench.right.duty() == -16'384);
-  CHECK(bench.set(kMaxDuty, 1.0f) == RefusalCode::kNone);
-  bench.run(40);
-  CHECK(bench.left.duty() == 20'000);
-}
-
-TEST(a_limit_that_is_lowered_while_driving_keeps_the_ratio_of_the_wheels) {
-  OpenRobot bench;
-  bench.send(bench.duty(20'000, -10'000));
-  bench.run(100);
-  CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -10'000);
-  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
-  bench.run(40);
-  // 0.5 of 32767, and half of it.
-  CHECK(bench.left.duty() == 16'384 && magnitude(bench.right.duty() + 8192) <= 1);
+TEST(a_limit_that_changes_while_driving_holds_for_both_wheels_and_keeps_their_ratio) {
+  for (const int16_t right : {int16_t{-20'000}, int16_t{-10'000}}) {
+    OpenRobot bench;
+    bench.drive_duty(20'000, right);
+    CHECK(bench.left.duty() == 20'000 && bench.right.duty() == right);
+    CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+    CHECK(bench.left.duty() == 20'000);
+    bench.run(40);
+    // 0.5 of 32767, and its part.
+    CHECK(bench.left.duty() == 16'384);
+    const int rounding = right == -20'000 ? 0 : 1;
+    CHECK(magnitude(bench.right.duty() - right * 16'384 / 20'000) <= rounding);
+    CHECK(bench.set(kMaxDuty, 1.0f) == RefusalCode::kNone);
+    bench.run(40);
+    CHECK(bench.left.duty() == 20'000 && bench.right.duty() == right);
+  }
 }
 
 TEST(a_limit_that_is_read_in_a_control_step_holds_from_the_next_one_on) {
   OpenRobot bench;
-  bench.send(bench.duty(20'000, 20'000));
-  bench.run(100);
+  bench.drive_duty(20'000, 20'000);
   bench.send(
       ParameterSet{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty), 0.5f});
   bench.step();
@@ -308,8 +252,7 @@ TEST(a_limit_and_a_setpoint_in_one_read_are_taken_in_their_order) {
 // --- faults --------------------------------------------------------------------------------------
 
 TEST(a_fault_of_one_step_is_told_and_counted_though_clears_are_waiting) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
+  DrivingRobot bench;
   bench.received.clear();
   for (int i = 0; i < 3; ++i) bench.send(ClearFault{bench.session_id(), ++bench.request_id});
   bench.step(50'000);  // CONTROL_OVERRUN
@@ -333,17 +276,15 @@ TEST(a_fault_is_counted_once_however_long_it_lasts) {
 }
 
 TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
-  RobotBench bench;
-  bench.open().drive(0.2f, 0.2f);
+  DrivingRobot bench;
   bench.step(50'000);
-  bench.send(Estop{});
-  bench.step();
+  bench.estop();
   CHECK(bench.state() == SupervisorState::kEstopped);
   bench.send(ClearEstop{bench.session_id(), ++bench.request_id});
   bench.send(bench.velocity(0.2f, 0.2f));
   bench.service();
   CHECK(bench.state() == SupervisorState::kFault);
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  CHECK(bench.last_refusal() == RefusalCode::kFault);
   bench.step();
   CHECK(!bench.driven());
 }
@@ -351,8 +292,7 @@ TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
 TEST(a_correction_that_is_switched_off_while_driving_is_slewed_away) {
   constexpr int32_t kSlewUmps = 1500;  // 1.5 m/s^2 at 1 kHz.
   OpenRobot bench;
-  CHECK(bench.set(kPathGain, 0) == RefusalCode::kNone);
-  CHECK(bench.set(kPathCatchUp, 0.1f) == RefusalCode::kNone);
+  bench.configure({{kPathGain, 0}, {kPathCatchUp, 0.1f}});
   // The left wheel stays behind, and the heading is corrected.
   for (int i = 0; i < 250; ++i) {
     bench.turn(0, i % 2);
@@ -378,19 +318,16 @@ TEST(a_correction_that_is_switched_off_while_driving_is_slewed_away) {
 TEST(the_fastest_wheel_and_the_steepest_slew_overflow_nothing) {
   for (const int ticks : {16'000, -16'000}) {
     OpenRobot bench;
-    CHECK(bench.set(kGlitchFilterNs, 0) == RefusalCode::kNone);
-    CHECK(bench.set(kCountsPerRevolution, 4) == RefusalCode::kNone);
-    CHECK(bench.set(kWheelRadius, 1.0f) == RefusalCode::kNone);
-    CHECK(bench.set(kMaxAccelerationMps2, 100.0f) == RefusalCode::kNone);
+    bench.configure({{kGlitchFilterNs, 0},
+                     {kCountsPerRevolution, 4},
+                     {kWheelRadius, 1},
+                     {kMaxAccelerationMps2, 100}});
     for (int i = 0; i < 400; ++i) {
       const int register_value = bench.encoders.counts.left + ticks;
       bench.encoders.counts.left = static_cast<int16_t>(register_value % kCounterLimit);
       bench.encoders.counts.right = bench.encoders.counts.left;
-      if (i < 200) {
-        bench.step();
-        continue;
-      }
-      bench.send(bench.velocity(ticks > 0 ? -10.0f : 10.0f, ticks > 0 ? -10.0f : 10.0f));
+      const float mps = ticks > 0 ? -10.0f : 10.0f;
+      if (i >= 200) bench.send(bench.velocity(mps, mps));
       bench.step();
     }
     CHECK(bench.driven() || bench.device.faults() != 0);
@@ -404,8 +341,7 @@ TEST(a_parameter_and_the_first_setpoint_in_one_step_leave_its_duty) {
     const ParameterSet set{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty),
                            0.9f};
     if (sets) bench.send(set);
-    bench.send(bench.velocity(0.2f, 0.2f));
-    bench.run(2);
+    bench.drive(0.2f, 0.2f, 2);
     duties[sets] = bench.left.duty();
   }
   CHECK(duties[0] > 0 && duties[0] == duties[1]);

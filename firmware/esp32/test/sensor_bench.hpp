@@ -60,10 +60,21 @@ class SensorBench : public RobotBench {
     const auto bit = static_cast<uint16_t>(1u << channel);
     sensors.at_pins = static_cast<uint16_t>(high ? sensors.at_pins | bit : sensors.at_pins & ~bit);
   }
+  /// Triggers an input, and a step.
+  void touch(size_t channel) {
+    set_level(channel, true);
+    step();
+  }
   /// Commands it before each step, as a program does that streams; the wheels do as commanded.
   void drive_on(float left_mps, float right_mps, int steps) {
     for (int i = 0; i < steps; ++i) {
       send(velocity(left_mps, right_mps));
+      follow(1);
+    }
+  }
+  /// The wheels do as commanded.
+  void follow(int steps) {
+    for (int i = 0; i < steps; ++i) {
       const WheelPair commanded = device.commanded();
       turn(ticks(commanded.left, rest_[0]), ticks(commanded.right, rest_[1]));
       step();
@@ -86,6 +97,14 @@ class SensorBench : public RobotBench {
   }
 
   double rest_[2]{};
+};
+
+/// One that is ready to drive.
+struct SensorRobot : SensorBench {
+  explicit SensorRobot(const PeripheralList& peripherals, bool has_divider = true)
+      : SensorBench(peripherals, has_divider) {
+    open();
+  }
 };
 
 }  // namespace wheelwire::test

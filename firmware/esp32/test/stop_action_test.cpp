@@ -4,6 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
+using test::DrivingRobot;
 using test::OpenRobot;
 using test::RobotBench;
 using enum StopMode;
@@ -21,13 +22,14 @@ bool stays_shorted(RobotBench& bench, int steps) {
   return true;
 }
 
-/// A robot that brakes after a stop of its session.
-void brake(RobotBench& bench, StopMode mode = kBrake) {
-  bench.open().drive(0.2f, 0.2f);
-  bench.send(bench.stop(mode));
-  bench.run(5);
-  CHECK(bench.left.brakes() && bench.right.brakes());
-}
+/// One that brakes after a stop of its session.
+struct BrakingRobot : DrivingRobot {
+  explicit BrakingRobot(StopMode mode = kBrake) {
+    send(stop(mode));
+    run(5);
+    CHECK(brakes());
+  }
+};
 
 }  // namespace
 
@@ -78,8 +80,7 @@ TEST(a_stop_that_follows_an_estop_leaves_it_as_it_is) {
 // --- at the robot's pins -------------------------------------------------------------------------
 
 TEST(a_flood_of_stops_never_opens_the_short) {
-  RobotBench bench;
-  brake(bench);
+  BrakingRobot bench;
   for (int i = 0; i < 500; ++i) {
     Stop stop = bench.stop(i % 3 == 0 ? kBrake : kConfigured);
     if (i % 2 == 0) stop.session_id ^= 1;
@@ -90,45 +91,38 @@ TEST(a_flood_of_stops_never_opens_the_short) {
 }
 
 TEST(a_contact_that_stays_open_never_opens_the_short) {
-  RobotBench bench;
-  brake(bench);
+  BrakingRobot bench;
   bench.contact.open = true;
   CHECK(stays_shorted(bench, 900));
 }
 
 TEST(a_stop_at_a_setpoint_of_zero_does_not_open_the_short) {
-  RobotBench bench;
-  bench.open().drive(0.0f, 0.0f);
-  CHECK(bench.left.brakes() && bench.right.brakes());
+  OpenRobot bench;
+  bench.drive(0.0f, 0.0f);
+  CHECK(bench.brakes());
   bench.send(bench.stop(kBrake));
   CHECK(stays_shorted(bench, 500));
 }
 
 TEST(only_a_stop_of_the_session_that_names_a_mode_ends_a_brake) {
-  RobotBench bench;
-  brake(bench, kBrakeUntilDriven);
+  BrakingRobot bench(kBrakeUntilDriven);
   Stop stranger = bench.stop(kCoast);
   stranger.session_id ^= 1;
   bench.send(stranger);
   bench.send(bench.stop(kConfigured));
   CHECK(stays_shorted(bench, 3000));
-  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  bench.greet(RobotBench::kNonce + 1);
   CHECK(stays_shorted(bench, 3000));
-  Stop own = bench.stop(kCoast);
-  own.session_id = (RobotBench::kNonce + 1) ^ RobotBench::kBootId;
-  bench.send(own);
+  bench.send(bench.stop(kCoast));
   bench.step();
-  CHECK(bench.left.enable == 0 && bench.right.enable == 0);
+  CHECK(bench.coasts());
 }
 
 TEST(nothing_weaker_replaces_a_brake_while_an_estop_or_a_fault_is_latched) {
   for (const bool fault : {false, true}) {
-    RobotBench bench;
-    bench.open().drive(0.2f, 0.2f);
-    if (fault)
-      bench.step(50'000);
-    else
-      bench.send(Estop{});
+    DrivingRobot bench;
+    if (!fault) bench.send(Estop{});
+    bench.step(fault ? 50'000 : RobotBench::kPeriodUs);
     bench.run(5);
     CHECK(bench.left.brakes());
     bench.send(bench.stop(kCoast));
@@ -136,13 +130,18 @@ TEST(nothing_weaker_replaces_a_brake_while_an_estop_or_a_fault_is_latched) {
   }
 }
 
-TEST(an_estop_brakes_although_stops_coast) {
-  OpenRobot bench;
-  CHECK(bench.set(ParameterId::kStopMode, static_cast<float>(kCoast)) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  bench.send(Estop{});
-  bench.run(5);
-  CHECK(bench.left.brakes() && bench.right.brakes());
+TEST(an_estop_brakes_although_stops_coast_unless_its_own_mode_is_to_coast) {
+  for (const auto mode : {ParameterId::kStopMode, ParameterId::kEstopMode}) {
+    OpenRobot bench;
+    CHECK(bench.set(mode, static_cast<float>(kCoast)) == RefusalCode::kNone);
+    bench.drive(0.2f, 0.2f);
+    bench.send(Estop{});
+    for (int i = 0; i < 100; ++i) {
+      bench.step();
+      if (mode == ParameterId::kEstopMode) CHECK(!bench.left.brakes() && !bench.right.brakes());
+    }
+    CHECK(bench.brakes() == (mode == ParameterId::kStopMode));
+  }
 }
 
 TEST(a_power_stage_that_reports_a_fault_is_switched_off_and_any_other_input_brakes) {
@@ -157,35 +156,37 @@ TEST(a_power_stage_that_reports_a_fault_is_switched_off_and_any_other_input_brak
   }
 }
 
-TEST(an_estop_whose_mode_is_to_coast_coasts) {
-  OpenRobot bench;
-  CHECK(bench.set(ParameterId::kEstopMode, 1) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  bench.send(Estop{});
-  for (int i = 0; i < 100; ++i) {
-    bench.step();
-    CHECK(!bench.left.brakes() && !bench.right.brakes());
-  }
-}
-
-TEST(the_end_of_a_session_and_a_fault_brake_a_robot_that_coasts) {
-  for (const int how : {0, 1, 2}) {
-    RobotBench bench;
-    bench.open().drive(0.2f, 0.2f);
+TEST(what_stops_again_brakes_a_robot_that_coasts) {
+  void (*const stops[])(RobotBench&) = {
+      [](RobotBench& bench) { bench.send(RobotBench::hello(RobotBench::kNonce + 1)); },
+      [](RobotBench& bench) { bench.device.hang_up(bench.now_us); },
+      [](RobotBench& bench) { bench.device.report_driver_failure(); },
+      [](RobotBench& bench) { bench.send(bench.stop(kBrake)); },
+      [](RobotBench& bench) { bench.send(Estop{}); },
+      [](RobotBench& bench) { bench.contact.open = true; },
+  };
+  for (const auto stop : stops) {
+    DrivingRobot bench;
     bench.send(bench.stop(kCoast));
     bench.run(100);
     CHECK(!bench.left.brakes());
-    if (how == 0) bench.send(RobotBench::hello(RobotBench::kNonce + 1));
-    if (how == 1) bench.device.hang_up(bench.now_us);
-    if (how == 2) bench.device.report_driver_failure();
-    bench.run(2);
-    CHECK(bench.left.brakes() && bench.right.brakes());
+    stop(bench);
+    bench.run(3);
+    CHECK(bench.brakes());
   }
 }
 
+TEST(an_estopped_robot_that_begins_to_roll_brakes_again) {
+  DrivingRobot bench;
+  bench.estop();
+  bench.run(4000);
+  CHECK(bench.coasts());
+  bench.roll(3);
+  CHECK(bench.brakes());
+}
+
 TEST(a_brake_until_driven_is_recorded_until_the_robot_drives) {
-  RobotBench first;
-  brake(first, kBrakeUntilDriven);
+  BrakingRobot first(kBrakeUntilDriven);
   RobotBench second;
   second.latches.record = first.latches.record;
   second.connect().run(5);

@@ -16,15 +16,14 @@ RefusalCode trial(RobotBench& bench, TrialAction action, float timeout_s = kTime
   return bench.refusal(ParameterTrial{.action = action, .timeout_s = timeout_s});
 }
 
-/// A trial of another gain and of swapped motors.
-RobotBench& begin(RobotBench& bench) {
-  bench.open();
-  CHECK(bench.set(kProportionalGain, 2) == RefusalCode::kNone);
-  CHECK(trial(bench, TrialAction::kBegin) == RefusalCode::kNone);
-  CHECK(bench.set(kProportionalGain, 5) == RefusalCode::kNone);
-  CHECK(bench.set(kMotorsSwapped, 1) == RefusalCode::kNone);
-  return bench;
-}
+/// One on trial, of another gain and of swapped motors.
+struct TrialRobot : OpenRobot {
+  TrialRobot() {
+    configure({{kProportionalGain, 2}});
+    CHECK(trial(*this, TrialAction::kBegin) == RefusalCode::kNone);
+    configure({{kProportionalGain, 5}, {kMotorsSwapped, 1}});
+  }
+};
 
 bool has_former_values(const RobotBench& bench) {
   return bench.device.parameter(kProportionalGain) == 2 &&
@@ -36,17 +35,12 @@ bool has_tried_values(const RobotBench& bench) {
          bench.device.parameter(kMotorsSwapped) == 1;
 }
 
-size_t expiries(const RobotBench& bench) {
-  size_t count = 0;
-  for (const Event& event : bench.of<Event>()) count += event.code == EventCode::kTrialExpired;
-  return count;
-}
+size_t expiries(const RobotBench& bench) { return bench.count(EventCode::kTrialExpired); }
 
 }  // namespace
 
 TEST(a_trial_that_is_kept_leaves_its_values) {
-  RobotBench bench;
-  begin(bench);
+  TrialRobot bench;
   CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNone);
   bench.run(2 * kTimeoutSteps);
   CHECK(has_tried_values(bench) && expiries(bench) == 0);
@@ -54,11 +48,11 @@ TEST(a_trial_that_is_kept_leaves_its_values) {
 }
 
 TEST(a_trial_that_is_reverted_stops_and_leaves_nothing) {
-  RobotBench bench;
-  begin(bench).drive(0.2f, 0.2f);
+  TrialRobot bench;
+  bench.drive(0.2f, 0.2f);
   CHECK(bench.driven());
   CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
-  CHECK(!bench.driven() && bench.left.enable == 0 && bench.right.enable == 0);
+  CHECK(!bench.driven() && bench.coasts());
   CHECK(bench.state() == SupervisorState::kIdle && bench.device.deadline_us() == 0);
   CHECK(has_former_values(bench));
   bench.send(bench.duty(8'000, 0));  // by the previous wiring
@@ -66,11 +60,11 @@ TEST(a_trial_that_is_reverted_stops_and_leaves_nothing) {
   CHECK(bench.left.duty() == 8'000 && bench.right.duty() == 0);
 }
 
-TEST(a_trial_stops_at_its_deadline) {
-  RobotBench bench;
-  begin(bench);
+TEST(a_trial_stops_at_its_deadline_which_no_setpoint_moves) {
+  TrialRobot bench;
+  for (int i = 0; i < 4; ++i) bench.drive(0.2f, 0.2f, kTimeoutSteps / 5);
   bench.send(bench.velocity(0.2f, 0.2f, 900'000));
-  bench.run(kTimeoutSteps - 1);
+  bench.run(kTimeoutSteps / 5 - 1);
   CHECK(bench.driven() && has_tried_values(bench) && expiries(bench) == 0);
   bench.step();
   CHECK(!bench.driven() && has_former_values(bench) && expiries(bench) == 1);
@@ -80,8 +74,7 @@ TEST(a_trial_stops_at_its_deadline) {
 }
 
 TEST(a_trial_that_is_renewed_goes_on) {
-  RobotBench bench;
-  begin(bench);
+  TrialRobot bench;
   for (int i = 0; i < 5; ++i) {
     bench.run(kTimeoutSteps - 1);
     CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNone);
@@ -93,8 +86,7 @@ TEST(a_trial_that_is_renewed_goes_on) {
 }
 
 TEST(a_renewal_that_comes_late_renews_nothing) {
-  RobotBench bench;
-  begin(bench);
+  TrialRobot bench;
   bench.run(kTimeoutSteps - 1);
   bench.now_us += 1'000;  // at the deadline, and before the next control step
   CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNoTrial);
@@ -102,19 +94,12 @@ TEST(a_renewal_that_comes_late_renews_nothing) {
   CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNoTrial);
 }
 
-TEST(a_setpoint_does_not_renew_a_trial) {
-  RobotBench bench;
-  begin(bench);
-  for (int i = 0; i < 10; ++i) bench.drive(0.1f, 0.1f, kTimeoutSteps / 10);
-  CHECK(has_former_values(bench));
-}
-
 TEST(after_a_trial_expired_its_host_neither_drives_nor_changes_anything_before_it_heard) {
-  RobotBench bench;
-  begin(bench).run(kTimeoutSteps);
+  TrialRobot bench;
+  bench.run(kTimeoutSteps);
   bench.received.clear();
   bench.drive(0.2f, 0.2f);
-  CHECK(bench.of<Refuse>().back().code == RefusalCode::kNoTrial && !bench.driven());
+  CHECK(bench.last_refusal() == RefusalCode::kNoTrial && !bench.driven());
   CHECK(bench.set(kProportionalGain, 7) == RefusalCode::kNoTrial);
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNoTrial);
   CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNoTrial);
@@ -126,8 +111,8 @@ TEST(after_a_trial_expired_its_host_neither_drives_nor_changes_anything_before_i
 }
 
 TEST(a_new_session_reverts_a_trial) {
-  RobotBench bench;
-  begin(bench).drive(0.2f, 0.2f);
+  TrialRobot bench;
+  bench.drive(0.2f, 0.2f);
   bench.send(RobotBench::hello(RobotBench::kNonce));  // a repeat of its own hello does not
   bench.step();
   CHECK(has_tried_values(bench) && bench.driven());
@@ -138,26 +123,23 @@ TEST(a_new_session_reverts_a_trial) {
 }
 
 TEST(a_new_session_drives_after_a_trial_expired) {
-  RobotBench bench;
-  begin(bench).run(kTimeoutSteps);
-  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
-  const uint32_t session = (RobotBench::kNonce + 1) ^ RobotBench::kBootId;
-  bench.send(Ping{session, 1, 0});
-  bench.send(SetDuty{session, 1, bench.now_us + 300'000, 8'000, 0});
-  bench.run(100);
+  TrialRobot bench;
+  bench.run(kTimeoutSteps);
+  bench.greet(RobotBench::kNonce + 1);
+  bench.drive_duty(8'000, 0);
   CHECK(bench.left.duty() == 8'000);
 }
 
 TEST(a_line_that_hangs_up_reverts_a_trial) {
-  RobotBench bench;
-  begin(bench).drive(0.2f, 0.2f);
+  TrialRobot bench;
+  bench.drive(0.2f, 0.2f);
   bench.device.hang_up(bench.now_us);
   CHECK(has_former_values(bench) && !bench.driven());
 }
 
 TEST(a_stop_and_a_fault_leave_a_trial_alone) {
-  RobotBench bench;
-  begin(bench).drive(0.2f, 0.2f);
+  TrialRobot bench;
+  bench.drive(0.2f, 0.2f);
   bench.send(bench.stop());
   bench.step();
   CHECK(has_tried_values(bench) && bench.device.on_trial());
@@ -168,26 +150,15 @@ TEST(a_stop_and_a_fault_leave_a_trial_alone) {
   CHECK(has_former_values(bench) && bench.state() == SupervisorState::kEstopped);
 }
 
-TEST(nothing_is_saved_or_reset_on_trial) {
-  RobotBench bench;
-  begin(bench);
+TEST(on_trial_nothing_is_saved_or_reset_no_contact_switched_off_and_no_trial_begun) {
+  TrialRobot bench;
   CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kOnTrial);
   CHECK(bench.refusal(ParameterSave{.parameter = 1}) == RefusalCode::kOnTrial);
   CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kOnTrial);
-  CHECK(bench.store.block.empty() && has_tried_values(bench));
-}
-
-TEST(whether_the_contact_counts_is_never_on_trial) {
-  RobotBench bench;
-  begin(bench);
   CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kOnTrial);
   CHECK(bench.set(kEstopInputEnabled, 1) == RefusalCode::kNone);  // active already
-}
-
-TEST(a_trial_does_not_begin_twice) {
-  RobotBench bench;
-  begin(bench);
   CHECK(trial(bench, TrialAction::kBegin) == RefusalCode::kOnTrial);
+  CHECK(bench.store.block.empty() && has_tried_values(bench));
   CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
   CHECK(has_former_values(bench));
 }
@@ -213,13 +184,11 @@ TEST(a_trial_needs_a_time_out_within_its_bounds) {
 }
 
 TEST(a_reverted_stop_is_that_of_the_former_parameters) {
-  RobotBench bench;
-  begin(bench);
+  TrialRobot bench;
   CHECK(bench.set(kStopMode, 1) == RefusalCode::kNone);  // coast
   bench.drive(0.2f, 0.2f);
   CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
   bench.run(3);
-  CHECK(bench.left.brakes() && bench.right.brakes());
-  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
-  CHECK(!bench.left.switched_under_current && !bench.right.switched_under_current);
+  CHECK(bench.brakes());
+  CHECK(bench.switched_gently());
 }

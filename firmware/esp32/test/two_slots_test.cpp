@@ -13,16 +13,11 @@ struct SlotRobot : RobotBench {
   explicit SlotRobot(SlotFlash& flash) : RobotBench(flash.parameters(), flash.latches()) {
     flash.configuration().load(bytes_, sizeof bytes_);
   }
-  bool reports(EventCode code) {
-    for (const Event& event : of<Event>())
-      if (event.code == code) return true;
-    return false;
-  }
+  bool reports(EventCode code) const { return count(code) != 0; }
   /// Opens a session, with the events that it begins with.
-  SlotRobot& greet() {
+  SlotRobot& start_and_greet() {
     start();
-    send(hello(kNonce));
-    send(Ping{session_id(), ++request_id, 0});
+    greet();
     step();
     return *this;
   }
@@ -44,6 +39,25 @@ void latch_estop(SlotFlash& flash) {
   robot.run(3000);
 }
 
+void clear_estop(SlotFlash& flash) {
+  SlotRobot robot{flash};
+  robot.open();
+  CHECK(robot.clear_estop() == RefusalCode::kNone);
+  robot.run(3000);
+}
+
+/// Loses both slots of a block.
+void lose(SlotFlash& flash, StoredBlock block, bool are_gone) {
+  for (const int slot : {0, 1}) {
+    std::vector<uint8_t>& bytes = flash.bytes(block, slot);
+    if (are_gone) {
+      bytes.clear();
+    } else {
+      bytes.back() ^= 1;
+    }
+  }
+}
+
 }  // namespace
 
 TEST(a_robot_drives_on_the_saved_values_though_a_slot_is_damaged) {
@@ -54,11 +68,10 @@ TEST(a_robot_drives_on_the_saved_values_though_a_slot_is_damaged) {
     const std::vector<uint8_t> whole = flash.bytes(StoredBlock::kParameterValues, slot);
     flash.bytes(StoredBlock::kParameterValues, slot).back() ^= 1;
     SlotRobot robot{flash};
-    robot.greet();
+    robot.start_and_greet();
     CHECK(robot.reports(EventCode::kParametersCopyLost));
     robot.arm();
-    robot.send(robot.duty(32'767, 32'767));
-    robot.run(250);
+    robot.drive_duty(32'767, 32'767, 250);
     CHECK(robot.left.duty() == 8'192 && robot.right.duty() == 8'192);
     // Nothing is written while it drives; at rest the slot is repaired.
     CHECK(flash.bytes(StoredBlock::kParameterValues, slot) != whole);
@@ -66,7 +79,7 @@ TEST(a_robot_drives_on_the_saved_values_though_a_slot_is_damaged) {
     robot.run(5000);
     CHECK(flash.bytes(StoredBlock::kParameterValues, slot) == whole);
     SlotRobot next{flash};
-    next.greet();
+    next.start_and_greet();
     CHECK(!next.reports(EventCode::kParametersCopyLost));
   }
 }
@@ -76,14 +89,7 @@ TEST(a_robot_whose_saved_values_are_damaged_or_gone_does_not_drive_on_defaults) 
     for (const bool loads : {true, false}) {
       SlotFlash flash;
       save_duty(flash, 0.5f);
-      for (const int slot : {0, 1}) {
-        std::vector<uint8_t>& bytes = flash.bytes(StoredBlock::kParameterValues, slot);
-        if (are_gone) {
-          bytes.clear();
-        } else {
-          bytes.back() ^= 1;
-        }
-      }
+      lose(flash, StoredBlock::kParameterValues, are_gone);
       SlotRobot robot{flash};
       robot.open().drive(0.2f, 0.2f);
       CHECK(robot.state() == SupervisorState::kFault && !robot.driven());
@@ -115,20 +121,8 @@ TEST(damaged_latches_are_an_estop_until_it_is_cleared) {
       for (const bool keeps_memory : {true, false}) {
         SlotFlash flash;
         latch_estop(flash);
-        if (was_cleared) {
-          SlotRobot robot{flash};
-          robot.open();
-          CHECK(robot.clear_estop() == RefusalCode::kNone);
-          robot.run(3000);
-        }
-        for (const int slot : {0, 1}) {
-          std::vector<uint8_t>& bytes = flash.bytes(StoredBlock::kLatches, slot);
-          if (are_gone) {
-            bytes.clear();
-          } else {
-            bytes.back() ^= 1;
-          }
-        }
+        if (was_cleared) clear_estop(flash);
+        lose(flash, StoredBlock::kLatches, are_gone);
         SlotRobot robot{flash};
         if (keeps_memory) {
           uint8_t record[Latches::kSize];
@@ -153,7 +147,7 @@ TEST(an_estop_outlives_the_loss_of_either_slot) {
     latch_estop(flash);
     flash.bytes(StoredBlock::kLatches, slot).clear();
     SlotRobot robot{flash};
-    robot.greet();
+    robot.start_and_greet();
     CHECK(robot.state() == SupervisorState::kEstopped);
     CHECK(robot.reports(EventCode::kLatchesCopyLost));
     robot.run(3000);
@@ -171,10 +165,7 @@ TEST(a_power_cut_at_any_write_damages_no_block) {
       if (were_saved) {
         save_duty(flash, 0.5f);
         latch_estop(flash);
-        SlotRobot robot{flash};
-        robot.open();
-        CHECK(robot.clear_estop() == RefusalCode::kNone);
-        robot.run(3000);
+        clear_estop(flash);
       }
       flash.writes_left = cut == 0 ? SlotFlash::kPlenty : cut - 1;
       bool saved = false;
@@ -190,7 +181,7 @@ TEST(a_power_cut_at_any_write_damages_no_block) {
       const bool is_latched = cut == 0;
       flash.writes_left = SlotFlash::kPlenty;
       SlotRobot robot{flash};
-      robot.greet();
+      robot.start_and_greet();
       CHECK((robot.device.faults() & fault::kStoreUnreadable) == 0);
       const float duty = robot.device.parameter(kMaxDuty);
       const float before = were_saved ? 0.5f : Parameters().get(kMaxDuty);
