@@ -36,6 +36,10 @@ struct Bench {
   }
 };
 
+constexpr WheelOutput open_loop(int32_t duty_q15) {
+  return {.duty_q15 = duty_q15, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
+}
+
 constexpr WheelOutput at_limit(int32_t limit_q15, int32_t direction = 1) {
   return {.duty_q15 = limit_q15 * direction, .limit_q15 = limit_q15, .direction = direction};
 }
@@ -45,6 +49,7 @@ constexpr WheelOutput at_limit(int32_t limit_q15, int32_t direction = 1) {
 TEST(a_wheel_that_stands_at_its_limit_trips_however_low_that_is) {
   for (const int32_t direction : {1, -1}) {
     CHECK(Bench().steps_to(WheelFault::kNotCounting, at_limit(32'767, direction)) == 500);
+    CHECK(Bench().steps_to(WheelFault::kNotCounting, open_loop(20'000 * direction)) == 500);
     const int low = Bench().steps_to(WheelFault::kNotCounting, at_limit(kLow_q15, direction));
     CHECK(low > 800 && low < 900);
   }
@@ -56,9 +61,8 @@ TEST(below_its_limit_and_the_threshold_a_wheel_may_stand) {
 }
 
 TEST(without_a_loop_there_is_no_limit_to_stand_at) {
-  const WheelOutput open{.duty_q15 = 14'000, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
-  CHECK(Bench().steps_to(WheelFault::kNotCounting, open) == 0);
-  CHECK(Bench().steps_to(WheelFault::kReversed, open, -100'000) == 0);
+  CHECK(Bench().steps_to(WheelFault::kNotCounting, open_loop(14'000)) == 0);
+  CHECK(Bench().steps_to(WheelFault::kReversed, open_loop(14'000), -100'000) == 0);
 }
 
 TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
@@ -73,7 +77,7 @@ TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
 }
 
 TEST(a_wheel_that_is_driven_in_bursts_trips_all_the_same) {
-  constexpr WheelOutput kRest{.duty_q15 = 0, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
+  constexpr WheelOutput kRest = open_loop(0);
   // A standing wheel, and one that turns back at its limit.
   for (const int32_t umps : {0, -60'000}) {
     Bench bench;
@@ -107,11 +111,13 @@ TEST(a_wheel_that_turns_as_it_is_driven_ends_what_was_seen_and_so_does_a_clear) 
   CHECK(bench.steps_to(WheelFault::kReversed, at_limit(32'767), -60'000) == 500);
 }
 
-TEST(a_wheel_that_crawls_at_its_limit_counts) {
-  Bench bench;
-  for (int i = 0; i < 5000; ++i) {
-    if (i % 250 == 0) ++bench.ticks;
-    CHECK(bench.step(at_limit(kLow_q15), 2000) == WheelFault::kNone);
+TEST(a_wheel_that_crawls_counts) {
+  for (const WheelOutput& output : {at_limit(kLow_q15), open_loop(20'000)}) {
+    Bench bench;
+    for (int i = 0; i < 5000; ++i) {
+      if (i % 250 == 0) ++bench.ticks;
+      CHECK(bench.step(output, 2000) == WheelFault::kNone);
+    }
   }
 }
 
@@ -121,6 +127,21 @@ TEST(a_wheel_that_turns_back_steadily_at_its_limit_is_reversed) {
         Bench().steps_to(WheelFault::kReversed, at_limit(kLow_q15, direction), -60'000 * direction);
     CHECK(steps == 500);
   }
+}
+
+TEST(in_open_loop_speed_that_grows_against_the_drive_is_reversed_and_one_that_falls_is_not) {
+  Bench bench;
+  for (int32_t umps = 400'000; umps > 0; umps -= 1000) {
+    ++bench.ticks;
+    CHECK(bench.step(open_loop(-32'767), umps) == WheelFault::kNone);
+  }
+  WheelFault seen = WheelFault::kNone;
+  int32_t umps = 0;
+  while (seen == WheelFault::kNone && umps < 400'000) {
+    ++bench.ticks;
+    seen = bench.step(open_loop(-32'767), umps += 1000);
+  }
+  CHECK(seen == WheelFault::kReversed && umps <= 152'000);
 }
 
 TEST(and_one_that_gains_speed_is_so_sooner) {
@@ -195,8 +216,7 @@ TEST(a_clear_ends_what_the_wheels_have_shown) {
   CHECK(first < 1000);
   bench.run(300);
   CHECK(bench.clear_fault() == RefusalCode::kNone);
-  bench.send(bench.velocity(0, 0));
-  bench.step();
+  bench.drive(0, 0, 1);
   CHECK(steps_to_fault() >= first - 5);
 }
 
