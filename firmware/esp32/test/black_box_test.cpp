@@ -51,6 +51,19 @@ struct Recorded {
   Outcome rerun() const { return Rerun(memory.data()).run(); }
 };
 
+/// A step that drives as no core does.
+StepNote odd_step(uint64_t now_us) {
+  return {.now_us = now_us,
+          .t_us = now_us,
+          .left_counter = 0,
+          .right_counter = 0,
+          .left_illegal = 0,
+          .right_illegal = 0,
+          .battery_mv = 7400,
+          .left_duty_q15 = 1,
+          .right_duty_q15 = 2};
+}
+
 }  // namespace
 
 TEST(a_box_without_a_step_is_empty) {
@@ -266,13 +279,9 @@ TEST(a_flood_of_messages_stays_within_the_memory) {
   std::mt19937 random(1);
   for (int i = 0; i < 3000; ++i) {
     for (int n = 0; n < 30; ++n) {
-      if (random() % 2 == 0) {
-        robot.bench.send(ParameterTrial{robot.bench.session_id(), ++robot.bench.request_id,
-                                        TrialAction::kBegin, 1.0f});
-      } else {
-        robot.bench.send(ParameterTrial{robot.bench.session_id(), ++robot.bench.request_id,
-                                        TrialAction::kRevert, 1.0f});
-      }
+      const auto action = random() % 2 == 0 ? TrialAction::kBegin : TrialAction::kRevert;
+      robot.bench.send(
+          ParameterTrial{robot.bench.session_id(), ++robot.bench.request_id, action, 1.0f});
     }
     robot.bench.step();
   }
@@ -322,15 +331,7 @@ TEST(of_another_core_only_what_the_robot_did_is_compared) {
   robot.bench.drive(0.2f, 0.2f, 10);
   const uint64_t now_us = robot.bench.now_us + 1000;
   other.note_pause();
-  other.note_step({.now_us = now_us,
-                   .t_us = now_us,
-                   .left_counter = 0,
-                   .right_counter = 0,
-                   .left_illegal = 0,
-                   .right_illegal = 0,
-                   .battery_mv = 7400,
-                   .left_duty_q15 = 1,
-                   .right_duty_q15 = 2});
+  other.note_step(odd_step(now_us));
   Rerun other_duty(memory.data(), Rerun::Accept::kAnyCore);
   CHECK(other_duty.run() == Outcome::kSame);
   CHECK(other_duty.steps() > 10);
@@ -349,15 +350,7 @@ TEST(a_difference_names_the_first_step_and_the_field) {
   changed.bench.drive(0.2f, 0.2f, 10);
   BlackBox& box = changed.black_box;
   box.note_pause();
-  box.note_step({.now_us = changed.bench.now_us + 1000,
-                 .t_us = changed.bench.now_us + 1000,
-                 .left_counter = 0,
-                 .right_counter = 0,
-                 .left_illegal = 0,
-                 .right_illegal = 0,
-                 .battery_mv = 7400,
-                 .left_duty_q15 = 1,
-                 .right_duty_q15 = 2});
+  box.note_step(odd_step(changed.bench.now_us + 1000));
   Rerun rerun(changed.memory.data());
   CHECK(rerun.run() == Outcome::kDiffers);
   CHECK(rerun.difference().step == 13 && rerun.difference().recorded == 1);

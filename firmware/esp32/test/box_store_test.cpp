@@ -98,13 +98,34 @@ struct Recorded {
   }
 };
 
-}  // namespace
+/// One that has stood since its start for so long that its recorder may write.
+struct RestingRobot : Recorded {
+  RestingRobot() {
+    start();
+    run(3000);
+  }
+};
 
-namespace {
+/// The boxes that a start finds.
+struct StartedBoxes : BoxStore {
+  explicit StartedBoxes(CutFlash& flash) : BoxStore(flash) { start(); }
+};
 
-uint32_t deadlines(const Ledger& ledger) {
-  return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
+/// Flash in which so many boxes were stored.
+CutFlash flash_with(uint32_t stored) {
+  CutFlash flash(BoxStore::kSize);
+  StartedBoxes boxes(flash);
+  for (uint32_t i = 0; i < stored; ++i) store(boxes, flash, i);
+  return flash;
 }
+
+uint32_t stops(const LedgerCounts& counts, SupervisorEvent event) {
+  return counts.stops[static_cast<size_t>(event)];
+}
+uint32_t resets(const LedgerCounts& counts, ResetReason reason) {
+  return counts.resets[static_cast<size_t>(reason)];
+}
+uint32_t deadlines(const LedgerCounts& counts) { return stops(counts, SupervisorEvent::kDeadline); }
 
 /// What a ledger knows that starts now.
 LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) {
@@ -117,12 +138,10 @@ LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) 
 
 TEST(a_box_is_found_again_with_its_head) {
   CutFlash flash(BoxStore::kSize);
-  BoxStore first(flash);
-  first.start();
+  StartedBoxes first(flash);
   CHECK(first.count() == 0 && first.head(0) == nullptr);
   CHECK(store(first, flash, 11, BoxCause::kEstop));
-  BoxStore second(flash);
-  second.start();
+  StartedBoxes second(flash);
   CHECK(second.count() == 1 && second.head(0)->number == 1 && second.head(0)->faults == 11);
   CHECK(second.head(0)->cause == BoxCause::kEstop && images(second).size() == 1);
   uint8_t byte;
@@ -132,8 +151,7 @@ TEST(a_box_is_found_again_with_its_head) {
 
 TEST(eight_boxes_stay_and_the_next_slot_is_erased_in_advance) {
   CutFlash flash(BoxStore::kSize);
-  BoxStore boxes(flash);
-  boxes.start();
+  StartedBoxes boxes(flash);
   for (uint32_t i = 1; i <= 20; i += 2) {
     CHECK(store(boxes, flash, i));
     CHECK(boxes.count() == (i < 8 ? i : 8));
@@ -149,8 +167,7 @@ TEST(eight_boxes_stay_and_the_next_slot_is_erased_in_advance) {
 
 TEST(the_only_box_of_a_cause_outlasts_many_of_another) {
   CutFlash flash(BoxStore::kSize);
-  BoxStore boxes(flash);
-  boxes.start();
+  StartedBoxes boxes(flash);
   CHECK(store(boxes, flash, 1, BoxCause::kReset));
   for (uint32_t i = 2; i < 30; ++i) CHECK(store(boxes, flash, i, BoxCause::kEstop));
   CHECK(boxes.head(7)->number == 1 && boxes.head(7)->cause == BoxCause::kReset);
@@ -184,20 +201,16 @@ constexpr CutFlash::Cut kCuts[] = {CutFlash::Cut::kBefore, CutFlash::Cut::kInsid
 
 TEST(a_cut_at_any_operation_leaves_the_old_boxes_or_these_and_the_new_one) {
   for (const uint32_t stored : {0u, 3u, 8u, 12u}) {
-    CutFlash base(BoxStore::kSize);
-    BoxStore filled(base);
-    filled.start();
-    for (uint32_t i = 0; i < stored; ++i) store(filled, base, i);
+    CutFlash base = flash_with(stored);
+    StartedBoxes filled(base);
     const Images old = images(filled);
     for (size_t cut = 0; cut < 200; ++cut) {
       CutFlash flash = base;
-      BoxStore before(flash);
-      before.start();
+      StartedBoxes before(flash);
       flash.cut_after(cut / 3, kCuts[cut % 3]);
       const bool is_done = store(before, flash, 99);
       flash.power_on();
-      BoxStore after(flash);
-      after.start();
+      StartedBoxes after(flash);
       check_old_or_new(old, after, stored + 1, 99);
       CHECK(store(after, flash, 100) && after.head(0)->faults == 100);
       CHECK(images(after).size() == after.count());
@@ -209,29 +222,23 @@ TEST(a_cut_at_any_operation_leaves_the_old_boxes_or_these_and_the_new_one) {
 TEST(a_second_cut_while_the_first_one_is_mended_loses_no_box_either) {
   std::mt19937 random(1);
   for (const uint32_t stored : {0u, 3u, 8u, 12u}) {
-    CutFlash base(BoxStore::kSize);
-    BoxStore filled(base);
-    filled.start();
-    for (uint32_t i = 0; i < stored; ++i) store(filled, base, i);
+    const CutFlash base = flash_with(stored);
     for (int run = 0; run < 40; ++run) {
       CutFlash flash = base;
       Images old;
       // Each start is cut in the middle of its store, or of what the one before has left.
       for (uint32_t start = 0; start < 3; ++start) {
-        BoxStore boxes(flash);
-        boxes.start();
+        StartedBoxes boxes(flash);
         if (start == 0) old = images(boxes);
         const uint32_t number = old.empty() ? 1 : old.rbegin()->first + 1;
         flash.cut_after(random() % 60, kCuts[random() % 3]);
         store(boxes, flash, 1000 + start);
         flash.power_on();
-        BoxStore after(flash);
-        after.start();
+        StartedBoxes after(flash);
         check_old_or_new(old, after, number, 1000 + start);
         old = images(after);
       }
-      BoxStore last(flash);
-      last.start();
+      StartedBoxes last(flash);
       CHECK(store(last, flash, 2000) && last.head(0)->faults == 2000);
       CHECK(images(last).size() == last.count());
     }
@@ -256,12 +263,11 @@ TEST(a_cut_while_a_robot_stores_a_box_leaves_its_parameters_and_its_counts) {
       if (operations == SIZE_MAX) operations = robot.flash.operations - before;
       CHECK(robot.bench.store.block == saved);
       robot.flash.power_on();
-      BoxStore boxes(robot.flash);
-      boxes.start();
+      StartedBoxes boxes(robot.flash);
       CHECK(images(boxes).size() <= 1);
       uint8_t memory[Ledger::kMemorySize]{};
       const LedgerCounts counts = counts_after(ResetReason::kPowerOn, robot.flash, memory);
-      CHECK(counts.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 2);
+      CHECK(resets(counts, ResetReason::kPowerOn) == 2);
     }
   }
   CHECK(operations >= 33);
@@ -271,8 +277,7 @@ TEST(a_flash_that_takes_nothing_is_left_alone_until_the_next_start) {
   CutFlash flash(BoxStore::kSize);
   std::fill(flash.bytes.begin(), flash.bytes.end(), 0);
   flash.failing = true;
-  BoxStore boxes(flash);
-  boxes.start();
+  StartedBoxes boxes(flash);
   boxes.begin({}, memory_of(1).data());
   int touched = 0;
   for (int i = 0; i < 1000; ++i) touched += boxes.work() ? 1 : 0;
@@ -305,9 +310,7 @@ TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
 }
 
 TEST(a_drive_puts_the_rest_of_a_write_off) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   robot.bench.send(Estop{});
   robot.run(10);
   const size_t begun = robot.flash.operations;
@@ -330,9 +333,7 @@ TEST(a_drive_puts_the_rest_of_a_write_off) {
 }
 
 TEST(boxes_are_stored_three_at_once_and_then_one_in_ten_minutes) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   for (int i = 0; i < 20; ++i) robot.estop_and_clear(200);
   CHECK(robot.keeper->store().count() == 3);
   robot.bench.now_us += 600'000'000;
@@ -381,11 +382,11 @@ TEST(the_ledger_counts_across_resets) {
   second.start(ResetReason::kBrownout);
   const LedgerCounts counts = second.counts(5'000'000);
   CHECK(counts.uptime_s == 615);
-  CHECK(counts.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 1);
-  CHECK(counts.resets[static_cast<size_t>(ResetReason::kBrownout)] == 1);
-  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 1);
-  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kEstop)] == 1);
-  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kStop)] == 1);
+  CHECK(resets(counts, ResetReason::kPowerOn) == 1);
+  CHECK(resets(counts, ResetReason::kBrownout) == 1);
+  CHECK(deadlines(counts) == 1);
+  CHECK(stops(counts, SupervisorEvent::kEstop) == 1);
+  CHECK(stops(counts, SupervisorEvent::kStop) == 1);
 }
 
 TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
@@ -408,11 +409,11 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
       flash.power_on();
       Ledger after(flash, BoxStore::kSize, memory[1]);
       after.start(ResetReason::kPowerOn);
-      CHECK(deadlines(after) == entries || deadlines(after) == entries + 1);
+      CHECK(deadlines(after.counts(0)) == entries || deadlines(after.counts(0)) == entries + 1);
       write(after, flash);
       Ledger later(flash, BoxStore::kSize, memory[2]);
       later.start(ResetReason::kPowerOn);
-      CHECK(deadlines(later) == deadlines(after));
+      CHECK(deadlines(later.counts(0)) == deadlines(after.counts(0)));
     }
   }
 }
@@ -424,9 +425,9 @@ TEST(a_reset_of_the_processor_loses_no_count) {
   for (uint32_t boot = 0; boot < 5; ++boot) {
     Ledger ledger(flash, BoxStore::kSize, memory);
     ledger.start(boot == 0 ? ResetReason::kPowerOn : ResetReason::kPanic);
-    CHECK(deadlines(ledger) == boot);
+    CHECK(deadlines(ledger.counts(0)) == boot);
     CHECK(ledger.counts(0).uptime_s == 4 * boot);
-    CHECK(ledger.counts(0).resets[static_cast<size_t>(ResetReason::kPanic)] == boot);
+    CHECK(resets(ledger.counts(0), ResetReason::kPanic) == boot);
     for (uint64_t now_us = 1000; now_us < 4'500'000; now_us += 1000) ledger.note_time(now_us);
     ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
   }
@@ -445,11 +446,11 @@ TEST(what_is_in_flash_is_not_counted_twice) {
   ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
   // A panic between the write and what follows it leaves the memory of before: flash knows more.
   const LedgerCounts torn = counts_after(ResetReason::kPanic, flash, before_write);
-  CHECK(torn.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 1);
+  CHECK(deadlines(torn) == 1);
   CHECK(torn.uptime_s == 20);
   const LedgerCounts whole = counts_after(ResetReason::kPanic, flash, memory);
-  CHECK(whole.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 2);
-  CHECK(whole.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 1);
+  CHECK(deadlines(whole) == 2);
+  CHECK(resets(whole, ResetReason::kPowerOn) == 1);
 }
 
 TEST(counts_in_memory_that_are_damaged_or_of_another_flash_are_not_believed) {
@@ -504,9 +505,7 @@ TEST(a_boot_loop_writes_nothing_and_is_counted) {
 }
 
 TEST(a_host_reads_the_boxes_part_by_part) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   CHECK(robot.bench.ask<GroupInfo>(GroupGet{.group = Group::kRecorder})->hash ==
         hash_of(Group::kRecorder));
   const auto none = robot.bench.ask<BoxValue>(BoxGet{});
@@ -548,9 +547,7 @@ TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {
 }
 
 TEST(nothing_is_read_while_driving_but_with_a_stop_or_a_fault_latched) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   robot.estop_and_clear(200);
   const auto refusals = [&] {
     return std::vector<RefusalCode>{robot.bench.refusal(BoxGet{}), robot.bench.refusal(BoxRead{1}),
@@ -571,9 +568,7 @@ TEST(nothing_is_read_while_driving_but_with_a_stop_or_a_fault_latched) {
 }
 
 TEST(a_box_is_current_until_anything_happens_to_the_state) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   const auto is_current = [&] { return robot.bench.ask<BoxValue>(BoxGet{})->is_current; };
   robot.bench.send(Estop{});
   robot.run(200);
@@ -610,9 +605,7 @@ TEST(the_box_of_a_reset_is_current_all_of_the_boot) {
 }
 
 TEST(a_box_that_is_overwritten_while_it_is_read_ends_in_no_mixture) {
-  Recorded robot;
-  robot.start();
-  robot.run(3000);
+  RestingRobot robot;
   for (int i = 0; i < 8; ++i) {
     robot.estop_and_clear(200);
     robot.bench.now_us += 600'000'000;

@@ -62,6 +62,12 @@ void write_and_restart(BlockStore& store, const Configuration& configuration) {
   start.active.request_trial();
 }
 
+/// And confirms it at that start.
+void write_and_confirm(BlockStore& store, const Configuration& configuration) {
+  write_and_restart(store, configuration);
+  CHECK(Start(store).confirm() == RefusalCode::kNone);
+}
+
 }  // namespace
 
 TEST(a_configuration_survives_the_way_to_bytes_and_back) {
@@ -196,8 +202,7 @@ TEST(a_configuration_that_cannot_be_used_is_refused) {
 
 TEST(a_stored_configuration_that_this_firmware_cannot_use_is_damaged) {
   MemoryStore store;
-  write_and_restart(store, variant(21));
-  CHECK(Start(store).confirm() == RefusalCode::kNone);
+  write_and_confirm(store, variant(21));
   ActiveConfiguration other_chip(&store, Chip::kEsp32s3, &kBuiltInOne);
   other_chip.start();
   CHECK(other_chip.state() == kDamaged && other_chip.peripherals().count == 0);
@@ -213,8 +218,7 @@ TEST(a_block_of_another_size_is_damaged_until_a_configuration_is_confirmed) {
   write_and_restart(store, variant(21));
   CHECK(Start(store).active.on_trial());  // And loses its power.
   CHECK(Start(store).active.state() == kDamaged);
-  write_and_restart(store, variant(21));
-  CHECK(Start(store).confirm() == RefusalCode::kNone);
+  write_and_confirm(store, variant(21));
   CHECK(Start(store).has(variant(21), kStored));
 }
 
@@ -223,11 +227,9 @@ TEST(one_damaged_slot_leaves_the_confirmed_configuration) {
     for (const int slot : {0, 1}) {
       SlotFlash flash;
       if (has_former) {
-        write_and_restart(flash.configuration(), other());
-        CHECK(Start(flash.configuration()).confirm() == RefusalCode::kNone);
+        write_and_confirm(flash.configuration(), other());
       }
-      write_and_restart(flash.configuration(), variant(21));
-      CHECK(Start(flash.configuration()).confirm() == RefusalCode::kNone);
+      write_and_confirm(flash.configuration(), variant(21));
       flash.bytes(StoredBlock::kConfiguration, slot).back() ^= 1;
       CHECK(Start(flash.configuration()).has(variant(21), kStored));
       flash.bytes(StoredBlock::kConfiguration, 1 - slot).back() ^= 1;
@@ -245,8 +247,7 @@ TEST(a_power_cut_at_any_write_of_a_configuration_leaves_the_old_or_the_new_one) 
         SlotFlash flash;
         for (auto& slot : flash.slots[0]) slot.loses = loses;
         if (has_former) {
-          write_and_restart(flash.configuration(), other());
-          CHECK(Start(flash.configuration()).confirm() == RefusalCode::kNone);
+          write_and_confirm(flash.configuration(), other());
         }
         flash.writes_left = cut;
         write_and_restart(flash.configuration(), variant(21));

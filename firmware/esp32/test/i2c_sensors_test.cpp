@@ -83,7 +83,7 @@ void put_bytes(FakeChip& chip, uint8_t at, const std::vector<uint8_t>& bytes) {
 
 /// A robot's IMU from chip to hub, in steps of 100 us: the sensors' task each millisecond unless it
 /// is busy, the control task each millisecond.
-class Rig final : public SensorPort, public SensorObserver {
+class Rig : public SensorPort, public SensorObserver {
  public:
   static constexpr uint8_t kAddress = 0x68;
 
@@ -158,6 +158,11 @@ class Rig final : public SensorPort, public SensorObserver {
   SensorHub hub_{*this};
   uint64_t now_us_ = 0;
   uint16_t count_ = 0;
+};
+
+/// One that has run for half a second.
+struct RunningRig : Rig {
+  explicit RunningRig(bool has_interrupt) : Rig(has_interrupt) { run(500'000); }
 };
 
 void lose_settings(FakeChip& chip) {
@@ -343,8 +348,7 @@ TEST(an_output_that_stays_high_until_the_sample_is_read_starts_again) {
 // --- faults --------------------------------------------------------------------------------------
 
 TEST(what_does_not_answer_is_absent_within_two_polls_and_comes_back) {
-  Rig rig{kInterrupt};
-  rig.run(500'000);
+  RunningRig rig{kInterrupt};
   rig.chip().is_absent = true;
   CHECK(rig.until(SensorState::kAbsent) <= kSampleUs + 2'000);
   const size_t before = rig.readings.size();
@@ -355,19 +359,16 @@ TEST(what_does_not_answer_is_absent_within_two_polls_and_comes_back) {
   CHECK(rig.chip().writes == 6);  // It still had its settings.
 }
 
-TEST(a_chip_that_never_answers_is_absent_at_once) {
-  Rig rig{!kInterrupt};
-  rig.chip().is_absent = true;
-  CHECK(rig.until(SensorState::kAbsent) <= 2'000);
-}
-
-TEST(another_chip_at_the_address_is_absent_and_gets_no_settings) {
-  Rig rig{!kInterrupt};
-  rig.chip().bytes[0x75] = 0x19;
-  CHECK(rig.until(SensorState::kAbsent) <= 2'000);
-  CHECK(rig.identity() == 0x19);
-  rig.run(500'000);
-  CHECK(rig.chip().writes == 0 && rig.readings.empty());
+TEST(a_chip_that_never_answers_and_another_one_at_its_address_are_absent_at_once) {
+  for (const bool is_another : {false, true}) {
+    Rig rig{!kInterrupt};
+    rig.chip().is_absent = !is_another;
+    if (is_another) rig.chip().bytes[0x75] = 0x19;
+    CHECK(rig.until(SensorState::kAbsent) <= 2'000);
+    CHECK(rig.identity() == (is_another ? 0x19 : 0));
+    rig.run(500'000);
+    CHECK(rig.chip().writes == 0 && rig.readings.empty());  // It gets no settings.
+  }
 }
 
 /// A module sold as an MPU-6050 carries one of these; the thermometers tell which table is used.
@@ -403,8 +404,7 @@ TEST(a_chip_that_takes_the_place_of_another_is_set_up_anew) {
 }
 
 TEST(a_single_transfer_that_fails_is_repeated_and_no_sample_is_lost) {
-  Rig rig{!kInterrupt};
-  rig.run(500'000);
+  RunningRig rig{!kInterrupt};
   for (int i = 0; i < 50; ++i) {
     rig.chip().failures = 1;
     rig.run(10'300);
@@ -415,8 +415,7 @@ TEST(a_single_transfer_that_fails_is_repeated_and_no_sample_is_lost) {
 
 TEST(a_bus_that_hangs_is_named_recovered_and_comes_back) {
   for (const bool has_interrupt : {false, true}) {
-    Rig rig{has_interrupt};
-    rig.run(500'000);
+    RunningRig rig{has_interrupt};
     rig.bus.is_hung = true;
     CHECK(rig.until(SensorState::kHung) <= kSampleUs + 2 * I2cBus::kTransferUs + 2'000);
     CHECK(rig.bus.recoveries == 1);
@@ -432,8 +431,7 @@ TEST(a_bus_that_hangs_is_named_recovered_and_comes_back) {
 
 TEST(a_chip_that_lost_its_settings_is_reset_gets_them_again_and_time_to_settle) {
   for (const bool has_interrupt : {false, true}) {
-    Rig rig{has_interrupt};
-    rig.run(500'000);
+    RunningRig rig{has_interrupt};
     const size_t before = rig.readings.size();
     lose_settings(rig.chip());
     // One that gives edges no more is asked after two periods.
@@ -447,8 +445,7 @@ TEST(a_chip_that_lost_its_settings_is_reset_gets_them_again_and_time_to_settle) 
 }
 
 TEST(one_that_has_lost_its_range_only_is_not_believed) {
-  Rig rig{!kInterrupt};
-  rig.run(500'000);
+  RunningRig rig{!kInterrupt};
   const size_t before = rig.readings.size();
   rig.chip().bytes[0x1b] = 0;
   rig.run(2 * kSampleUs);
@@ -456,8 +453,7 @@ TEST(one_that_has_lost_its_range_only_is_not_believed) {
 }
 
 TEST(a_chip_that_gives_no_sample_is_missed_within_two_periods) {
-  Rig rig{kInterrupt};
-  rig.run(500'000);
+  RunningRig rig{kInterrupt};
   rig.gives_edges = false;
   CHECK(rig.until(SensorState::kMissed) <= 3 * kSampleUs + 1'000);
   CHECK(rig.now_us() - rig.readings.back().t_us <= 2 * kSampleUs + 2'000);
@@ -466,8 +462,7 @@ TEST(a_chip_that_gives_no_sample_is_missed_within_two_periods) {
 }
 
 TEST(a_task_that_reads_no_more_is_missed_within_two_periods) {
-  Rig rig{!kInterrupt};
-  rig.run(500'000);
+  RunningRig rig{!kInterrupt};
   rig.reads_sensors = false;
   CHECK(rig.until(SensorState::kMissed) <= 2 * kSampleUs + 2'000);
 }
@@ -475,8 +470,7 @@ TEST(a_task_that_reads_no_more_is_missed_within_two_periods) {
 TEST(a_chip_that_repeats_a_sample_is_frozen_within_one_more_than_its_table_says) {
   const uint64_t samples = imu_table_of(SensorChip::kMpu6050)->frozen_samples;
   for (const bool has_interrupt : {false, true}) {
-    Rig rig{has_interrupt};
-    rig.run(500'000);
+    RunningRig rig{has_interrupt};
     rig.is_frozen = true;
     const int16_t last = rig.readings.back().gyro[2];
     CHECK(rig.until(SensorState::kFrozen) <= (samples + 1) * kSampleUs);

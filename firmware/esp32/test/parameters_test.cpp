@@ -10,6 +10,19 @@
 using namespace wheelwire;
 using enum ParameterId;
 
+namespace {
+
+/// In which a wheel radius of 50 mm is saved, not the default of 33.
+MemoryStore saved_store() {
+  MemoryStore store;
+  Parameters saved;
+  saved.set(kWheelRadius, 0.05f);
+  CHECK(saved.save(store));
+  return store;
+}
+
+}  // namespace
+
 TEST(every_default_is_within_its_bounds) {
   Parameters parameters;
   for (const ParameterSpec& spec : kParameters)
@@ -28,10 +41,7 @@ TEST(values_out_of_bounds_are_refused_and_change_nothing) {
 }
 
 TEST(saved_parameters_come_back) {
-  MemoryStore store;
-  Parameters saved;
-  saved.set(kWheelRadius, 0.05f);
-  CHECK(saved.save(store));
+  MemoryStore store = saved_store();
   Parameters loaded;
   CHECK(loaded.load(store) == Parameters::Load::kLoaded);
   CHECK(loaded.get(kWheelRadius) == 0.05f);
@@ -74,23 +84,30 @@ TEST(one_value_is_not_saved_over_a_block_that_cannot_be_read) {
   CHECK(first.block == damaged && second.block.empty());
 }
 
-TEST(a_block_of_another_size_is_damaged) {
-  MemoryStore store;
-  Parameters().save(store);
+TEST(a_block_of_another_size_or_kind_or_with_a_bad_value_is_damaged_and_changes_nothing) {
+  MemoryStore store = saved_store();
   const std::vector<uint8_t> good = store.block;
-  for (size_t size = 1; size < good.size(); ++size) {
-    store.block.assign(good.begin(), good.begin() + static_cast<ptrdiff_t>(size));
-    CHECK(Parameters().load(store) == Parameters::Load::kDamaged);
-  }
-  store.block.assign(5000, 0x5a);
-  CHECK(Parameters().load(store) == Parameters::Load::kDamaged);
+  const auto check_damaged = [&store](const std::vector<uint8_t>& block) {
+    store.block = block;
+    Parameters loaded;
+    CHECK(loaded.load(store) == Parameters::Load::kDamaged);
+    CHECK(loaded.get(kWheelRadius) == 0.033f);
+  };
+  for (size_t size = 1; size < good.size(); ++size)
+    check_damaged({good.begin(), good.begin() + static_cast<ptrdiff_t>(size)});
+  check_damaged(std::vector<uint8_t>(5000, 0x5a));
+  std::vector<uint8_t> of_another_kind = good;
+  of_another_kind[0] ^= 1;
+  check_damaged(of_another_kind);
+  // The last parameter's value is NaN: behind it is the entry with the board's fingerprint.
+  std::vector<uint8_t> with_a_bad_value = good;
+  for (size_t i = 6; i <= 9; ++i) with_a_bad_value[good.size() - i] = 0xff;
+  check_damaged(with_a_bad_value);
 }
 
 TEST(a_block_without_values_leaves_the_defaults) {
-  MemoryStore store;
-  Parameters saved;
-  saved.set(kWheelRadius, 0.05f);
-  CHECK(saved.save(store) && Parameters::save_none(store));
+  MemoryStore store = saved_store();
+  CHECK(Parameters::save_none(store));
   Parameters parameters;
   CHECK(parameters.load(store) == Parameters::Load::kEmpty);
   CHECK(parameters.get(kWheelRadius) == 0.033f);
@@ -121,32 +138,13 @@ TEST(a_board_has_defaults_of_its_own_within_the_bounds) {
 }
 
 TEST(a_block_of_a_later_release_is_read_without_what_is_unknown_here) {
-  MemoryStore store;
-  Parameters saved;
-  saved.set(kWheelRadius, 0.05f);
-  CHECK(saved.save(store));
-  std::vector<uint8_t> block = store.block;
-  block[4] = static_cast<uint8_t>(block[4] + 1);
-  for (const int byte : {200, 0, 0, 128, 63})
-    block.push_back(static_cast<uint8_t>(byte));  // id 200, 1.0
-  store.block = block;
+  MemoryStore store = saved_store();
+  ++store.block[4];
+  // Its id is 200, its value 1.0.
+  store.block.insert(store.block.end(), {200, 0, 0, 128, 63});
   Parameters loaded;
   CHECK(loaded.load(store) == Parameters::Load::kLoaded);
   CHECK(loaded.get(kWheelRadius) == 0.05f);
-}
-
-TEST(a_block_with_one_bad_value_changes_nothing) {
-  MemoryStore store;
-  Parameters saved;
-  saved.set(kWheelRadius, 0.05f);
-  CHECK(saved.save(store));
-  std::vector<uint8_t> block = store.block;
-  // The last parameter's value: behind it is the entry with the board's fingerprint.
-  for (int i = 6; i <= 9; ++i) block[block.size() - static_cast<size_t>(i)] = 0xff;  // NaN
-  store.block = block;
-  Parameters loaded;
-  CHECK(loaded.load(store) == Parameters::Load::kDamaged);
-  CHECK(loaded.get(kWheelRadius) == 0.033f);
 }
 
 TEST(an_estop_input_that_was_switched_off_is_on_again_on_another_board) {
@@ -170,14 +168,4 @@ TEST(bounds_are_inclusive) {
     CHECK(parameters.set(spec.id, spec.minimum - 1) == RefusalCode::kOutOfRange);
     CHECK(parameters.set(spec.id, spec.maximum * 1.5f + 1) == RefusalCode::kOutOfRange);
   }
-}
-
-TEST(a_block_of_another_kind_is_not_read) {
-  MemoryStore store;
-  CHECK(Parameters().save(store));
-  std::vector<uint8_t> block = store.block;
-  block[0] ^= 1;
-  store.block = block;
-  Parameters loaded;
-  CHECK(loaded.load(store) == Parameters::Load::kDamaged);
 }

@@ -65,6 +65,20 @@ PeripheralFault fault_of(std::initializer_list<Peripheral> entries) {
   return fault_of(wroom(), entries);
 }
 
+/// A computer with the pins of a header.
+BoardDescription pi() {
+  BoardDescription board = wroom();
+  board.chip = Chip::kLinux;
+  return board;
+}
+
+/// On the bus of a computer with this number.
+Peripheral on_bus(Peripheral entry, int8_t number) {
+  entry.pin_a = number;
+  entry.pin_b = entry.pin_c = -1;
+  return entry;
+}
+
 }  // namespace
 
 TEST(peripherals_that_can_be_used) {
@@ -220,49 +234,32 @@ TEST(two_of_a_kind_at_one_place_or_at_one_address) {
 }
 
 TEST(a_computer_has_its_buses_by_number) {
-  BoardDescription pi = wroom();
-  pi.chip = Chip::kLinux;
-  const auto on_bus = [](Peripheral entry, int8_t number) {
-    return changed(entry, [number](auto& e) {
-      e.pin_a = number;
-      e.pin_b = e.pin_c = -1;
-    });
-  };
-  CHECK(fault_of(pi, {on_bus(imu(), 1), on_bus(power(), 1), bumper(Place::kFront, 8)}) == kNone);
-  CHECK(fault_of(pi, {on_bus(imu(), 0), on_bus(power(), 3), battery(9000, 8000, 7000)}) == kNone);
-  CHECK(fault_of(pi, {imu()}) == kBus);
+  CHECK(fault_of(pi(), {on_bus(imu(), 1), on_bus(power(), 1), bumper(Place::kFront, 8)}) == kNone);
+  CHECK(fault_of(pi(), {on_bus(imu(), 0), on_bus(power(), 3), battery(9000, 8000, 7000)}) == kNone);
+  CHECK(fault_of(pi(), {imu()}) == kBus);
   CHECK(fault_of({on_bus(imu(), 1)}) == kBus);
-  CHECK(fault_of(pi, {on_bus(imu(), -1)}) == kPinMissing);
-  CHECK(fault_of(pi, {changed(on_bus(imu(), 1), [](auto& e) { e.pin_c = 7; })}) == kNotOnThisChip);
-  CHECK(fault_of(pi, {on_bus(imu(), 1),
-                      changed(on_bus(power(), 1), [](auto& e) { e.address = 0x68; })}) == kTwice);
-  CHECK(fault_of(pi, {battery(9000, 8000, 7000)}) == kNoBattery);
+  CHECK(fault_of(pi(), {on_bus(imu(), -1)}) == kPinMissing);
+  CHECK(fault_of(pi(), {changed(on_bus(imu(), 1), [](auto& e) { e.pin_c = 7; })}) ==
+        kNotOnThisChip);
+  CHECK(fault_of(pi(), {on_bus(imu(), 1),
+                        changed(on_bus(power(), 1), [](auto& e) { e.address = 0x68; })}) == kTwice);
+  CHECK(fault_of(pi(), {battery(9000, 8000, 7000)}) == kNoBattery);
 }
 
 TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
-  BoardDescription pi = wroom();
-  pi.chip = Chip::kLinux;
-  const auto on_bus = [](int8_t number) {
-    return changed(imu(), [number](auto& e) {
-      e.pin_a = number;
-      e.pin_b = e.pin_c = -1;
-    });
-  };
   for (const int8_t pin : {int8_t{2}, int8_t{3}}) {
-    CHECK(fault_of(pi, {on_bus(1), bumper(Place::kFront, pin)}) == kPinTaken);
-    CHECK(fault_of(pi, {bumper(Place::kFront, pin), on_bus(1)}) == kPinTaken);
-    CHECK(fault_of(pi, {on_bus(3), bumper(Place::kFront, pin)}) == kNone);
-    BoardDescription with_contact = pi;
+    CHECK(fault_of(pi(), {on_bus(imu(), 1), bumper(Place::kFront, pin)}) == kPinTaken);
+    CHECK(fault_of(pi(), {bumper(Place::kFront, pin), on_bus(imu(), 1)}) == kPinTaken);
+    CHECK(fault_of(pi(), {on_bus(imu(), 3), bumper(Place::kFront, pin)}) == kNone);
+    BoardDescription with_contact = pi();
     with_contact.estop = pin;
-    CHECK(fault_of(with_contact, {on_bus(1)}) == kPinTaken);
+    CHECK(fault_of(with_contact, {on_bus(imu(), 1)}) == kPinTaken);
   }
   // The number of a bus is not a pin.
-  CHECK(fault_of(pi, {on_bus(7), bumper(Place::kFront, 7)}) == kNone);
+  CHECK(fault_of(pi(), {on_bus(imu(), 7), bumper(Place::kFront, 7)}) == kNone);
 }
 
 TEST(a_computer_times_no_echoes_and_measures_no_voltage) {
-  BoardDescription pi = wroom();
-  pi.chip = Chip::kLinux;
   for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
-    CHECK(fault_of(pi, {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
+    CHECK(fault_of(pi(), {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }
