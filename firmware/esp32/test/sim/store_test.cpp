@@ -212,16 +212,6 @@ struct Deny final : StoreWatch {
   }
 };
 
-/// The power goes in the middle of a write, and comes back with nothing lost but what was there.
-struct Cut final : StoreWatch {
-  explicit Cut(int writes) : writes_left(writes) {}
-  int writes_left;
-  WriteFate fate_of_write(const Store&, int) override {
-    if (writes_left < 0) return WriteFate::kUntouched;
-    return writes_left-- > 0 ? WriteFate::kDone : WriteFate::kLost;
-  }
-};
-
 }  // namespace
 
 TEST(a_watch_may_refuse_each_write) {
@@ -233,21 +223,6 @@ TEST(a_watch_may_refuse_each_write) {
   CHECK(deny.asked == 2);  // Each write is tried twice.
   uint8_t out[8] = {};
   CHECK(store.load(out, sizeof out) == 3);
-}
-
-TEST(a_cut_in_a_write_leaves_the_block_before_or_after_it) {
-  const uint8_t first[] = {1};
-  const uint8_t second[] = {2, 2};
-  uint8_t out[8] = {};
-  for (const int writes : {0, 1, 2}) {
-    Store store;
-    CHECK(store.save(first, sizeof first));
-    Cut cut{writes};
-    store.watch = &cut;
-    CHECK(store.save(second, sizeof second) == (writes == 2));
-    CHECK(store.load(out, sizeof out) == (writes == 0 ? 1u : 2u));
-    CHECK(store.has_lost_copy() == (writes != 2));
-  }
 }
 
 TEST(the_power_may_fail_in_any_write_of_a_save) {
