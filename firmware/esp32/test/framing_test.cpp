@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "check.hpp"
+#include "frames.hpp"
 #include "vectors.hpp"
 
 using namespace wheelwire;
@@ -37,21 +38,12 @@ int feed(FrameDecoder& decoder, vectors::Bytes bytes, Frame& last) {
   return feed_in_parts(decoder, {bytes.begin(), bytes.end()}, 1, last);
 }
 
-template <typename Message>
-std::vector<uint8_t> frame_of(const Message& message, uint16_t seq) {
-  uint8_t body[Message::kSize];
-  message.encode(body);
-  std::vector<uint8_t> frame(kMaxFrame);
-  frame.resize(encode_frame(Message::kId, seq, body, sizeof body, frame.data()));
-  return frame;
-}
-
 }  // namespace
 
 TEST(every_vector_is_encoded_byte_for_byte) {
   vectors::for_each_frame(
       [](const char* name, const auto& message, uint16_t seq, vectors::Bytes expected) {
-        const std::vector<uint8_t> frame = frame_of(message, seq);
+        const std::vector<uint8_t> frame = test::frame_of(message, seq);
         const bool equal = std::ranges::equal(frame, expected);
         if (!equal) std::printf("%s\n", name);
         CHECK(equal);

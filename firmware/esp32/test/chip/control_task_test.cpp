@@ -8,11 +8,11 @@
 #include "check.hpp"
 #include "esp_system.h"
 #include "esp_task_wdt.h"
-#include "framing.hpp"
-#include "memory_store.hpp"
+#include "frames.hpp"
 #include "partition_flash.hpp"
 #include "pins.hpp"
 #include "recorder_keeper.hpp"
+#include "robot_bench.hpp"
 #include "stage_boards.hpp"
 #include "task_watchdog.hpp"
 #include "wired_robot.hpp"
@@ -34,10 +34,6 @@ struct SilentLine final : Line {
   uint32_t bytes_per_second() const override { return 92'160; }
 };
 
-struct NoBattery final : BatterySense {
-  uint16_t millivolts() override { return 0; }
-};
-
 struct End {};
 
 /// A robot at rest, with all that a task needs.
@@ -48,7 +44,7 @@ struct Rig {
   MemoryStore store;
   MemoryLatches latches;
   MemoryStore latch_store;
-  NoBattery battery;
+  BenchBattery battery;
   Device device = device_on(line, Identity{});
 
   Device device_on(Line& any, const Identity& identity) {
@@ -119,36 +115,56 @@ namespace {
 
 RecorderMemory recorder_memory;
 
-/// A start of the chip after `reason`, and how it goes on until 20 s after it: a fault at 2 s if
-/// `fails`, and flash that takes 400 ms to erase a sector. Returns the newest box in
-/// it then, and how many there are.
-BoxValue newest_after_a_run(ResetReason reason, bool fails) {
+/// A chip that starts after `reason`, with its task, its recorder and a host on its line.
+struct StartedChip {
+  StartedChip(ResetReason reason, Line& line, const Identity& identity = {})
+      : device(rig.device_on(line, identity)),
+        recorder(recorder_memory, flash, {}, reason, 0),
+        task(device, line, dead_man, state, &recorder) {
+    CHECK(rig.start() && start_task_watchdog() && flash.start(RecorderKeeper::kFlashSize));
+  }
+  StartedChip(const StartedChip&) = delete;
+  ~StartedChip() { fake_partition.on_call = {}; }
+
+  /// From half a second after the start on. `each_ms` is called each millisecond.
+  template <typename Each>
+  void run_until(int64_t end_us, Each each_ms) {
+    fake_time_us = 500'000;
+    fake_wait = [&](TickType_t) -> uint32_t {
+      fake_time_us += 1'000;
+      each_ms();
+      if (fake_time_us > end_us) throw End{};
+      return 1;
+    };
+    try {
+      task.start();
+    } catch (const End&) {
+    }
+  }
+
   Rig rig;
-  CHECK(rig.start() && start_task_watchdog());
+  Device device;
   PartitionFlash flash;
-  CHECK(flash.start(RecorderKeeper::kFlashSize));
-  RecorderKeeper recorder{recorder_memory, flash, {}, reason, 0};
-  static DeadMan dead_man;
-  static SharedState state;
-  ControlTask task{rig.device, rig.line, dead_man, state, &recorder};
-  fake_time_us = 500'000;
+  RecorderKeeper recorder;
+  DeadMan dead_man;
+  SharedState state;
+  ControlTask task;
+};
+
+/// How a start after `reason` goes on until 20 s after it: a fault at 2 s if `fails`, and flash
+/// that takes 400 ms to erase a sector. Returns the newest box in it then, and how many there are.
+BoxValue newest_after_a_run(ResetReason reason, bool fails) {
+  SilentLine line;
+  StartedChip chip(reason, line);
   fake_partition.on_call = [](bool erases) {
     CHECK(!erases || fake_task_watchdog.timeout_ms > 400);
     if (erases) fake_time_us += 400'000;
   };
-  fake_wait = [&](TickType_t) -> uint32_t {
-    fake_time_us += 1'000;
-    if (fails && fake_time_us >= 2'000'000) rig.device.report_driver_failure();
-    if (fake_time_us > 20'000'000) throw End{};
-    return 1;
-  };
-  try {
-    task.start();
-  } catch (const End&) {
-  }
-  fake_partition.on_call = {};
+  chip.run_until(20'000'000, [&] {
+    if (fails && fake_time_us >= 2'000'000) chip.device.report_driver_failure();
+  });
   BoxValue newest{};
-  recorder.describe(newest);
+  chip.recorder.describe(newest);
   return newest;
 }
 
@@ -220,11 +236,8 @@ class AskingLine final : public Line {
 
   template <typename Message>
   void send(const Message& message, int64_t at_us) {
-    uint8_t body[Message::kSize];
-    message.encode(body);
-    uint8_t frame[kMaxFrame];
-    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
-    waiting_.insert(waiting_.end(), frame, frame + size);
+    const std::vector<uint8_t> frame = frame_of(message, seq_++);
+    waiting_.insert(waiting_.end(), frame.begin(), frame.end());
     sent_us_[request_id_] = at_us;
   }
 
@@ -244,16 +257,7 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   blank_flash();
   std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
   AskingLine line;
-  Rig rig;
-  CHECK(rig.start() && start_task_watchdog());
-  Device device = rig.device_on(line, Identity{});
-  PartitionFlash flash;
-  CHECK(flash.start(RecorderKeeper::kFlashSize));
-  RecorderKeeper recorder{recorder_memory, flash, {}, ResetReason::kPowerOn, 0};
-  static DeadMan dead_man;
-  static SharedState state;
-  ControlTask task{device, line, dead_man, state, &recorder};
-  const int64_t start_us = fake_time_us = 500'000;
+  StartedChip chip(ResetReason::kPowerOn, line);
   int calls = 0;
   int most_calls = 0;
   bool is_started = false;
@@ -265,22 +269,14 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
     shortest_rest_us = std::min(shortest_rest_us, fake_time_us - erased_us);
     erased_us = fake_time_us += kEraseUs;
   };
-  fake_wait = [&](TickType_t) -> uint32_t {
+  chip.run_until(40'500'000, [&] {
     if (is_started) most_calls = std::max(most_calls, calls);
     is_started = true;
     calls = 0;
-    fake_time_us += 1'000;
-    if (fake_time_us >= 2'000'000) device.report_driver_failure();
-    if (fake_time_us > start_us + 40'000'000) throw End{};
+    if (fake_time_us >= 2'000'000) chip.device.report_driver_failure();
     line.advance();
-    return 1;
-  };
-  try {
-    task.start();
-  } catch (const End&) {
-  }
-  fake_partition.on_call = {};
-  CHECK(recorder.store().count() == 1 && fake_partition.erasures > 16);
+  });
+  CHECK(chip.recorder.store().count() == 1 && fake_partition.erasures > 16);
   CHECK(most_calls == 2);  // A change and a read: a machine on which each is slow answers, too.
   CHECK(shortest_rest_us >= kEraseUs);
   CHECK(line.waits_us.size() >= 398);
@@ -292,36 +288,18 @@ TEST(a_restart_that_is_asked_for_leaves_no_box_to_a_boot_that_crashes_at_once) {
   blank_flash();
   AskingLine line;
   line.restarts_us = 2'000'000;
-  Rig rig;
-  CHECK(rig.start() && start_task_watchdog());
   Identity identity{};
   identity.capabilities = capability::kRestart;
-  Device device = rig.device_on(line, identity);
-  PartitionFlash flash;
-  CHECK(flash.start(RecorderKeeper::kFlashSize));
-  RecorderKeeper recorder{recorder_memory, flash, {}, ResetReason::kPowerOn, 0};
-  static DeadMan dead_man;
-  static SharedState state;
-  ControlTask task{device, line, dead_man, state, &recorder};
-  fake_time_us = 500'000;
+  StartedChip chip(ResetReason::kPowerOn, line, identity);
   bool restarted = false;
   fake_restart = [&] {
     restarted = true;
     throw End{};
   };
-  fake_wait = [&](TickType_t) -> uint32_t {
-    fake_time_us += 1'000;
-    if (fake_time_us > 20'000'000) throw End{};
-    line.advance();
-    return 1;
-  };
-  try {
-    task.start();
-  } catch (const End&) {
-  }
+  chip.run_until(20'000'000, [&] { line.advance(); });
   fake_restart = [] {};
   CHECK(restarted);
-  RecorderKeeper next{recorder_memory, flash, {}, ResetReason::kPanic, 0};
+  RecorderKeeper next{recorder_memory, chip.flash, {}, ResetReason::kPanic, 0};
   next.start();
   CHECK(!next.black_box().is_closed());  // It records, and holds nothing back.
   fake_partition = {};

@@ -18,7 +18,7 @@ constexpr int kHoldMs = kMaxHoldUs / 1000;
 
 /// A robot under the dead-man of one core, with a check each millisecond.
 struct Watched {
-  explicit Watched(Stage stage) : board(board_of(stage)) {
+  explicit Watched(const BoardDescription& of) : board(of) {
     fake_matrix = {};
     fake_core = 1;
     CHECK(take_pins(ConfigurationState::kStored, board));
@@ -44,13 +44,8 @@ struct Watched {
   }
 
   /// The pins of the stages that are high at some time of a PWM period.
-  PinMask high() {
-    PinMask pins = 0;
-    for (int pin = 0; pin < 40; ++pin)
-      if (fake_matrix.can_be_high(pin)) pins |= mask_of(pin);
-    return pins & stage_pins(board);
-  }
-  bool is_released() { return (high() & release_pins(board)) == 0; }
+  PinMask high() { return high_pins() & stage_pins(board); }
+  bool is_released() { return !drives(board); }
 
   BoardDescription board;
   WiredRobot robot{board};
@@ -59,17 +54,17 @@ struct Watched {
 };
 
 template <typename Test>
-void on_every_stage(Test test) {
-  for (size_t i = 0; i < kStages; ++i) {
-    Watched watched(static_cast<Stage>(i));
+void watch_every_stage(Test test) {
+  on_every_stage([&](const BoardDescription& board) {
+    Watched watched(board);
     test(watched);
-  }
+  });
 }
 
 }  // namespace
 
 TEST(a_brake_outlives_a_flash_operation) {
-  on_every_stage([](Watched& watched) {
+  watch_every_stage([](Watched& watched) {
     watched.brake();
     const PinMask braked = watched.high();
     watched.timer->ring(kHoldMs);
@@ -82,7 +77,7 @@ TEST(a_brake_outlives_a_flash_operation) {
 }
 
 TEST(a_brake_ends_at_the_slow_watchdog_s_limit_and_returns_with_the_next_step) {
-  on_every_stage([](Watched& watched) {
+  watch_every_stage([](Watched& watched) {
     watched.brake();
     const PinMask braked = watched.high();
     watched.timer->ring(kHoldMs + kLimit);
@@ -93,7 +88,7 @@ TEST(a_brake_ends_at_the_slow_watchdog_s_limit_and_returns_with_the_next_step) {
 }
 
 TEST(a_robot_that_drives_is_released_after_a_few_checks) {
-  on_every_stage([](Watched& watched) {
+  watch_every_stage([](Watched& watched) {
     watched.steps(3, true, [](MotorPort& motor) { motor.drive(20'000); });
     CHECK(!watched.is_released());
     watched.timer->ring(kLimit - 1);
@@ -106,7 +101,7 @@ TEST(a_robot_that_drives_is_released_after_a_few_checks) {
 TEST(a_step_that_begins_to_drive_and_hangs_is_released) {
   // At full duty all levels are static, as with a brake.
   for (const int16_t duty_q15 : {int16_t{1}, int16_t{20'000}, int16_t{32'767}}) {
-    on_every_stage([duty_q15](Watched& watched) {
+    watch_every_stage([duty_q15](Watched& watched) {
       watched.brake();
       for (int i = 0; i < 2; ++i) watched.robot.right_motor.drive(duty_q15);
       watched.timer->ring(kLimit);
@@ -115,18 +110,16 @@ TEST(a_step_that_begins_to_drive_and_hangs_is_released) {
   }
 }
 
-TEST(a_wheel_that_stands_while_the_robot_drives_is_released) {
-  on_every_stage([](Watched& watched) {
-    watched.steps(3, true, [](MotorPort& motor) { motor.brake(); });
-    watched.timer->ring(kLimit);
-    CHECK(watched.is_released());
-  });
-}
-
-TEST(a_start_that_hangs_before_the_first_step_is_released) {
-  on_every_stage([](Watched& watched) {
-    for (int i = 0; i < 2; ++i) watched.robot.left_motor.drive(20'000);
-    watched.timer->ring(kLimit);
-    CHECK(watched.is_released());
-  });
+TEST(a_wheel_that_stands_while_the_robot_drives_and_a_start_that_hangs_are_released) {
+  for (const bool has_stepped : {true, false}) {
+    watch_every_stage([has_stepped](Watched& watched) {
+      if (has_stepped) {
+        watched.steps(3, true, [](MotorPort& motor) { motor.brake(); });
+      } else {
+        for (int i = 0; i < 2; ++i) watched.robot.left_motor.drive(20'000);
+      }
+      watched.timer->ring(kLimit);
+      CHECK(watched.is_released());
+    });
+  }
 }

@@ -106,33 +106,27 @@ TEST(what_does_not_drive_is_not_watched_until_it_drives_again) {
 
 TEST(a_panic_first_releases_the_motors_then_arms_its_watchdog_then_calls_the_handler) {
   for (void (*const handler)(void*) : kHandlers) {
-    for (size_t stage = 0; stage < kStages; ++stage) {
+    on_every_stage([&](const BoardDescription& board) {
       reset_chip();
-      const BoardDescription board = board_of(static_cast<Stage>(stage));
-      const auto drives = [&] {
-        for (int pin = 0; pin < 40; ++pin)
-          if (release_pins(board) & mask_of(pin) && fake_matrix.can_be_high(pin)) return true;
-        return false;
-      };
       WiredRobot robot(board);
       CHECK(take_pins(ConfigurationState::kStored, board) && robot.start(Parameters{}));
       prepare_drive_watchdog();
       for (int i = 0; i < 2; ++i) robot.left_motor.drive(20'000);
       drive_for_ms(1);
-      CHECK(drives());
-      fake_rwdt.on_access = [&] { CHECK(!drives()); };
+      CHECK(drives(board));
+      fake_rwdt.on_access = [&] { CHECK(!drives(board)); };
       int frame = 0;
       int entries = 0;
       idf_handler = [&](void* given) {
         ++entries;
-        CHECK(given == &frame && is_guarded(fake_time_us) && !drives());
+        CHECK(given == &frame && is_guarded(fake_time_us) && !drives(board));
       };
       handler(&frame);
       CHECK(entries == 1);
       // Nothing is left of the stages before.
       for (const wdt_stage_t later : {WDT_STAGE1, WDT_STAGE2, WDT_STAGE3})
         CHECK(fake_rwdt.stages[later].action == WDT_STAGE_ACTION_OFF);
-    }
+    });
   }
 }
 

@@ -10,19 +10,22 @@ namespace {
 
 const std::vector<uint8_t> kSaved{1, 2, 3};
 
+NvsStore started(const char* key = "parameters") {
+  NvsStore store{key};
+  store.start();
+  return store;
+}
+
 uint32_t fault_at_start(esp_err_t found) {
   fake_nvs = {.init_result = found, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore store{"parameters"};
-  store.start();
-  return store.faults();
+  return started().faults();
 }
 
 }  // namespace
 
 TEST(a_saved_block_is_read_back) {
   fake_nvs = {};
-  NvsStore store{"parameters"};
-  store.start();
+  NvsStore store = started();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()));
@@ -43,8 +46,7 @@ TEST(storage_that_cannot_be_opened_is_told_apart_and_left_alone) {
 
 TEST(storage_that_cannot_be_opened_is_not_written) {
   fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES);
-  NvsStore store{"parameters"};
-  store.start();
+  NvsStore store = started();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(!store.save(block, sizeof block));
@@ -53,8 +55,7 @@ TEST(storage_that_cannot_be_opened_is_not_written) {
 
 TEST(what_cannot_be_opened_is_formatted) {
   fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
-  NvsStore store{"parameters"};
-  store.start();
+  NvsStore store = started();
   CHECK(store.format());
   CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
@@ -62,8 +63,7 @@ TEST(what_cannot_be_opened_is_formatted) {
 
 TEST(a_block_that_cannot_be_read_is_a_fault) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
-  NvsStore store{"parameters"};
-  store.start();
+  NvsStore store = started();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(store.faults() == fault::kStoreUnreadable);
@@ -72,18 +72,14 @@ TEST(a_block_that_cannot_be_read_is_a_fault) {
 
 TEST(one_format_is_enough_for_two_blocks) {
   fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore first{"parameters.0"}, second{"parameters.1"};
-  first.start();
-  second.start();
+  NvsStore first = started("parameters.0"), second = started("parameters.1");
   CHECK(first.format() && second.format());
   CHECK(fake_nvs.erasures == 1 && first.faults() == 0 && second.faults() == 0);
 }
 
 TEST(a_block_can_be_saved_after_another_one_has_formatted) {
   fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore parameters{"parameters.0"}, latch{"latch.0"};
-  parameters.start();
-  latch.start();
+  NvsStore parameters = started("parameters.0"), latch = started("latch.0");
   CHECK(!latch.save(kSaved.data(), kSaved.size()));
   CHECK(parameters.format());
   CHECK(latch.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
@@ -92,8 +88,7 @@ TEST(a_block_can_be_saved_after_another_one_has_formatted) {
 
 TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
-  NvsStore store{"parameters"};
-  store.start();
+  NvsStore store = started();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 9);
   CHECK(store.faults() == 0);

@@ -14,14 +14,6 @@ extern "C" void bootloader_before_init();
 
 namespace {
 
-/// The pins that the chip drives.
-PinMask driven() {
-  PinMask pins = 0;
-  for (int pin = 0; pin < 40; ++pin)
-    if (fake_matrix.enabled[pin]) pins |= mask_of(pin);
-  return pins;
-}
-
 PinMask encoder_pins(const BoardDescription& board) {
   PinMask pins = 0;
   for (const BoardPin function : kEncoderPins) pins |= mask_of(board.pin(function));
@@ -81,41 +73,38 @@ TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
     start(robot, state, kImageBoard);
     robot.left_motor.drive(20'000);
     robot.right_motor.brake();
-    CHECK(driven() == 0);
+    CHECK(driven_pins() == 0);
     release_motors();
-    CHECK(driven() == 0 && fake_matrix.ever_high.empty());
+    CHECK(driven_pins() == 0 && fake_matrix.ever_high.empty());
   }
 }
 
 TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone) {
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
-    for (size_t i = 0; i < kStages; ++i) {
+    on_every_stage([state](const BoardDescription& board) {
       power_on();
-      const BoardDescription board = board_of(static_cast<Stage>(i));
       WiredRobot robot(board);
       start(robot, state, board);
-      CHECK(driven() == stage_pins(board));
-    }
+      CHECK(driven_pins() == stage_pins(board));
+    });
   }
 }
 
 TEST(the_pins_of_the_previous_board_float_after_a_change) {
-  for (size_t before = 0; before < kStages; ++before) {
-    for (size_t after = 0; after < kStages; ++after) {
+  on_every_stage([](const BoardDescription& former) {
+    on_every_stage([&former](const BoardDescription& board) {
       power_on();
-      const BoardDescription former = board_of(static_cast<Stage>(before));
       WiredRobot driver(former);
       start(driver, ConfigurationState::kStored, former);
       driver.left_motor.drive(20'000);
       driver.right_motor.drive(-20'000);
 
-      const BoardDescription board = board_of(static_cast<Stage>(after));
       WiredRobot robot(board);
       start(robot, ConfigurationState::kTrial, board);
-      CHECK(driven() == stage_pins(board) && lurking() == 0);
-      CHECK((driven() & encoder_pins(board)) == 0);
-    }
-  }
+      CHECK(driven_pins() == stage_pins(board) && lurking() == 0);
+      CHECK((driven_pins() & encoder_pins(board)) == 0);
+    });
+  });
 }
 
 TEST(no_encoder_fights_an_output_of_the_previous_board) {
@@ -125,10 +114,10 @@ TEST(no_encoder_fights_an_output_of_the_previous_board) {
   WiredRobot driver(former);
   start(driver, ConfigurationState::kStored, former);
   driver.left_motor.drive(20'000);
-  CHECK((driven() & encoder_pins(board)) == encoder_pins(board));
+  CHECK((driven_pins() & encoder_pins(board)) == encoder_pins(board));
   WiredRobot robot(board);
   start(robot, ConfigurationState::kStored, board);
-  CHECK((driven() & encoder_pins(board)) == 0);
+  CHECK((driven_pins() & encoder_pins(board)) == 0);
 }
 
 TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
@@ -139,10 +128,10 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   driver.left_motor.drive(20'000);
   WiredRobot robot(kImageBoard);
   start(robot, ConfigurationState::kBuiltIn, kImageBoard);
-  CHECK(driven() == 0 && lurking() == 0);
+  CHECK(driven_pins() == 0 && lurking() == 0);
   // Again: nothing is left for the bootloader.
   bootloader_before_init();
-  CHECK(driven() == 0);
+  CHECK(driven_pins() == 0);
 }
 
 TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
@@ -153,10 +142,10 @@ TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
     start(robot, state, board);
     robot.left_motor.drive(20'000);
     bootloader_before_init();
-    CHECK(driven() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
+    CHECK(driven_pins() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
     // What it holds, the application goes on holding until it knows the board.
     CHECK(float_pins());
-    CHECK(driven() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
+    CHECK(driven_pins() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
   }
 }
 

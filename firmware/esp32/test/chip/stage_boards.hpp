@@ -2,6 +2,7 @@
 #pragma once
 
 #include "built_in_boards.hpp"
+#include "gpio_matrix.hpp"
 
 namespace wheelwire::test {
 
@@ -31,5 +32,37 @@ constexpr bool all_can_be_used() {
   return true;
 }
 static_assert(all_can_be_used());
+
+/// Calls `test` with a board of each stage.
+template <typename Test>
+void on_every_stage(Test test) {
+  for (size_t i = 0; i < kStages; ++i) test(board_of(static_cast<Stage>(i)));
+}
+
+/// The pins that the chip drives.
+inline PinMask driven_pins() {
+  PinMask pins = 0;
+  for (int pin = 0; pin < 40; ++pin)
+    if (fake_matrix.enabled[pin]) pins |= mask_of(pin);
+  return pins;
+}
+/// The pins that are high at some time of a PWM period.
+inline PinMask high_pins() {
+  PinMask pins = 0;
+  for (int pin = 0; pin < 40; ++pin)
+    if (fake_matrix.can_be_high(pin)) pins |= mask_of(pin);
+  return pins;
+}
+/// The pins that were ever high.
+inline PinMask once_high_pins() {
+  PinMask pins = 0;
+  for (const int pin : fake_matrix.ever_high) pins |= mask_of(pin);
+  return pins;
+}
+/// Whether the motors get something: standby aside, a stage whose inputs that release it are low
+/// does not drive.
+inline bool drives(const BoardDescription& board) {
+  return (high_pins() & release_pins(board)) != 0;
+}
 
 }  // namespace wheelwire::test

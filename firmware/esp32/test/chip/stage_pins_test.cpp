@@ -88,10 +88,12 @@ struct Bench {
   std::vector<Asks> seen;
 };
 
+/// And at every frequency.
 template <typename Test>
-void on_every_stage(Test test) {
-  for (size_t i = 0; i < kStages; ++i)
-    for (const uint32_t frequency_hz : kFrequencies) test(static_cast<Stage>(i), frequency_hz);
+void at_every_stage(Test test) {
+  on_every_stage([&](const BoardDescription& board) {
+    for (const uint32_t frequency_hz : kFrequencies) test(board.stage, frequency_hz);
+  });
 }
 
 /// Two periods of the slowest PWM.
@@ -100,7 +102,7 @@ constexpr int kLong = 25;
 }  // namespace
 
 TEST(a_reversal_shows_the_new_direction_with_the_new_duty_only) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     // The first reversal finds a comparator that never had a duty, on a stage with one for each
     // direction; the short ones are too soon for a slow PWM.
     Bench bench(stage, frequency_hz);
@@ -120,7 +122,7 @@ TEST(a_reversal_shows_the_new_direction_with_the_new_duty_only) {
 }
 
 TEST(a_drive_after_a_brake_or_a_full_drive_shows_its_own_duty_only) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const bool brakes : {false, true}) {
       Bench bench(stage, frequency_hz);
       if (brakes) bench.steps(kLong, [](MotorPort& motor) { motor.brake(); });
@@ -135,7 +137,7 @@ TEST(a_drive_after_a_brake_or_a_full_drive_shows_its_own_duty_only) {
 }
 
 TEST(a_coast_acts_at_once) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const double fraction : {0.5, 1.0, -1.0}) {
       Bench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
@@ -147,7 +149,7 @@ TEST(a_coast_acts_at_once) {
 }
 
 TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     Bench bench(stage, frequency_hz);
     bench.drive(kLong, 0.5);
     bench.drive(3, -0.5);
@@ -159,7 +161,7 @@ TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
 }
 
 TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const double fraction : {0.1, 0.5, 0.99}) {
       Bench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
@@ -173,7 +175,7 @@ TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
 }
 
 TEST(at_full_duty_there_is_no_edge) {
-  on_every_stage([](Stage stage, uint32_t frequency_hz) {
+  at_every_stage([](Stage stage, uint32_t frequency_hz) {
     Bench bench(stage, frequency_hz);
     bench.drive(kLong, 0.3);
     bench.seen.clear();

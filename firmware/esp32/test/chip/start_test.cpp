@@ -6,44 +6,29 @@
 using namespace wheelwire;
 using namespace wheelwire::test;
 
-namespace {
-
-/// Whether any of these pins was ever high.
-bool was_high(PinMask pins) {
-  for (const int pin : fake_matrix.ever_high)
-    if (pins & mask_of(pin)) return true;
-  return false;
-}
-
-}  // namespace
-
 TEST(nothing_is_high_while_the_motors_start) {
-  for (size_t i = 0; i < kStages; ++i) {
+  on_every_stage([](const BoardDescription& board) {
     fake_matrix = {};
-    const BoardDescription board = board_of(static_cast<Stage>(i));
     WiredRobot robot(board);
     CHECK(robot.start(Parameters{}));
     CHECK(fake_matrix.pwm.runs);
-    CHECK(!was_high(stage_pins(board)));
-  }
+    CHECK((once_high_pins() & stage_pins(board)) == 0);
+  });
 }
 
 TEST(only_the_wheel_that_is_to_drive_gets_a_duty) {
-  for (size_t i = 0; i < kStages; ++i) {
+  on_every_stage([](const BoardDescription& board) {
     fake_matrix = {};
-    const BoardDescription board = board_of(static_cast<Stage>(i));
     WiredRobot robot(board);
     CHECK(robot.start(Parameters{}));
     robot.left_motor.drive(1000);
-    PinMask left = 0;
-    PinMask right = 0;
-    for (size_t input = 0; input < kStageInputs; ++input) {
-      left |= mask_of(board.pin(input_of(0, input)));
-      right |= mask_of(board.pin(input_of(1, input)));
-    }
-    CHECK(was_high(left) && !was_high(right));
-    CHECK(board.standby < 0 || was_high(mask_of(board.standby)));
-  }
+    PinMask wheels[2] = {0, 0};
+    for (size_t wheel = 0; wheel < 2; ++wheel)
+      for (size_t input = 0; input < kStageInputs; ++input)
+        wheels[wheel] |= mask_of(board.pin(input_of(wheel, input)));
+    CHECK((once_high_pins() & wheels[0]) != 0 && (once_high_pins() & wheels[1]) == 0);
+    CHECK(board.standby < 0 || (once_high_pins() & mask_of(board.standby)) != 0);
+  });
 }
 
 TEST(nothing_is_driven_before_the_start) {

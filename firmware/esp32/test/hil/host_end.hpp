@@ -7,8 +7,7 @@
 
 #include "driver/uart.h"
 #include "esp_timer.h"
-#include "framing.hpp"
-#include "protocol.hpp"
+#include "frames.hpp"
 
 namespace wheelwire::hil {
 
@@ -25,11 +24,9 @@ class HostEnd {
 
   // What it has seen.
   bool is_open = false;
-  SupervisorState state = SupervisorState::kBoot;
   uint32_t pings = 0;
   uint32_t pongs = 0;
   uint32_t acks = 0;
-  uint32_t refusals = 0;
   int64_t heard_us = 0;          ///< When the last pong came.
   int64_t longest_pause_us = 0;  ///< Between two pongs.
   int64_t deadline_us = 0;       ///< Of the last setpoint.
@@ -74,13 +71,11 @@ class HostEnd {
 
   template <typename Message>
   void send(const Message& message) {
-    uint8_t body[Message::kSize];
-    message.encode(body);
-    uint8_t frame[kMaxFrame];
-    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
+    const std::vector<uint8_t> frame = test::frame_of(message, seq_++);
     auto& buffer = fake_uart.received;
     const size_t room = kBuffer - std::min(kBuffer, buffer.size());
-    buffer.insert(buffer.end(), frame, frame + std::min(size, room));
+    const auto size = static_cast<ptrdiff_t>(std::min(frame.size(), room));
+    buffer.insert(buffer.end(), frame.begin(), frame.begin() + size);
   }
 
   void listen() {
@@ -99,14 +94,8 @@ class HostEnd {
         if (pongs++ > 0) longest_pause_us = std::max(longest_pause_us, fake_time_us - heard_us);
         heard_us = fake_time_us;
         break;
-      case WheelState::kId:
-        state = WheelState::decode(frame.body).supervisor;
-        break;
       case Ack::kId:
         ++acks;
-        break;
-      case Refuse::kId:
-        ++refusals;
         break;
       default:
         break;
