@@ -55,6 +55,17 @@ TEST(a_wheel_that_stands_at_its_limit_trips_however_low_that_is) {
   }
 }
 
+TEST(an_encoder_that_trembles_on_an_edge_does_not_hide_a_wheel_that_stands) {
+  Bench bench;
+  int steps = 0;
+  WheelFault fault = WheelFault::kNone;
+  while (steps < 1000 && fault == WheelFault::kNone) {
+    bench.ticks = ++steps % 2;
+    fault = bench.step(open_loop(20'000), 0);
+  }
+  CHECK(fault == WheelFault::kNotCounting && steps == 500);
+}
+
 TEST(below_its_limit_and_the_threshold_a_wheel_may_stand) {
   const WheelOutput gentle{.duty_q15 = 4000, .limit_q15 = kLow_q15, .direction = 1};
   CHECK(Bench().steps_to(WheelFault::kNotCounting, gentle) == 0);
