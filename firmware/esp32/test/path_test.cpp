@@ -12,6 +12,21 @@ constexpr PathGains kGains{
 constexpr uint32_t kPeriod_us = 1000;
 constexpr int32_t kTick_q10 = 576 * 1024;
 
+/// The error of a wheel that is asked for this speed from its second step on.
+struct Follower : FollowingError {
+  explicit Follower(int32_t target_umps) {
+    run(1);
+    set_target(target_umps);
+  }
+  /// Steps, each of which brings these ticks.
+  void run(int steps, int32_t ticks = 0) {
+    for (int i = 0; i < steps; ++i) update(ticks, ++step * 1000, kPeriod_us, kTick_q10);
+  }
+  int32_t least_umps() const { return minimum_umps(kTick_q10); }
+
+  uint64_t step = 0;
+};
+
 }  // namespace
 
 TEST(the_wheel_ahead_waits_and_the_one_behind_hurries_a_little) {
@@ -72,53 +87,41 @@ TEST(a_wheel_that_keeps_up_shows_no_error_between_its_ticks) {
 }
 
 TEST(a_wheel_that_stands_falls_behind_by_its_whole_setpoint) {
-  FollowingError error;
-  error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.set_target(-100'000);
-  for (uint64_t step = 2; step <= 1001; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
+  Follower error(-100'000);
+  error.run(1000);
   CHECK(magnitude(error.um() + 100'000) < 1000);
-  CHECK(magnitude(error.minimum_umps(kTick_q10) + 100'000) < 1000);
+  CHECK(magnitude(error.least_umps() + 100'000) < 1000);
   error.trim_to(-2000);
-  error.update(0, 1'002'000, kPeriod_us, kTick_q10);
+  error.run(1);
   CHECK(magnitude(error.um() + 2000) <= 101);
 }
 
 TEST(ticks_to_and_fro_are_no_progress) {
-  FollowingError error;
-  error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.set_target(100'000);
-  for (uint64_t step = 2; step <= 501; ++step)
-    error.update(step % 2 == 0 ? 1 : -1, step * 1000, kPeriod_us, kTick_q10);
-  CHECK(error.minimum_umps(kTick_q10) > 90'000);
+  Follower error(100'000);
+  for (int i = 0; i < 500; ++i) error.run(1, i % 2 == 0 ? 1 : -1);
+  CHECK(error.least_umps() > 90'000);
 }
 
 TEST(a_wheel_that_is_pushed_at_rest_is_not_behind) {
-  FollowingError error;
-  error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.set_target(100'000);
-  for (uint64_t step = 2; step <= 101; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
+  Follower error(100'000);
+  error.run(100);
   error.rest();
   const int32_t before_um = error.um();
   const uint32_t before_q4 = error.total_q4();
-  for (uint64_t step = 102; step <= 201; ++step)
-    error.update(-1, step * 1000, kPeriod_us, kTick_q10);
+  error.run(100, -1);
   CHECK(magnitude(error.um() - before_um) < 1000);
   CHECK(error.total_q4() == before_q4);
 }
 
 TEST(a_late_step_counts_as_the_longest_one) {
-  FollowingError error;
-  error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.set_target(400'000);
+  Follower error(400'000);
   error.update(0, 61'000, kPeriod_us, kTick_q10);
   CHECK(error.um() > 10'000 && error.um() < 12'400);
 }
 
 TEST(while_no_tick_comes_the_next_one_may_be_about_to) {
-  FollowingError error;
-  error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.set_target(100'000);
-  for (uint64_t step = 2; step <= 11; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
+  Follower error(100'000);
+  error.run(10);
   // 1000 um asked in 10 ms, of which 576 um may have been rolled.
-  CHECK(magnitude(error.minimum_umps(kTick_q10) - 42'400) < 200);
+  CHECK(magnitude(error.least_umps() - 42'400) < 200);
 }

@@ -24,15 +24,21 @@ constexpr int32_t kNominal = 4096;
 constexpr uint32_t kPeriod_us = 1000;
 constexpr uint32_t kTime_us = 300'000;
 
+/// Whether a step at this duty and speed trips.
+bool trips(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps, bool ticks = true) {
+  return monitor.update(duty_q15, umps, ticks, kNominal, kPeriod_us, kTime_us, kGains);
+}
+
 /// Steps until it trips at this duty and speed, ticking; 0: never.
+int steps_to_trip(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps,
+                  int tick_every = 1) {
+  for (int step = 1; step <= 5000; ++step)
+    if (trips(monitor, duty_q15, umps, step % tick_every == 0)) return step;
+  return 0;
+}
 int steps_to_trip(int32_t duty_q15, int32_t umps, int tick_every = 1) {
   PlausibilityMonitor monitor;
-  for (int step = 1; step <= 5000; ++step) {
-    if (monitor.update(duty_q15, umps, step % tick_every == 0, kNominal, kPeriod_us, kTime_us,
-                       kGains))
-      return step;
-  }
-  return 0;
+  return steps_to_trip(monitor, duty_q15, umps, tick_every);
 }
 
 }  // namespace
@@ -96,7 +102,7 @@ TEST(excess_adds_up_across_short_gaps) {
     bool tripped = false;
     for (int step = 0; step < 10'000; ++step) {
       const int32_t duty = step % share.of < share.excessive ? needed + 3000 : needed;
-      tripped |= monitor.update(duty, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains);
+      tripped |= trips(monitor, duty, 100'000);
     }
     CHECK(tripped == share.trips);
   }
@@ -109,37 +115,24 @@ TEST(backwards_is_judged_as_forwards_is) {
 
 TEST(a_stop_does_not_end_the_excess_and_a_clear_does) {
   PlausibilityMonitor monitor;
-  int steps = 0;
-  while (steps < 600 &&
-         !monitor.update(32'767, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains))
-    ++steps;
-  CHECK(steps < 600);
+  const int first = steps_to_trip(monitor, 32'767, 100'000);
+  CHECK(first > 0 && first <= 600);
   for (int step = 0; step < 1000; ++step) monitor.rest(kPeriod_us);
   // A tenth of the time has leaked.
-  steps = 1;
-  while (steps < 600 &&
-         !monitor.update(32'767, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains))
-    ++steps;
-  CHECK(steps >= 100 && steps < 300);
+  const int again = steps_to_trip(monitor, 32'767, 100'000);
+  CHECK(again >= 100 && again < 300);
   monitor.end_evidence();
-  for (int step = 1; step < 300; ++step)
-    CHECK(!monitor.update(32'767, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains));
+  CHECK(steps_to_trip(monitor, 32'767, 100'000) >= 300);
 }
 
 TEST(an_impossible_speed_does_not_blind_the_check) {
   PlausibilityMonitor monitor;
-  for (const int32_t speed : {200'000'000, INT32_MAX, INT32_MIN + 1}) {
-    for (int step = 0; step < 500; ++step)
-      CHECK(!monitor.update(32'767, speed, true, kNominal, kPeriod_us, kTime_us, kGains));
-  }
-  for (int step = 0; step < 500; ++step)
-    monitor.update(0, 200'000'000, true, kNominal, kPeriod_us, kTime_us, kGains);
+  for (const int32_t speed : {200'000'000, INT32_MAX, INT32_MIN + 1})
+    for (int step = 0; step < 500; ++step) CHECK(!trips(monitor, 32'767, speed));
+  for (int step = 0; step < 500; ++step) trips(monitor, 0, 200'000'000);
   const int32_t excessive = duty_for(100'000, kGains.margin_q15, kNominal, kGains) + 3000;
-  int steps = 0;
-  while (steps < 1000 &&
-         !monitor.update(excessive, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains))
-    ++steps;
-  CHECK(steps < 450);
+  const int steps = steps_to_trip(monitor, excessive, 100'000);
+  CHECK(steps > 0 && steps <= 450);
 }
 
 TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
@@ -164,8 +157,7 @@ int steps_to_trip_from_rest(double seen, double heaviness, int direction = 1,
     const double needed = 1.365 * speed_mps + 0.055;
     speed_mps += (1.0 - needed) / (0.143 * heaviness) * 1e-3;
     const auto measured = static_cast<int32_t>(speed_mps * seen * 1e6) * direction;
-    if (monitor.update(32'767 * direction, measured, true, kNominal, kPeriod_us, kTime_us, kGains))
-      return step;
+    if (trips(monitor, 32'767 * direction, measured)) return step;
   }
   return 0;
 }
@@ -222,8 +214,7 @@ TEST(a_heavy_robot_that_touches_an_obstacle_while_it_gains_speed_is_plausible) {
         if (!is_held) speed_mps += spare / (0.143 * touch.heaviness) * 1e-3;
         const auto measured = static_cast<int32_t>(speed_mps * 1e6) * direction;
         const auto duty = static_cast<int32_t>(touch.duty * 32'767) * direction;
-        CHECK(
-            !monitor.update(duty, measured, measured != 0, kNominal, kPeriod_us, kTime_us, kGains));
+        CHECK(!trips(monitor, duty, measured, measured != 0));
       }
     }
   }

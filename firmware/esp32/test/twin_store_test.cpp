@@ -72,13 +72,14 @@ struct Slots {
   }
 };
 
-Block outdated(const Block& block) {
-  // By hand: the block, its number and the checksum over both, as earlier firmware wrote it.
-  Block bytes = block;
-  for (const int byte : {1, 0, 0, 0}) bytes.push_back(static_cast<uint8_t>(byte));
-  const uint32_t sum = crc32(bytes.data(), bytes.size());
-  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<uint8_t>(sum >> 8 * i));
-  return bytes;
+/// By hand: the block, a number and the checksum over both, as a slot ends.
+Block sealed(Block block, uint32_t number) {
+  const auto append = [&block](uint32_t value) {
+    for (int i = 0; i < 4; ++i) block.push_back(static_cast<uint8_t>(value >> 8 * i));
+  };
+  append(number);
+  append(crc32(block.data(), block.size()));
+  return block;
 }
 
 }  // namespace
@@ -186,12 +187,8 @@ TEST(a_slot_that_cannot_be_read_counts_only_where_the_other_is_no_good) {
 TEST(the_number_may_wrap) {
   Slots slots;
   CHECK(slots.save(kOld));
-  // By hand: -2 as the number, four bytes before the checksum.
-  Block bytes(slots[0].begin(), slots[0].end() - 8);
-  for (const int byte : {0xfe, 0xff, 0xff, 0xff}) bytes.push_back(static_cast<uint8_t>(byte));
-  const uint32_t sum = crc32(bytes.data(), bytes.size());
-  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<uint8_t>(sum >> 8 * i));
-  slots[0] = slots[1] = bytes;
+  // The number comes four bytes before the checksum.
+  slots[0] = slots[1] = sealed({slots[0].begin(), slots[0].end() - 8}, UINT32_MAX - 1);
   for (uint8_t i = 10; i < 16; ++i) {
     int writes = 1;
     slots.cut_after(writes);
@@ -213,9 +210,9 @@ TEST(what_is_too_long_is_refused) {
 
 TEST(what_earlier_firmware_wrote_is_named) {
   Slots slots;
-  slots[0] = outdated(kOld);
+  slots[0] = sealed(kOld, 1);
   CHECK(slots.start().block.empty() && slots.start().faults == fault::kStoreOutdated);
-  slots[1] = outdated(kNew);
+  slots[1] = sealed(kNew, 1);
   CHECK(slots.start().faults == fault::kStoreOutdated);
   CHECK(slots.save(kNew) && slots.start().block == kNew && slots.start().faults == 0);
 }
@@ -246,14 +243,12 @@ struct Recorded {
       return Slots::start(of_configuration ? first : second);
     });
   }
-  bool save(const Block& block) {
-    return with(
-        [&](TwinStore&, TwinStore& second) { return second.save(block.data(), block.size()); });
+  bool save(const Block& block, bool of_configuration = false) {
+    return with([&](TwinStore& first, TwinStore& second) {
+      return (of_configuration ? first : second).save(block.data(), block.size());
+    });
   }
-  bool save_configuration(const Block& block) {
-    return with(
-        [&](TwinStore& first, TwinStore&) { return first.save(block.data(), block.size()); });
-  }
+  bool save_configuration(const Block& block) { return save(block, true); }
   void clear(Slots& slots) { slots[0] = slots[1] = {}; }
 
   bool is_of_latches = false;  ///< The other block holds the latches.
