@@ -426,15 +426,12 @@ TEST(it_takes_no_pins_but_those_of_the_power_stage_and_not_while_it_drives) {
   World world;
   world.allow();
   const SelfTestTurn turn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5};
-  SelfTestTurn wrong = turn;
-  wrong.pin_b = 1;
-  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
-  wrong = turn;
-  wrong.pin_a = 200;
-  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
-  wrong = turn;
-  wrong.edge_us = 3;
-  CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
+  SelfTestTurn other_pin = turn, no_pin = turn, too_fast = turn;
+  other_pin.pin_b = 1;
+  no_pin.pin_a = 200;
+  too_fast.edge_us = 3;
+  for (const SelfTestTurn& wrong : {other_pin, no_pin, too_fast})
+    CHECK(world.refusal(wrong) == RefusalCode::kOutOfRange);
   world.state.supervisor = SupervisorState::kDriving;
   CHECK(world.refusal(turn) == RefusalCode::kNotStopped);
 }
