@@ -1,6 +1,6 @@
 """The command, as a person and a script use it, against the simulated robot.
 
-What opens a link is tested on a good line and a bad one; the demonstration brings its own robot.
+What opens a link is tested on a bad line; the demonstration brings its own robot.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from pathlib import Path
 import pytest
 
 import wheelwire
+from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
 from support.processes import children, interruptible
 from support.simulator_on_line import GOOD, simulator_on
-from support.usb_ports import environment_with_ports, plug_in
+from support.usb_ports import plug_in
 from support.waiting import undisturbed, wait_until
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ResetReason
 
 
-@pytest.fixture(scope="module", params=[GOOD, "noisy"])
-def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    with simulator_on(request.param) as simulator:
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with simulator_on("noisy") as simulator:
         yield simulator
 
 
@@ -284,69 +285,39 @@ def test_an_estop_of_the_only_candidate_asks_nothing(
     assert output("clear", "--yes", WHEELWIRE_ROBOT="") == "ESTOPPED cleared\n"
 
 
-@pytest.mark.parametrize(("answer", "drives"), [("y", True), ("n", False), ("", False)])
-def test_a_drive_of_the_only_candidate_asks_first(
-    quiet: Simulator, tmp_path: Path, answer: str, *, drives: bool
-) -> None:
-    ports = environment_with_ports(tmp_path, quiet.port)
-    terminal, theirs = os.openpty()
-    before = quiet.get("true.distance_m")
-    with subprocess.Popen(
-        [*PROGRAM, "drive", "--linear", "0.2", "--seconds", "0.5"],
-        stdin=theirs,
-        stdout=subprocess.PIPE,
-        stderr=theirs,
-        env={**os.environ, "WHEELWIRE_ROBOT": "", **ports},
-    ) as process:
-        os.close(theirs)
-        asked = b""
-        while b"[y/N]" not in asked:
-            asked += os.read(terminal, 1000)
-        assert f"{quiet.port} is the only candidate" in asked.decode()
-        assert quiet.get("true.distance_m") == before
-        os.write(terminal, f"{answer}\n".encode())
-        process.communicate(timeout=TIMEOUT_S)
-    os.close(terminal)
-    assert process.returncode == (0 if drives else errors.RobotNotNamed.exit_code)
-    assert (quiet.get("true.distance_m") > before + 0.02) is drives
-
-
 def test_ports_is_json_without_a_robot() -> None:
     assert isinstance(run_json("ports"), list)
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "error", "hint"),
     [
-        (("drive", "{port}", "--linear", "nan"), errors.InvalidCommand, "finite"),
-        (("drive", "{port}", "--angular", "inf"), errors.InvalidCommand, "finite"),
-        (("drive", "{port}"), errors.InvalidCommand, "use --linear, --angular or both"),
+        ("drive {port} --linear nan", errors.InvalidCommand, "finite"),
+        ("drive {port} --angular inf", errors.InvalidCommand, "finite"),
+        ("drive {port}", errors.InvalidCommand, "use --linear, --angular or both"),
         (
-            ("params", "set", "{port}", "wheel_radius", "33"),
+            "params set {port} wheel_radius 33",
             errors.ParameterOutOfRange,
             "wheel_radius = 33.0 is out of range: it must be at most 1 m (0.033 is 33 mm)",
         ),
-        (("params", "set", "{port}", "integral_gain", "-1"), errors.ParameterOutOfRange, "least 0"),
+        ("params set {port} integral_gain -1", errors.ParameterOutOfRange, "least 0"),
         (
-            ("params", "set", "{port}", "estop_input_enabled", "true"),
+            "params set {port} estop_input_enabled true",
             errors.ParameterOutOfRange,
             "it must be 0 (off) or 1 (on)",
         ),
-        (("params", "set", "{port}", "max_duty", "much"), errors.ParameterOutOfRange, "a finite"),
-        (("params", "set", "{port}", "stop_mode", "1.5"), errors.ParameterOutOfRange, "whole"),
-        (("params", "get", "{port}", "wheel_radus"), errors.UnknownParameter, "wheel_radius"),
-        (("info", "/dev/no-such-port"), errors.PortUnavailable, "wheelwire ports"),
-        (("info", "/dev/null"), errors.PortUnavailable, "wheelwire ports"),
-        (("info", "socket://127.0.0.1:1"), errors.PortUnavailable, "nobody listens"),
+        ("params set {port} max_duty much", errors.ParameterOutOfRange, "a finite"),
+        ("params set {port} stop_mode 1.5", errors.ParameterOutOfRange, "whole"),
+        ("params get {port} wheel_radus", errors.UnknownParameter, "wheel_radius"),
+        ("info /dev/no-such-port", errors.PortUnavailable, "wheelwire ports"),
+        ("info /dev/null", errors.PortUnavailable, "wheelwire ports"),
+        ("info socket://127.0.0.1:1", errors.PortUnavailable, "nobody listens"),
     ],
 )
 def test_errors_are_one_line_that_helps(
-    simulator: Simulator,
-    arguments: tuple[str, ...],
-    error: type[errors.WheelwireError],
-    hint: str,
+    simulator: Simulator, arguments: str, error: type[errors.WheelwireError], hint: str
 ) -> None:
-    result = run(*(argument.format(port=simulator.port) for argument in arguments))
+    result = run(*arguments.format(port=simulator.port).split())
     assert hint in check_error(result, error)
     assert simulator.get("drive_on") == 0
 
@@ -376,13 +347,9 @@ def sim(link: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]
         process.communicate(timeout=TIMEOUT_S)
 
 
-BAD_LINE = [(), ("--faults", "noisy")]
-
-
-@pytest.mark.parametrize("options", BAD_LINE)
-def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_sim_is_there_until_it_is_ended(tmp_path: Path) -> None:
     link = tmp_path / "robot"
-    with sim(link, *options) as (process, line):
+    with sim(link, "--faults", "noisy") as (process, line):
         assert (
             line
             == f"A simulated robot is running at {link}; Ctrl-C stops it. In another terminal:\n"
@@ -390,35 +357,24 @@ def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]
         assert run("info", str(link)).returncode == 0
     assert process.returncode == 0
     assert list(tmp_path.iterdir()) == []
-    with sim(link, *options, "--json") as (process, line):
+    with sim(link, "--json") as (_, line):
         assert json.loads(line)["event"] == "ready"
 
 
-@pytest.mark.parametrize("second", BAD_LINE)
-@pytest.mark.parametrize("first", BAD_LINE)
-def test_a_second_sim_leaves_the_first_ones_link_alone(
-    tmp_path: Path, first: tuple[str, ...], second: tuple[str, ...]
-) -> None:
+def test_the_link_of_a_sim_is_left_alone_until_that_is_killed(tmp_path: Path) -> None:
     link = tmp_path / "robot"
-    with sim(link, *first):
+    with sim(link) as (process, _):
         target = link.readlink()
-        result = run("sim", "--link", str(link), *second)
-        assert result.returncode == 1
-        assert result.stdout == ""
+        result = run("sim", "--link", str(link), "--faults", "noisy")
+        assert (result.returncode, result.stdout) == (1, "")
         assert f"{link} is the port of another simulator (process " in result.stderr
         assert "give another --link" in result.stderr
         assert link.readlink() == target
         assert run("info", str(link)).returncode == 0
-
-
-@pytest.mark.parametrize("options", BAD_LINE)
-def test_the_link_of_a_killed_sim_is_taken_over(tmp_path: Path, options: tuple[str, ...]) -> None:
-    link = tmp_path / "robot"
-    with sim(link) as (process, _):
         os.kill(int(link.with_name("robot.lock").read_text()), signal.SIGKILL)
         assert process.wait(TIMEOUT_S) == errors.WheelwireError.exit_code
     assert link.is_symlink()
-    with sim(link, *options):
+    with sim(link, "--faults", "noisy"):
         assert run("info", str(link)).returncode == 0
     assert list(tmp_path.iterdir()) == []
 
@@ -431,14 +387,14 @@ def test_sim_on_a_line_that_cannot_be(tmp_path: Path) -> None:
     assert "0 to 1" in line
 
 
-@pytest.mark.parametrize("mass", [("--", "--set=mass_kg=3"), ("--set", "mass_kg=3")])
-def test_sim_takes_a_plant_and_what_is_set_beside_it(tmp_path: Path, mass: tuple[str, ...]) -> None:
+@each("mass", ["-- --set=mass_kg=3", "--set mass_kg=3"])
+def test_sim_takes_a_plant_and_what_is_set_beside_it(tmp_path: Path, mass: str) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("variables: {wheels_free: 1, mass_kg: 2, motors_swapped: 1}")
     asked = "".join(f"get {name}\n" for name in ("mass_kg", "wheels_free", "motors_swapped"))
     options = ["--json", "--link", str(tmp_path / "robot"), "--plant", str(mine)]
     result = subprocess.run(
-        [*PROGRAM, "sim", *options, *mass],
+        [*PROGRAM, "sim", *options, *mass.split()],
         input=f"{asked}quit\n",
         capture_output=True,
         text=True,
