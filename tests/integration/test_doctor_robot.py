@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.attached import wait_for_holder
+from support.cases import each
 from support.command import check_error, run, run_json
 from support.own_board import OWN_BOARD
 from support.simulator_on_line import GOOD, simulator_on
@@ -38,9 +39,19 @@ def simulator() -> Iterator[Simulator]:
         yield simulator
 
 
-def examined(simulator: Simulator) -> dict[str, Finding]:
+@pytest.fixture
+def mock(monkeypatch: pytest.MonkeyPatch) -> Iterator[MockDriver]:
+    """In virtual time, in which the doctor watches the link, too."""
+    with MockDriver(realtime=False) as mock:
+        monkeypatch.setattr("wheelwire.tools.doctor.robot.time.sleep", mock.advance)
+        yield mock
+
+
+def examined(robot: Simulator | MockDriver) -> dict[str, Finding]:
     """By name; the robot's own alone, whatever this computer is like."""
-    with SerialDriver(simulator.port) as driver:
+    if isinstance(robot, MockDriver):
+        return {found.name: found for found in examine_robot(robot, "ROBOT")}
+    with SerialDriver(robot.port) as driver:
         return {found.name: found for found in examine_robot(driver, "ROBOT")}
 
 
@@ -49,18 +60,14 @@ def only(found: dict[str, Finding], name: str) -> Finding:
     return found[name]
 
 
-def test_a_sound_robot_has_nothing(simulator: Simulator) -> None:
-    assert examined(simulator) == {}
-
-
-@pytest.mark.parametrize(
-    ("library", "is_older"), [("99.0.0", True), ("0.0.1", False), ("unknown", False)]
-)
+@each(("library", "is_older"), [("99.0.0", True), ("0.0.1", False), ("unknown", False)])
 def test_a_firmware_that_is_older_than_the_library(
-    simulator: Simulator, monkeypatch: pytest.MonkeyPatch, library: str, *, is_older: bool
+    mock: MockDriver, monkeypatch: pytest.MonkeyPatch, library: str, *, is_older: bool
 ) -> None:
-    monkeypatch.setattr(robot, "library_version", lambda: library)
-    found = examined(simulator)
+    assert examined(mock) == {}  # a sound robot
+    with monkeypatch.context() as patch:
+        patch.setattr(robot, "library_version", lambda: library)
+        found = examined(mock)
     if not is_older:
         assert found == {}
         return
@@ -69,9 +76,9 @@ def test_a_firmware_that_is_older_than_the_library(
     assert finding.cure == "wheelwire flash ROBOT with the image of release 99.0.0"
 
 
-def test_groups_that_are_off(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_groups_that_are_off(mock: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(GROUP_HASHES, Group.CONFIGURATION, 0x0BADBEEF)
-    finding = only(examined(simulator), "groups")
+    finding = only(examined(mock), "groups")
     assert "configuration messages do not work" in finding.problem
     assert "wheelwire flash ROBOT" in finding.cure
 
@@ -152,34 +159,27 @@ def test_a_copy_that_is_lost(tmp_path: Path, name: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("variable", "value", "words"),
+    ("variable", "value", "name", "words", "cure"),
     [
-        ("imu.absent", 1, "imu cannot be used: STALE, ABSENT"),
-        ("imu.freeze", 1, "imu cannot be used: STALE, FROZEN"),
-        ("battery_v", 0, "battery cannot be used: STALE, ZERO"),
+        ("imu.absent", 1, "sensor", "imu cannot be used: STALE, ABSENT", "ABSENT"),
+        ("imu.freeze", 1, "sensor", "imu cannot be used: STALE, FROZEN", "FROZEN"),
+        ("battery_v", 0, "sensor", "battery cannot be used: STALE, ZERO", "ZERO"),
+        ("bumper.front_left", 1, "triggered", "bumper.front_left has triggered", "wire"),
     ],
 )
-def test_a_sensor_that_cannot_be_used(
-    simulator: Simulator, variable: str, value: float, words: str
+def test_a_sensor_that_cannot_be_used_or_has_triggered(
+    mock: MockDriver, variable: str, value: float, name: str, words: str, cure: str
 ) -> None:
-    simulator.set(variable, value)
-    finding = only(examined(simulator), "sensor")
+    mock.simulator.set(variable, value)
+    finding = only(examined(mock), name)
     assert finding.problem.startswith(words)
-    assert words.split()[-1] in finding.cure
+    assert cure in finding.cure
 
 
-def test_a_bumper_that_is_pressed(simulator: Simulator) -> None:
-    simulator.set("bumper.front_left", 1)
-    finding = only(examined(simulator), "triggered")
-    assert "bumper.front_left has triggered" in finding.problem
-    assert "wire" in finding.cure
-
-
-def test_a_battery_that_is_low(simulator: Simulator) -> None:
+def test_a_battery_that_is_low(mock: MockDriver) -> None:
     levels = BatteryLevels(warn_v=7.6, limit_v=6.8, stop_v=6.6)
-    with SerialDriver(simulator.port) as driver:
-        driver.board.take_up(replace(OWN_BOARD, peripherals=(levels,)))
-    finding = examined(simulator)["battery"]  # beside the restart with the new list
+    mock.board.take_up(replace(OWN_BOARD, peripherals=(levels,)))
+    finding = examined(mock)["battery"]  # beside the restart with the new list
     assert "battery: low" in finding.problem
     assert "7.4" in finding.cure
 
@@ -193,14 +193,15 @@ def test_beside_a_program_that_has_not_asked_for_sensors_it_asks(simulator: Simu
         assert holder.sensors.channels
 
 
-def test_a_core_dump(simulator: Simulator) -> None:
-    simulator.set("core_dump", 1)
-    simulator.reset(ResetReason.EXTERNAL)
-    finding = only(examined(simulator), "core-dump")
-    assert "core dump is in flash" in finding.problem
-    simulator.set("core_dump", 0)
-    simulator.reset()
-    assert examined(simulator) == {}
+def reset(mock: MockDriver, reason: ResetReason) -> None:
+    mock.simulator.reset(reason)
+    mock.advance(2.0)
+
+
+def test_a_core_dump(mock: MockDriver) -> None:
+    mock.simulator.set("core_dump", 1)
+    reset(mock, ResetReason.EXTERNAL)
+    assert "core dump is in flash" in only(examined(mock), "core-dump").problem
 
 
 def preset(**values: float) -> Sequence[str]:
@@ -238,44 +239,38 @@ def test_parameters_that_were_not_saved(simulator: Simulator, tmp_path: Path) ->
     assert examined(simulator) == {}
 
 
-def test_a_robot_that_drives_is_not_asked_what_it_has_saved(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as driver:
-        driver.parameters.set("proportional_gain", 0.8)
-        driver.set_velocity(0.1, 0.0, 1.0)
-        assert "unsaved" not in {found.name for found in robot._unsaved(driver, "ROBOT", ())}
-        driver.stop()
-        assert [found.name for found in robot._unsaved(driver, "ROBOT", ())] == ["unsaved"]
+def test_a_robot_that_drives_is_not_asked_what_it_has_saved(mock: MockDriver) -> None:
+    mock.parameters.set("proportional_gain", 0.8)
+    mock.set_velocity(0.1, 0.0, 1.0)
+    mock.advance(0.1)
+    assert [*robot._unsaved(mock, "ROBOT", ())] == []
+    mock.stop()
+    assert [found.name for found in robot._unsaved(mock, "ROBOT", ())] == ["unsaved"]
 
 
 def test_firmware_that_cannot_tell_what_it_has_saved(
-    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
+    mock: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with SerialDriver(simulator.port) as driver:
-        driver.parameters.set("proportional_gain", 0.8)
+    mock.parameters.set("proportional_gain", 0.8)
     monkeypatch.setitem(GROUP_HASHES, Group.STORE, 0x0BADBEEF)
-    assert examined(simulator) == {}
+    assert examined(mock) == {}
 
 
-def test_a_contact_that_does_nothing(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as driver:
-        driver.parameters.set("estop_input_enabled", 0)
-    finding = only(examined(simulator), "estop-input")
+def test_a_contact_that_does_nothing(mock: MockDriver) -> None:
+    mock.parameters.set("estop_input_enabled", 0)
+    finding = only(examined(mock), "estop-input")
     assert "estop_input_enabled is 0: pressing it does nothing" in finding.problem
-    # Its cure is a command that cures it.
-    cure = finding.cure.replace("ROBOT", simulator.port).split()
-    assert run(*cure[1:]).returncode == 0
-    assert examined(simulator) == {}
+    assert finding.cure == "wheelwire params set ROBOT estop_input_enabled 1 --save"
 
 
-def test_what_holds_the_robot(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as driver:
-        driver.estop()
-    finding = only(examined(simulator), "stopped")
+def test_what_holds_the_robot(mock: MockDriver) -> None:
+    mock.estop()
+    finding = only(examined(mock), "stopped")
     assert "wheelwire why ROBOT" in finding.cure
-    run("clear", simulator.port)
-    assert examined(simulator) == {}
-    simulator.reset(ResetReason.BROWNOUT)
-    found = examined(simulator)
+    mock.clear_estop()
+    assert examined(mock) == {}
+    reset(mock, ResetReason.BROWNOUT)
+    found = examined(mock)
     assert set(found) == {"stopped", "ledger"}
     assert "supply" in found["stopped"].problem
     assert "BROWNOUT 1" in found["ledger"].problem
