@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 import wheelwire
+from support.cases import each
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import until, wait_until
@@ -68,18 +69,6 @@ def test_each_loss_and_return_is_reported_once_and_in_order(tmp_path: Path) -> N
         assert all(isinstance(told, LinkLost) for name, told in heard.calls if name == "lost")
         boots = {told.boot_id for name, told in heard.calls if name == "opened"}
         assert boots == {device.device.boot_id}
-
-
-async def test_the_same_with_asyncio(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device:
-        async with aio.connect(device.path) as robot:
-            heard = Heard(robot)
-            for number in range(PLUGGINGS):
-                device.unplug()
-                await until(lambda n=number: len(heard.calls) == 2 * n + 1)  # type: ignore[misc]
-                device.plug()
-                await until(lambda n=number: len(heard.calls) == 2 * n + 2)  # type: ignore[misc]
-        assert heard.names == ["lost", "opened"] * PLUGGINGS
 
 
 def test_a_reset_is_a_loss_and_a_return(tmp_path: Path) -> None:
@@ -158,23 +147,6 @@ def test_each_fault_is_reported_once_and_again_after_a_clear() -> None:
         assert {told for _, told in heard.calls} == {Fault.LEFT_NOT_COUNTING}
 
 
-async def test_both_apis_report_a_fault_in_real_time() -> None:
-    def blocked(robot: Any) -> bool:
-        robot.simulator.set("left.encoder_dead", 1)
-        with suppress(WheelwireError):
-            robot.set_velocity(0.2, 0.0, ttl=0.3)
-        return False
-
-    with MockDriver() as robot:
-        heard = Heard(robot)
-        wait_until(lambda: blocked(robot) or heard.calls)
-        assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
-    async with aio.open_driver("mock") as on_loop:
-        heard = Heard(on_loop)
-        await until(lambda: blocked(on_loop) or heard.calls)
-        assert heard.calls == [("fault", Fault.LEFT_NOT_COUNTING)]
-
-
 def test_a_callback_is_called_at_once_if_its_condition_already_holds() -> None:
     with MockDriver(realtime=False) as robot:
         robot.simulator.set("left.encoder_dead", 1)
@@ -233,41 +205,15 @@ def test_the_thread_reports_a_loss_once_while_on_lost_is_assigned() -> None:
     assert heard == ["assigned", "lost", "opened"]
 
 
-async def test_asyncio_reports_a_loss_once_while_on_lost_is_assigned() -> None:
-    heard: list[str] = []
-    async with aio.open_driver("mock") as robot:
-
-        async def assign(_: object) -> None:
-            if "assigned" in heard:
-                heard.append("opened")
-                return
-            robot.unplug()
-            wait_until(lambda: not robot.is_open)  # blocks the loop: the news waits
-            robot.on_lost = lambda _: heard.append("lost")
-            heard.append("assigned")
-
-        robot.on_opened = assign
-        robot.unplug()
-        robot.plug()
-        await until(lambda: "lost" in heard)
-        robot.plug()
-        await until(lambda: "opened" in heard)
-    assert heard == ["assigned", "lost", "opened"]
-
-
-@pytest.mark.parametrize("realtime", [False, True])
-def test_one_that_was_taken_away_is_not_called(*, realtime: bool) -> None:
-    with MockDriver(realtime=realtime) as robot:
+def test_one_that_was_taken_away_is_not_called() -> None:
+    with MockDriver(realtime=False) as robot:
         heard = Heard(robot)
         assert robot.on_lost is not None
         robot.on_lost = None
         assert robot.on_lost is None
         robot.unplug()
         robot.plug()
-        if realtime:
-            wait_until(lambda: heard.names == ["opened"])
-        else:
-            robot.advance(1.0)
+        robot.advance(1.0)
         assert heard.names == ["opened"]
 
 
@@ -287,8 +233,7 @@ def test_what_cannot_be_called_is_refused() -> None:
 # --- callbacks that call the robot, and such that fail ---------------------------------------
 
 
-@pytest.mark.parametrize("realtime", [False, True])
-def test_callbacks_may_call_the_robot(*, realtime: bool) -> None:
+def test_callbacks_may_call_the_robot() -> None:
     results: list[object] = []
 
     def ask(call: Callable[[], object]) -> None:
@@ -297,15 +242,12 @@ def test_callbacks_may_call_the_robot(*, realtime: bool) -> None:
         except WheelwireError as error:
             results.append(type(error))
 
-    with MockDriver(realtime=realtime) as robot:
+    with MockDriver() as robot:
         robot.on_lost = lambda _: ask(robot.stop)
         robot.on_opened = lambda _: ask(lambda: robot.parameters.set("max_duty", 0.5))
         robot.unplug()
         robot.plug()
-        if realtime:
-            wait_until(lambda: len(results) == 2)
-        else:
-            robot.advance(1.0)
+        wait_until(lambda: len(results) == 2)
     assert results == [LinkLost, 0.5]
 
 
@@ -387,10 +329,9 @@ def stop_again_and_again(robot: MockDriver) -> None:
         robot.stop()
 
 
-@pytest.mark.parametrize("realtime", [False, True])
-def test_unplugged_in_the_middle_of_a_callback(*, realtime: bool) -> None:
+def test_unplugged_in_the_middle_of_a_callback() -> None:
     heard: list[str] = []
-    with MockDriver(realtime=realtime) as robot:
+    with MockDriver() as robot:
 
         def opened(_: object) -> None:
             heard.append("opened")
@@ -406,20 +347,8 @@ def test_unplugged_in_the_middle_of_a_callback(*, realtime: bool) -> None:
 
         robot.on_opened, robot.on_lost = opened, lost
         robot.unplug()
-        if realtime:
-            wait_until(lambda: len(heard) >= 8)
-        else:
-            robot.advance(2.0)
-    assert heard[:8] == [
-        "lost",
-        "opened",
-        "unplugged",
-        "lost",
-        "opened",
-        "unplugged",
-        "lost",
-        "opened",
-    ]
+        wait_until(lambda: len(heard) >= 8)
+    assert heard[:8] == [*["lost", "opened", "unplugged"] * 2, "lost", "opened"]
 
 
 # --- closing ---------------------------------------------------------------------------------
@@ -530,7 +459,7 @@ def test_a_robot_that_is_forgotten_ends_its_thread() -> None:
     assert heard == []
 
 
-@pytest.mark.parametrize("is_asked_for", ["set_velocity", "read", "contradictions", "warnings"])
+@each("is_asked_for", ["set_velocity", "read", "contradictions", "warnings"])
 def test_a_robot_that_is_forgotten_after_an_error_ends_its_thread(is_asked_for: str) -> None:
     """An error that the link raises repeatedly keeps none of its receivers alive."""
 
