@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from support.attached import wait_for_holder
+from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_process
 from support.gpio_chip_process import GpioChip
-from support.pigpio_process import PigpioProcess
 from support.range_board import simulator_on_board
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
@@ -25,7 +25,6 @@ from wheelwire.connect import open_driver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.programs import DIRECTORY_VARIABLE
 from wheelwire.log.reader import is_complete, messages, metadata
-from wheelwire.robot.robot import Robot
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
@@ -40,9 +39,9 @@ with wheelwire.open_driver("serial", port=sys.argv[1]) as robot:
 OURS = f"process {os.getpid()}"
 
 
-@pytest.fixture(params=[GOOD, "noisy"])
-def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    with simulator_on(request.param) as simulator:
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    with simulator_on("noisy") as simulator:
         yield simulator
 
 
@@ -94,7 +93,9 @@ def refused_process(*arguments: str, **environment: str) -> str:
 def test_commands_that_only_look_attach(robot: SerialDriver, simulator: Simulator) -> None:
     robot.parameters.set("max_duty", 0.5)
     port = simulator.port
-    info = json.loads(attached("info", port, "--json"))
+    result = run("info", port, "--json")
+    assert OURS in json.loads(result.stderr)["note"]
+    info = json.loads(result.stdout)
     assert info["link"]["port"] == port
     assert info["link"]["device"]["board_id"] == robot.info.device.board_id
     assert info["device_counters"]["frames_received"] > 0
@@ -108,12 +109,6 @@ def test_commands_that_only_look_attach(robot: SerialDriver, simulator: Simulato
     assert attached("monitor", port, "--seconds", "1.5").count("IDLE") == 2
     assert robot.is_open
     assert robot.sessions == 1
-
-
-def test_with_json_the_note_is_json_too(robot: SerialDriver, simulator: Simulator) -> None:
-    assert robot.is_open
-    result = run("info", simulator.port, "--json")
-    assert OURS in json.loads(result.stderr)["note"]
 
 
 def test_a_stop_stops_until_the_holder_drives_again(
@@ -136,50 +131,45 @@ def test_an_estop_stops_the_program_that_drives(robot: SerialDriver, simulator: 
     robot.clear_estop()
 
 
-@pytest.mark.parametrize(
+@each(
     "command",
     [
-        ("drive", "{}", "--linear", "0.1"),
-        ("clear", "{}"),
-        ("params", "set", "{}", "max_duty", "0.5"),
-        ("params", "save", "{}"),
-        ("params", "reset", "{}", "--yes"),
-        ("board", "write", "{}", "l298n"),
-        ("board", "confirm", "{}", "--yes"),
-        ("restart", "{}"),
+        "drive {} --linear 0.1",
+        "clear {}",
+        "params set {} max_duty 0.5",
+        "params save {}",
+        "params reset {} --yes",
+        "board write {} l298n",
+        "board confirm {} --yes",
+        "restart {}",
     ],
-    ids=" ".join,
 )
 def test_driving_setting_and_clearing_need_the_port(
-    command: tuple[str, ...],
+    robot: SerialDriver, simulator: Simulator, command: str
 ) -> None:
-    with simulator_on(GOOD) as simulator, SerialDriver(simulator.port) as robot:
-        wait_for_holder(simulator.port)
-        robot.estop()
-        line = refused(*(word.format(simulator.port) for word in command))
-        assert "this program has it open already" in line
-        assert robot.read().state is SupervisorState.ESTOPPED
-        assert robot.parameters["max_duty"] == 1
-        assert robot.sessions == 1
+    robot.estop()
+    line = refused(*command.format(simulator.port).split())
+    assert "this program has it open already" in line
+    assert robot.read().state is SupervisorState.ESTOPPED
+    assert robot.parameters["max_duty"] == 1
+    assert robot.sessions == 1
 
 
-@pytest.mark.parametrize("command", ["estop", "stop"])
-def test_a_stop_that_reaches_nobody_says_so(command: str, tmp_path: Path) -> None:
+def test_a_stop_that_reaches_nobody_says_so(tmp_path: Path) -> None:
     """The holder offers nothing; or it is another user's, who has a folder of his own."""
     with simulator_on(GOOD) as simulator:
         with SerialDriver(simulator.port, tap=False) as robot:
-            line = refused_process(command, simulator.port)
+            unoffered = refused_process("estop", simulator.port)
             assert robot.read().state is SupervisorState.IDLE
-        assert OURS in line
-        assert line.partition(" (more: ")[0].endswith("Nothing was sent")
         with SerialDriver(simulator.port):
             wait_for_holder(simulator.port)
             elsewhere = {DIRECTORY_VARIABLE: str(tmp_path / "another")}
-            line = refused_process(command, simulator.port, **elsewhere)
-            assert OURS in line
-            assert line.partition(" (more: ")[0].endswith("Nothing was sent")
+            unseen = refused_process("stop", simulator.port, **elsewhere)
             assert refused("info", simulator.port, **elsewhere)
-            attached(command, simulator.port)
+            attached("stop", simulator.port)
+    for line in (unoffered, unseen):
+        assert OURS in line
+        assert line.partition(" (more: ")[0].endswith("Nothing was sent")
 
 
 def test_a_monitor_ends_with_whom_it_is_attached_to(simulator: Simulator) -> None:
@@ -220,34 +210,6 @@ def test_an_estop_beside_a_suspended_holder_says_that_nothing_was_sent(
         assert run("estop", simulator.port).returncode == 0
 
 
-def test_a_robots_file_and_a_boards_id_lead_to_the_holder_too(
-    robot: SerialDriver, simulator: Simulator, tmp_path: Path
-) -> None:
-    file = tmp_path / "robot.yaml"
-    file.write_text(f"driver: serial\nserial: {{port: {simulator.port}}}\n")
-    board_id = robot.info.device.board_id
-    for address in (str(file), board_id, board_id.upper()):
-        assert attached("params", "get", address, "max_duty") == "1\n"
-    attached("estop", board_id)
-    wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
-
-
-def test_pins_that_a_pigpiod_moves(tmp_path: Path) -> None:
-    config = tmp_path / "robot.yaml"
-    with PigpioProcess() as daemon, PigpioProcess() as other:
-        config.write_text(
-            f"driver: pigpio\npigpio: {{host: 127.0.0.1, port: {daemon.port}}}\n"
-            "parameters: {overrun_limit_us: 1000000}\n"
-        )
-        check_pins(open_driver("pigpio", host="127.0.0.1", port=daemon.port), config)
-        # The holder of another robot's pins cannot stop this one.
-        with open_driver("pigpio", host="127.0.0.1", port=other.port) as robot:
-            wait_for_holder("", robot.info.device.board_id)
-            result = run("estop", str(config))
-            assert (result.returncode, result.stderr) == (0, "")
-            assert robot.read().state is SupervisorState.IDLE
-
-
 def test_pins_of_this_computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
     config = tmp_path / "robot.yaml"
@@ -255,18 +217,14 @@ def test_pins_of_this_computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     with GpioChip(tmp_path, kernel_pwm=False) as chip:
         for name, value in chip.environment.items():
             monkeypatch.setenv(name, value)
-        check_pins(open_driver("l298n"), config)
-
-
-def check_pins(robot: Robot, config: Path) -> None:
-    with robot:
-        wait_for_holder("", robot.info.device.board_id)
-        attached("info", str(config))
-        attached("estop", str(config))
-        wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
-        result = run("clear", str(config))
-        assert result.returncode == errors.DriverUnavailable.exit_code, result.stderr
-        robot.clear_estop()
+        with open_driver("l298n") as robot:
+            wait_for_holder("", robot.info.device.board_id)
+            attached("info", str(config))
+            attached("estop", str(config))
+            wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
+            result = run("clear", str(config))
+            assert result.returncode == errors.DriverUnavailable.exit_code, result.stderr
+            robot.clear_estop()
 
 
 def test_a_recording_beside_a_program_that_drives(tmp_path: Path) -> None:
