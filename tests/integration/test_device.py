@@ -1,17 +1,14 @@
-"""The device contract on the simulated robot, at the end of good lines and bad ones."""
+"""The device contract on the simulated robot."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import pytest
 
 from support.device_contract import Bench, DeviceContract
-from support.simulator_on_line import GOOD, simulator_on
+from wheelwire.simulation.simulator import Simulator
 
 
 class TestSimulatedDevice(DeviceContract):
     @pytest.fixture
-    def bench(self, line: str) -> Iterator[Bench]:
-        with simulator_on(line) as simulator:
-            yield Bench(simulator.port, reset=simulator.reset, lossy=line != GOOD)
+    def bench(self, simulator: Simulator) -> Bench:
+        return Bench(simulator.port, reset=simulator.reset)

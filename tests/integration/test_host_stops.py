@@ -1,7 +1,7 @@
 """Whatever becomes of the host, the drive is removed by the deadline plus one control period.
 
-Read from the plant, in the device's clock. The hosts are processes of their own; good lines and
-bad ones.
+Read from the plant, in the device's clock. The hosts are processes of their own, at a bad line; in
+virtual time `tests/firmware/test_stop_times.py` has more failures.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from support.stop_host import (
     wait,
 )
 from support.stop_times import PERIOD_US, TTL_S
-from wheelwire.simulation.bad_line import LineProfile
-from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
@@ -34,12 +32,22 @@ ON_ITS_WAY_S = 0.5
 
 
 @pytest.fixture
-def simulator(line: str) -> Iterator[Simulator]:
-    with simulator_on(line, truth_hz=TRUTH_HZ) as simulator:
+def simulator() -> Iterator[Simulator]:
+    with simulator_on("noisy", truth_hz=TRUTH_HZ) as simulator:
         yield simulator
 
 
-def check_stop(simulator: Simulator, name: str, *, watched: bool = False) -> None:
+@pytest.mark.parametrize(
+    ("name", "watched"),
+    [
+        ("host killed", True),
+        ("host frozen", True),
+        ("cable pulled", False),
+        ("host of a wrong schema", False),
+    ],
+)
+def test_a_host_or_a_cable_that_is_gone(simulator: Simulator, name: str, *, watched: bool) -> None:
+    """Also of a host that is recorded, beside a program that is attached."""
     with host(simulator, watched=watched) as process:
         stopping = stop(simulator, process, FAILURES[name])
         assert stopping.time.late_us is not None
@@ -47,26 +55,6 @@ def check_stop(simulator: Simulator, name: str, *, watched: bool = False) -> Non
         # Frames in flight arrive; after that nothing may extend the deadline.
         latest_us = stopping.at_failure.device_us + (TTL_S + ON_ITS_WAY_S) * 1e6
         assert stopping.end.deadline_us <= latest_us
-
-
-@pytest.mark.parametrize(
-    "name", ["host killed", "host frozen", "cable pulled", "host of a wrong schema"]
-)
-def test_a_host_or_a_cable_that_is_gone(simulator: Simulator, name: str) -> None:
-    check_stop(simulator, name)
-
-
-@pytest.mark.parametrize("name", ["host killed", "host frozen", "cable pulled"])
-def test_a_host_that_is_recorded_beside_a_program_that_is_attached(
-    simulator: Simulator, name: str
-) -> None:
-    check_stop(simulator, name, watched=True)
-
-
-@pytest.mark.parametrize("name", ["every byte corrupted", "babbling line"])
-def test_a_line_that_carries_nothing_but_noise(name: str) -> None:
-    with ImpairedSimulator(LineProfile(), truth_hz=TRUTH_HZ) as simulator:
-        check_stop(simulator, name)
 
 
 def test_application_hangs_while_the_link_goes_on(simulator: Simulator) -> None:

@@ -39,8 +39,8 @@ class Cables:
 
 
 @pytest.fixture
-def cables(tmp_path: Path, line: str) -> Iterator[Cables]:
-    with simulator_on(line, seed=1) as ours, simulator_on(line, seed=2) as other:
+def cables(tmp_path: Path) -> Iterator[Cables]:
+    with simulator_on("noisy", seed=1) as ours, simulator_on("noisy", seed=2) as other:
         cables = Cables(tmp_path, ours, other)
         cables.name("tty0", other)
         cables.name("tty1", ours)

@@ -9,11 +9,10 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.bad_line import load_profile
 
 GOOD = "good"
-LINES = (GOOD, "noisy", "split")
 
 
 def simulator_on(line: str, **options: Any) -> Simulator:
-    """A simulator at the far end of one of `LINES`; options are those of `Simulator`."""
+    """A simulator at the far end of one of these; options are those of `Simulator`."""
     if line == GOOD:
         return Simulator(**options)
     return ImpairedSimulator(load_profile(line), **options)
