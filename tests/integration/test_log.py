@@ -11,11 +11,10 @@ from typing import Any
 
 import pytest
 
-from support.command import PROGRAM, Result, run, run_json
+from support.command import PROGRAM, run, run_json
 from support.processes import interruptible
-from support.range_board import simulator_on_board
 from support.simulator_on_line import simulator_on
-from support.waiting import undisturbed, wait_until
+from support.waiting import wait_until
 from wheelwire.cli.app import app
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RecordingError
@@ -192,31 +191,6 @@ def test_firmware_without_sensors(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert is_complete(path)
     assert len(messages(path, "WheelState")) > 20
     assert messages(path, "Inputs") == []
-
-
-def test_a_line_without_room_for_the_imu(tmp_path: Path) -> None:
-    """The states and the other sensors are still recorded."""
-    path = tmp_path / "day.mcap"
-    with simulator_on_board(baud_rate=115200, link=tmp_path / "port") as simulator:
-        run("params", "set", simulator.port, "stream_rate_hz", "180", "--save")
-
-        def record() -> Result:
-            path.unlink(missing_ok=True)
-            result = run(
-                *("log", "record", simulator.port, str(path), "--seconds", "2", "--json"),
-                *("--baud", "115200"),
-            )
-            assert result.returncode == 0, result.stderr
-            return result
-
-        result = undisturbed(record, lambda one: json.loads(one.stdout)["frames_lost"] == 0)
-    assert json.loads(result.stdout)["frames_lost"] == 0
-    for line in result.stderr.splitlines():
-        json.loads(line)
-    found = {one["channel"]: one for one in run_json("sensors", str(path))}
-    assert (found["imu"]["rate_hz"], found["imu"]["reason"]) == (0, "MISSED")
-    assert messages(path, "Range")
-    assert len(messages(path, "WheelState")) > 300
 
 
 def test_ctrl_c_at_once(tmp_path: Path) -> None:
