@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import wheelwire
+from support.cases import each
 from wheelwire import aio
 from wheelwire.connect import driver_at
 from wheelwire.errors import (
@@ -31,7 +32,7 @@ opening = import_module("wheelwire.connect")
 NO_PORT = "/dev/no-such-port"
 
 
-def use(robot: Any) -> str:
+def use_with(robot: Any) -> str:
     """Open a robot by `with`, and say what it is."""
     with wheelwire.connect(robot) as driver:
         driver.set_velocity(0.0, 0.0)
@@ -68,8 +69,7 @@ def use_await(robot: Any) -> str:
     return asyncio.run(run())
 
 
-USES = (use, use_without_with, use_async_with, use_await)
-both = pytest.mark.parametrize("use", [use, use_async_with])
+USES = (use_with, use_without_with, use_async_with, use_await)
 
 
 @pytest.mark.parametrize("use", USES)
@@ -85,38 +85,31 @@ def test_a_port_is_an_address_as_a_text_and_as_a_path(
     assert ": open>" in use(Path(simulator.port))
 
 
-@both
-def test_a_file_is_an_address(use: Callable[[Any], str], tmp_path: Path) -> None:
+def test_a_file_is_an_address(tmp_path: Path) -> None:
     with Simulator() as simulator:
         file = tmp_path / "my robot.yml"
         file.write_text(
             f"driver: serial\nserial:\n  port: {simulator.port}\n  stream_rate_hz: 50\n"
             "  connect_timeout: 3\n  any_board: true\n"
         )
-        assert ": open>" in use(file)
-        assert ": open>" in use(str(file))
+        assert ": open>" in use_with(file)
+        assert ": open>" in use_async_with(str(file))
 
 
-@both
-def test_a_boards_id_is_an_address(
-    use: Callable[[Any], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_boards_id_is_an_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opening, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
     with Simulator() as simulator, Simulator():
         (tmp_path / "ttyUSB0").symlink_to(simulator.port)
         with wheelwire.connect(simulator.port) as robot:
             assert isinstance(robot, wheelwire.SerialDriver)
             board_id = robot.info.device.board_id
-        assert "ttyUSB0: open>" in use(board_id)
-        assert "ttyUSB0: open>" in use(board_id.upper())
+        assert "ttyUSB0: open>" in use_with(board_id)
+        assert "ttyUSB0: open>" in use_async_with(board_id.upper())
         with pytest.raises(PortUnavailable, match=f"board 0123456789ab was not found.*{board_id}"):
-            use("0123456789ab")
+            use_with("0123456789ab")
 
 
-@both
-def test_a_robots_file_may_name_its_board_by_id(
-    simulator: Simulator, use: Callable[[Any], str], tmp_path: Path
-) -> None:
+def test_a_robots_file_may_name_its_board_by_id(simulator: Simulator, tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     text = "driver: serial\nserial: {port: '%s/tty*', board_id: '%s'}\n"
     (tmp_path / "tty0").symlink_to(simulator.port)
@@ -124,10 +117,10 @@ def test_a_robots_file_may_name_its_board_by_id(
         assert isinstance(robot, wheelwire.SerialDriver)
         board_id = robot.info.device.board_id
     file.write_text(text % (tmp_path, board_id))
-    assert ": open>" in use(file)
+    assert ": open>" in use_async_with(file)
     file.write_text(text % (tmp_path, "0123456789ab"))
     with pytest.raises(PortUnavailable, match="board 0123456789ab was not found"):
-        use(file)
+        use_with(file)
 
 
 def test_sockets_and_any_other_url_are_ports() -> None:
@@ -136,7 +129,7 @@ def test_sockets_and_any_other_url_are_ports() -> None:
         assert driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
 
 
-@both
+@pytest.mark.parametrize("use", [use_with, use_async_with])
 def test_the_environment_names_the_robot(
     use: Callable[[Any], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,8 +143,7 @@ def test_the_environment_names_the_robot(
         use(None)
 
 
-@both
-@pytest.mark.parametrize(
+@each(
     ("robot", "error", "said"),
     [
         ("", InvalidArgument, "ROBOT is empty"),
@@ -168,14 +160,14 @@ def test_the_environment_names_the_robot(
     ],
 )
 def test_an_address_that_is_no_robot_is_refused(
-    use: Callable[[Any], str], robot: Any, error: type[WheelwireError], said: str
+    robot: Any, error: type[WheelwireError], said: str
 ) -> None:
-    with pytest.raises(error, match=said):
-        use(robot)
+    for use in (use_with, use_async_with):
+        with pytest.raises(error, match=said):
+            use(robot)
 
 
-@both
-@pytest.mark.parametrize(
+@each(
     ("text", "error", "said"),
     [
         (f"driver: serial\nserial: {{port: {NO_PORT}}}", PortUnavailable, NO_PORT),
@@ -207,12 +199,13 @@ def test_an_address_that_is_no_robot_is_refused(
     ],
 )
 def test_an_error_names_what_is_wrong_with_a_file(
-    use: Callable[[Any], str], text: str, error: type[WheelwireError], said: str, tmp_path: Path
+    text: str, error: type[WheelwireError], said: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(text)
-    with pytest.raises(error, match=said):
-        use(file)
+    for use in (use_with, use_async_with):
+        with pytest.raises(error, match=said):
+            use(file)
 
 
 def test_a_file_gives_the_serial_driver_all_its_options(
