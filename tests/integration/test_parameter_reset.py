@@ -69,7 +69,7 @@ def test_twice_in_a_second_is_two_copies(simulator: Simulator, tmp_path: Path) -
     assert len(copies()) == 2
 
 
-@pytest.mark.parametrize(("answer", "resets"), [(b"y\n", True), (b"n\n", False), (b"\n", False)])
+@pytest.mark.parametrize(("answer", "resets"), [(b"y\n", True), (b"\n", False)])
 def test_it_asks(simulator: Simulator, answer: bytes, *, resets: bool) -> None:
     with TypingTerminal("params", "reset", simulator.port, environment=WIDE) as person:
         person.wait_for("4 values differ from their defaults; what is saved is reset, too. ")
@@ -121,16 +121,6 @@ def test_a_reset_that_is_refused_says_where_the_copy_is(simulator: Simulator) ->
     assert result.returncode == errors.DeviceRefused.exit_code
     (copy,) = copies()
     assert f"a copy of the values is in {copy}" in result.stderr
-
-
-def test_a_latched_estop_is_cleared_first(simulator: Simulator) -> None:
-    run("estop", simulator.port)
-    result = run("params", "reset", simulator.port, "--yes")
-    assert result.returncode == errors.DeviceRefused.exit_code
-    assert "stop or clear first" in result.stderr
-    run("clear", simulator.port)
-    assert changed(simulator)
-    assert run("params", "reset", simulator.port, "--yes").returncode == 0
 
 
 def test_a_robots_file_does_not_get_into_the_copy(simulator: Simulator, tmp_path: Path) -> None:

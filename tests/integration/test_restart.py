@@ -7,18 +7,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.codes import RefusalCode
 
 
-@pytest.fixture(params=[GOOD, "noisy"])
-def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    with simulator_on(request.param) as simulator:
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    with simulator_on("noisy") as simulator:
         yield simulator
 
 
@@ -56,17 +54,6 @@ def test_a_latched_estop_stays_latched(simulator: Simulator) -> None:
     assert run_json("clear", simulator.port)["ended"] == "ESTOPPED"
 
 
-def test_a_robot_that_drives_refuses(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port) as robot:
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        while robot.read().state.name != "DRIVING":
-            robot.set_velocity(0.1, 0.0, ttl=1.0)
-        with pytest.raises(errors.DeviceRefused, match="while driving") as refused:
-            robot.board.restart()
-        assert refused.value.code == RefusalCode.NOT_STOPPED
-        assert robot.statistics.device_resets == 0
-
-
 def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
     with simulator_on(GOOD) as simulator:
         before = simulator.get("boot_id")
@@ -79,13 +66,6 @@ def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
     assert command.returncode == errors.LinkLost.exit_code, said
     assert "did not come back within 8 s of its restart" in said
     assert "switch its power off" in said
-
-
-def test_two_restarts_at_once_are_distinguished_by_port(simulator: Simulator) -> None:
-    """The second one is refused by the name of the first, or finds the port free again."""
-    with SerialDriver(simulator.port):
-        line = check_error(run("restart", simulator.port), errors.PortUnavailable)
-        assert "this program has it open already" in line
 
 
 def test_a_robot_that_is_simulated_by_the_command_restarts_too() -> None:
