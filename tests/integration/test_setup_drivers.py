@@ -1,4 +1,4 @@
-"""The set-up by each driver of pins, and by the simulated one in real time."""
+"""The set-up by the driver of this computer's pins."""
 
 from __future__ import annotations
 
@@ -8,13 +8,9 @@ from tempfile import mkdtemp
 import pytest
 
 from support.gpio_chip_process import GpioChip
-from support.pigpio_process import PigpioProcess
 from wheelwire.board import Configuration
 from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.drivers.mock import MockDriver
-from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.pi.pins import Pins
-from wheelwire.robot.robot import Robot
 from wheelwire.tools.setup.questions import SKIP, Question
 from wheelwire.tools.setup.setup import set_up
 from wheelwire.tools.setup.wiring import Wiring
@@ -45,28 +41,8 @@ class Person:
         return question.parse(answers.get(question.key, default))
 
 
-def check(robot: Robot) -> None:
-    lines: list[str] = []
-    findings = set_up(robot, Person(), lines.append)
-    assert findings.wiring == WIRING, lines
-    assert findings.is_complete, lines
-
-
-def test_pigpio() -> None:
-    with (
-        PigpioProcess() as daemon,
-        PigpioDriver(
-            "127.0.0.1",
-            daemon.port,
-            pins=wired_wrongly(),
-            parameters=PATIENT,
-            core_timeout_ms=5000,
-        ) as robot,
-    ):
-        check(robot)
-
-
 def test_l298n(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
     with GpioChip(Path(mkdtemp(dir=tmp_path))) as chip:
         for name, value in chip.environment.items():
             monkeypatch.setenv(name, value)
@@ -76,12 +52,6 @@ def test_l298n(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             pwm_directory=chip.pwm_directory,
             core_timeout_ms=5000,
         ) as robot:
-            check(robot)
-
-
-def test_mock() -> None:
-    wired = {"encoders_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
-    with MockDriver() as robot:
-        for name, value in {"wheels_free": 1, **wired}.items():
-            robot.simulator.set(name, value)
-        check(robot)
+            findings = set_up(robot, Person(), lines.append)
+    assert findings.wiring == WIRING, lines
+    assert findings.is_complete, lines
