@@ -24,6 +24,7 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from support.waiting import wait_until
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.simulation import simulator as sim
@@ -183,7 +184,7 @@ def test_reset_gives_a_new_boot_id_and_its_reason(link: Path) -> None:
         assert after.reset_reason == ResetReason.TASK_WATCHDOG
 
 
-@pytest.mark.parametrize(
+@each(
     "line",
     ["", "dance", "set mass_kg", "set mass_kg heavy", "set mass_kg nan", "set colour 1",
      "set true.x_m 1", "get colour", "reset because", "plug", 'get "\\\x01'],
