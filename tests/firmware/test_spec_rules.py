@@ -20,7 +20,6 @@ from wheelwire_protocol.framing import MAX_ENCODED
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     Ack,
-    ClearEstop,
     DeviceHello,
     Estop,
     Hello,
@@ -74,16 +73,6 @@ def test_a_refused_setpoint_uses_up_its_number(
     assert drives(host)
 
 
-def test_a_setpoint_that_an_estop_refused_does_not_drive_after_the_clear(host: RawHost) -> None:
-    host.open()
-    host.ask(Estop(host.session_id, 1), Ack)
-    late = velocity(host, 1)
-    assert refusals(host, late) == [RefusalCode.ESTOPPED]
-    host.ask(ClearEstop(host.session_id, 2), Ack)
-    assert refusals(host, late) == []
-    assert not drives(host)
-
-
 def test_refusals_of_a_setpoint_have_an_order(host: RawHost) -> None:
     host.boot_id = host.hello().boot_id
     bad = velocity(host, 1, math.nan, -1000)
@@ -119,17 +108,6 @@ def test_refusals_of_a_parameter_have_an_order(host: RawHost) -> None:
 def test_the_version_is_looked_at_before_the_schema(host: RawHost) -> None:
     both = Hello(1, PROTOCOL_VERSION + 1, schema_hash() ^ 1)
     assert host.ask(both, DeviceHello).refusal == RefusalCode.PROTOCOL_VERSION
-
-
-def test_a_hello_that_is_refused_leaves_the_session_and_its_setpoint(host: RawHost) -> None:
-    host.open()
-    host.send(velocity(host, 1, ttl_us=900_000))
-    assert drives(host)
-    foreign = Hello(NONCE + 1, PROTOCOL_VERSION, schema_hash() ^ 1)
-    assert host.ask(foreign, DeviceHello).refusal == RefusalCode.SCHEMA
-    assert drives(host)
-    assert refusals(host, velocity(host, 2)) == []
-    assert host.state().command_seq == 2
 
 
 @pytest.mark.parametrize("mode", [4, 255])
