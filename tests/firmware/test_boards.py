@@ -19,7 +19,6 @@ from wheelwire_protocol.codec import BOARD, ENTRY, schema_hash
 from wheelwire_protocol.codes import (
     Chip,
     ConfigurationState,
-    Fault,
     Group,
     RefusalCode,
     ResetReason,
@@ -36,12 +35,10 @@ from wheelwire_protocol.types import (
     ConfigurationWrite,
     GroupGet,
     GroupInfo,
-    ParameterSave,
     PeripheralSet,
     Restart,
 )
 
-TRIAL_S = 10.0
 OF_ESP32 = [name for name in shipped_boards() if load_board(name).chip is Chip.ESP32]
 """Those of the simulator's variable `wired_board`, in its order."""
 INTERCHANGEABLE = {("l298n", "bts7960"), ("bts7960", "l298n"), ("tb6612", "mdd10a")}
@@ -82,10 +79,6 @@ def restart(robot: VirtualRobot) -> None:
     robot.arm()
 
 
-SLOT_AT, SLOT_SIZE = 4, 1024
-"""Place and size of the two slots in the simulator's file."""
-
-
 def with_board(name: str, store: Path) -> VirtualRobot:
     """A robot that has kept a board, restarted, and drives with it."""
     robot = VirtualRobot(1, store, wheels_free=1).open()
@@ -108,12 +101,6 @@ def refused(robot: VirtualRobot, message: object) -> RefusalCode:
     return RefusalCode(error.value.code)
 
 
-def test_a_simulated_robot_has_its_board_confirmed(robot: VirtualRobot) -> None:
-    assert in_force(robot) == (ConfigurationState.STORED, OWN_BOARD.name)
-    robot.drive(0.2, 0.2, 0.5)
-    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
-
-
 def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path) -> None:
     robot = unwritten(tmp_path / "store")
     assert in_force(robot) == (ConfigurationState.BUILT_IN, "L298N, ESP32-DevKitC")
@@ -129,40 +116,6 @@ def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path
         robot.stop(StopMode.BRAKE)
         robot.run(0.1)
         assert robot.sim.get("left.duty") == robot.sim.get("left.shorted") == 0.0
-
-
-def test_the_images_board_is_confirmed_by_its_fingerprint(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    robot = unwritten(store)
-    # That of another board says that somebody means another one.
-    assert refused(robot, confirmation(load_board("tb6612"))) == RefusalCode.BOARD_REFUSED
-    boot = robot.sim.get("boot_id")
-    robot.request(confirmation(load_board("l298n")))
-    robot.run_until(lambda: robot.sim.get("boot_id") != boot)
-    robot.samples.clear()
-    robot.run_until(lambda: bool(robot.samples))
-    assert in_force(robot) == (ConfigurationState.STORED, "L298N, ESP32-DevKitC")
-    robot.arm()
-    robot.drive(0.2, 0.2, 0.5)
-    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
-    again = VirtualRobot(2, store, wheels_free=1, board_unwritten=1)
-    again.sim.reset(ResetReason.POWER_ON)
-    assert in_force(again.open())[0] is ConfigurationState.STORED
-
-
-def test_a_board_that_was_written_but_not_restarted_for_is_never_tried(tmp_path: Path) -> None:
-    robot = with_board("drv8833", tmp_path / "store")
-    write(robot, load_board("tb6612"))
-    for reason in (ResetReason.POWER_ON, ResetReason.SOFTWARE):
-        robot.sim.reset(reason)
-        robot.run(1.0)
-        assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
-    write(robot, load_board("tb6612"))
-    robot.session.connect(robot.now_us)  # another session, perhaps months later
-    robot.samples.clear()
-    robot.run_until(lambda: bool(robot.samples))
-    restart(robot)
-    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 @pytest.mark.parametrize("by_contact", [True, False])
@@ -200,34 +153,6 @@ def test_an_unconfirmed_boards_contact_counts_for_nothing() -> None:
     robot.request(confirmation(load_board("l298n")))
 
 
-def test_an_estop_input_that_was_switched_off_is_on_with_another_board(tmp_path: Path) -> None:
-    robot = with_board("l298n", tmp_path / "store")
-    robot.set_parameter("estop_input_enabled", 0)
-    robot.request(ParameterSave(0, 0, 0))
-    restart(robot)
-    assert robot.parameter("estop_input_enabled") == 0
-    write(robot, load_board("tb6612"))
-    restart(robot)
-    robot.request(confirmation(load_board("tb6612")))
-    assert robot.parameter("estop_input_enabled") == 1
-    robot.sim.set("estop_open", 1)
-    robot.run(0.01)
-    assert robot.state() is SupervisorState.ESTOPPED
-
-
-def test_an_erased_flash_leaves_a_device_that_drives_nothing(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    with_board("mdd10a", store)
-    # As a flash that cannot be opened is: formatted, with all that it held.
-    for name in ("store", "store.board", "store.latch"):
-        store.with_name(name).unlink(missing_ok=True)
-    robot = unwritten(store)
-    assert in_force(robot)[0] is ConfigurationState.BUILT_IN
-    with pytest.raises(DeviceRefused) as error:
-        robot.drive(0.2, 0.2, 0.3)
-    assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
-
-
 def test_the_groups_of_a_device_have_their_hashes(robot: VirtualRobot) -> None:
     for group in Group:
         info = cast("GroupInfo", robot.request(GroupGet(0, 0, group)))
@@ -255,31 +180,6 @@ def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     robot.sim.reset(ResetReason.POWER_ON)
     robot.run(1.0)
     assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
-
-
-def test_without_a_confirmation_the_previous_board_returns(tmp_path: Path) -> None:
-    robot = with_board("drv8833", tmp_path / "store")
-    write(robot, load_board("tb6612"))
-    restart(robot)
-    assert in_force(robot)[0] is ConfigurationState.TRIAL
-    boot = robot.sim.get("boot_id")
-    robot.run(TRIAL_S - 2.0)
-    assert robot.sim.get("boot_id") == boot
-    robot.run(3.0)
-    assert robot.sim.get("boot_id") != boot
-    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
-
-
-@pytest.mark.parametrize("reason", [ResetReason.PANIC, ResetReason.TASK_WATCHDOG])
-def test_a_chip_that_dies_on_trial_comes_back_with_the_previous_board(
-    tmp_path: Path, reason: ResetReason
-) -> None:
-    robot = with_board("drv8833", tmp_path / "store")
-    write(robot, load_board("tb6612"))
-    restart(robot)
-    robot.sim.reset(reason)
-    robot.run(1.0)
-    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
 
 
 def test_a_board_is_written_only_while_stopped(tmp_path: Path) -> None:
@@ -314,38 +214,10 @@ def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too(robot: VirtualR
     assert refused(robot, confirmation(board)) == RefusalCode.NO_BOARD_ON_TRIAL
 
 
-def test_a_store_that_fails_changes_nothing(tmp_path: Path) -> None:
-    robot = with_board("drv8833", tmp_path / "store")
-    robot.sim.set("board_store_failing", 1)
-    assert refused(robot, stage(robot, load_board("tb6612"))) == RefusalCode.STORE_FAILED
-    robot.sim.set("board_store_failing", 0)
-    restart(robot)
-    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
-
-
-def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    with_board("drv8833", store)
-    kept = store.with_name("store.board")
-    data = bytearray(kept.read_bytes())
-    for slot in (0, 1):
-        data[SLOT_AT + slot * SLOT_SIZE + 10] ^= 1
-    kept.write_bytes(data)
-    robot = VirtualRobot(1, store, wheels_free=1).open()
-    assert robot.state() is SupervisorState.FAULT
-    assert Fault.NO_BOARD in robot.sample.faults
-    assert in_force(robot) == (ConfigurationState.DAMAGED, "")
-    write(robot, load_board("drv8833"))
-    restart(robot)
-    robot.request(confirmation(load_board("drv8833")))
-    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
-    assert robot.state() is SupervisorState.IDLE
-
-
-@pytest.mark.parametrize("name", sorted({*shipped_boards()} - {*OF_ESP32}))
-def test_a_board_of_another_chip_is_refused(robot: VirtualRobot, name: str) -> None:
+def test_a_board_of_another_chip_is_refused(robot: VirtualRobot) -> None:
     before = in_force(robot)
-    assert refused(robot, stage(robot, load_board(name))) == RefusalCode.BOARD_REFUSED
+    for name in sorted({*shipped_boards()} - {*OF_ESP32}):
+        assert refused(robot, stage(robot, load_board(name))) == RefusalCode.BOARD_REFUSED
     restart(robot)
     assert in_force(robot) == before
 
