@@ -12,8 +12,7 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, LinkLost
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codes import RefusalCode, TrialAction
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import ParameterSave, ParameterTrial
+from wheelwire_protocol.types import ParameterTrial
 
 GAIN, SWAPPED = "proportional_gain", "motors_swapped"
 FORMER = {GAIN: 2.5, SWAPPED: 0.0}
@@ -49,51 +48,6 @@ def silence(robot: VirtualRobot, seconds: float) -> None:
     """The host is gone, as after a kill -9: nothing is sent any more."""
     robot.sim.advance_us(round(seconds * 1e6))
     robot.now_us += round(seconds * 1e6)
-
-
-def test_a_killed_host_leaves_a_stopped_robot_with_its_previous_values(robot: VirtualRobot) -> None:
-    assert held(robot) == TRIED
-    assert all(duties(robot.sim))
-    silence(robot, TIMEOUT_S + 0.01)
-    assert duties(robot.sim) == (0.0, 0.0)
-    robot.session.connect(robot.now_us)  # the next host
-    robot.open()
-    assert held(robot) == FORMER
-
-
-def test_the_deadline_comes_before_that_of_a_long_setpoint(robot: VirtualRobot) -> None:
-    robot.set_velocity(0.2, 0.2, ttl_s=0.9)
-    silence(robot, TIMEOUT_S + 0.002)
-    assert duties(robot.sim) == (0.0, 0.0)
-
-
-def test_before_its_deadline_a_trial_survives_a_silent_line(robot: VirtualRobot) -> None:
-    silence(robot, TIMEOUT_S / 2)
-    robot.run(0.1)  # renewed
-    assert held(robot) == TRIED
-
-
-def test_a_new_hello_ends_a_trial(robot: VirtualRobot) -> None:
-    robot.session.connect(robot.now_us)  # says hello with another nonce
-    robot.run(0.01)
-    assert duties(robot.sim) == (0.0, 0.0)
-    robot.open()
-    assert held(robot) == FORMER
-
-
-def test_a_reset_on_trial_leaves_what_was_saved() -> None:
-    robot = VirtualRobot().open()
-    robot.set_parameter(GAIN, 2.5)
-    robot.request(ParameterSave(0, 0, 0))
-    robot.request(ParameterTrial(0, 0, TrialAction.BEGIN, TIMEOUT_S))
-    robot.set_parameter(GAIN, 4.0)
-    with pytest.raises(DeviceRefused) as refused:
-        robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME[GAIN].id))
-    assert refused.value.code == RefusalCode.ON_TRIAL
-    robot.sim.reset()
-    robot.run_until(lambda: robot.session.count == 2)
-    robot.open()
-    assert robot.parameter(GAIN) == 2.5
 
 
 def test_a_session_renews_the_trial_and_stops_when_it_is_over(robot: VirtualRobot) -> None:
