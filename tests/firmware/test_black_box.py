@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import random
 import struct
 import zlib
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from support.virtual import VirtualRobot, box_after_a_contact
-from wheelwire.errors import DeviceRefused, RecordingError
+from support.virtual import box_after_a_contact
+from wheelwire.errors import RecordingError
 from wheelwire.log.why.black_box import read_box, rerun_box
 from wheelwire_protocol.black_box import (
     BOX_SIZE,
@@ -27,8 +25,6 @@ from wheelwire_protocol.black_box import (
     Transition,
     core_hash,
 )
-
-FAULTS = ("left.encoder_dead", "right.encoder_dead", "left.blocked", "right.encoder_reversed")
 
 
 @pytest.fixture(scope="module")
@@ -63,20 +59,6 @@ def test_a_box_re_runs_the_same(image: bytes) -> None:
     rerun = Box(image).rerun()
     assert rerun.outcome is RerunOutcome.SAME
     assert rerun.steps > 1000
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("seed", range(200))
-def test_random_faults_re_run_identically(seed: int) -> None:
-    chance = random.Random(seed)
-    robot = VirtualRobot(seed).open()
-    robot.drive(chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4), chance.uniform(0.1, 1.5))
-    robot.sim.set(chance.choice(FAULTS), 1)
-    for _ in range(20):
-        with suppress(DeviceRefused):
-            robot.set_velocity(chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4))
-        robot.run(chance.uniform(0.01, 0.3))
-    assert Box(robot.sim.black_box()).rerun().outcome is RerunOutcome.SAME
 
 
 def test_a_file_is_read_and_re_run(image: bytes, tmp_path: Path) -> None:
