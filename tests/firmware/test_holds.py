@@ -228,10 +228,6 @@ def renew(robot: VirtualMockDriver) -> None:
     raise AssertionError("no new session")
 
 
-def test_at_least_twenty_states_are_staged() -> None:
-    assert len(STAGED) >= 20
-
-
 @pytest.mark.parametrize("name", STAGED)
 def test_the_program_that_drives_and_a_new_one_know(name: str) -> None:
     staged = STAGED[name]

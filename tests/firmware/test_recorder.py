@@ -62,41 +62,6 @@ def test_the_ledger_counts_what_stopped_the_robot(robot: VirtualMockDriver) -> N
     assert 15 < ledger.uptime_s < 30
 
 
-@pytest.mark.parametrize("reason", ResetReason)
-def test_a_reset_of_the_processor_loses_no_count_and_a_power_cut_the_newest(
-    robot: VirtualMockDriver, reason: ResetReason
-) -> None:
-    drive(robot, 1.0)  # before ten seconds have passed: nothing is in flash
-    robot.estop()
-    robot.advance(1.5)
-    robot.simulator.reset(reason)
-    robot.advance(1.0)
-    loses = reason in (ResetReason.POWER_ON, ResetReason.EXTERNAL, ResetReason.BROWNOUT)
-    ledger = robot.recorder.ledger()
-    assert ledger.stops[SupervisorEvent.ESTOP] == (0 if loses else 1)
-    starts = {one: int(one is reason) for one in ResetReason}
-    starts[ResetReason.POWER_ON] += 0 if loses else 1
-    assert ledger.resets == starts
-    assert (ledger.uptime_s >= 2) == (not loses)
-
-
-def test_boxes_are_listed_with_the_newest_first(robot: VirtualMockDriver) -> None:
-    for _ in range(3):
-        estop(robot)
-    heads = [stored.head for stored in robot.recorder.boxes()]
-    assert [head.number for head in heads] == [3, 2, 1]
-    assert heads[0].stored_us > heads[1].stored_us > heads[2].stored_us
-
-
-def test_a_box_is_current_until_the_stop_is_cleared(robot: VirtualMockDriver) -> None:
-    drive(robot, 0.5)
-    robot.estop()
-    robot.advance(STORED_S)
-    assert [stored.is_current for stored in robot.recorder.boxes()] == [True]
-    robot.clear_estop()
-    assert [stored.is_current for stored in robot.recorder.boxes()] == [False]
-
-
 def test_while_the_robot_drives_it_says_to_stop_first(robot: VirtualMockDriver) -> None:
     estop(robot)
     (stored,) = robot.recorder.boxes()
