@@ -92,20 +92,6 @@ def test_motors_differ_by_their_scale() -> None:
     assert right == pytest.approx(0.9 * left, rel=0.01)
 
 
-def test_a_blocked_wheel_stands_and_draws_the_stall_current() -> None:
-    robot = VirtualRobot(**{"left.blocked": 1}).open()
-    robot.drive_duty(1.0, 1.0, 0.3)
-    assert speeds(robot)[0] == 0.0
-    assert robot.sim.get("left.current_a") == pytest.approx(1.0, rel=0.01)
-
-
-def test_swapped_motor_wires_turn_the_wheel_the_other_way() -> None:
-    robot = VirtualRobot(**{"left.motor_reversed": 1}).open()
-    robot.drive_duty(0.25, 0.25, 0.5)
-    left, right = speeds(robot)
-    assert left == pytest.approx(-right)
-
-
 def test_a_flat_battery_is_slow() -> None:
     robot = VirtualRobot(supply_v=5.0).open()
     robot.drive_duty(1.0, 1.0, 2.0)

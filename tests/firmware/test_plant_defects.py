@@ -53,34 +53,6 @@ def by_hand(turns: float, **settings: float) -> VirtualRobot:
 # --- the wiring ---------------------------------------------------------------------------------
 
 
-def test_swapped_motors_turn_the_other_wheel() -> None:
-    robot = driven(0.3, 0.0, 0.5, motors_swapped=1)
-    assert truth(robot, "turns")[0] == 0.0
-    assert truth(robot, "turns")[1] > 0.1
-    assert robot.sim.get("left.duty") > 0.0  # the bridge
-    assert robot.sim.get("right.current_a") > 0.0  # the motor
-    left, right = reported(robot)
-    assert left == 0
-    assert right > 50
-
-
-def test_swapped_encoders_report_the_other_wheel() -> None:
-    robot = driven(0.3, -0.15, 0.5, encoders_swapped=1)
-    rest(robot)
-    left, right = truth(robot, "ticks")
-    assert left > 50
-    assert right < -5
-    assert reported(robot) == (right, left)
-
-
-def test_all_of_it_swapped_is_a_robot_whose_sides_are_exchanged() -> None:
-    robot = driven(0.3, 0.15, 0.5, motors_swapped=1, encoders_swapped=1)
-    rest(robot)
-    left, right = truth(robot, "ticks")
-    assert reported(robot) == (right, left)
-    assert right > left > 0
-
-
 WIRING = (
     "motors_swapped",
     "encoders_swapped",
@@ -201,51 +173,11 @@ def test_a_wheel_turned_by_hand_counts_its_turns(turns: float) -> None:
     assert robot.sim.get("stands_still")
 
 
-def test_a_hand_takes_its_time_and_can_let_go() -> None:
-    robot = VirtualRobot(wheels_free=1).open()
-    robot.sim.set("left.hand_turns", 2.0)
-    robot.run(1.0)
-    assert robot.sim.get("left.hand_turns") == pytest.approx(1.0, abs=0.01)
-    assert robot.sample.left_mps == pytest.approx(2 * math.pi * 0.033, rel=0.05)
-    robot.sim.set("left.hand_turns", 0.0)
-    robot.run(1.0)
-    assert robot.sim.get("stands_still")
-    assert truth(robot, "turns")[0] == pytest.approx(1.0, abs=0.1)
-
-
 def test_a_blocked_wheel_waits_for_the_hand() -> None:
     robot = VirtualRobot(**{"left.blocked": 1}).open()
     robot.sim.set("left.hand_turns", 0.5)
     robot.run(0.5)
     assert (robot.sim.get("left.hand_turns"), truth(robot, "turns")[0]) == (0.5, 0.0)
-
-
-def test_hands_push_and_turn_the_robot_and_the_firmware_counts_it() -> None:
-    robot = VirtualRobot().open()
-    robot.sim.set("push.forward_mps", 0.3)
-    robot.run(1.0)
-    assert robot.sample.left_mps == pytest.approx(0.3, rel=0.05)
-    assert robot.sim.get("drive_on") == 0
-    robot.sim.set("push.forward_mps", 0.0)
-    robot.sim.set("push.turn_radps", 1.0)
-    robot.run_until(lambda: robot.sim.get("true.heading_rad") >= math.pi / 2, timeout_s=3.0)
-    robot.sim.set("push.turn_radps", 0.0)
-    robot.run(0.5)
-    assert robot.sim.get("stands_still")
-    assert robot.sim.get("true.heading_rad") == pytest.approx(math.pi / 2 + 0.05, abs=0.02)
-    assert reported(robot) == truth(robot, "ticks")
-    assert robot.sim.get("faults") == 0
-
-
-def test_hands_that_tilt_the_robot_take_their_time_and_hold_it() -> None:
-    robot = VirtualRobot().open()
-    robot.sim.set("tilt.pitch_rad", -0.5)
-    robot.sim.set("tilt.roll_rad", 0.2)
-    robot.run(0.3)
-    assert robot.sim.get("true.pitch_rad") == pytest.approx(-0.3, abs=0.01)
-    assert robot.sim.get("true.roll_rad") == 0.2
-    robot.run(1.0)
-    assert robot.sim.get("true.pitch_rad") == robot.sim.get("tilt.pitch_rad") == -0.5
 
 
 def test_a_larger_wheel_goes_further_with_as_many_ticks() -> None:
@@ -410,30 +342,6 @@ def test_a_sagging_supply_is_slow() -> None:
     stiff, soft = driven(0.8, 0.8, 1.5), driven(0.8, 0.8, 1.5, supply_ohm=5.0)
     assert truth(soft, "mps")[0] < 0.9 * truth(stiff, "mps")[0]
     assert reported(soft)[0] < 0.9 * reported(stiff)[0]
-
-
-def test_motor_current_empties_the_battery() -> None:
-    robot = VirtualRobot(
-        **{"battery.capacity_ah": 0.001, "battery.fall_v": 2, "left.blocked": 1, "right.blocked": 1}
-    ).open()
-    robot.run(2.0)
-    assert robot.sim.get("battery.used_ah") == 0.0  # nothing was driven
-    assert robot.sim.get("true.supply_v") == 7.4
-    robot.drive_duty(1.0, 1.0, 0.4)
-    used = robot.sim.get("battery.used_ah")
-    current = robot.sim.get("left.current_a") + robot.sim.get("right.current_a")
-    assert used == pytest.approx(current * 0.4 / 3600, rel=0.3)  # the duty rises at first
-    expected_v = pytest.approx(7.4 - 2 * used / 0.001, abs=1e-6)
-    assert robot.sim.get("true.supply_v") == expected_v
-    assert robot.sample.battery_v == pytest.approx(7.4 - 2 * used / 0.001, abs=0.06)
-    robot.stop()
-    robot.run(0.2)
-    rest_v = 7.4 - 2 * robot.sim.get("battery.used_ah") / 0.001
-    robot.sim.set("mass_kg", 1.0)  # whatever else is set
-    assert robot.sim.get("true.supply_v") == pytest.approx(rest_v, abs=1e-9)
-    robot.sim.set("battery.used_ah", 0)
-    robot.run(0.2)
-    assert robot.sim.get("true.supply_v") == 7.4
 
 
 def test_no_supply_moves_nothing() -> None:

@@ -59,19 +59,3 @@ def test_uneven_edges_are_off_by_one_tick_at_most() -> None:
     robot.drive(0.3, 0.3, 5.0)
     wait_for_rest(robot)
     assert reported(robot)[0] == pytest.approx(true_ticks(robot)[0], abs=1)
-
-
-def test_a_dead_encoder_tells_nothing_while_the_wheel_turns() -> None:
-    robot = VirtualRobot(**{"left.encoder_dead": 1}).open()
-    robot.drive_duty(0.4, 0.4, 0.4)
-    assert reported(robot)[0] == 0
-    assert true_ticks(robot)[0] > 50
-
-
-def test_a_reversed_encoder_tells_the_opposite() -> None:
-    robot = VirtualRobot(**{"right.encoder_reversed": 1}).open()
-    robot.drive_duty(0.2, 0.2, 1.0)
-    wait_for_rest(robot)
-    left, right = reported(robot)
-    assert (left, -right) == true_ticks(robot)
-    assert left > 50
