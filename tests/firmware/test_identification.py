@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -44,36 +43,21 @@ def quiet(_: str) -> None:
     """No report."""
 
 
-@cache
-def outcome(plant: str, battery_v: float, raised: bool) -> Outcome:
-    return commission(plant, battery_v, raised=raised)
-
-
 @pytest.mark.whole
-@pytest.mark.parametrize(("plant", "battery_v", "raised"), ROBOTS)
-def test_the_feedforward_is_the_line_of_the_true_curve(
-    plant: str, battery_v: float, raised: bool
-) -> None:
-    found = outcome(plant, battery_v, raised)
-    assert abs(found.slope_error) < 0.01
-    assert abs(found.offset_error) < 0.05
-    assert found.found.problems == ()
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize(("plant", "battery_v", "raised"), ROBOTS)
-def test_the_wheels_track_better_as_proved_and_on_the_floor_in_truth(
-    plant: str, battery_v: float, raised: bool
-) -> None:
-    found = outcome(plant, battery_v, raised)
-    assert found.proof.better
-    assert found.ratio < 1
-    assert found.true_ratio < 1
-
-
-@pytest.mark.whole
-def test_tracking_errors_are_halved_in_the_median() -> None:
-    outcomes = [outcome(*robot) for robot in ROBOTS]
+def test_each_robot_is_identified_and_tracks_better(subtests: pytest.Subtests) -> None:
+    outcomes: list[Outcome] = []
+    for plant, battery_v, raised in ROBOTS:
+        with subtests.test(f"{plant}, {battery_v} V, {raised=}"):
+            found = commission(plant, battery_v, raised=raised)
+            outcomes.append(found)
+            # The feed-forward is the line of the true curve.
+            assert abs(found.slope_error) < 0.01
+            assert abs(found.offset_error) < 0.05
+            assert found.found.problems == ()
+            # As proved, and on the floor in truth.
+            assert found.proof.better
+            assert found.ratio < 1
+            assert found.true_ratio < 1
     assert median(found.ratio for found in outcomes) < 0.5
     assert median(found.true_ratio for found in outcomes) < 0.5
 
