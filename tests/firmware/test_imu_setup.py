@@ -20,7 +20,7 @@ from wheelwire.tools.files.board import load_board
 from wheelwire.tools.setup import imu as imu_setup
 from wheelwire.tools.setup.imu import set_up_imu
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
-from wheelwire.tools.setup.setup import CHANGED, Options, set_up
+from wheelwire.tools.setup.setup import Options, set_up
 from wheelwire_protocol.codes import ConfigurationState
 from wheelwire_protocol.sensors import Axis, SensorChip
 
@@ -175,12 +175,22 @@ def test_it_says_what_it_saves(robot: MockDriver) -> None:
     assert rates == pytest.approx([0.0, 0.0, BIAS_RADPS], abs=COUNT_RADPS + 0.0001)
 
 
-def test_the_motors_stay_off(robot: MockDriver) -> None:
+def test_it_changes_the_imus_entry_alone_and_drives_nothing(robot: MockDriver) -> None:
+    mount(robot, Axis.X, Axis.Z)
     settings(robot, {"wheels_free": 1})
+    _, before = robot.board.read()
+    parameters = dict(robot.parameters)
     Run(robot, Hand(robot))
+    _, after = robot.board.read()
+    assert before is not None
+    assert after is not None
+    assert replace(after, peripherals=before.peripherals) == before
+    assert after.peripherals[1:] == before.peripherals[1:]
     assert not robot.simulator.get("drive_on")
     assert robot.simulator.get("true.left_turns") == 0
     assert robot.simulator.get("stands_still")
+    robot.parameters.refresh()
+    assert dict(robot.parameters) == parameters
 
 
 def test_another_chip_at_a_slower_rate_is_found_as_well(robot: MockDriver) -> None:
@@ -196,38 +206,20 @@ def test_another_chip_at_a_slower_rate_is_found_as_well(robot: MockDriver) -> No
     assert entry_of(robot).interrupt is None
 
 
-def test_the_rest_of_the_list_stays(robot: MockDriver) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    _, before = robot.board.read()
-    Run(robot, Hand(robot))
-    _, after = robot.board.read()
-    assert before is not None
-    assert after is not None
-    assert replace(after, peripherals=before.peripherals) == before
-    assert after.peripherals[1:] == before.peripherals[1:]
-
-
 # --- the second day ------------------------------------------------------------------------------
 
 
-def test_a_second_time_it_is_left_as_it_is(robot: MockDriver) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    Run(robot, Hand(robot))
-    before = entry_of(robot)
-    person = Hand(robot)
-    again = Run(robot, person)
-    assert person.asked == ["imu"]
-    assert "is mounted, again?" in person.questions[0].text
-    assert (again.found, again.problems) == (None, [])
-    assert entry_of(robot) == before
-
-
-def test_found_again_it_is_the_same(robot: MockDriver) -> None:
+def test_a_second_time_it_is_left_as_it_is_or_found_the_same(robot: MockDriver) -> None:
     mount(robot, Axis.X, Axis.MINUS_Z)
     Run(robot, Hand(robot))
     before = entry_of(robot)
-    person = Hand(robot, answers={"imu": "yes"})
-    again = Run(robot, person)
+    person = Hand(robot)
+    left = Run(robot, person)
+    assert person.asked == ["imu"]
+    assert "is mounted, again?" in person.questions[0].text
+    assert (left.found, left.problems) == (None, [])
+    assert entry_of(robot) == before
+    again = Run(robot, Hand(robot, answers={"imu": "yes"}))
     assert again.found is not None
     assert (again.found.forward, again.found.up) == ("x", "-z")
     # The bias that was saved is not taken off once more.
@@ -562,11 +554,3 @@ def test_on_the_floor_it_is_no_part_of_it(robot: MockDriver) -> None:
     person = Hand(robot, answers={"tune": "no"})
     set_up(robot, person, lambda _: None, Options(on_the_floor=True))
     assert person.asked == ["floor", "tune"]
-
-
-def test_it_changes_no_parameter(robot: MockDriver) -> None:
-    before = {name: robot.parameters[name] for name in CHANGED}
-    Run(robot, Hand(robot))
-    robot.parameters.refresh()
-    assert {name: robot.parameters[name] for name in CHANGED} == before
-    assert robot.parameters["rolling_velocity_mps"] == 0.25
