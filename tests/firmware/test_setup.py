@@ -68,8 +68,8 @@ HARD = (
             for condition in HARD
             for reversed_ in ((1, 0), (0, 1))
         ),
-        *random.Random(8).sample(list(corners()), 40),
-        *between_corners(9, 30),
+        *random.Random(8).sample(list(corners()), 20),
+        *between_corners(9, 15),
     ],
     ids=str,
 )
