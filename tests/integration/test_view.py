@@ -172,7 +172,7 @@ async def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
     assert robot.parameters["max_velocity_mps"] == 0.4
 
 
-async def test_a_trial_is_reverted(robot: MockDriver) -> None:
+async def test_a_trial_is_reverted_and_another_one_saved(robot: MockDriver) -> None:
     async with viewing(robot) as at:
         await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
@@ -183,11 +183,6 @@ async def test_a_trial_is_reverted(robot: MockDriver) -> None:
             await at.press("escape")
             await at.sees("LEFT")
             await open_parameters(at)
-
-
-async def test_a_trial_is_saved(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await open_parameters(at)
         await tune(at, "max_velocity_mps", "0.3")
         await at.press("s")
         await at.hears("saved: max_velocity_mps")
