@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from support.command import run, run_json
+from support.cases import each
+from support.command import check_error, run, run_json
 from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
 from wheelwire import errors
@@ -135,7 +136,7 @@ def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path:
     assert not daemon.truth()["driven"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "listen", "told"),
     [
         ("driver: mock", "unix:x", "a service needs l298n or pigpio"),
@@ -147,9 +148,5 @@ def test_a_robot_that_cannot_be_served_is_refused(
 ) -> None:
     config = tmp_path / "robot.yaml"
     config.write_text(content)
-    command = [sys.executable, "-m", "wheelwire", "mcu", f"--config={config}", f"--listen={listen}"]
-    result = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "300"}
-    )
-    assert result.returncode == errors.ConfigurationError.exit_code
-    assert told in result.stderr
+    result = run("mcu", f"--config={config}", f"--listen={listen}", COLUMNS="300")
+    assert told in check_error(result, errors.ConfigurationError)
