@@ -118,6 +118,16 @@ def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path
         assert robot.sim.get("left.duty") == robot.sim.get("left.shorted") == 0.0
 
 
+def test_a_board_that_another_session_wrote_is_never_tried(tmp_path: Path) -> None:
+    robot = with_board("drv8833", tmp_path / "store")
+    write(robot, load_board("tb6612"))
+    robot.session.connect(robot.now_us)  # another session, perhaps months later
+    robot.samples.clear()
+    robot.run_until(lambda: bool(robot.samples))
+    restart(robot)
+    assert in_force(robot) == (ConfigurationState.STORED, "DRV8833")
+
+
 @pytest.mark.parametrize("by_contact", [True, False])
 def test_no_board_is_a_way_around_an_estop(tmp_path: Path, by_contact: bool) -> None:
     robot = with_board("l298n", tmp_path / "store")
