@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("textual")
-from support.command import PROGRAM, run, run_json
+from support.command import PROGRAM, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire.simulation.simulator import Simulator
@@ -21,7 +21,7 @@ from wheelwire.simulation.simulator import Simulator
 SCREEN = "space stop"
 """A part of the last line: the screen is there."""
 CTRL_C = b"\x03"
-ENDED_BY = {signal.SIGTERM: 143, signal.SIGHUP: 129, signal.SIGINT: 130}
+ENDED_BY = {signal.SIGTERM: 143, signal.SIGHUP: 129}
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +58,13 @@ def terminal(simulator: Simulator) -> Iterator[TypingTerminal]:
         yield terminal
 
 
-def test_q_ends_it_and_leaves_the_terminal_as_it_was(terminal: TypingTerminal) -> None:
+def test_q_ends_it_and_leaves_the_terminal_as_it_was(
+    simulator: Simulator, terminal: TypingTerminal
+) -> None:
     terminal.wait_for(SCREEN)
     assert terminal.attributes() != terminal.before
+    # The command has asked for the sensors' samples.
+    assert {one["state"] for one in run_json("sensors", simulator.port)} == {"OK"}
     terminal.press(b"q")
     assert terminal.wait() == 0
     assert terminal.attributes() == terminal.before
@@ -76,12 +80,6 @@ def test_it_ends_although_the_kernel_continues_it_meanwhile(terminal: TypingTerm
         terminal.process.send_signal(signal.SIGCONT)
         time.sleep(0.01)
     assert terminal.process.returncode == ENDED_BY[signal.SIGTERM]
-
-
-def test_sensors_are_shown_beside_it(simulator: Simulator, terminal: TypingTerminal) -> None:
-    terminal.wait_for(SCREEN)
-    found = run_json("sensors", simulator.port)
-    assert {one["state"] for one in found} == {"OK"}
 
 
 def test_ctrl_c_stops_the_wheels_and_has_its_exit_code(simulator: Simulator) -> None:
@@ -142,12 +140,6 @@ def test_plain_prints_lines_in_a_terminal(simulator: Simulator) -> None:
         assert b"\x1b[?1049h" not in terminal.output
 
 
-def test_without_a_terminal_it_prints_a_line_a_second(simulator: Simulator) -> None:
-    result = run("monitor", simulator.port, "--seconds", "1.5")
-    assert result.stdout.count("IDLE") == 2
-    assert not result.stderr
-
-
 def test_it_follows_the_window(terminal: TypingTerminal) -> None:
     terminal.wait_for(SCREEN)
     for columns, rows in ((200, 60), (60, 20), (3, 2), (80, 24)):
@@ -184,8 +176,9 @@ class Tmux:
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="needs tmux")
-@pytest.mark.parametrize("colour", [True, False])
-@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (60, 20), (200, 60)])
+@pytest.mark.parametrize(
+    ("columns", "rows", "colour"), [(80, 24, True), (60, 20, False), (200, 60, True)]
+)
 def test_all_of_it_is_on_the_screen_of_tmux(
     simulator: Simulator, tmp_path: Path, columns: int, rows: int, *, colour: bool
 ) -> None:
