@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
@@ -46,9 +47,8 @@ def test_it_says_what_the_wheels_do(link: Path) -> None:
         told.wait_for("the left wheel turned backward 0.")
 
 
-@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
-def test_a_wheel_is_turned_by_hand(link: Path, options: tuple[str, ...]) -> None:
-    with sim(link, *RAISED, *options) as told:
+def test_a_wheel_is_turned_by_hand(link: Path) -> None:
+    with sim(link, *RAISED, "--faults", "noisy") as told:
         assert b"Its wheels hang free" in told.output
         text = output("sim", "turn", "left", "1.5")
         assert text == "the left wheel was turned forward by 1.5 turns\n"
@@ -93,17 +93,17 @@ def test_a_simulator_that_ends_half_way(link: Path) -> None:
         hand.wait_for("the simulator has ended")
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "reason"),
     [
-        (("middle", "1"), "middle is not a wheel: give left or right"),
-        (("left", "0"), "0 turns: give a number from -1000 to 1000, and not 0"),
-        (("left", "nan"), "nan turns"),
-        (("right", "-1001"), "-1001 turns"),
+        ("middle 1", "middle is not a wheel: give left or right"),
+        ("left 0", "0 turns: give a number from -1000 to 1000, and not 0"),
+        ("left nan", "nan turns"),
+        ("right -1001", "-1001 turns"),
     ],
 )
-def test_a_turn_that_cannot_be(words: tuple[str, ...], reason: str) -> None:
-    assert reason in check_error(run("sim", "turn", *words), errors.InvalidArgument)
+def test_a_turn_that_cannot_be(words: str, reason: str) -> None:
+    assert reason in check_error(run("sim", "turn", *words.split()), errors.InvalidArgument)
 
 
 def test_no_simulator_and_two(link: Path, tmp_path: Path) -> None:
@@ -135,10 +135,9 @@ def test_a_killed_simulator_is_not_found(link: Path) -> None:
     wait_until(lambda: not link.exists())
 
 
-@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
-def test_several_signals_at_once_end_it_too(link: Path, options: tuple[str, ...]) -> None:
+def test_several_signals_at_once_end_it_too(link: Path) -> None:
     """As `timeout` sends them, to the program and to its group."""
-    command = [*PROGRAM, "sim", "--link", str(link), *options]
+    command = [*PROGRAM, "sim", "--link", str(link), "--faults", "noisy"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as told:
         assert told.stdout
         told.stdout.readline()
