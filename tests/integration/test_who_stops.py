@@ -68,8 +68,6 @@ class Scene:
     stand_in: StandIn
     mcu: McuProcess
     core: int
-    pwm: Path | None = None
-    """Folder of the kernel's PWM."""
 
     def removal(self) -> Removal:
         """Wait for the end of the drive, and of what follows it."""
@@ -82,17 +80,15 @@ class Scene:
                 return False
             # A core brakes after each drive, and a guard never does: it needs no process for that.
             in_one_process = isinstance(self.stand_in, PigpioProcess)
-            return in_one_process or has_braked(changes) or self._is_off(changes)
+            return in_one_process or has_braked(changes) or changes[-1][3] == self.mcu.guard
 
         wait_until(is_over, what="the end of the drive, and a brake or the pins' end")
         us, _, _, writer = changes[1]
         if isinstance(self.stand_in, PigpioProcess):
             return Removal(us, SCRIPT if writer == "script" else CORE)
-        if self.pwm is None:
-            by = {self.core: CORE, self.mcu.guard: GUARD}[int(writer)]
-            assert (by == CORE) == has_braked(changes)
-            return Removal(us, by)
-        return Removal(us, CORE if has_braked(changes) else GUARD)
+        by = {self.core: CORE, self.mcu.guard: GUARD}[int(writer)]
+        assert (by == CORE) == has_braked(changes)
+        return Removal(us, by)
 
     def ended_after(self, us: int) -> bool:
         """Whether a drive has ended since then, and no other one begun."""
@@ -105,19 +101,11 @@ class Scene:
         last = max(place for place, (_, driven, *_) in enumerate(changes) if driven)
         return changes[last:]
 
-    def _is_off(self, changes: list[Change]) -> bool:
-        """The guard has been at the pins: of the kernel's PWM it disables the channels."""
-        if self.pwm is None:
-            return changes[-1][3] == self.mcu.guard
-        return {(self.pwm / f"pwmchip0/pwm{n}/enable").read_text().strip() for n in (0, 1)} == {"0"}
 
-
-@pytest.fixture(scope="module", params=["kernel", "software"])
-def chip(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[GpioChip]:
-    folder = tmp_path_factory.mktemp(request.param)
-    with GpioChip(folder, kernel_pwm=request.param == "kernel") as chip:
+@pytest.fixture(scope="module")
+def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[GpioChip]:
+    """Without the kernel's PWM, so that each pin tells who has written it."""
+    with GpioChip(tmp_path_factory.mktemp("chip"), kernel_pwm=False) as chip:
         chip.set_realtime()
         yield chip
 
@@ -142,9 +130,7 @@ def scene(chip: GpioChip, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
     with process_on(chip, monkeypatch) as mcu:
         mcu.open().drive(LIFE_US)
         wait_until(lambda: chip.truth()["driven"], what="the drive")
-        yield Scene(
-            chip, mcu, mcu.core, chip.pwm_directory if chip.pwm_directory.exists() else None
-        )
+        yield Scene(chip, mcu, mcu.core)
 
 
 def test_a_core_that_is_killed_leaves_the_pins_to_the_guard(scene: Scene) -> None:
@@ -235,19 +221,13 @@ def test_nobody_hears_of_a_start_before_the_guard_is_ready(
         mcu.open()
 
 
-ENABLES = {"hardware": (18, 19), "software": (12, 18)}
-"""GPIOs of both wheels' EN: with a channel of the PWM hardware each, and with one for both."""
-
-
-@pytest.fixture(params=ENABLES)
-def behind_pigpiod(request: pytest.FixtureRequest) -> Iterator[Scene]:
-    left, right = ENABLES[request.param]
-    board = Pins(left_pwm=left, right_pwm=right)
-    with PigpioProcess("--board", board.packed().hex()) as daemon:
+@pytest.fixture
+def behind_pigpiod() -> Iterator[Scene]:
+    with PigpioProcess() as daemon:
         daemon.set_realtime()
         settings = McuSettings(
             "pigpio",
-            board,
+            Pins(),
             parameters=PARAMETERS,
             host="127.0.0.1",
             port=daemon.port,
