@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ from support.gpio_chip_process import GpioChip
 from support.i2c_bus import I2cBuses
 from support.processes import children
 from support.waiting import wait_until
-from wheelwire import aio, connect, errors, open_driver
+from wheelwire import errors, open_driver
 from wheelwire.pi.pins import Pins
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
@@ -123,36 +122,6 @@ def test_the_command_shows_them(scene: Scene, robot: Robot) -> None:
     assert set(found) == {"imu", "power", "bumper.front"}
     assert found["imu"]["rate_hz"] == 200
     assert "imu" in output("sensors", str(scene.file))
-
-
-@pytest.mark.parametrize(
-    ("fault", "state"),
-    [
-        (IMU, SensorState.ABSENT),
-        ("hung", SensorState.HUNG),
-        ("stuck", SensorState.HUNG),
-        ("frozen", SensorState.FROZEN),
-    ],
-)
-def test_a_fault_is_reported_and_ends(
-    scene: Scene, robot: Robot, fault: str, state: SensorState
-) -> None:
-    with scene.buses.wrong(fault):
-        scene.reaches(robot, state)
-        assert robot.imu.latest is None
-        with pytest.raises(errors.SensorStale, match=state.name):
-            robot.imu.read()
-    scene.reaches(robot, SensorState.OK)
-    robot.imu.read(WAIT_S)
-
-
-def test_a_chip_that_lost_its_settings_is_reported(scene: Scene, robot: Robot) -> None:
-    events = robot.sensors.events()
-    scene.buses.set("reset-0x68")
-    for event in events:
-        if event.name == "imu" and event.value == SensorState.RESET:
-            break
-    scene.reaches(robot, SensorState.OK)
 
 
 def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: Robot) -> None:
@@ -266,34 +235,6 @@ def test_what_keeps_a_robot_from_opening(
     with pytest.raises((errors.DriverUnavailable, errors.ConfigurationError)) as raised:
         scene.open()
     assert words in str(raised.value)
-
-
-def test_with_asyncio(scene: Scene) -> None:
-    async def read() -> float:
-        async with await aio.open_driver("l298n", **scene.options()) as robot:
-            upward: float = (await robot.imu.read(WAIT_S)).acceleration[2]
-            return upward
-
-    assert asyncio.run(read()) == pytest.approx(9.81, abs=0.1)
-
-
-def test_a_recording_gives_the_same_samples(
-    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("WHEELWIRE_RECORD", str(tmp_path / "day.mcap"))
-    with scene.open() as robot:
-        samples = robot.imu.samples()
-        live = [next(samples).t_us for _ in range(50)]
-    monkeypatch.delenv("WHEELWIRE_RECORD")
-    with connect(tmp_path / "day.mcap") as replayed:
-        again = replayed.imu.samples()
-        recorded = [next(again).t_us]
-        while recorded[-1] < live[-1]:
-            recorded.append(next(again).t_us)
-    # Each way the first may come before the other.
-    begin_us = max(live[0], recorded[0])
-    assert [one for one in recorded if one >= begin_us] == [one for one in live if one >= begin_us]
-    assert begin_us < live[-10]
 
 
 def test_a_robot_without_sensors_says_where_to_name_them(scene: Scene) -> None:
