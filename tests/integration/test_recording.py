@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from mcap.reader import make_reader
 
 import wheelwire
-from support.range_board import simulator_on_board
-from support.waiting import undisturbed, wait_until
+from support.waiting import undisturbed
 from wheelwire import aio
 from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
 from wheelwire.link.session import Phase
 from wheelwire.link.statistics import LinkStatistics
-from wheelwire.log.reader import messages, metadata, records
+from wheelwire.log.reader import metadata, records
 from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.simulator import Simulator
 
@@ -78,13 +77,6 @@ def test_a_program_records_its_robot(tmp_path: Path) -> None:
     assert board_id in files["versions.yaml"]
 
 
-def test_twice_a_day_gives_two_files(tmp_path: Path) -> None:
-    for _ in range(2):
-        with wheelwire.open_driver("mock", record=tmp_path / "day.mcap") as robot:
-            robot.read()
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["day-2.mcap", "day.mcap"]
-
-
 def test_a_serial_robot_by_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WHEELWIRE_RECORD", str(tmp_path))
     with (
@@ -142,18 +134,3 @@ def test_recording_can_begin_and_end_at_any_time(tmp_path: Path) -> None:
     assert set(seen[1:]) <= set(first)
     assert set(seen[1:] + later) <= set(second)
     assert not set(later[5:]) & set(first)
-
-
-def imu_samples(path: Path) -> int:
-    return sum(topic == "/imu/data_raw" for topic, _, _ in messages(path))
-
-
-def test_a_recording_contains_the_sensors(tmp_path: Path) -> None:
-    with simulator_on_board() as simulator:
-        asked: dict[str, Any] = {"port": simulator.port, "record": tmp_path / "asked.mcap"}
-        with wheelwire.open_driver("serial", **asked) as robot:
-            assert robot.has_device
-            recorder = robot.record(tmp_path / "later.mcap")
-            wait_until(lambda: imu_samples(recorder.file) > 10)
-            assert robot.sensors.imu.latest is not None
-    assert imu_samples(tmp_path / "asked.mcap") > 10
