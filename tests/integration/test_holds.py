@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import wheelwire
-from support.command import run, run_json, run_process
+from support.command import run, run_json
 from support.waiting import wait_until
 from wheelwire.holds import HeldBy
 from wheelwire.log.why.diagnosis import Stop
@@ -75,17 +75,17 @@ def test_a_bumper_is_named_by_everything_without_its_samples(tmp_path: Path) -> 
         wait_until(lambda: bool(held))
         assert held[-1].names[0] == "BUMPER_FRONT_LEFT"
         # Beside the program that holds the port, too.
-        text = run_process("why", simulator.port).stdout
+        text = run("why", simulator.port).stdout
         assert "BUMPER_FRONT_LEFT" in text
         assert "Bumper front left was pressed" in text
-        assert "BUMPER_FRONT_LEFT" in run_process("info", simulator.port).stdout
+        assert "BUMPER_FRONT_LEFT" in run("info", simulator.port).stdout
         assert (
             "BUMPER_FRONT_LEFT"
-            in run_process("monitor", simulator.port, "--plain", "--seconds", "1").stderr
+            in run("monitor", simulator.port, "--plain", "--seconds", "1").stderr
         )
         assert not robot.sensors.channels
         # It asks for the samples, and names the sensor by them.
-        assert "bumper.front_left has triggered" in run_process("doctor", simulator.port).stdout
+        assert "bumper.front_left has triggered" in run("doctor", simulator.port).stdout
 
 
 def test_with_asyncio(tmp_path: Path) -> None:

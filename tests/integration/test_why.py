@@ -72,13 +72,6 @@ def test_a_robot_says_what_holds_it_now(tmp_path: Path) -> None:
     assert "estop_by_session" in stop["cause"]
 
 
-def test_who_asked_for_a_restart_stays_open_where_nobody_watched(tmp_path: Path) -> None:
-    with Simulator(link=tmp_path / "port") as simulator:
-        assert run("restart", simulator.port).returncode == 0
-        (stop,) = run_json("why", simulator.port)
-        assert stop["cause"] == "restart_requested or restarted_itself"
-
-
 def test_what_it_cannot_read_or_draw_it_says(tmp_path: Path) -> None:
     result = run("why", str(tmp_path / "none.mcap"), "--json")
     assert result.returncode != 0
