@@ -62,7 +62,7 @@ def test_nothing_is_known_before_the_first_use_and_all_channels_after_it(
     robot: MockDriver,
 ) -> None:
     robot.advance(1.0)
-    assert robot.sensors.channels == ()
+    assert [*robot.sensors.channels] == []
     assert (robot.imu.info, robot.imu.latest) == (None, None)
     assert robot.inputs.state is SensorState.UNREAD
     robot.sensors.start()
