@@ -44,6 +44,7 @@ def quiet(_: str) -> None:
 
 
 @pytest.mark.whole
+@pytest.mark.timeout(1200)
 def test_each_robot_is_identified_and_tracks_better(subtests: pytest.Subtests) -> None:
     outcomes: list[Outcome] = []
     for plant, battery_v, raised in ROBOTS:
