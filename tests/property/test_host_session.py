@@ -93,7 +93,7 @@ def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
             if number % 10 == 0:
                 value = 0.1 + number / 1000
                 message = ParameterSet(0, 0, 6, value)
-                line.session.request(message, lambda _: None, line.now_us)
+                line.post(message)
                 asked.append(value)
         except WheelwireError:
             continue

@@ -17,7 +17,6 @@ from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.rerun import Rerun
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire.simulation.libfwsim import FwSim
-from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import GroupGet, ParameterGet, ParameterSet, SensorStream
 
@@ -36,7 +35,7 @@ def drive(line: VirtualLine, random: Random) -> None:
 
 def set_gain(line: VirtualLine, random: Random) -> None:
     gain = ParameterSet(0, 0, 10, random.uniform(0, 2))
-    line.session.request(gain, lambda _: None, line.now_us)
+    line.post(gain)
 
 
 def give_up(line: VirtualLine, _: Random) -> None:
@@ -49,7 +48,7 @@ def give_up(line: VirtualLine, _: Random) -> None:
 
 
 def stop(line: VirtualLine, _: Random) -> None:
-    line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    line.post_stop()
 
 
 def replug(line: VirtualLine, random: Random) -> None:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import partial
 from random import Random
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
+from wheelwire.link.statistics import LinkStatistics
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import StopMode
 
 TIMEOUT_S = 5.0
 ARMING_S = 1.01
 """More than rearm_gap_s and ttl_max_s by default."""
+Outcomes = list[Answer | WheelwireError]
 Self = TypeVar("Self", bound="VirtualHost")
 
 
@@ -44,6 +45,11 @@ class VirtualHost(ABC):
     @abstractmethod
     def write(self, setpoint: bytes = b"") -> None:
         """Send the session's output, then a setpoint."""
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """The session's counters."""
+        return self.session.statistics(self.now_us)
 
     @property
     def sample(self) -> WheelSample:
@@ -93,22 +99,29 @@ class VirtualHost(ABC):
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop, and wait for the acknowledgement."""
-        self._result(partial(self.session.stop, mode))
+        self.wait(self.post_stop(mode))
 
     def estop(self) -> None:
         """Stop and latch, and wait for the acknowledgement."""
-        self._result(partial(self.session.stop, None))
+        self.wait(self.post_stop(None))
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer. Raises what the device refuses."""
-        return self._result(partial(self.session.request, message))
+        return self.wait(self.post(message))
 
-    def _result(self, ask: Callable[[Callable[[Any], None], int], object]) -> Answer:
-        results: list[Answer | WheelwireError] = []
-        ask(results.append, self.now_us)
-        return self.wait(results)
+    def post(self, message: RequestMessage) -> Outcomes:
+        """Send a request; its outcome will be in the list that this returns."""
+        outcomes: Outcomes = []
+        self.session.request(message, outcomes.append, self.now_us)
+        return outcomes
 
-    def wait(self, results: list[Answer | WheelwireError]) -> Answer:
+    def post_stop(self, mode: StopMode | None = StopMode.CONFIGURED) -> Outcomes:
+        """As `post`, a stop; an e-stop with None."""
+        outcomes: Outcomes = []
+        self.session.stop(mode, outcomes.append, self.now_us)
+        return outcomes
+
+    def wait(self, results: Outcomes) -> Answer:
         """Wait for the outcome of a call; an error is raised."""
         self.run_until(lambda: bool(results))
         if isinstance(results[0], WheelwireError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
@@ -11,6 +13,7 @@ from .core_device import CoreDevice
 from .host_samples import received
 from .virtual_host import VirtualHost
 
+M = TypeVar("M")
 STEP_US = 1_000
 """The longest jump of time."""
 GOOD = Impairment(delay_us=200)
@@ -84,5 +87,5 @@ class VirtualLine(VirtualHost):
         self.run_until(lambda: self.session.phase is not Phase.OPEN)
         self.wait_open()
 
-    def sent_of(self, kind: type[AnyMessage]) -> list[AnyMessage]:
+    def sent_of(self, kind: type[M]) -> list[M]:
         return [message for message in self.sent if isinstance(message, kind)]

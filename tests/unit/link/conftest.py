@@ -27,12 +27,6 @@ def line() -> VirtualLine:
 
 
 @pytest.fixture
-def outcomes() -> list[object]:
-    """For what requests have as their outcomes."""
-    return []
-
-
-@pytest.fixture
 def writers(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The threads that have written to a port, one for each write."""
     threads: list[int] = []

@@ -167,15 +167,14 @@ class TestSession:
         assert [type(one) for one in results] == [Ack]
 
     def test_an_answer_of_another_kind_of_stop_is_not_its_own(self, line: VirtualLine) -> None:
-        foreign = line.session.statistics(line.now_us).foreign
-        results: list[object] = []
+        foreign = line.statistics.foreign
         line.device.lost.add(Stop)
-        line.session.stop(StopMode.CONFIGURED, results.append, line.now_us)
+        results = line.post_stop()
         line.run(0.01)
         line.device.send(Ack(0, 1, 2))  # of no session, though the request was of this one
         line.run(0.01)
         assert results == []
-        assert line.session.statistics(line.now_us).foreign > foreign
+        assert line.statistics.foreign > foreign
 
     def test_without_a_session_it_is_sent_and_says_so(self) -> None:
         line = VirtualLine()
@@ -183,7 +182,7 @@ class TestSession:
         results: list[object] = []
         line.session.stop_for_attached(results.append, line.now_us)
         line.write()
-        assert [type(m) for m in line.sent if isinstance(m, Stop)] == [Stop]
+        assert len(line.sent_of(Stop)) == 1
         assert [type(one) for one in results] == [LinkLost]
 
     def test_a_rerun_counts_as_the_session_does(self, line: VirtualLine) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, RequestTimeout
-from wheelwire.link.requests import REPEAT_US, RequestQueue
+from wheelwire.link.requests import REPEAT_US, RequestMessage, RequestQueue
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
@@ -23,20 +23,17 @@ from wheelwire_protocol.types import (
     Stop,
 )
 
-
-def begin(line: VirtualLine, stop: type[Stop | Estop], outcomes: list[object]) -> None:
-    """A stop or an e-stop of the host; its outcome goes to `outcomes`."""
-    if stop is Stop:
-        line.session.stop(StopMode.BRAKE, outcomes.append, line.now_us)
-    else:
-        line.session.stop(None, outcomes.append, line.now_us)
+each_stop = pytest.mark.parametrize("mode", [StopMode.BRAKE, None])
+"""A stop in a mode, and an e-stop."""
 
 
-def test_an_answer_to_a_request_that_was_given_up_is_no_value(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
+def kind_of(mode: StopMode | None) -> type[Stop | Estop]:
+    return Estop if mode is None else Stop
+
+
+def test_an_answer_to_a_request_that_was_given_up_is_no_value(line: VirtualLine) -> None:
     line.device.mute = True
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    outcomes = line.post(ParameterGet(0, 0, 1))
     line.run_until(lambda: bool(outcomes))
     assert isinstance(outcomes[0], RequestTimeout)
     line.device.mute = False
@@ -45,11 +42,9 @@ def test_an_answer_to_a_request_that_was_given_up_is_no_value(
     assert len(outcomes) == 1
 
 
-def test_a_request_is_repeated_unchanged_and_done_once(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
+def test_a_request_is_repeated_unchanged_and_done_once(line: VirtualLine) -> None:
     line.to_host.impairment.loss = 1.0
-    line.session.request(ParameterSet(0, 0, 6, 0.25), outcomes.append, line.now_us)
+    outcomes = line.post(ParameterSet(0, 0, 6, 0.25))
     line.run(0.5)
     line.to_host.impairment.loss = 0.0
     line.run_until(lambda: bool(outcomes))
@@ -58,14 +53,12 @@ def test_a_request_is_repeated_unchanged_and_done_once(
     assert len(set(copies)) == 1
     assert len(line.device.asked(ParameterSet)) == 1
     assert isinstance(outcomes[0], ParameterValue)
-    assert line.session.statistics(line.now_us).requests_repeated == len(copies) - 1
+    assert line.statistics.requests_repeated == len(copies) - 1
 
 
-def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
+def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often(line: VirtualLine) -> None:
     line.device.mute = True
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    outcomes = line.post(ParameterGet(0, 0, 1))
     copies: list[int] = []
     begin_us = line.now_us
     for _ in range(4):
@@ -85,75 +78,64 @@ def test_a_request_of_a_busy_device_is_done_once_and_answered_late(line: Virtual
     assert line.session.phase is Phase.OPEN
 
 
-def test_requests_go_one_at_a_time_in_order(line: VirtualLine, outcomes: list[object]) -> None:
+def test_requests_go_one_at_a_time_in_order(line: VirtualLine) -> None:
     line.device.mute = True
-    for parameter in (1, 2, 3):
-        line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
+    outcomes = [line.post(ParameterGet(0, 0, parameter)) for parameter in (1, 2, 3)]
     line.run(0.3)
-    assert {m.parameter for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)} == {1}
+    assert {m.parameter for m in line.sent_of(ParameterGet)} == {1}
     line.device.mute = False
-    line.run_until(lambda: len(outcomes) == 3)
-    assert [o.parameter for o in outcomes if isinstance(o, ParameterValue)] == [1, 2, 3]
+    line.run_until(lambda: all(outcomes))
+    assert [m.parameter for m in dict.fromkeys(line.sent_of(ParameterGet))] == [1, 2, 3]
+    assert all(isinstance(outcome, ParameterValue) for (outcome,) in outcomes)
 
 
-@pytest.mark.parametrize("stop", [Stop, Estop])
-def test_a_stop_overtakes_a_request_that_waits(
-    line: VirtualLine, outcomes: list[object], stop: type[Stop | Estop]
-) -> None:
+@each_stop
+def test_a_stop_overtakes_a_request_that_waits(line: VirtualLine, mode: StopMode | None) -> None:
     line.to_device.impairment.loss = 1.0
-    answers: list[object] = []
-    line.session.request(ParameterGet(0, 0, 1), answers.append, line.now_us)
+    answers = line.post(ParameterGet(0, 0, 1))
     line.run(0.005)
     line.to_device.impairment.loss = 0.0
-    begin(line, stop, outcomes)
+    outcomes = line.post_stop(mode)
     line.run_until(lambda: bool(outcomes), timeout_s=0.01)
     assert isinstance(outcomes[0], Ack)
     assert answers == []
 
 
-@pytest.mark.parametrize("stop", [Stop, Estop])
+@each_stop
 def test_a_stop_is_repeated_forty_times_a_second_before_it_is_given_up(
-    outcomes: list[object],
-    line: VirtualLine,
-    stop: type[Stop | Estop],
+    line: VirtualLine, mode: StopMode | None
 ) -> None:
     line.device.mute = True
     begin_us = line.now_us
-    begin(line, stop, outcomes)
+    outcomes = line.post_stop(mode)
     line.run_until(lambda: bool(outcomes))
     assert isinstance(outcomes[0], RequestTimeout)
-    assert len(line.sent_of(stop)) == 40
+    assert len(line.sent_of(kind_of(mode))) == 40
     assert line.now_us - begin_us == pytest.approx(1_000_000, abs=2_000)
 
 
 @pytest.mark.parametrize(
-    "answer",
+    ("asked", "answer"),
     [
-        Ack(0, 1, message_id(ParameterGet)),
-        Refuse(0, message_id(ParameterSet), RefusalCode.OUT_OF_RANGE, 1),
-        ParameterValue(0, 2, 1, 5.0),
+        (ParameterGet(0, 0, 1), Ack(0, 1, message_id(ParameterGet))),
+        (
+            ParameterGet(0, 0, 1),
+            Refuse(0, message_id(ParameterSet), RefusalCode.OUT_OF_RANGE, 1),
+        ),
+        (ParameterGet(0, 0, 1), ParameterValue(0, 2, 1, 5.0)),
+        (ClearFault(0, 0), Ack(0, 1, message_id(ClearEstop))),
     ],
 )
 def test_what_does_not_answer_the_request_that_is_open_is_foreign(
-    line: VirtualLine, outcomes: list[object], answer: Ack | Refuse
+    line: VirtualLine, asked: RequestMessage, answer: Ack | Refuse
 ) -> None:
     line.device.mute = True
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
-    foreign = line.session.statistics(line.now_us).foreign
+    outcomes = line.post(asked)
+    foreign = line.statistics.foreign
     line.device.send(answer._replace(session_id=line.device.session_id))
     line.run(0.01)
     assert outcomes == []
-    assert line.session.statistics(line.now_us).foreign == foreign + 1
-
-
-def test_an_acknowledgement_of_something_else_is_foreign(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
-    line.device.mute = True
-    line.session.request(ClearFault(0, 0), outcomes.append, line.now_us)
-    line.device.send(Ack(line.device.session_id, 1, message_id(ClearEstop)))
-    line.run(0.01)
-    assert outcomes == []
+    assert line.statistics.foreign == foreign + 1
 
 
 def test_neither_stops_nor_pings_make_the_next_request_an_old_one(line: VirtualLine) -> None:
@@ -161,14 +143,10 @@ def test_neither_stops_nor_pings_make_the_next_request_an_old_one(line: VirtualL
     for _ in range(3):
         assert isinstance(line.request(ParameterGet(0, 0, 1)), ParameterValue)
         for _ in range(3):
-            line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
-            line.session.stop(None, lambda _: None, line.now_us)
+            line.post_stop()
+            line.post_stop(None)
         line.run(1.0)
-    assert [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)] == [
-        1,
-        2,
-        3,
-    ]
+    assert [m.request_id for m in line.sent_of(ParameterGet)] == [1, 2, 3]
 
 
 def test_request_ids_wrap_at_65536() -> None:
@@ -252,24 +230,23 @@ def test_a_snapshot_counts_the_id_that_a_thread_is_about_to_draw() -> None:
 def test_request_ids_restart_in_a_new_session() -> None:
     line = VirtualLine(watched=(1, 2)).open()
     line.reset_device()
-    ids = [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)]
+    ids = [m.request_id for m in line.sent_of(ParameterGet)]
     assert ids == [1, 2, 1, 2]
 
 
 def test_an_answer_that_comes_twice_is_taken_once() -> None:
     line = VirtualLine(to_host=Impairment(repeat=1.0, delay_us=200), watched=(1,)).open()
-    foreign = line.session.statistics(line.now_us).foreign
+    foreign = line.statistics.foreign
     assert isinstance(line.request(ParameterSet(0, 0, 1, 0.05)), ParameterValue)
     line.run(0.01)
-    assert line.session.statistics(line.now_us).foreign == foreign + 1
+    assert line.statistics.foreign == foreign + 1
     assert line.session.reported.values[1] == pytest.approx(0.05)
 
 
 def test_pings_between_a_request_and_its_repeat_do_not_age_it(line: VirtualLine) -> None:
     line.run(0.4)
     line.to_host.impairment.loss = 1.0
-    answers: list[object] = []
-    line.session.request(ParameterSet(0, 0, 1, 0.05), answers.append, line.now_us)
+    answers = line.post(ParameterSet(0, 0, 1, 0.05))
     pings = len(line.sent_of(Ping))
     line.run(0.75)
     line.to_host.impairment.loss = 0.0
@@ -279,23 +256,21 @@ def test_pings_between_a_request_and_its_repeat_do_not_age_it(line: VirtualLine)
     assert len(line.device.asked(ParameterSet)) == 1
 
 
-def test_disconnecting_ends_every_request(line: VirtualLine, outcomes: list[object]) -> None:
-    for parameter in (1, 2):
-        line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
+def test_disconnecting_ends_every_request(line: VirtualLine) -> None:
+    outcomes = [line.post(ParameterGet(0, 0, parameter)) for parameter in (1, 2)]
     line.session.disconnect(LinkLost("unplugged"))
-    assert [str(outcome) for outcome in outcomes] == ["unplugged"] * 2
+    assert [str(outcome) for (outcome,) in outcomes] == ["unplugged"] * 2
     assert line.session.next_deadline_us is None
     with pytest.raises(LinkLost, match="unplugged"):
         line.drive()
 
 
-def test_disconnecting_ends_every_request_though_one_caller_fails(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
+def test_disconnecting_ends_every_request_though_one_caller_fails(line: VirtualLine) -> None:
     def fail(_result: object) -> None:
         raise ValueError("a bug")
 
     line.device.mute = True
+    outcomes: list[object] = []
     for done in (outcomes.append, fail, outcomes.append):
         line.session.request(ParameterGet(0, 0, 1), done, line.now_us)
     with pytest.raises(ValueError, match="a bug"):
@@ -303,39 +278,35 @@ def test_disconnecting_ends_every_request_though_one_caller_fails(
     assert [type(outcome) for outcome in outcomes] == [LinkLost, LinkLost]
 
 
-def test_a_stop_without_a_session_is_sent_all_the_same(outcomes: list[object]) -> None:
+def test_a_stop_without_a_session_is_sent_all_the_same() -> None:
     line = VirtualLine()
     line.device.mute = True
     line.session.connect(line.now_us)
-    line.session.stop(StopMode.CONFIGURED, outcomes.append, line.now_us)
-    assert isinstance(outcomes[0], LinkLost)
+    (outcome,) = line.post_stop()
+    assert isinstance(outcome, LinkLost)
     line.run(0.01)
     assert line.device.count(Stop) > 0
 
 
-@pytest.mark.parametrize("kind", [Stop, Estop])
-def test_a_stop_that_is_withdrawn_is_not_repeated(
-    line: VirtualLine, outcomes: list[object], kind: type[Stop | Estop]
-) -> None:
+@each_stop
+def test_a_stop_that_is_withdrawn_is_not_repeated(line: VirtualLine, mode: StopMode | None) -> None:
     line.device.mute = True
-    begin(line, kind, outcomes)
+    outcomes = line.post_stop(mode)
     line.run(0.06)
-    copies = len(line.sent_of(kind))
+    copies = len(line.sent_of(kind_of(mode)))
     assert copies > 1
     line.session.withdraw(outcomes.append)
     line.run(0.5)
-    assert len(line.sent_of(kind)) == copies
+    assert len(line.sent_of(kind_of(mode))) == copies
     assert outcomes == []
 
 
 def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass(
-    outcomes: list[object],
     line: VirtualLine,
 ) -> None:
-    withdrawn: list[object] = []
     line.device.mute = True
-    line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    withdrawn = line.post(ClearEstop(0, 0))
+    outcomes = line.post(ParameterGet(0, 0, 1))
     line.run(0.01)
     line.session.withdraw(withdrawn.append)
     line.device.mute = False
@@ -344,14 +315,11 @@ def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass(
     assert len(line.sent_of(ClearEstop)) == 1
 
 
-def test_a_request_that_is_withdrawn_before_its_turn_is_not_sent(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
-    withdrawn: list[object] = []
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
-    line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
+def test_a_request_that_is_withdrawn_before_its_turn_is_not_sent(line: VirtualLine) -> None:
+    first = line.post(ParameterGet(0, 0, 1))
+    withdrawn = line.post(ClearEstop(0, 0))
     line.session.withdraw(withdrawn.append)
-    line.session.request(ParameterGet(0, 0, 2), outcomes.append, line.now_us)
-    line.run_until(lambda: len(outcomes) == 2)
+    last = line.post(ParameterGet(0, 0, 2))
+    line.run_until(lambda: bool(first and last))
     assert line.sent_of(ClearEstop) == []
     assert withdrawn == []

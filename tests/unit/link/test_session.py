@@ -45,7 +45,7 @@ def test_a_session_opens_on_a_line_that_is_slow_to_answer() -> None:
     line.session.connect(line.now_us)
     line.run_until(lambda: bool(line.samples), timeout_s=10.0)
     line.run(5.0)
-    assert line.session.statistics(line.now_us).sessions == 1
+    assert line.statistics.sessions == 1
 
 
 def test_hello_is_repeated_with_one_nonce_until_answered() -> None:
@@ -93,28 +93,28 @@ def test_a_booting_device_is_greeted_again() -> None:
 
 def test_answers_of_another_session_are_ignored_and_counted() -> None:
     line = VirtualLine(watched=(1,)).open()
-    foreign = line.session.statistics(line.now_us).foreign
+    foreign = line.statistics.foreign
     other = line.device.session_id ^ 1
     line.device.send(ParameterValue(other, 1, 1, 99.0))
     line.device.send(Refuse(other, message_id(SetWheelVelocity), RefusalCode.ESTOPPED, 1))
     line.run(0.01)
-    assert line.session.statistics(line.now_us).foreign == foreign + 2
+    assert line.statistics.foreign == foreign + 2
     assert line.session.reported.values[1] == pytest.approx(0.033)
     line.drive()
 
 
-def test_a_reset_is_reported_and_a_new_session_follows(outcomes: list[object]) -> None:
+def test_a_reset_is_reported_and_a_new_session_follows() -> None:
     line = VirtualLine(stream_rate_hz=50, watched=(1,)).open()
     line.drive()
     line.device.reset()
-    line.session.request(ParameterGet(0, 0, 2), outcomes.append, line.now_us)
+    outcomes = line.post(ParameterGet(0, 0, 2))
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
     with pytest.raises(LinkLost, match="session"):
         line.drive()
     assert isinstance(outcomes[0], LinkLost)
     line.wait_open()
     assert line.samples[-1].boot_id == line.device.boot_id
-    statistics = line.session.statistics(line.now_us)
+    statistics = line.statistics
     assert (statistics.sessions, statistics.device_resets) == (2, 1)
     line.drive(0.0, 0.0)
     line.run(0.05)
@@ -178,12 +178,12 @@ def test_a_late_state_frame_of_a_previous_boot_changes_nothing(line: VirtualLine
     late = line.device.state
     line.reset_device()
     count = len(line.samples)
-    sessions = line.session.statistics(line.now_us).sessions
+    sessions = line.statistics.sessions
     line.device.lost.add(WheelState)
     line.device.send(late)
     line.run(0.05)
     assert line.session.phase is Phase.OPEN
-    assert line.session.statistics(line.now_us).sessions == sessions
+    assert line.statistics.sessions == sessions
     assert len(line.samples) - count <= 1
     assert line.samples[-1].boot_id == line.device.boot_id
 
@@ -197,7 +197,7 @@ def test_silence_ends_the_session_and_the_answer_opens_a_new_one(line: VirtualLi
         line.drive()
     line.device.mute = False
     line.wait_open()
-    assert line.session.statistics(line.now_us).device_resets == 0
+    assert line.statistics.device_resets == 0
 
 
 def test_a_rate_that_the_device_refuses_raises() -> None:
@@ -217,7 +217,7 @@ def test_sequence_numbers_restart_after_the_port_was_reopened(line: VirtualLine)
     line.session.disconnect(LinkLost("unplugged"))
     line.session.connect(line.now_us)
     line.wait_open()
-    assert line.session.statistics(line.now_us).frames_lost == 0
+    assert line.statistics.frames_lost == 0
     assert line.device.counters.seq_lost == 0
 
 
@@ -230,7 +230,7 @@ def test_after_a_reset_no_value_of_the_previous_boot_is_left() -> None:
 
 def test_each_session_has_a_nonce_of_its_own(line: VirtualLine) -> None:
     line.reset_device()
-    hellos = [message for message in line.sent if isinstance(message, Hello)]
+    hellos = line.sent_of(Hello)
     assert hellos[-1].nonce != hellos[0].nonce
 
 
@@ -246,11 +246,9 @@ def test_a_value_is_active_once_its_change_is_confirmed() -> None:
     assert found == [pytest.approx(0.05), {1: pytest.approx(0.05)}]
 
 
-def test_a_value_for_another_session_answers_no_request_of_this_one(
-    line: VirtualLine, outcomes: list[object]
-) -> None:
+def test_a_value_for_another_session_answers_no_request_of_this_one(line: VirtualLine) -> None:
     line.device.mute = True
-    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    outcomes = line.post(ParameterGet(0, 0, 1))
     line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 99.0))
     line.run(0.01)
     assert outcomes == []
@@ -261,13 +259,12 @@ def test_a_pong_for_another_session_sets_no_clock(line: VirtualLine) -> None:
     pings = len(line.sent_of(Ping))
     line.run_until(lambda: len(line.sent_of(Ping)) > pings)
     ping = line.sent_of(Ping)[-1]
-    assert isinstance(ping, Ping)
-    error_us = line.session.statistics(line.now_us).clock_error_us
+    error_us = line.statistics.clock_error_us
     device_us = line.device.clock(line.now_us) + 9_000_000
     other = line.device.session_id ^ 1
     line.device.send(Pong(other, ping.request_id, ping.host_us, device_us, device_us))
     line.run(0.001)
-    assert line.session.statistics(line.now_us).clock_error_us >= error_us
+    assert line.statistics.clock_error_us >= error_us
 
 
 def test_an_event_of_a_previous_boot_keeps_nobody_from_driving(line: VirtualLine) -> None:
@@ -289,12 +286,11 @@ def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
     line.session.connect(line.now_us)
     line.run(0.01)
     hello = line.sent_of(Hello)[0]
-    assert isinstance(hello, Hello)
     theirs = hello._replace(nonce=hello.nonce ^ 1)
     line.device.feed(Encoder().encode(theirs), line.now_us)
     line.run(0.1)
     assert line.session.phase is Phase.HELLO
-    assert line.session.statistics(line.now_us).foreign > 0
+    assert line.statistics.foreign > 0
 
 
 def test_what_a_device_says_to_others_does_not_keep_a_session_alive(line: VirtualLine) -> None:

@@ -28,7 +28,7 @@ def test_a_setpoint_is_sent_once_when_it_is_seen_to_be_obeyed(line: VirtualLine)
     line.drive()
     line.run(0.3)
     assert len(line.sent_of(SetWheelVelocity)) == 1
-    assert line.session.statistics(line.now_us).setpoints_repeated == 0
+    assert line.statistics.setpoints_repeated == 0
 
 
 def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry(line: VirtualLine) -> None:
@@ -44,7 +44,7 @@ def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry(line: Virtua
 
 
 def test_a_program_may_drive_as_soon_as_the_clear_is_confirmed(line: VirtualLine) -> None:
-    line.session.stop(None, lambda _: None, line.now_us)
+    line.post_stop(None)
     line.run_until(lambda: line.session.setpoints.supervisor is SupervisorState.ESTOPPED)
     line.device.lost |= {Event, WheelState}  # the answer alone says so
     told: list[object] = []
@@ -82,29 +82,25 @@ def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice(line: VirtualL
     assert len(line.sent_of(SetWheelVelocity)) == 2
 
 
-@pytest.mark.parametrize("stop", [Stop, Estop])
-def test_a_stop_voids_the_repeat_of_a_setpoint(line: VirtualLine, stop: type[Stop | Estop]) -> None:
+@pytest.mark.parametrize("mode", [StopMode.CONFIGURED, None])
+def test_a_stop_voids_the_repeat_of_a_setpoint(line: VirtualLine, mode: StopMode | None) -> None:
     line.device.lost.add(WheelState)  # no state frame tells that anything arrived
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
     line.drive()
     line.write()
     line.to_device.impairment.loss = 0.0
-    if stop is Stop:
-        line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
-    else:
-        line.session.stop(None, lambda _: None, line.now_us)
+    line.post_stop(mode)
     line.run(0.3)
     assert len(line.sent_of(SetWheelVelocity)) == 1
-    assert line.sent_of(stop)
+    assert line.sent_of(Estop if mode is None else Stop)
 
 
 def test_a_stop_outdates_the_setpoints_before_it(line: VirtualLine) -> None:
     line.drive()
-    line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    line.post_stop()
     line.run(0.05)
     stop = line.sent_of(Stop)[0]
-    assert isinstance(stop, Stop)
     line.drive()
     line.run(0.05)
     before, after = (setpoint.command_seq for setpoint in line.device.obeyed)
@@ -121,7 +117,7 @@ def test_clearing_voids_the_repeat_of_a_setpoint(
     line.run(0.005)
     line.to_device.impairment.loss = 0.0
     line.to_host.impairment.loss = 1.0  # the answer comes late, or never
-    line.session.request(clear(0, 0), lambda _: None, line.now_us)
+    line.post(clear(0, 0))
     line.run(0.3)
     assert line.sent_of(clear)
     assert len(line.sent_of(SetWheelVelocity)) == 1
@@ -202,7 +198,7 @@ def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
     line.drive()
     line.run(0.1)
     assert len(line.device.obeyed) == 1
-    statistics = line.session.statistics(line.now_us)
+    statistics = line.statistics
     assert statistics.refused == 1
     assert statistics.setpoints_expired == 1
 
@@ -221,7 +217,7 @@ def test_a_setpoint_refused_for_another_reason_raises_once_at_the_next_one(
         line.drive()
     assert told.value.code == code
     line.drive()
-    assert line.session.statistics(line.now_us).setpoints_expired == 0
+    assert line.statistics.setpoints_expired == 0
 
 
 @pytest.mark.parametrize("code", [RefusalCode.ESTOPPED, RefusalCode.FAULT])
@@ -237,17 +233,14 @@ def test_a_latched_device_is_sent_no_setpoint(line: VirtualLine, code: RefusalCo
     assert line.sent_of(SetWheelVelocity) == []
 
 
-@pytest.mark.parametrize("kind", [Stop, Estop])
+@pytest.mark.parametrize("mode", [StopMode.CONFIGURED, None])
 def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(
-    line: VirtualLine, kind: type[Stop | Estop]
+    line: VirtualLine, mode: StopMode | None
 ) -> None:
     # The copy that the caller wrote has latched the device before the port's thread has its turn.
     line.device.estop(line.now_us)
     line.run(0.002)
-    if kind is Estop:
-        line.session.stop(None, lambda _: None, line.now_us)
-    else:
-        line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    line.post_stop(mode)
     with pytest.raises(DeviceRefused) as told:
         line.drive()
     assert told.value.code == RefusalCode.ESTOPPED
@@ -275,7 +268,7 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(
 
 
 def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: VirtualLine) -> None:
-    line.session.stop(None, lambda _: None, line.now_us)
+    line.post_stop(None)
     line.run(0.05)
     with pytest.raises(DeviceRefused):
         line.drive()
@@ -295,7 +288,7 @@ def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: Vi
 def unarmed_line() -> VirtualLine:
     """An e-stop was cleared on it."""
     line = VirtualLine().open()
-    line.session.stop(None, lambda _: None, line.now_us)
+    line.post_stop(None)
     line.run(0.05)
     assert isinstance(line.request(ClearEstop(0, 0)), Ack)
     return line

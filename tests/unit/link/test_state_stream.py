@@ -20,7 +20,7 @@ def test_a_repeated_or_older_state_frame_is_no_sample(line: VirtualLine) -> None
         line.device.send(state)
     line.run(0.01)
     assert len(line.samples) == count + 1
-    assert line.session.statistics(line.now_us).stale_states == 2
+    assert line.statistics.stale_states == 2
 
 
 def test_the_stamp_of_a_sample_is_the_hosts_time_of_its_latch() -> None:
