@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from wheelwire import aio
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import GroupUnavailable
 from wheelwire.link.requests import RequestMessage
@@ -41,22 +40,13 @@ def test_control_counters_are_asked_for_with_and_without_waiting(
     assert driver.latest_control_counters() is not None
 
 
-def check_in_virtual_time(robot: MockDriver | aio.MockDriver) -> None:
-    assert robot.latest_control_counters() is None
-    robot.advance(0.1)
-    counters = robot.latest_control_counters()
-    assert counters is not None
-    assert counters.late_steps == 0
-
-
 def test_in_virtual_time_too() -> None:
     with MockDriver(realtime=False) as driver:
-        check_in_virtual_time(driver)
-
-
-async def test_with_asyncio_too() -> None:
-    async with aio.open_driver("mock", realtime=False) as driver:
-        check_in_virtual_time(driver)
+        assert driver.latest_control_counters() is None
+        driver.advance(0.1)
+        counters = driver.latest_control_counters()
+        assert counters is not None
+        assert counters.late_steps == 0
 
 
 def test_only_a_chip_tells_how_much_memory_is_left() -> None:
@@ -66,12 +56,6 @@ def test_only_a_chip_tells_how_much_memory_is_left() -> None:
             robot.advance(0.1)
         with pytest.raises(GroupUnavailable, match="platform"):
             robot.memory()
-
-
-async def test_only_a_chip_tells_asyncio_either() -> None:
-    async with aio.open_driver("mock", realtime=False) as robot:
-        with pytest.raises(GroupUnavailable, match="platform"):
-            await robot.memory()
 
 
 def test_the_memory_of_a_chip_is_asked_for_with_and_without_waiting(
