@@ -2,13 +2,11 @@
 
 import os
 import signal
-import traceback
-import warnings
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
+from support.forking import descriptors, fork, forked
 from support.pty_device import PtyDevice
 from support.waiting import measures, wait_until
 from wheelwire import errors
@@ -16,53 +14,8 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.types import Stop, WheelState
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "robot") as device:
-        yield device
-
-
-def open_files() -> set[str]:
-    """What the descriptors of this process lead to."""
-    files = os.listdir("/proc/self/fd")  # noqa: PTH208 - open only while it lists
-    return {
-        f"{file} {path.readlink()}"
-        for file in files
-        if (path := Path("/proc/self/fd", file)).exists() or path.is_symlink()
-    }
-
-
-def forked(child: Callable[[], None]) -> int:
-    """Run `child` in a forked process, which then lives until it is killed; returns its id."""
-    done_read, done_write = os.pipe()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # there are threads: that is the point
-        pid = os.fork()
-    if pid == 0:
-        outcome = "ok"
-        try:
-            child()
-        except BaseException:
-            outcome = traceback.format_exc()
-        os.write(done_write, outcome.encode())
-        signal.pause()
-        os._exit(0)
-    os.close(done_write)
-    outcome = os.read(done_read, 10_000).decode()
-    os.close(done_read)
-    if outcome != "ok":
-        end(pid)
-        raise AssertionError(outcome)
-    return pid
-
-
-def end(pid: int) -> None:
-    os.kill(pid, signal.SIGKILL)
-    os.waitpid(pid, 0)
-
-
-def test_in_the_child_every_method_says_that_it_was_forked(robot: PtyDevice) -> None:
-    driver = SerialDriver(str(robot.path))
+def test_in_the_child_every_method_says_that_it_was_forked(device: PtyDevice) -> None:
+    driver = SerialDriver(str(device.path))
     calls: list[Callable[[], object]] = [
         lambda: driver.set_velocity(0.1, 0.0),
         lambda: driver.set_duty(0.1, 0.0),
@@ -85,57 +38,47 @@ def test_in_the_child_every_method_says_that_it_was_forked(robot: PtyDevice) -> 
         assert driver.statistics.sessions == 1
         driver.shutdown()
 
-    child_pid = forked(child)
-    try:
+    with forked(child):
         driver.set_velocity(0.1, 0.0)
         driver.stop()
         driver.shutdown()
-    finally:
-        end(child_pid)
 
 
-def test_the_child_holds_no_file_of_the_link(robot: PtyDevice) -> None:
-    before = open_files()
-    with SerialDriver(str(robot.path)):
+def test_the_child_holds_no_file_of_the_link(device: PtyDevice) -> None:
+    before = descriptors()
+    with SerialDriver(str(device.path)):
 
         def child() -> None:
-            left = {name.split(" ", 1)[1] for name in open_files() - before}
+            left = {name for number, name in descriptors().items() if before.get(number) != name}
             assert not {name for name in left if "pts" in name or "socket" in name}, left
             # Only the two pipes that report this.
             assert len([name for name in left if "pipe" in name]) <= 2, left
 
-        end(forked(child))
+        with forked(child):
+            pass
 
 
-def test_a_child_keeps_the_port_from_nobody_and_stops_nothing(robot: PtyDevice) -> None:
-    driver = SerialDriver(str(robot.path))
-    stops = robot.device.count(Stop)
-    child_pid = forked(driver.shutdown)
-    try:
+def test_a_child_keeps_the_port_from_nobody_and_stops_nothing(device: PtyDevice) -> None:
+    driver = SerialDriver(str(device.path))
+    stops = device.device.count(Stop)
+    with forked(driver.shutdown):
         driver.read()
-        assert robot.device.count(Stop) == stops
+        assert device.device.count(Stop) == stops
         driver.shutdown()
-        with SerialDriver(str(robot.path)) as second:
+        with SerialDriver(str(device.path)) as second:
             second.read()
-    finally:
-        end(child_pid)
 
 
 def test_a_fork_in_a_signal_handler_ends_the_interrupted_call_in_the_child(
-    robot: PtyDevice,
+    device: PtyDevice,
 ) -> None:
     children: list[int] = []
     report_read, report_write = os.pipe()
 
-    def fork(*_: object) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            children.append(os.fork())
-
-    with SerialDriver(str(robot.path)) as driver:
-        robot.device.lost.add(WheelState)
+    with SerialDriver(str(device.path)) as driver:
+        device.device.lost.add(WheelState)
         wait_until(lambda: not measures(driver))
-        former = signal.signal(signal.SIGALRM, fork)
+        former = signal.signal(signal.SIGALRM, lambda *_: children.append(fork()))
         signal.setitimer(signal.ITIMER_REAL, 0.1)
         try:
             driver.read(timeout=1.0)

@@ -8,7 +8,6 @@ import os
 import select
 import socket
 import threading
-import warnings
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -18,6 +17,7 @@ import pytest
 
 from support.answering_port import Port
 from support.core_device import CoreDevice
+from support.forking import forked
 from support.processes import open_files
 from support.waiting import wait_until
 from wheelwire.errors import LinkClosed, LinkLost, WheelwireError
@@ -385,17 +385,13 @@ def test_a_link_that_is_thrown_away_at_the_begin_or_end_of_the_serving_is_not_wa
 def test_in_a_forked_process_another_thread_serves(
     thread: SharedThread, robots: tuple[Robot, Robot]
 ) -> None:
-    with thread._lock, warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # there are threads: that is the point
-        child = os.fork()
-    if child == 0:
-        status = 1
-        with suppress(BaseException):
-            robot = Robot(thread)
-            robot.link.open()
-            status = 0 if robot.works() else 2
-        os._exit(status)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    def child() -> None:
+        robot = Robot(thread)
+        robot.link.open()
+        assert robot.works()
+
+    with thread._lock, forked(child):
+        pass
     assert all(robot.works() for robot in robots)
 
 
