@@ -13,6 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from support.answering_port import Port
+from support.cases import each
 from support.core_device import CoreDevice
 from wheelwire.errors import (
     LinkClosed,
@@ -40,20 +41,43 @@ STATE_PERIOD_US = 20_000
 """The device sends a state within it."""
 
 
+def ignore(_result: object) -> None:
+    """For calls whose outcome is of no interest."""
+
+
 class Rig:
-    """A loop on a port; `lost` is called whenever the port is to be opened again."""
+    """A loop on a port.
+
+    Args:
+        accepts: Called at each write; False takes no byte.
+        device: At the other end of the port.
+        lost: Called whenever the port is to be opened again, for the next one.
+    """
 
     served_by: SharedThread | None = None
 
-    def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
+    def __init__(
+        self,
+        accepts: Callable[[Rig], object] = lambda _: True,
+        device: CoreDevice | None = None,
+        lost: Callable[[Rig], Port | None] = lambda _: None,
+    ) -> None:
         self.session = Session(lambda: 7)
         self.latest_sample = LatestSample()
-        self.unopened: Port | None = port
+        self.port = self.make_port(device, lambda: accepts(self) is not False)
+        self.unopened: Port | None = self.port
         self._lost = lost
         self.loop = PortLoop(
             self._open, 0, self.session, Notifier(), self.latest_sample, lambda: True
         )
         self.loop.served_by = self.served_by
+
+    def make_port(self, device: CoreDevice | None, accepts: Callable[[], bool]) -> Port:
+        return Port(device, accepts)
+
+    @property
+    def is_open(self) -> bool:
+        return self.session.phase is Phase.OPEN
 
     def has_a_current_sample(self) -> bool:
         try:
@@ -62,8 +86,11 @@ class Rig:
             return False
         return True
 
+    def ask_for_estop(self, done: Callable[[object], None] = ignore) -> None:
+        self.loop.call(lambda done, now_us: self.session.stop(None, done, now_us), done)
+
     def _open(self, _baud_rate: int) -> Transport:
-        port, self.unopened = self.unopened or self._lost(), None
+        port, self.unopened = self.unopened or self._lost(self), None
         if port is None:
             self.loop.finish()
             raise PortUnavailable("port", "gone")
@@ -76,135 +103,118 @@ def _serving(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(Rig, "served_by", SharedThread(passed=lambda: None))
 
 
-def ignore(_result: object) -> None:
-    """For calls whose outcome is of no interest."""
+def finish(rig: Rig) -> None:
+    rig.loop.finish()
 
 
 def test_the_robot_is_stopped_before_the_port_is_closed() -> None:
-    rig: Rig
-
-    def finish() -> bool:
-        rig.loop.finish()
-        return True
-
-    port = Port(accepts=finish)
-    rig = Rig(port)
+    rig = Rig(finish)
     rig.loop.run()
-    assert isinstance(port.messages()[-1], Stop)
+    assert isinstance(rig.port.messages()[-1], Stop)
 
 
 def test_a_loop_that_is_finished_before_it_runs_opens_no_port() -> None:
-    port = Port()
-    rig = Rig(port)
+    rig = Rig()
     rig.loop.finish()
     assert isinstance(rig.loop.end, LinkClosed)
     rig.loop.run()
-    assert rig.unopened is port
-    port.close()
+    assert rig.unopened is rig.port
+    rig.port.close()
 
 
 def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> None:
     device = CoreDevice()
-    port = Port(device)
-    rig = Rig(port)
 
-    def end_once_open() -> bool:
-        if rig.session.phase is Phase.OPEN:
+    def end_once_open(rig: Rig) -> None:
+        if rig.is_open:
             device.mute = True
             rig.loop.finish()
-        return True
 
-    port._accepts = end_once_open
-    rig.loop.run()
-    stops = [message for message in device.received if isinstance(message, Stop)]
-    assert len(stops) > 1  # repeated, as often as this computer gets to it
+    Rig(end_once_open, device).loop.run()
+    assert device.count(Stop) > 1  # repeated, as often as this computer gets to it
+
+
+class Refusing:
+    """A port that accepts nothing for a thousand writes, at each of which an e-stop is asked for.
+
+    Attributes:
+        writes: How many there have been.
+    """
+
+    writes = 0
+
+    def __call__(self, rig: Rig) -> bool:
+        self.writes += 1
+        if self.writes <= 1000:
+            rig.ask_for_estop()
+        else:
+            rig.loop.finish()
+        return self.writes > 1000
 
 
 def test_bytes_that_a_port_does_not_take_are_dropped() -> None:
-    refused = 0
-    rig: Rig
-
-    def accepts() -> bool:
-        nonlocal refused
-        refused += 1
-        if refused <= 1000:
-            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
-        else:
-            rig.loop.finish()
-        return refused > 1000
-
-    port = Port(accepts=accepts)
-    rig = Rig(port)
+    rig = Rig(Refusing())
     rig.loop.run()
-    assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
+    assert 0 < max(len(data) for data in rig.port.written) <= OUTPUT_LIMIT
     # Only whole frames: a part of one would damage the next frame.
     decoder = Decoder()
-    messages = decoder.feed(b"".join(port.written))
+    messages = decoder.feed(b"".join(rig.port.written))
     assert any(isinstance(message, Estop) for message in messages)
     counters = decoder.counters
     assert (counters.bad_crc, counters.bad_cobs, counters.wrong_length) == (0, 0, 0)
-    assert OUTPUT_LIMIT - max(len(data) for data in port.written) < MAX_FRAME
+    assert OUTPUT_LIMIT - max(len(data) for data in rig.port.written) < MAX_FRAME
 
 
 def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> None:
-    refused = 0
-    rig: Rig
+    refusing = Refusing()
 
-    def accepts() -> bool:
-        nonlocal refused
-        if rig.session.phase is not Phase.OPEN:
+    def accepts(rig: Rig) -> bool:
+        if not rig.is_open:
             return True
-        refused += 1
-        if refused == 1:
+        if not refusing.writes:
             now_us = host_clock_us()
             rig.loop.check_room()
             expiry_us = now_us + 60_000_000
             frame = rig.session.setpoints.duty_frame(0.1, 0.1, expiry_us, now_us)
             rig.loop.send(frame, now_us)
-        elif refused <= 1000:
-            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
-        else:
-            rig.loop.finish()
-        return refused > 1000
+        return refusing(rig)
 
-    port = Port(CoreDevice(), accepts)
-    rig = Rig(port)
+    rig = Rig(accepts, CoreDevice())
     rig.loop.run()
-    assert any(isinstance(message, SetDuty) for message in port.messages())
+    assert any(isinstance(message, SetDuty) for message in rig.port.messages())
 
 
 def test_an_unplugged_port_is_opened_again_at_once() -> None:
-    port = Port()
-    port.theirs.close()
     second = Port()
-    rig = Rig(port, iter([second, None]).__next__)
-    second.theirs.close()
+    coming = iter([second, None])
+    rig = Rig(lost=lambda _: next(coming))
+    for port in (rig.port, second):
+        port.theirs.close()
     rig.loop.run()
     assert rig.loop.policy.reconnects == 1
-    assert len(port.messages()) <= 2  # at once, not after a second of hellos
+    assert len(rig.port.messages()) <= 2  # at once, not after a second of hellos
 
 
 def test_frames_for_a_lost_port_are_not_sent_to_the_next() -> None:
     asked = False
-    rig: Rig
 
-    def full_once_open_then_lost() -> bool:
+    def full_once_open_then_lost(rig: Rig) -> bool:
         nonlocal asked
-        if rig.session.phase is not Phase.OPEN:
+        if not rig.is_open:
             return True
         if asked:
-            first.theirs.close()
+            rig.port.theirs.close()
         else:
             asked = True
-            rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), ignore)
+            rig.ask_for_estop()
         return False
 
     def end() -> bool:
         rig.loop.finish()
         return True
 
-    first, second = Port(CoreDevice(), full_once_open_then_lost), Port(accepts=end)
-    rig = Rig(first, lambda: second)
+    second = Port(accepts=end)
+    rig = Rig(full_once_open_then_lost, CoreDevice(), lambda _: second)
     rig.loop.run()
     assert asked
     assert isinstance(second.messages()[0], Hello)
@@ -214,21 +224,15 @@ def test_frames_for_a_lost_port_are_not_sent_to_the_next() -> None:
 def test_while_a_port_is_lost_no_sample_is_current() -> None:
     device = CoreDevice()
     found: list[bool] = []
-    port = Port(device)
-    rig: Rig
 
-    def unplug_once_open() -> bool:
-        if rig.session.phase is not Phase.OPEN:
-            return True
-        if port.theirs.fileno() >= 0:
+    def unplug_once_open(rig: Rig) -> bool:
+        if rig.is_open and rig.port.theirs.fileno() >= 0:
             device.advance(host_clock_us() + STATE_PERIOD_US)
-            port.theirs.sendall(device.take_output())
-            port.theirs.close()
-        return False
+            rig.port.theirs.sendall(device.take_output())
+            rig.port.theirs.close()
+        return not rig.is_open
 
-    port._accepts = unplug_once_open
-    rig = Rig(port, lambda: found.append(rig.has_a_current_sample()))
-    rig.loop.run()
+    Rig(unplug_once_open, device, lambda rig: found.append(rig.has_a_current_sample())).loop.run()
     assert found == [False]
 
 
@@ -236,38 +240,31 @@ def test_while_a_session_is_lost_no_sample_is_current_though_the_port_is_there()
     device = CoreDevice()
     found: list[bool] = []
     lost = 0
-    port = Port(device)
-    rig: Rig
 
-    def forget_the_session_once_open() -> bool:
+    def forget_the_session_once_open(rig: Rig) -> None:
         nonlocal lost
-        if rig.session.phase is Phase.OPEN and not lost:
+        if rig.is_open and not lost:
             lost = 1
             device.advance(host_clock_us() + STATE_PERIOD_US)
             device.mute = True
             device.send(Refuse(device.session_id, 0x06, RefusalCode.NO_SESSION, 1))
-            port.theirs.sendall(device.take_output())
+            rig.port.theirs.sendall(device.take_output())
         elif lost:
             lost += 1
             # At the second hello: the first one is written as the loss is found.
             if lost == 3:
                 found.append(rig.has_a_current_sample())
                 rig.loop.finish()
-        return True
 
-    port._accepts = forget_the_session_once_open
-    rig = Rig(port)
-    rig.loop.run()
+    Rig(forget_the_session_once_open, device).loop.run()
     assert found == [False]
 
 
 def test_calls_do_not_shorten_the_pauses_between_attempts_to_open_the_port() -> None:
     attempts_s: list[float] = []
     over = threading.Event()
-    port = Port()
-    port.theirs.close()
 
-    def fail() -> None:
+    def fail(_rig: Rig) -> None:
         attempts_s.append(time.monotonic())
         if len(attempts_s) < 4:
             raise PortUnavailable("port", "gone")
@@ -276,7 +273,8 @@ def test_calls_do_not_shorten_the_pauses_between_attempts_to_open_the_port() -> 
         while not over.wait(0.001):
             rig.loop.call(lambda done, _now_us: done(None), ignore)
 
-    rig = Rig(port, fail)
+    rig = Rig(lost=fail)
+    rig.port.theirs.close()
     thread = threading.Thread(target=call_all_the_time)
     thread.start()
     rig.loop.run()
@@ -289,20 +287,18 @@ def test_calls_learn_at_once_that_there_is_no_session() -> None:
     outcomes: list[object] = []
     before_the_next_attempt: list[object] = []
     asked = False
-    port = Port()
-    port.theirs.close()
-    rig: Rig
 
-    def call_once() -> None:
+    def call_once(rig: Rig) -> None:
         nonlocal asked
         if asked:
             before_the_next_attempt.extend(outcomes)
             return
         asked = True
-        rig.loop.call(lambda done, now_us: rig.session.stop(None, done, now_us), outcomes.append)
+        rig.ask_for_estop(outcomes.append)
         raise PortUnavailable("port", "gone")
 
-    rig = Rig(port, call_once)
+    rig = Rig(lost=call_once)
+    rig.port.theirs.close()
     rig.loop.run()
     assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]
 
@@ -313,19 +309,8 @@ def broken(_done: object, _now_us: int) -> None:
 
 def run_with(begin: Callable[[Rig], None]) -> Rig:
     """A loop that does something at its first write, and is finished at a later one."""
-    has_begun = False
-    rig: Rig
-
-    def accepts() -> bool:
-        nonlocal has_begun
-        if has_begun:
-            rig.loop.finish()
-        else:
-            has_begun = True
-            begin(rig)
-        return True
-
-    rig = Rig(Port(CoreDevice(), accepts))
+    calls = iter([begin])
+    rig = Rig(lambda rig: next(calls, finish)(rig), CoreDevice())
     rig.loop.run()
     return rig
 
@@ -373,7 +358,7 @@ def test_each_caller_learns_of_the_end_though_telling_one_fails() -> None:
     def fail(_result: object) -> None:
         raise IndexError("a bug")
 
-    rig = Rig(Port())
+    rig = Rig()
     for done in (outcomes.append, fail, outcomes.append):
         rig.loop.call(lambda done, _now_us: done(None), done)
     with pytest.raises(IndexError, match="a bug"):
@@ -381,14 +366,13 @@ def test_each_caller_learns_of_the_end_though_telling_one_fails() -> None:
     assert outcomes == [rig.loop.end, rig.loop.end]
     with pytest.raises(LinkClosed):
         rig.latest_sample.ticks(0)
-    assert rig.unopened is not None
-    rig.unopened.close()
+    rig.port.close()
 
 
 class Narrow(Port):
     """Takes as many bytes as there is room for."""
 
-    def __init__(self, device: CoreDevice) -> None:
+    def __init__(self, device: CoreDevice | None) -> None:
         super().__init__(device)
         self.room = 1 << 30
         self.refusals = 0
@@ -402,10 +386,6 @@ class Narrow(Port):
         return super().write(taken)
 
 
-def finish(rig: Rig) -> None:
-    rig.loop.finish()
-
-
 class Blocked(Rig):
     """A loop whose port is blocked once its session is open; then it makes these calls, in order.
 
@@ -414,14 +394,17 @@ class Blocked(Rig):
 
     def __init__(self, *calls: Callable[[Blocked], None]) -> None:
         self.device = CoreDevice()
-        self.narrow = Narrow(self.device)
-        super().__init__(self.narrow)
+        super().__init__(device=self.device)
         self.size = 0
         """Bytes of a setpoint's frame."""
         self._left = [*calls, finish]
         self._mark = 0
         self._now_us = 0
         """When the turn began."""
+
+    def make_port(self, device: CoreDevice | None, _accepts: object) -> Port:
+        self.narrow = Narrow(device)
+        return self.narrow
 
     def run(self) -> list[AnyMessage]:
         """Until the calls are made; returns what the port took since it was blocked."""
@@ -542,46 +525,37 @@ def test_a_setpoint_that_has_to_wait_wakes_the_loop() -> None:
     assert woken == [True]
 
 
-@pytest.mark.parametrize(
-    ("states_ms", "answers_ms", "wakes"),
+ANSWERS_MS = (4, 3, 2, 1)
+
+
+@each(
+    ("stream", "states_ms", "answers_ms", "wakes"),
     [
-        ((21, 11, 1), (), False),
-        ((201, 101, 1), (), True),
-        ((206, 106, 6), (1,), True),
-        ((206, 106, 6), (4, 3, 2, 1), True),
-        ((230, 130, 30), (4, 3, 2, 1), True),
-        ((26, 16, 6), (4, 3, 2, 1), False),
-        ((45, 35, 25), (4, 3, 2, 1), False),
-        ((245, 235, 225), (4, 3, 2, 1), True),
-        ((), (4, 3, 2, 1), True),
-    ],
-    ids=[
-        "100 Hz",
-        "10 Hz",
-        "10 Hz and an answer",
-        "10 Hz and answers",
-        "10 Hz, before the next",
-        "100 Hz and answers",
-        "100 Hz, one lost",
-        "ended",
-        "none",
+        ("100 Hz", (21, 11, 1), (), False),
+        ("10 Hz", (201, 101, 1), (), True),
+        ("10 Hz and an answer", (206, 106, 6), (1,), True),
+        ("10 Hz and answers", (206, 106, 6), ANSWERS_MS, True),
+        ("10 Hz, before the next", (230, 130, 30), ANSWERS_MS, True),
+        ("100 Hz and answers", (26, 16, 6), ANSWERS_MS, False),
+        ("100 Hz, one lost", (45, 35, 25), ANSWERS_MS, False),
+        ("ended", (245, 235, 225), ANSWERS_MS, True),
+        ("none", (), ANSWERS_MS, True),
     ],
 )
 def test_a_setpoint_wakes_the_loop_if_no_state_will_before_its_repeat(
-    states_ms: tuple[int, ...], answers_ms: tuple[int, ...], wakes: bool
+    stream: str, states_ms: tuple[int, ...], answers_ms: tuple[int, ...], wakes: bool
 ) -> None:
     """`states_ms`, `answers_ms`: how long before it they came."""
-    port = Port()
-    loop = Rig(port).loop
-    now_us = host_clock_us()
-    loop._transport, loop._turned_us = port, now_us - 1000
+    rig = Rig()
+    loop, now_us = rig.loop, host_clock_us()
+    loop._transport, loop._turned_us = rig.port, now_us - 1000
     for frames, read_ms in enumerate(states_ms + answers_ms):
         has_state = frames < len(states_ms)
         loop._coalescing.note_read(frames, now_us - 1000 * read_ms, has_state=has_state)
     loop.send(b"\0", now_us)
-    assert bool(select.select([loop.wake_up], [], [], 0)[0]) is wakes
+    assert bool(select.select([loop.wake_up], [], [], 0)[0]) is wakes, stream
     loop.finish()
-    port.close()
+    rig.port.close()
 
 
 def test_a_setpoint_waits_behind_the_stop_that_came_before_it() -> None:
