@@ -5,38 +5,14 @@ from hypothesis import strategies as st
 
 from support.core_device import CoreDevice
 from support.examples import examples
+from support.messages import any_message_or_nan
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Session
 from wheelwire.simulation.bad_line import Impairment
-from wheelwire_protocol.codec import BY_ID
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import AnyMessage, ParameterSet, SetWheelVelocity
-
-_RANGES = {
-    "B": st.integers(0, 2**8 - 1),
-    "H": st.integers(0, 2**16 - 1),
-    "h": st.integers(-(2**15), 2**15 - 1),
-    "L": st.integers(0, 2**32 - 1),
-    "l": st.integers(-(2**31), 2**31 - 1),
-    "I": st.integers(0, 2**32 - 1),
-    "i": st.integers(-(2**31), 2**31 - 1),
-    "Q": st.integers(0, 2**64 - 1),
-    "f": st.floats(width=32),
-    "b": st.integers(-(2**7), 2**7 - 1),
-    "24s": st.binary(min_size=24, max_size=24),
-    "56s": st.binary(min_size=56, max_size=56),
-}
-
-
-@st.composite
-def any_message(draw: st.DrawFn) -> AnyMessage:
-    """A well-formed message of any kind, with any values in it."""
-    codec = BY_ID[draw(st.sampled_from(sorted(BY_ID)))]
-    values = [draw(_RANGES[letters]) for letters in codec.field_formats]
-    message: AnyMessage = codec.type(*values)
-    return message
 
 
 @given(chunks=st.lists(st.binary(max_size=200), max_size=20))
@@ -49,7 +25,7 @@ def test_random_bytes_never_raise_and_are_never_a_sample(chunks: list[bytes]) ->
 
 
 @examples(50)
-@given(messages=st.lists(any_message(), max_size=20), mine=st.booleans())
+@given(messages=st.lists(any_message_or_nan, max_size=20), mine=st.booleans())
 def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: bool) -> None:
     line = VirtualLine(watched=(1,)).open()
     encoder = Encoder()

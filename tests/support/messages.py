@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from functools import partial
 from typing import Any
 
 from hypothesis import strategies as st
@@ -18,29 +19,37 @@ seqs = st.integers(0, 0xFFFF)
 _DEFINITIONS = {BY_ID[definition.id].type: definition for definition in MESSAGES}
 
 
-def values_of(field: Field) -> st.SearchStrategy[Any]:
-    """Any value of a field except NaN, which is not equal to itself."""
+def values_of(field: Field, *, allow_nan: bool = False) -> st.SearchStrategy[Any]:
+    """Any value of a field; by default not NaN, which is not equal to itself."""
     if field.is_text:
         length = field.subcon.length
         return st.binary(max_size=length).map(lambda text: text.ljust(length, b"\0"))
     if field.format == "f":
-        return st.floats(width=32, allow_nan=False)
+        return st.floats(width=32, allow_nan=allow_nan)
     bits = 8 * struct.calcsize("<" + field.format)
     low = 0 if field.format.isupper() else -(2 ** (bits - 1))
     return st.integers(low, low + 2**bits - 1)
 
 
-def bodies(definition: Message) -> st.SearchStrategy[dict[str, Any]]:
+def bodies(definition: Message, *, allow_nan: bool = False) -> st.SearchStrategy[dict[str, Any]]:
     """Field names to values, for a message's definition."""
-    return st.fixed_dictionaries({field.name: values_of(field) for field in definition.fields})
+    values = {field.name: values_of(field, allow_nan=allow_nan) for field in definition.fields}
+    return st.fixed_dictionaries(values)
 
 
-def messages_of(message_type: type[AnyMessage]) -> st.SearchStrategy[Any]:
+def messages_of(
+    message_type: type[AnyMessage], *, allow_nan: bool = False
+) -> st.SearchStrategy[Any]:
     """Any message of one class."""
-    return bodies(_DEFINITIONS[message_type]).map(lambda body: message_type(**body))
+    body = bodies(_DEFINITIONS[message_type], allow_nan=allow_nan)
+    return body.map(lambda values: message_type(**values))
 
 
-any_message: st.SearchStrategy[AnyMessage] = st.sampled_from(list(BY_TYPE)).flatmap(messages_of)
+_TYPES = st.sampled_from(list(BY_TYPE))
+any_message: st.SearchStrategy[AnyMessage] = _TYPES.flatmap(messages_of)
+any_message_or_nan: st.SearchStrategy[AnyMessage] = _TYPES.flatmap(
+    partial(messages_of, allow_nan=True)
+)
 
 
 @st.composite
