@@ -21,7 +21,7 @@ from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.types import AnyMessage, Hello, Refuse, SetDuty, SetWheelVelocity
+from wheelwire_protocol.types import Hello, Refuse, SetDuty, SetWheelVelocity
 
 
 def setpoints(device: PtyDevice) -> list[tuple[float, ...]]:
@@ -29,42 +29,23 @@ def setpoints(device: PtyDevice) -> list[tuple[float, ...]]:
     return [message[-2:] for message in device.device.asked(SetWheelVelocity)]
 
 
-class Losing:
-    """The core behind a line on which the first messages of a kind are lost."""
+class BadLine:
+    """The core behind a line on which the first setpoints are lost, or refused in its place."""
 
-    def __init__(self, device: CoreDevice, kind: type[AnyMessage], losses: int) -> None:
-        self._device, self._kind, self._losses = device, kind, losses
+    def __init__(self, device: CoreDevice, losses: int, code: RefusalCode | None = None) -> None:
+        self._device, self._losses, self._code = device, losses, code
         self._decoder, self._encoder = Decoder(), Encoder()
+        self.advance, self.take_output = device.advance, device.take_output
 
     def feed(self, data: bytes, now_us: int) -> None:
         for message in self._decoder.feed(data):
-            if isinstance(message, self._kind) and self._losses:
-                self._losses -= 1
-            else:
+            if not isinstance(message, SetWheelVelocity) or not self._losses:
                 self._device.feed(self._encoder.encode(message), now_us)
-
-    def advance(self, now_us: int) -> None:
-        self._device.advance(now_us)
-
-    def take_output(self) -> bytes:
-        return self._device.take_output()
-
-
-class Refusing(Losing):
-    """The core behind what refuses the first setpoints in its place."""
-
-    def __init__(self, device: CoreDevice, code: RefusalCode, times: int) -> None:
-        super().__init__(device, SetWheelVelocity, times)
-        self._code = code
-
-    def feed(self, data: bytes, now_us: int) -> None:
-        for message in self._decoder.feed(data):
-            if isinstance(message, SetWheelVelocity) and self._losses:
-                self._losses -= 1
+                continue
+            self._losses -= 1
+            if self._code is not None:
                 refused = message_id(SetWheelVelocity), self._code, message.command_seq
                 self._device.send(Refuse(message.session_id, *refused))
-            else:
-                self._device.feed(self._encoder.encode(message), now_us)
 
 
 def test_opening_sends_one_zero_setpoint_and_leaves_the_robot_in_idle(device: PtyDevice) -> None:
@@ -94,20 +75,14 @@ def test_a_robot_that_is_opened_to_look_gets_no_setpoint(device: PtyDevice) -> N
     assert setpoints(device) == [(0.0, 0.0)]
 
 
-@pytest.mark.parametrize("losses", [1, 2, 4])
-def test_a_zero_that_is_lost_is_sent_again(tmp_path: Path, losses: int) -> None:
-    core = CoreDevice()
-    line = Losing(core, SetWheelVelocity, losses)
-    with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
-        # On a busy computer one that arrived is mistaken for a lost one now and then.
-        assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
-
-
-def test_a_robot_whose_sensors_are_not_read_yet_is_armed_as_soon_as_they_are(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    ("losses", "code"), [(1, None), (2, None), (4, None), (6, RefusalCode.BOOTING)]
+)
+def test_a_zero_that_is_lost_or_comes_before_the_sensors_are_read_is_sent_again(
+    tmp_path: Path, losses: int, code: RefusalCode | None
 ) -> None:
     core = CoreDevice()
-    line = Refusing(core, RefusalCode.BOOTING, 6)
+    line = BadLine(core, losses, code)
     with PtyDevice(tmp_path / "port", core, before=line), SerialDriver(str(tmp_path / "port")):
         # On a busy computer one that arrived is mistaken for a lost one now and then.
         assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
@@ -117,7 +92,7 @@ def test_a_refused_zero_is_sent_once_and_does_not_fail_the_first_setpoint(
     tmp_path: Path,
 ) -> None:
     core = CoreDevice()
-    line = Refusing(core, RefusalCode.BOARD_UNCONFIRMED, 1)
+    line = BadLine(core, 1, RefusalCode.BOARD_UNCONFIRMED)
     with (
         PtyDevice(tmp_path / "port", core, before=line),
         SerialDriver(str(tmp_path / "port")) as robot,
@@ -145,7 +120,7 @@ def test_a_command_that_drives_nothing_arms_nothing(device: PtyDevice) -> None:
 
 def test_a_device_that_never_obeys_is_opened_all_the_same(tmp_path: Path) -> None:
     core = CoreDevice()
-    line = Losing(core, SetWheelVelocity, 1_000_000)
+    line = BadLine(core, 1_000_000)
     with (
         PtyDevice(tmp_path / "port", core, before=line),
         SerialDriver(str(tmp_path / "port")) as robot,

@@ -8,8 +8,8 @@ from contextlib import suppress
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import until, wait_until
-from wheelwire import aio, errors
+from support.waiting import wait_until
+from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 
@@ -38,14 +38,6 @@ def test_a_driving_robot_that_does_not_answer(
     robot.set_velocity(0.1, 0.0, ttl=1.0)
     device.device.mute = True
     robot.close()
-    assert any(SAID in text for text in warnings(caplog))
-
-
-async def test_the_same_with_asyncio(device: PtyDevice, caplog: pytest.LogCaptureFixture) -> None:
-    async with aio.open_driver("serial", port=str(device.path)) as robot:
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        device.unplug()
-        await until(lambda: not robot.is_open)
     assert any(SAID in text for text in warnings(caplog))
 
 

@@ -19,7 +19,7 @@ from support.waiting import measures, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ParameterGet,
@@ -134,30 +134,6 @@ def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> N
     process.wait(60)
     assert robot.device.count(Stop) > 0
     assert robot.device.supervisor is SupervisorState.IDLE
-
-
-def test_estop_latches_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:
-    driver.estop()
-    assert robot.device.supervisor is SupervisorState.ESTOPPED
-    wait_until(lambda: driver.read().state is SupervisorState.ESTOPPED)
-    with pytest.raises(errors.DeviceRefused, match="clear"):
-        driver.set_velocity(0.1, 0.0)
-    driver.clear_estop()
-    driver.set_velocity(0.1, 0.0)
-    wait_until(lambda: raises_unarmed(driver))  # a clear alone restarts nothing
-    assert not robot.device.obeyed
-    driver.set_velocity(0.0, 0.0)
-    driver.set_velocity(0.1, 0.0)
-    wait_until(lambda: len(robot.device.obeyed) == 2)
-
-
-def raises_unarmed(driver: SerialDriver) -> bool:
-    """Whether a setpoint raises that the robot waits for a zero setpoint."""
-    try:
-        driver.set_velocity(0.1, 0.0)
-    except errors.DeviceRefused as refused:
-        return refused.code == RefusalCode.UNARMED
-    return False
 
 
 def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:

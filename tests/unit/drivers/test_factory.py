@@ -2,6 +2,7 @@ import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -9,16 +10,33 @@ from typing import Any
 import pytest
 
 import wheelwire
+from support.cases import each
 from wheelwire import aio
-from wheelwire.errors import DriverUnavailable, InvalidArgument
+from wheelwire.errors import DriverUnavailable, InvalidArgument, UnknownParameter
 
 opening = import_module("wheelwire.connect")
 """The module, beside the function that `wheelwire` has of that name."""
 
 
-def test_an_unknown_driver_is_refused_with_the_known_ones() -> None:
+@each("open_driver", [wheelwire.open_driver, aio.open_driver], ids=lambda one: one.__module__)
+def test_options_are_checked_before_anything_is_opened(open_driver: Callable[..., object]) -> None:
     with pytest.raises(DriverUnavailable, match="there are: l298n, mock, pigpio, replay, serial"):
-        wheelwire.open_driver("serail")
+        open_driver("serail")
+    with pytest.raises(InvalidArgument, match="'port'"):
+        open_driver("serial", baud_rate=3)
+    with pytest.raises(InvalidArgument, match="baud_rate = -3"):
+        open_driver("serial", "/dev/x", baud_rate=-3)
+    with pytest.raises(InvalidArgument, match="too many positional"):
+        open_driver("mock", True)
+    with pytest.raises(UnknownParameter):
+        open_driver("mock", parameters={"wheel_radios": 1})
+    for option, said in (
+        ("baudrate", "no option 'baudrate': did you mean 'baud_rate'?"),
+        ("strem_rate_hz", "did you mean 'stream_rate_hz'?"),
+        ("zzz", "its options are: port, baud_rate"),
+    ):
+        with pytest.raises(InvalidArgument, match=re.escape(said)):
+            open_driver("serial", port="/dev/x", **{option: 1})
 
 
 def test_a_driver_that_lacks_its_library_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,28 +100,3 @@ def test_a_type_checker_knows_the_options_of_every_driver(name: str, module: Mod
     found = re.search(rf"@arguments_of\((\w+)Arguments\)\n +def open_driver.*\"{name}\"", source)
     assert found
     assert f"{found[1]}Driver" == opening.driver_class(name).__name__
-
-
-def test_a_driver_takes_its_arguments_by_position_or_by_name() -> None:
-    with pytest.raises(InvalidArgument, match="baud_rate = -3"):
-        wheelwire.open_driver("serial", "/dev/x", baud_rate=-3)
-    with pytest.raises(InvalidArgument, match="baud_rate = -3"):
-        aio.open_driver("serial", "/dev/x", baud_rate=-3)
-    with pytest.raises(InvalidArgument, match="too many positional"):
-        wheelwire.open_driver("mock", True)
-
-
-@pytest.mark.parametrize(
-    ("option", "said"),
-    [
-        ("baudrate", "no option 'baudrate': did you mean 'baud_rate'?"),
-        ("strem_rate_hz", "did you mean 'stream_rate_hz'?"),
-        ("zzz", "its options are: port, baud_rate"),
-    ],
-)
-def test_a_misspelt_option_is_named_with_the_one_that_is_meant(option: str, said: str) -> None:
-    options: dict[str, Any] = {"port": "/dev/x", option: 1}
-    for open_driver in (wheelwire.open_driver, aio.open_driver):
-        with pytest.raises(InvalidArgument) as error:
-            open_driver("serial", **options)
-        assert said in str(error.value)

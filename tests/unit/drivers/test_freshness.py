@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 import time
 from typing import cast
@@ -10,8 +9,8 @@ from typing import cast
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import until, wait_until
-from wheelwire import aio, errors
+from support.waiting import wait_until
+from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.robot.sensors import READ_WITHIN_S, Sensors, SensorStatus, wait_until_read
@@ -36,37 +35,6 @@ def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(
     device.plug()
     plugged_s = time.monotonic()
     assert robot.read(10).stamp > plugged_s
-
-
-def test_a_device_that_falls_silent_does_not_count_as_alive(
-    device: PtyDevice, robot: SerialDriver
-) -> None:
-    robot.read()
-    time.sleep(0.05)
-    device.device.mute = True
-    time.sleep(0.3)
-    with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
-        robot.read(0)
-
-
-async def test_the_same_with_asyncio(device: PtyDevice) -> None:
-    async with aio.open_driver("serial", port=str(device.path)) as robot:
-        await robot.read()
-        await asyncio.sleep(0.05)
-        device.device.mute = True
-        await asyncio.sleep(0.3)
-        with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
-            await robot.read(0)
-        device.device.mute = False
-        await robot.read()
-        await asyncio.sleep(0.05)
-        device.unplug()
-        await until(lambda: not robot.is_open)
-        with pytest.raises(errors.LinkLost):
-            await robot.read(0.05)
-        device.plug()
-        plugged_s = time.monotonic()
-        assert (await robot.read(10)).stamp > plugged_s
 
 
 def test_the_same_in_virtual_time() -> None:
@@ -144,30 +112,6 @@ def test_the_rate_is_that_of_the_last_second() -> None:
         robot.unplug()
         robot.advance(1.5)
         assert robot.health.rate_hz == 0
-
-
-async def test_what_is_known_without_waiting_with_asyncio(device: PtyDevice) -> None:
-    async with aio.connect(device.path) as robot:
-        await robot.read()
-        latest, health = robot.latest, robot.health
-        assert latest is not None
-        assert latest.age_s < 1
-        assert robot.is_open is health.is_open is True
-        assert health.latched is None
-        assert health.ttl_max_s == 1.0
-        await robot.estop()
-        while robot.health.latched is not SupervisorState.ESTOPPED:
-            await asyncio.sleep(0.005)
-        device.unplug()
-        await until(lambda: not robot.is_open)
-        await asyncio.sleep(0.2)
-        health = robot.health
-        assert health.is_open is False
-        assert health.age_s is not None
-        assert health.age_s > 0.2
-        assert health.ttl_max_s is None
-        assert robot.latest is not None
-    assert robot.is_open is robot.health.is_open is False
 
 
 class Channels:

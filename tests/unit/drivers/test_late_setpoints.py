@@ -1,60 +1,16 @@
-"""A command that is too old raises from its own call, and keeps back no other."""
+"""A setpoint that comes too late is counted, and keeps back no other."""
 
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
-from support.pty_device import PtyDevice
 from support.staged_stops import StagedRobot
-from support.waiting import wait_until
-from wheelwire import aio
 from wheelwire.drivers.mock import VirtualMockDriver
-from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import Expired, InvalidCommand
 from wheelwire_protocol.codes import SupervisorState
-from wheelwire_protocol.types import SetDuty, SetWheelVelocity
 
 pytestmark = pytest.mark.timeout(60)
-
-COMMANDS: tuple[Callable[..., None], ...] = (
-    lambda robot, **life: robot.set_velocity(0.1, 0.0, **life),
-    lambda robot, **life: robot.set_wheel_velocity(0.1, 0.1, **life),
-    lambda robot, **life: robot.set_duty(0.1, 0.1, **life),
-)
-
-
-def refuse_what_is_too_old(robot: Any) -> None:
-    for command in COMMANDS:
-        with pytest.raises(Expired, match=r"the command is 0\.3\d* s old and its ttl is 0\.3 s"):
-            command(robot, ttl=0.3, stamp=time.monotonic() - 0.31)
-        with pytest.raises(InvalidCommand, match="in the future"):
-            command(robot, ttl=0.3, stamp=time.monotonic() + 1)
-
-
-def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(
-    device: PtyDevice, robot: SerialDriver
-) -> None:
-    device.device.forget()
-    refuse_what_is_too_old(robot)
-    assert device.device.count(SetWheelVelocity, SetDuty) == 0
-    for command in COMMANDS:
-        command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
-    wait_until(lambda: device.device.count(SetWheelVelocity, SetDuty) >= len(COMMANDS))
-    assert robot.statistics.setpoints_expired == robot.health.setpoints_expired == 0
-
-
-async def test_the_same_with_asyncio(device: PtyDevice) -> None:
-    async with aio.connect(device.path) as robot:
-        device.device.forget()
-        refuse_what_is_too_old(robot)
-        assert device.device.count(SetWheelVelocity, SetDuty) == 0
-        for command in COMMANDS:
-            command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
 
 
 def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(

@@ -111,13 +111,6 @@ def test_a_function_that_is_assigned_to_a_wrong_name_is_refused() -> None:
         robot.my_own = 3
 
 
-async def test_the_same_in_a_loop() -> None:
-    robot: Any
-    async with aio.open_driver("mock", realtime=False) as robot:
-        with pytest.raises(errors.InvalidArgument, match="did you mean on_lost"):
-            robot.on_los = print
-
-
 @each("give", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_a_robot_is_not_given_to_another_process(give: Any) -> None:
     with (

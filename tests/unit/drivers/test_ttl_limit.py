@@ -6,7 +6,7 @@ import pytest
 
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire import aio, errors
+from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
@@ -58,22 +58,6 @@ def test_asking_for_it_sends_nothing_and_waits_for_nothing(
         robot.set_velocity(0.1, 0.0, ttl=300)
 
 
-async def test_with_asyncio(device: PtyDevice) -> None:
-    async with aio.open_driver("serial", port=str(device.path)) as robot:
-        with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
-            robot.set_velocity(0.1, 0.0, ttl=300)
-        await robot.parameters.set("ttl_max_s", 2.0)
-        assert robot.ttl_max_s == 2.0
-        robot.set_velocity(0.1, 0.0, ttl=2.0)
-
-
-def test_in_virtual_time() -> None:
-    with MockDriver(realtime=False, parameters={"ttl_max_s": 0.4}) as robot:
-        robot.set_velocity(0.1, 0.0, ttl=0.4)
-        with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
-            robot.set_velocity(0.1, 0.0)
-
-
 def test_what_another_session_has_set_is_known_once_ours_is_open_again() -> None:
     """Another host takes the device over, and sets the limit; the device is not reset."""
     other = Encoder()
@@ -101,15 +85,4 @@ def test_the_end_of_a_trial_and_a_reset_of_the_parameters_are_followed() -> None
         assert robot.ttl_max_s == 1.0
         robot.parameters.set("ttl_max_s", 0.5)
         robot.parameters.reset()
-        assert robot.ttl_max_s == 1.0
-
-
-async def test_the_same_with_asyncio() -> None:
-    async with aio.open_driver("mock") as robot:
-        async with robot.parameters.trial():
-            await robot.parameters.set("ttl_max_s", 0.5)
-            assert robot.ttl_max_s == 0.5
-        assert robot.ttl_max_s == 1.0
-        await robot.parameters.set("ttl_max_s", 0.5)
-        await robot.parameters.reset()
         assert robot.ttl_max_s == 1.0

@@ -66,138 +66,147 @@ def posting() -> Posting:
     return Posting()
 
 
-class TestMerging:
-    def test_the_first_goes_out_at_once(self, posting: Posting) -> None:
+# --- several at once -----------------------------------------------------------------------------
+
+
+def test_the_first_stop_goes_out_at_once(posting: Posting) -> None:
+    posting.ask("a")
+    assert posting.stops.due_s() == 0.0
+    posting.stops.advance(100.0)
+    assert len(posting.posted) == 1
+    assert posting.answered == ""
+
+
+def test_stops_of_one_moment_are_one_and_each_is_answered(posting: Posting) -> None:
+    for name in "abc":
+        posting.ask(name)
+    posting.stops.advance(100.0)
+    assert len(posting.posted) == 1
+    posting.posted[0](ACK)
+    assert posting.wakes == 1
+    posting.stops.advance(100.001)
+    assert posting.answers == [(name, ACK) for name in "abc"]
+
+
+def test_one_that_comes_while_another_is_under_way_is_sent_after_it(posting: Posting) -> None:
+    """The owner may have driven since that one was sent."""
+    posting.ask("a")
+    posting.stops.advance(100.0)
+    posting.ask("b")
+    posting.ask("c")
+    posting.stops.advance(100.5)
+    assert len(posting.posted) == 1
+    assert posting.stops.due_s() is None  # the answer wakes it
+    posting.posted[0](ACK)
+    posting.stops.advance(101.0)
+    assert posting.answered == "a"
+    assert len(posting.posted) == 2
+    posting.posted[1](ACK)
+    posting.stops.advance(101.1)
+    assert posting.answered == "abc"
+
+
+def test_there_is_no_more_than_one_stop_in_a_period(posting: Posting) -> None:
+    now_s, answered = 100.0, 0
+    while now_s < 101.0:
         posting.ask("a")
-        assert posting.stops.due_s() == 0.0
-        posting.stops.advance(100.0)
-        assert len(posting.posted) == 1
-        assert posting.answered == ""
-
-    def test_those_of_one_moment_are_one_and_each_is_answered(self, posting: Posting) -> None:
-        for name in "abc":
-            posting.ask(name)
-        posting.stops.advance(100.0)
-        assert len(posting.posted) == 1
-        posting.posted[0](ACK)
-        assert posting.wakes == 1
-        posting.stops.advance(100.001)
-        assert posting.answers == [(name, ACK) for name in "abc"]
-
-    def test_one_that_comes_while_another_is_under_way_is_sent_after_it(
-        self, posting: Posting
-    ) -> None:
-        """The owner may have driven since that one was sent."""
-        posting.ask("a")
-        posting.stops.advance(100.0)
-        posting.ask("b")
-        posting.ask("c")
-        posting.stops.advance(100.5)
-        assert len(posting.posted) == 1
-        assert posting.stops.due_s() is None  # the answer wakes it
-        posting.posted[0](ACK)
-        posting.stops.advance(101.0)
-        assert posting.answered == "a"
-        assert len(posting.posted) == 2
-        posting.posted[1](ACK)
-        posting.stops.advance(101.1)
-        assert posting.answered == "abc"
-
-    def test_no_more_than_one_in_a_period(self, posting: Posting) -> None:
-        now_s, answered = 100.0, 0
-        while now_s < 101.0:
-            posting.ask("a")
-            posting.stops.advance(now_s)
-            for done in posting.posted[answered:]:
-                done(ACK)
-            answered = len(posting.posted)
-            now_s += 0.001
-        assert answered == pytest.approx(1 / PERIOD_S, abs=2)
-        # The last of them are sent at the end of the period.
-        due_s = posting.stops.due_s()
-        assert due_s is not None
-        posting.stops.advance(due_s)
-        assert len(posting.posted) == answered + 1
-
-    def test_a_failure_answers_all(self, posting: Posting) -> None:
-        posting.error = LinkLost("gone")
-        posting.ask("a")
-        posting.ask("b")
-        posting.stops.advance(100.0)
-        assert posting.wakes == 1
-        posting.stops.advance(100.0)
-        assert posting.answers == [("a", posting.error), ("b", posting.error)]
-        posting.error = None
-        posting.ask("c")
-        posting.stops.advance(101.0)
-        assert len(posting.posted) == 1
+        posting.stops.advance(now_s)
+        for done in posting.posted[answered:]:
+            done(ACK)
+        answered = len(posting.posted)
+        now_s += 0.001
+    assert answered == pytest.approx(1 / PERIOD_S, abs=2)
+    # The last of them are sent at the end of the period.
+    due_s = posting.stops.due_s()
+    assert due_s is not None
+    posting.stops.advance(due_s)
+    assert len(posting.posted) == answered + 1
 
 
-class TestSession:
-    def test_it_is_of_no_session_and_as_configured(self, line: VirtualLine) -> None:
-        line.drive()
-        line.run(0.05)
-        results: list[object] = []
-        line.session.stop_for_attached(results.append, line.now_us)
-        line.run(0.05)
-        stop = line.device.asked(Stop)[-1]
-        assert (stop.session_id, stop.command_seq, stop.mode) == (0, 0, StopMode.CONFIGURED)
-        assert [type(one) for one in results] == [Ack]
-        assert line.device.supervisor is SupervisorState.IDLE
+def test_a_failure_answers_all(posting: Posting) -> None:
+    posting.error = LinkLost("gone")
+    posting.ask("a")
+    posting.ask("b")
+    posting.stops.advance(100.0)
+    assert posting.wakes == 1
+    posting.stops.advance(100.0)
+    assert posting.answers == [("a", posting.error), ("b", posting.error)]
+    posting.error = None
+    posting.ask("c")
+    posting.stops.advance(101.0)
+    assert len(posting.posted) == 1
 
-    def test_the_owners_next_setpoint_drives_and_nothing_is_repeated(
-        self, line: VirtualLine
-    ) -> None:
-        line.device.lost.add(WheelState)  # so that the setpoint counts as unseen
-        line.drive()
-        line.session.stop_for_attached(lambda _: None, line.now_us)
-        line.run(0.1)
-        assert line.device.count(SetWheelVelocity) == 1
-        line.drive()
-        line.run(0.01)
-        assert line.device.supervisor is SupervisorState.DRIVING
 
-    def test_a_lost_one_is_repeated_until_it_is_answered(self, line: VirtualLine) -> None:
-        results: list[object] = []
-        line.to_device.impairment.loss = 1.0
-        line.session.stop_for_attached(results.append, line.now_us)
-        line.run(0.1)
-        line.to_device.impairment.loss = 0.0
-        line.run(0.1)
-        assert [type(one) for one in results] == [Ack]
+# --- a session's ---------------------------------------------------------------------------------
 
-    def test_an_answer_of_another_kind_of_stop_is_not_its_own(self, line: VirtualLine) -> None:
-        foreign = line.statistics.foreign
-        line.device.lost.add(Stop)
-        results = line.post_stop()
-        line.run(0.01)
-        line.device.send(Ack(0, 1, 2))  # of no session, though the request was of this one
-        line.run(0.01)
-        assert results == []
-        assert line.statistics.foreign > foreign
 
-    def test_without_a_session_it_is_sent_and_says_so(self) -> None:
-        line = VirtualLine()
-        line.session.connect(line.now_us)
-        results: list[object] = []
-        line.session.stop_for_attached(results.append, line.now_us)
-        line.write()
-        assert len(line.sent_of(Stop)) == 1
-        assert [type(one) for one in results] == [LinkLost]
+def test_an_attached_stop_is_of_no_session_and_as_configured(line: VirtualLine) -> None:
+    line.drive()
+    line.run(0.05)
+    results: list[object] = []
+    line.session.stop_for_attached(results.append, line.now_us)
+    line.run(0.05)
+    stop = line.device.asked(Stop)[-1]
+    assert (stop.session_id, stop.command_seq, stop.mode) == (0, 0, StopMode.CONFIGURED)
+    assert [type(one) for one in results] == [Ack]
+    assert line.device.supervisor is SupervisorState.IDLE
 
-    def test_a_rerun_counts_as_the_session_does(self, line: VirtualLine) -> None:
-        reader, rerun = TrafficReader(), Rerun()
-        line.session.listen(reader, line.now_us)
-        line.drive()
-        line.session.stop_for_attached(lambda _: None, line.now_us)
-        line.run(0.05)
-        line.drive()
-        line.run(0.05)
-        rerun.feed_all(reader.take())
-        assert rerun.session is not None
-        followed = rerun.session.setpoints.newest
-        assert followed == line.session.setpoints.newest
-        assert followed is not None
+
+def test_the_owners_next_setpoint_drives_and_nothing_is_repeated(line: VirtualLine) -> None:
+    line.device.lost.add(WheelState)  # so that the setpoint counts as unseen
+    line.drive()
+    line.session.stop_for_attached(lambda _: None, line.now_us)
+    line.run(0.1)
+    assert line.device.count(SetWheelVelocity) == 1
+    line.drive()
+    line.run(0.01)
+    assert line.device.supervisor is SupervisorState.DRIVING
+
+
+def test_a_lost_stop_is_repeated_until_it_is_answered(line: VirtualLine) -> None:
+    results: list[object] = []
+    line.to_device.impairment.loss = 1.0
+    line.session.stop_for_attached(results.append, line.now_us)
+    line.run(0.1)
+    line.to_device.impairment.loss = 0.0
+    line.run(0.1)
+    assert [type(one) for one in results] == [Ack]
+
+
+def test_an_answer_of_another_kind_of_stop_is_not_its_own(line: VirtualLine) -> None:
+    foreign = line.statistics.foreign
+    line.device.lost.add(Stop)
+    results = line.post_stop()
+    line.run(0.01)
+    line.device.send(Ack(0, 1, 2))  # of no session, though the request was of this one
+    line.run(0.01)
+    assert results == []
+    assert line.statistics.foreign > foreign
+
+
+def test_without_a_session_a_stop_is_sent_and_says_so() -> None:
+    line = VirtualLine()
+    line.session.connect(line.now_us)
+    results: list[object] = []
+    line.session.stop_for_attached(results.append, line.now_us)
+    line.write()
+    assert len(line.sent_of(Stop)) == 1
+    assert [type(one) for one in results] == [LinkLost]
+
+
+def test_a_rerun_counts_as_the_session_does(line: VirtualLine) -> None:
+    reader, rerun = TrafficReader(), Rerun()
+    line.session.listen(reader, line.now_us)
+    line.drive()
+    line.session.stop_for_attached(lambda _: None, line.now_us)
+    line.run(0.05)
+    line.drive()
+    line.run(0.05)
+    rerun.feed_all(reader.take())
+    assert rerun.session is not None
+    followed = rerun.session.setpoints.newest
+    assert followed == line.session.setpoints.newest
+    assert followed is not None
 
 
 @pytest.fixture
@@ -222,134 +231,122 @@ def flood(device: PtyDevice, end: threading.Event) -> None:
         reads.join()
 
 
-class TestBeside:
-    def test_a_mode_of_its_own_is_not_passed_on(
-        self, device: PtyDevice, owner: SerialDriver
-    ) -> None:
-        owner.read()
-        device.device.forget()
-        holder = holder_of(str(device.path))
-        with holder.connection as peer:
-            frame = encode_frame(Stop(0, 0, 4711, StopMode.COAST), 0)
-            peer.sendall(tagged(Say.ASK, 7, frame))
-            wait_until(lambda: device.device.count(Stop) > 0)
-        assert {(m.session_id, m.command_seq, m.mode) for m in device.device.asked(Stop)} == {
-            (0, 0, StopMode.CONFIGURED)
-        }
-
-    def test_an_attached_stop_names_its_program(
-        self, device: PtyDevice, owner: SerialDriver
-    ) -> None:
-        reader = TrafficReader()
-        owner._link.listen_to_traffic(reader)
-        with AttachedDriver(holder_of(str(device.path))) as attached:
-            attached.stop()
-            attached.estop()
-            notes: list[bytes] = []
-
-            def are_noted() -> bool:
-                taken = [one.data for one in reader.take() if one.kind is Kind.NOTE]
-                notes.extend(one for one in taken if STOP_ASKED.encode() in one)
-                return len(notes) == 2
-
-            wait_until(are_noted)  # a note comes after the stop, and perhaps after its answer
-        assert all(f"process {os.getpid()}".encode() in one for one in notes)
-
-    def test_under_a_flood_the_owner_drives_and_is_obeyed(
-        self, device: PtyDevice, owner: SerialDriver
-    ) -> None:
-        end = threading.Event()
-        device.device.forget()
-        begin_s = time.monotonic()
-        with ExitStack() as stack:
-            for _ in range(4):
-                thread = threading.Thread(target=flood, args=(device, end))
-                thread.start()
-                stack.callback(thread.join)
-            stack.callback(end.set)
-            wait_until(lambda: device.device.count(Stop) > 3)
-            took_s = []
-            for _ in range(5):
-                owner.set_wheel_velocity(0.1, 0.1)
-                called_s = time.monotonic()
-                owner.estop()
-                took_s.append(time.monotonic() - called_s)
-                owner.clear_estop()
-                owner.set_wheel_velocity(0.0, 0.0)
-            lasted_s = time.monotonic() - begin_s
-        # Copies on a busy computer, and the owner's, included.
-        stops = device.device.asked(Stop)
-        assert len([m for m in stops if not m.session_id]) <= lasted_s / PERIOD_S + 2
-        assert sorted(took_s)[2] < 0.2
-
-    def test_each_caller_of_a_flood_is_answered(
-        self, device: PtyDevice, owner: SerialDriver
-    ) -> None:
-        owner.read()
-        results: list[Answer | WheelwireError] = []
-        link = AttachedLink(LatestSample(), holder_of(str(device.path)), listens=False)
-        link.open()
-        for _ in range(2000):
-            link.post_stop(results.append, StopMode.COAST)
-        wait_until(lambda: len(results) == 2000)
-        link.close()
-        assert {type(one) for one in results} == {Ack}
-
-    def test_an_estop_goes_out_though_a_stop_is_under_way(
-        self, device: PtyDevice, owner: SerialDriver
-    ) -> None:
-        owner.read()
-        device.device.lost.add(Stop)  # its answers
-        link = AttachedLink(LatestSample(), holder_of(str(device.path)), listens=False)
-        link.open()
-        for _ in range(50):
-            link.post_stop(lambda _: None)
-        link.estop()
-        link.close()
-        assert device.device.supervisor is SupervisorState.ESTOPPED
-        assert device.device.count(Estop) > 0
+# --- beside a program that drives ----------------------------------------------------------------
 
 
-class TestFolders:
-    @pytest.mark.parametrize("offered_in", ["session", "temporary", "other temporary"])
-    def test_a_holder_in_another_environment_is_found(
-        self,
-        device: PtyDevice,
-        tmp_path_factory: pytest.TempPathFactory,
-        monkeypatch: pytest.MonkeyPatch,
-        offered_in: str,
-    ) -> None:
-        tmp_path = tmp_path_factory.mktemp("t")  # the path of a socket has to be short
-        for name in ("mine", "run", "tmp", "tmp2"):
-            (tmp_path / name).mkdir()
-        user = os.getuid()
-        (tmp_path / "run" / str(user)).mkdir()
+def test_a_mode_of_its_own_is_not_passed_on(device: PtyDevice, owner: SerialDriver) -> None:
+    owner.read()
+    device.device.forget()
+    holder = holder_of(str(device.path))
+    with holder.connection as peer:
+        frame = encode_frame(Stop(0, 0, 4711, StopMode.COAST), 0)
+        peer.sendall(tagged(Say.ASK, 7, frame))
+        wait_until(lambda: device.device.count(Stop) > 0)
+    assert {(m.session_id, m.command_seq, m.mode) for m in device.device.asked(Stop)} == {
+        (0, 0, StopMode.CONFIGURED)
+    }
+
+
+def test_an_attached_stop_names_its_program(device: PtyDevice, owner: SerialDriver) -> None:
+    reader = TrafficReader()
+    owner._link.listen_to_traffic(reader)
+    with AttachedDriver(holder_of(str(device.path))) as attached:
+        attached.stop()
+        attached.estop()
+        notes: list[bytes] = []
+
+        def are_noted() -> bool:
+            taken = [one.data for one in reader.take() if one.kind is Kind.NOTE]
+            notes.extend(one for one in taken if STOP_ASKED.encode() in one)
+            return len(notes) == 2
+
+        wait_until(are_noted)  # a note comes after the stop, and perhaps after its answer
+    assert all(f"process {os.getpid()}".encode() in one for one in notes)
+
+
+def test_under_a_flood_the_owner_drives_and_is_obeyed(
+    device: PtyDevice, owner: SerialDriver
+) -> None:
+    end = threading.Event()
+    device.device.forget()
+    begin_s = time.monotonic()
+    with ExitStack() as stack:
+        for _ in range(4):
+            thread = threading.Thread(target=flood, args=(device, end))
+            thread.start()
+            stack.callback(thread.join)
+        stack.callback(end.set)
+        wait_until(lambda: device.device.count(Stop) > 3)
+        took_s = []
+        for _ in range(5):
+            owner.set_wheel_velocity(0.1, 0.1)
+            called_s = time.monotonic()
+            owner.estop()
+            took_s.append(time.monotonic() - called_s)
+            owner.clear_estop()
+            owner.set_wheel_velocity(0.0, 0.0)
+        lasted_s = time.monotonic() - begin_s
+    # Copies on a busy computer, and the owner's, included.
+    stops = device.device.asked(Stop)
+    assert len([m for m in stops if not m.session_id]) <= lasted_s / PERIOD_S + 2
+    assert sorted(took_s)[2] < 0.2
+
+
+def test_an_estop_goes_out_though_a_stop_is_under_way(
+    device: PtyDevice, owner: SerialDriver
+) -> None:
+    owner.read()
+    device.device.lost.add(Stop)  # its answers
+    link = AttachedLink(LatestSample(), holder_of(str(device.path)), listens=False)
+    link.open()
+    for _ in range(50):
+        link.post_stop(lambda _: None)
+    link.estop()
+    link.close()
+    assert device.device.supervisor is SupervisorState.ESTOPPED
+    assert device.device.count(Estop) > 0
+
+
+# --- in another environment ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("offered_in", ["session", "temporary", "other temporary"])
+def test_a_holder_in_another_environment_is_found(
+    device: PtyDevice,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    offered_in: str,
+) -> None:
+    tmp_path = tmp_path_factory.mktemp("t")  # the path of a socket has to be short
+    for name in ("mine", "run", "tmp", "tmp2"):
+        (tmp_path / name).mkdir()
+    user = os.getuid()
+    (tmp_path / "run" / str(user)).mkdir()
+    monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
+    monkeypatch.setattr(programs, "SESSIONS", str(tmp_path / "run"))
+    monkeypatch.setattr(programs, "TEMPORARY", str(tmp_path / "tmp2"))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
+    theirs = {
+        "session": tmp_path / "run" / str(user) / "wheelwire",
+        "temporary": tmp_path / "tmp" / f"wheelwire-{user}",
+        "other temporary": tmp_path / "tmp2" / f"wheelwire-{user}",
+    }[offered_in]
+    monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(theirs))
+    with SerialDriver(str(device.path)):
+        holder_of(str(device.path)).connection.close()
         monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
-        monkeypatch.setattr(programs, "SESSIONS", str(tmp_path / "run"))
-        monkeypatch.setattr(programs, "TEMPORARY", str(tmp_path / "tmp2"))
-        monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
-        theirs = {
-            "session": tmp_path / "run" / str(user) / "wheelwire",
-            "temporary": tmp_path / "tmp" / f"wheelwire-{user}",
-            "other temporary": tmp_path / "tmp2" / f"wheelwire-{user}",
-        }[offered_in]
-        monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(theirs))
-        with SerialDriver(str(device.path)):
-            holder_of(str(device.path)).connection.close()
-            monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
-            monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "mine"))
-            (tmp_path / "mine" / "wheelwire").mkdir(mode=0o700)
-            holder = find_holder(str(device.path))
-            assert holder is not None
-            holder.connection.close()
-            # A folder that others can enter is not searched.
-            theirs.chmod(0o755)
-            assert find_holder(str(device.path)) is None
-            theirs.chmod(0o700)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "mine"))
+        (tmp_path / "mine" / "wheelwire").mkdir(mode=0o700)
+        holder = find_holder(str(device.path))
+        assert holder is not None
+        holder.connection.close()
+        # A folder that others can enter is not searched.
+        theirs.chmod(0o755)
+        assert find_holder(str(device.path)) is None
+        theirs.chmod(0o700)
 
-    def test_a_named_folder_is_the_only_one(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        (tmp_path / "named").mkdir(mode=0o700)
-        monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(tmp_path / "named"))
-        assert [one.path for one in programs.sharing_folders()] == [tmp_path / "named"]
+
+def test_a_named_folder_is_the_only_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "named").mkdir(mode=0o700)
+    monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(tmp_path / "named"))
+    assert [one.path for one in programs.sharing_folders()] == [tmp_path / "named"]

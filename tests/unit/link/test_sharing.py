@@ -12,7 +12,6 @@ import subprocess
 import sys
 import threading
 import time
-import warnings
 import weakref
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -22,8 +21,9 @@ from typing import Any
 
 import pytest
 
-from support.attached import holder_of
+from support.attached import holder_of, wait_for_holder
 from support.core_device import CoreDevice
+from support.forking import descriptors, forked
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
@@ -37,7 +37,7 @@ from wheelwire.link.sharing import SharingServer
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.share import attached_link as attached_module
 from wheelwire.log.share import server as serving
-from wheelwire.log.share.attached_link import AttachedLink, Holder, find_holder
+from wheelwire.log.share.attached_link import AttachedLink, find_holder
 from wheelwire.log.share.server import _Program
 from wheelwire.log.share.wire import VERSION, Say, message, tagged
 from wheelwire_protocol.codes import SupervisorState
@@ -84,6 +84,14 @@ def attached(device: PtyDevice, robot: SerialDriver) -> Iterator[AttachedDriver]
         yield attached
 
 
+@contextmanager
+def attached_link(device: PtyDevice, latest: LatestSample | None = None) -> Iterator[AttachedLink]:
+    link = AttachedLink(latest or LatestSample(), holder_of(str(device.path)))
+    link.open()
+    with closing(link):
+        yield link
+
+
 def offered(name: str = f"{BOARD_ID}.tap") -> Path:
     """The socket's file, once somebody listens there."""
     path = folder() / name
@@ -116,194 +124,194 @@ def is_cut_off(peer: socket.socket) -> bool:
     return True
 
 
-class TestFile:
-    def test_it_is_for_this_user_alone_and_goes_with_the_link(self, device: PtyDevice) -> None:
-        with SerialDriver(str(device.path)):
-            path = offered()
-            assert stat.S_IMODE(path.stat().st_mode) == 0o600
-            assert stat.S_IMODE(folder().stat().st_mode) == 0o700
-        assert names() == []
+# --- the file ------------------------------------------------------------------------------------
 
-    def test_off(self, device: PtyDevice) -> None:
-        with SerialDriver(str(device.path), tap=False) as robot:
-            robot.read()
-            assert find_holder(str(device.path)) is None
-        assert names() == []
 
-    def test_off_and_on_are_all_there_is(self, device: PtyDevice) -> None:
-        with pytest.raises(errors.InvalidArgument, match="tap"):
-            SerialDriver(str(device.path), tap="no")  # type: ignore[arg-type]
-
-    def test_what_a_killed_program_left_is_replaced(self, device: PtyDevice) -> None:
-        folder().mkdir(mode=0o700)
-        left = socket.socket(socket.AF_UNIX)
-        left.bind(str(folder() / f"{BOARD_ID}.tap"))
-        left.close()  # the file stays, as after SIGKILL
-        with SerialDriver(str(device.path)):
-            holder = holder_of(str(device.path))
-            holder.connection.close()
-            assert names() == [f"{BOARD_ID}.tap"]
-
-    def test_what_a_running_program_offers_stays(self, device: PtyDevice, tmp_path: Path) -> None:
-        with (
-            PtyDevice(tmp_path / "other", CoreDevice()) as other,
-            SerialDriver(str(device.path)),
-        ):
-            offered()
-            with SerialDriver(str(other.path)):
-                offered(f"{BOARD_ID}-2.tap")
-                for each in (device, other):
-                    holder = holder_of(str(each.path))
-                    assert holder.port == str(each.path.resolve())
-                    holder.connection.close()
-            assert names() == [f"{BOARD_ID}.tap"]
-
-    def test_a_file_of_another_kind_stays(self, device: PtyDevice) -> None:
-        folder().mkdir(mode=0o700)
-        (folder() / f"{BOARD_ID}.tap").write_text("mine")
-        with SerialDriver(str(device.path)):
-            offered(f"{BOARD_ID}-2.tap")
-        assert (folder() / f"{BOARD_ID}.tap").read_text() == "mine"
-
-    def test_a_removed_folder_is_made_again(
-        self, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(sharing, "LOOK_S", 0.05)
-        with SerialDriver(str(device.path)) as robot:
-            for _ in range(2):
-                offered()
-                shutil.rmtree(folder())
-                holder_of(str(device.path)).connection.close()
-                robot.read()
-
-    def test_a_file_that_is_another_programs_by_now_is_left_to_it(
-        self, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(sharing, "LOOK_S", 60.0)
-        with SerialDriver(str(device.path)):
-            path = offered()
-            path.unlink()
-            with closing(socket.socket(socket.AF_UNIX)) as other:
-                other.bind(str(path))
-        assert names() == [path.name]
-
-    @pytest.mark.parametrize("mode", [0o750, 0o705, 0o777])
-    def test_a_folder_that_others_get_into_is_refused(
-        self, device: PtyDevice, mode: int, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        folder().mkdir()
-        folder().chmod(mode)
-        with SerialDriver(str(device.path)) as robot:
-            wait_until(lambda: "not a folder that only this user" in caplog.text)
-            robot.read()
-            assert names() == []
-        # Once, however often it is tried.
-        assert len([one for one in caplog.records if one.name == "wheelwire.share"]) == 1
-
-    @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
-    def test_a_folder_of_another_user_is_refused(self, device: PtyDevice) -> None:
-        folder().mkdir(mode=0o700)
-        os.chown(folder(), 4711, -1)
-        with SerialDriver(str(device.path)) as robot:
-            robot.read()
-            time.sleep(0.1)
-            assert names() == []
-            assert find_holder(str(device.path)) is None
-
-    def test_a_group_that_is_named_may_use_it(
-        self, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        import grp
-
-        own = grp.getgrgid(os.getgid())
-        monkeypatch.setenv(GROUP_VARIABLE, own.gr_name)
-        with SerialDriver(str(device.path)):
-            path = offered()
-            wait_until(lambda: stat.S_IMODE(path.stat().st_mode) == 0o660)
-            assert path.stat().st_gid == own.gr_gid
-            assert stat.S_IMODE(folder().stat().st_mode) == 0o750
-            holder_of(str(device.path)).connection.close()
-
-    def test_a_group_that_is_unknown_is_only_logged(
-        self,
-        device: PtyDevice,
-        monkeypatch: pytest.MonkeyPatch,
-        caplog: pytest.LogCaptureFixture,
-    ) -> None:
-        monkeypatch.setenv(GROUP_VARIABLE, "no such group")
-        with SerialDriver(str(device.path)) as robot:
-            robot.read()
-            wait_until(lambda: "there is no such group" in caplog.text)
-
-    @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
-    def test_another_user_is_sent_away(self, robot: SerialDriver) -> None:
+def test_the_file_is_for_this_user_alone_and_goes_with_the_link(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path)):
         path = offered()
-        code = (
-            "import os, socket, sys\n"
-            "s = socket.socket(socket.AF_UNIX)\n"
-            "d = os.open(os.path.dirname(sys.argv[1]), os.O_PATH)\n"
-            "os.chmod(sys.argv[1], 0o666)\n"
-            "os.fchdir(os.open(os.path.dirname(sys.argv[1]), os.O_RDONLY))\n"
-            "os.chmod('.', 0o711)\n"
-            "os.setuid(4711)\n"
-            "s.settimeout(5)\n"
-            "s.connect(os.path.basename(sys.argv[1]))\n"
-            "sys.exit(len(s.recv(100)))\n"
-        )
-        done = subprocess.run([sys.executable, "-c", code, str(path)], timeout=30, check=False)
-        assert done.returncode == 0
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert stat.S_IMODE(folder().stat().st_mode) == 0o700
+    assert names() == []
+
+
+def test_a_link_may_be_offered_to_nobody(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path), tap=False) as robot:
         robot.read()
+        assert find_holder(str(device.path)) is None
+    assert names() == []
 
-    def test_it_follows_the_board(self, device: PtyDevice, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(sharing, "LOOK_S", 0.05)
-        with SerialDriver(str(device.path), any_board=True) as robot:
+
+def test_off_and_on_are_all_there_is(device: PtyDevice) -> None:
+    with pytest.raises(errors.InvalidArgument, match="tap"):
+        SerialDriver(str(device.path), tap="no")  # type: ignore[arg-type]
+
+
+def test_what_a_killed_program_left_is_replaced(device: PtyDevice) -> None:
+    folder().mkdir(mode=0o700)
+    left = socket.socket(socket.AF_UNIX)
+    left.bind(str(folder() / f"{BOARD_ID}.tap"))
+    left.close()  # the file stays, as after SIGKILL
+    with SerialDriver(str(device.path)):
+        wait_for_holder(str(device.path))
+        assert names() == [f"{BOARD_ID}.tap"]
+
+
+def test_what_a_running_program_offers_stays(device: PtyDevice, tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "other", CoreDevice()) as other,
+        SerialDriver(str(device.path)),
+    ):
+        offered()
+        with SerialDriver(str(other.path)):
+            offered(f"{BOARD_ID}-2.tap")
+            for each in (device, other):
+                holder = holder_of(str(each.path))
+                assert holder.port == str(each.path.resolve())
+                holder.connection.close()
+        assert names() == [f"{BOARD_ID}.tap"]
+
+
+def test_a_file_of_another_kind_stays(device: PtyDevice) -> None:
+    folder().mkdir(mode=0o700)
+    (folder() / f"{BOARD_ID}.tap").write_text("mine")
+    with SerialDriver(str(device.path)):
+        offered(f"{BOARD_ID}-2.tap")
+    assert (folder() / f"{BOARD_ID}.tap").read_text() == "mine"
+
+
+def test_a_removed_folder_is_made_again(device: PtyDevice, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "LOOK_S", 0.05)
+    with SerialDriver(str(device.path)) as robot:
+        for _ in range(2):
             offered()
-            device.unplug()
-            device.device.board_id = 0x240AC4AAAAAA
-            device.device.reset()
-            device.plug()
-            wait_until(lambda: robot.is_open and names() == ["240ac4aaaaaa.tap"])
-            assert find_holder("", BOARD_ID) is None
-            holder = find_holder("", "240ac4aaaaaa")
-            assert holder is not None
-            holder.connection.close()
+            shutil.rmtree(folder())
+            wait_for_holder(str(device.path))
+            robot.read()
 
-    def test_a_forked_child_has_nothing_of_it(self, device: PtyDevice, robot: SerialDriver) -> None:
+
+def test_a_file_that_is_another_programs_by_now_is_left_to_it(
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sharing, "LOOK_S", 60.0)
+    with SerialDriver(str(device.path)):
         path = offered()
-        server = server_of(robot)
-        ours = descriptors(server._wake_up._reader, server._wake_up._writer, server._place.listener)
-        assert ours <= open_files()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # there are threads
-            pid = os.fork()
-        if pid == 0:
-            held = ours & open_files()
-            robot.shutdown()
-            os._exit(bool(held) or not path.exists())
-        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-        holder_of(str(device.path)).connection.close()
-
-    def test_a_driver_that_nobody_has_any_more_ends(self, device: PtyDevice) -> None:
-        robot = SerialDriver(str(device.path))
-        attached = AttachedDriver(holder_of(str(device.path)))
-        gone = weakref.ref(robot)
-        del robot
-        gc.collect()
-        assert gone() is None
-        wait_until(lambda: names() == [])
-        attached.close()
+        path.unlink()
+        with closing(socket.socket(socket.AF_UNIX)) as other:
+            other.bind(str(path))
+    assert names() == [path.name]
 
 
-def descriptors(*sockets: socket.socket | None) -> set[str]:
-    """What they lead to."""
-    files = [each.fileno() for each in sockets if each is not None]
-    return {str(Path(f"/proc/self/fd/{file}").readlink()) for file in files}
+@pytest.mark.parametrize("mode", [0o750, 0o705, 0o777])
+def test_a_folder_that_others_get_into_is_refused(
+    device: PtyDevice, mode: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder().mkdir()
+    folder().chmod(mode)
+    with SerialDriver(str(device.path)) as robot:
+        wait_until(lambda: "not a folder that only this user" in caplog.text)
+        robot.read()
+        assert names() == []
+    # Once, however often it is tried.
+    assert len([one for one in caplog.records if one.name == "wheelwire.share"]) == 1
 
 
-def open_files() -> set[str]:
-    files = os.listdir("/proc/self/fd")  # noqa: PTH208 - open only while it lists
-    links = [Path("/proc/self/fd", file) for file in files]
-    return {str(link.readlink()) for link in links if link.is_symlink()}
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_another_user_is_refused(device: PtyDevice) -> None:
+    folder().mkdir(mode=0o700)
+    os.chown(folder(), 4711, -1)
+    with SerialDriver(str(device.path)) as robot:
+        robot.read()
+        time.sleep(0.1)
+        assert names() == []
+        assert find_holder(str(device.path)) is None
+
+
+def test_a_group_that_is_named_may_use_it(
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import grp
+
+    own = grp.getgrgid(os.getgid())
+    monkeypatch.setenv(GROUP_VARIABLE, own.gr_name)
+    with SerialDriver(str(device.path)):
+        path = offered()
+        wait_until(lambda: stat.S_IMODE(path.stat().st_mode) == 0o660)
+        assert path.stat().st_gid == own.gr_gid
+        assert stat.S_IMODE(folder().stat().st_mode) == 0o750
+        wait_for_holder(str(device.path))
+
+
+def test_a_group_that_is_unknown_is_only_logged(
+    device: PtyDevice,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setenv(GROUP_VARIABLE, "no such group")
+    with SerialDriver(str(device.path)) as robot:
+        robot.read()
+        wait_until(lambda: "there is no such group" in caplog.text)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+def test_another_user_is_sent_away(robot: SerialDriver) -> None:
+    path = offered()
+    code = (
+        "import os, socket, sys\n"
+        "s = socket.socket(socket.AF_UNIX)\n"
+        "d = os.open(os.path.dirname(sys.argv[1]), os.O_PATH)\n"
+        "os.chmod(sys.argv[1], 0o666)\n"
+        "os.fchdir(os.open(os.path.dirname(sys.argv[1]), os.O_RDONLY))\n"
+        "os.chmod('.', 0o711)\n"
+        "os.setuid(4711)\n"
+        "s.settimeout(5)\n"
+        "s.connect(os.path.basename(sys.argv[1]))\n"
+        "sys.exit(len(s.recv(100)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], timeout=30, check=False)
+    assert done.returncode == 0
+    robot.read()
+
+
+def test_the_file_follows_the_board(device: PtyDevice, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "LOOK_S", 0.05)
+    with SerialDriver(str(device.path), any_board=True) as robot:
+        offered()
+        device.unplug()
+        device.device.board_id = 0x240AC4AAAAAA
+        device.device.reset()
+        device.plug()
+        wait_until(lambda: robot.is_open and names() == ["240ac4aaaaaa.tap"])
+        assert find_holder("", BOARD_ID) is None
+        wait_for_holder("", "240ac4aaaaaa")
+
+
+def test_a_forked_child_has_nothing_of_it(device: PtyDevice, robot: SerialDriver) -> None:
+    path = offered()
+    server = server_of(robot)
+    sockets = server._wake_up._reader, server._wake_up._writer, server._place.listener
+    ours = {descriptors()[str(each.fileno())] for each in sockets if each is not None}
+    assert ours <= set(descriptors().values())
+
+    def child() -> None:
+        assert not ours & set(descriptors().values())
+        robot.shutdown()
+        assert path.exists()
+
+    with forked(child):
+        pass
+    wait_for_holder(str(device.path))
+
+
+def test_a_driver_that_nobody_has_any_more_ends(device: PtyDevice) -> None:
+    robot = SerialDriver(str(device.path))
+    attached = AttachedDriver(holder_of(str(device.path)))
+    gone = weakref.ref(robot)
+    del robot
+    gc.collect()
+    assert gone() is None
+    wait_until(lambda: names() == [])
+    attached.close()
 
 
 def link_of(attached: AttachedDriver) -> AttachedLink:
@@ -332,382 +340,396 @@ def void(_: object) -> None:
     """A callback that returns nothing."""
 
 
-class TestReading:
-    def test_what_the_owner_measures(self, robot: SerialDriver, attached: AttachedDriver) -> None:
-        ours = {robot.read().t_us for _ in range(20)}
-        theirs = {attached.read().t_us for _ in range(20)}
-        assert max(theirs) > min(ours)
-        assert attached.info.device == robot.info.device
-        assert attached.info.port == robot.info.port
-        assert attached.geometry == robot.geometry
-        assert attached.statistics.sessions == 1
+# --- reading -------------------------------------------------------------------------------------
 
-    def test_all_samples_are_those_of_the_owner(
-        self, robot: SerialDriver, attached: AttachedDriver
-    ) -> None:
-        ours, theirs = robot.samples(), attached.samples()
-        first = next(theirs)
+
+def test_what_the_owner_measures_and_knows(robot: SerialDriver, attached: AttachedDriver) -> None:
+    ours = {robot.read().t_us for _ in range(20)}
+    theirs = {attached.read().t_us for _ in range(20)}
+    assert max(theirs) > min(ours)
+    assert attached.info.device == robot.info.device
+    assert attached.info.port == robot.info.port
+    assert attached.geometry == robot.geometry
+    assert attached.statistics.sessions == 1
+    robot.parameters.set("max_duty", 0.5)
+    assert attached.parameters.list() == robot.parameters.list()
+    assert attached.parameters["max_duty"] == 0.5
+    assert attached.device_counters().frames_received
+    assert attached.contradictions() == 0
+    attached.control_counters()
+
+
+def test_all_samples_are_those_of_the_owner(robot: SerialDriver, attached: AttachedDriver) -> None:
+    ours, theirs = robot.samples(), attached.samples()
+    first = next(theirs)
+    other = next(ours)
+    while other.t_us < first.t_us:
         other = next(ours)
-        while other.t_us < first.t_us:
-            other = next(ours)
-        while first.t_us < other.t_us:
-            first = next(theirs)
-        for _ in range(50):
-            assert first == other
-            first, other = next(theirs), next(ours)
+    while first.t_us < other.t_us:
+        first = next(theirs)
+    for _ in range(50):
+        assert first == other
+        first, other = next(theirs), next(ours)
 
-    def test_parameters(self, robot: SerialDriver, attached: AttachedDriver) -> None:
-        robot.parameters.set("max_duty", 0.5)
-        assert attached.parameters.list() == robot.parameters.list()
-        assert attached.parameters["max_duty"] == 0.5
 
-    def test_counters(self, attached: AttachedDriver) -> None:
-        assert attached.device_counters().frames_received
-        assert attached.contradictions() == 0
-        attached.control_counters()
+def test_a_lost_link_is_waited_for(
+    device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
+) -> None:
+    attached.read()
+    device.unplug()
+    wait_until(lambda: not attached.is_open)
+    with pytest.raises(errors.LinkLost, match="unplugged"):
+        attached.read(0.1)
+    # A program that comes now learns the reason, too.
+    with (
+        AttachedDriver(holder_of("", BOARD_ID)) as late,
+        pytest.raises(errors.LinkLost, match="gone"),
+    ):
+        late.read(0.1)
+    device.plug()
+    attached.read(5.0)
+    robot.read(5.0)
 
-    def test_a_lost_link_is_waited_for(
-        self, device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
-    ) -> None:
+
+def test_the_end_of_the_owner_is_the_end(robot: SerialDriver, attached: AttachedDriver) -> None:
+    robot.shutdown()
+    wait_until(lambda: attached._link.has_ended)
+    with pytest.raises(errors.LinkClosed, match=f"process {os.getpid()}, which held"):
         attached.read()
-        device.unplug()
-        wait_until(lambda: not attached.is_open)
-        with pytest.raises(errors.LinkLost, match="unplugged"):
-            attached.read(0.1)
-        # A program that comes now learns the reason, too.
-        with (
-            AttachedDriver(holder_of_board()) as late,
-            pytest.raises(errors.LinkLost, match="gone"),
-        ):
-            late.read(0.1)
-        device.plug()
-        attached.read(5.0)
-        robot.read(5.0)
 
-    def test_the_end_of_the_owner_is_the_end(
-        self, robot: SerialDriver, attached: AttachedDriver
-    ) -> None:
-        robot.shutdown()
-        wait_until(lambda: attached._link.has_ended)
-        with pytest.raises(errors.LinkClosed, match=f"process {os.getpid()}, which held"):
-            attached.read()
 
-    def test_two_beside_one_and_one_leaves_half_way(
-        self, device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
-    ) -> None:
-        path = offered()
-        with peer_at(path) as peer:
-            peer.sendall(VERSION + message(Say.LISTEN)[:3])
+def test_two_beside_one_and_one_leaves_half_way(
+    device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
+) -> None:
+    path = offered()
+    with peer_at(path) as peer:
+        peer.sendall(VERSION + message(Say.LISTEN)[:3])
+    with AttachedDriver(holder_of(str(device.path))) as other:
+        other.read()
+        wait_until(lambda: len(robot._link.traffic.readers) == 2)
+    wait_until(lambda: len(robot._link.traffic.readers) == 1)
+    attached.read()
+
+
+def test_nobody_misses_a_record_because_another_one_comes(
+    device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
+) -> None:
+    own = TrafficReader()
+    robot._link.listen_to_traffic(own)
+    for _ in range(3):
         with AttachedDriver(holder_of(str(device.path))) as other:
-            other.read()
-            wait_until(lambda: len(robot._link.traffic.readers) == 2)
-        wait_until(lambda: len(robot._link.traffic.readers) == 1)
-        attached.read()
+            for each in (attached, other):
+                for _ in range(3):
+                    each.read()
+            assert link_of(other).lost == 0
+    own.take()
+    assert (link_of(attached).lost, own.lost) == (0, 0)
 
-    def test_nobody_misses_a_record_because_another_one_comes(
-        self, device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
-    ) -> None:
-        own = TrafficReader()
-        robot._link.listen_to_traffic(own)
-        for _ in range(3):
-            with AttachedDriver(holder_of(str(device.path))) as other:
-                for each in (attached, other):
-                    for _ in range(3):
-                        each.read()
-                assert link_of(other).lost == 0
-        own.take()
-        assert (link_of(attached).lost, own.lost) == (0, 0)
 
-    def test_a_late_program_gets_what_was_said_before(
-        self, device: PtyDevice, robot: SerialDriver
-    ) -> None:
-        robot.note("weather", "rain")
-        robot.note("weather", "sun")
-        reader = TrafficReader()
-        with AttachedDriver(holder_of(str(device.path))) as attached:
-            link_of(attached).listen_to_traffic(reader)
-            notes: list[bytes] = []
-
-            def has_come() -> bool:
-                notes.extend(one.data for one in reader.take() if one.kind is Kind.NOTE)
-                return bool(notes)
-
-            wait_until(has_come)
-        assert notes == [b'{"weather": "sun"}']
-
-    def test_a_reader_gets_the_records(self, robot: SerialDriver, attached: AttachedDriver) -> None:
-        reader = TrafficReader()
+def test_a_late_program_gets_what_was_said_before(device: PtyDevice, robot: SerialDriver) -> None:
+    robot.note("weather", "rain")
+    robot.note("weather", "sun")
+    reader = TrafficReader()
+    with AttachedDriver(holder_of(str(device.path))) as attached:
         link_of(attached).listen_to_traffic(reader)
-        seen: list[Kind] = []
+        notes: list[bytes] = []
 
         def has_come() -> bool:
-            seen.extend(record.kind for record in reader.take())
-            return Kind.RECEIVED in seen and Kind.VELOCITY in seen
+            notes.extend(one.data for one in reader.take() if one.kind is Kind.NOTE)
+            return bool(notes)
 
-        robot.set_velocity(0.0, 0.0, ttl=0.1)
-        wait_until(lambda: bool(reader._queue))
-        robot.set_velocity(0.0, 0.0, ttl=0.1)
         wait_until(has_come)
-        assert seen[0] is Kind.START
-        link_of(attached).leave_traffic(reader)
-
-    def test_a_watch_of_stops_knows_that_it_has_begun(self, attached: AttachedDriver) -> None:
-        watch = attached.watch_stops(print)
-        assert link_of(attached).traffic.readers  # or it had waited in vain, for seconds
-        watch.close()
-        assert not link_of(attached).traffic.readers
+    assert notes == [b'{"weather": "sun"}']
 
 
-def holder_of_board() -> Holder:
-    holder = find_holder("", BOARD_ID)
-    assert holder is not None
-    return holder
+def test_a_reader_gets_the_records(robot: SerialDriver, attached: AttachedDriver) -> None:
+    reader = TrafficReader()
+    link_of(attached).listen_to_traffic(reader)
+    seen: list[Kind] = []
+
+    def has_come() -> bool:
+        seen.extend(record.kind for record in reader.take())
+        return Kind.RECEIVED in seen and Kind.VELOCITY in seen
+
+    robot.set_velocity(0.0, 0.0, ttl=0.1)
+    wait_until(lambda: bool(reader._queue))
+    robot.set_velocity(0.0, 0.0, ttl=0.1)
+    wait_until(has_come)
+    assert seen[0] is Kind.START
+    link_of(attached).leave_traffic(reader)
 
 
-class TestStopping:
-    def test_stop(self, robot: SerialDriver, attached: AttachedDriver, device: PtyDevice) -> None:
-        robot.set_velocity(0.2, 0.0, ttl=5.0)
-        wait_until(lambda: device.device.supervisor is SupervisorState.DRIVING)
-        attached.stop()
-        assert device.device.count(Stop) > 0
-        assert device.device.supervisor is SupervisorState.IDLE
-        robot.set_velocity(0.2, 0.0, ttl=5.0)  # a stop latches nothing
+def test_a_watch_of_stops_knows_that_it_has_begun(attached: AttachedDriver) -> None:
+    watch = attached.watch_stops(print)
+    assert link_of(attached).traffic.readers  # or it had waited in vain, for seconds
+    watch.close()
+    assert not link_of(attached).traffic.readers
 
-    def test_estop(self, robot: SerialDriver, attached: AttachedDriver, device: PtyDevice) -> None:
+
+# --- stopping ------------------------------------------------------------------------------------
+
+
+def test_an_attached_program_may_stop_the_robot(
+    robot: SerialDriver, attached: AttachedDriver, device: PtyDevice
+) -> None:
+    robot.set_velocity(0.2, 0.0, ttl=5.0)
+    wait_until(lambda: device.device.supervisor is SupervisorState.DRIVING)
+    attached.stop()
+    assert device.device.count(Stop) > 0
+    assert device.device.supervisor is SupervisorState.IDLE
+    robot.set_velocity(0.2, 0.0, ttl=5.0)  # a stop latches nothing
+
+
+def test_an_attached_program_may_latch_it(
+    robot: SerialDriver, attached: AttachedDriver, device: PtyDevice
+) -> None:
+    attached.estop()
+    assert device.device.supervisor is SupervisorState.ESTOPPED
+    wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
+    with pytest.raises(errors.DeviceRefused):
+        robot.set_velocity(0.2, 0.0, ttl=0.5)
+
+
+def test_estop_needs_nothing_to_be_read(robot: SerialDriver, device: PtyDevice) -> None:
+    with AttachedDriver(holder_of(str(device.path)), listens=False) as attached:
         attached.estop()
-        assert device.device.supervisor is SupervisorState.ESTOPPED
-        wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
-        with pytest.raises(errors.DeviceRefused):
-            robot.set_velocity(0.2, 0.0, ttl=0.5)
-
-    def test_estop_needs_nothing_to_be_read(self, robot: SerialDriver, device: PtyDevice) -> None:
-        with AttachedDriver(holder_of(str(device.path)), listens=False) as attached:
-            attached.estop()
-            assert not robot._link.traffic.readers
-        assert device.device.supervisor is SupervisorState.ESTOPPED
-
-    def test_estop_without_a_session_is_sent_and_says_so(
-        self, robot: SerialDriver, attached: AttachedDriver, device: PtyDevice
-    ) -> None:
-        device.device.mute = True
-        wait_until(lambda: not robot.is_open)
-        device.device.received.clear()
-        with pytest.raises(errors.LinkLost):
-            attached.estop()
-        wait_until(lambda: device.device.count(Estop) > 0)
+        assert not robot._link.traffic.readers
+    assert device.device.supervisor is SupervisorState.ESTOPPED
 
 
-class TestRefusals:
-    CHANGES = (
-        ConfigurationConfirm(0, 0, 0),
-        ConfigurationWrite(0, 0, 0, 0),
-        ClearEstop(0, 0),
-        ClearFault(0, 0),
-        ParameterReset(0, 0),
-        ParameterSave(0, 0, 1),
-        ParameterSet(0, 0, 1, 1.0),
-        ParameterTrial(0, 0, 0, 1.0),
-        Restart(0, 0),
-        SensorStream(0, 0, 0),  # ends what others may use
-        SetStreamRate(0, 0, 100),
-    )
-
-    @pytest.mark.parametrize("change", CHANGES, ids=lambda change: type(change).__name__)
-    def test_a_change(
-        self, attached: AttachedDriver, device: PtyDevice, change: ParameterSet
-    ) -> None:
-        before = len(device.device.asked(type(change)))
-        with pytest.raises(errors.InvalidCommand, match=f"^{type(change).__name__}: .* process "):
-            attached._link.request(change)
-        assert len(device.device.asked(type(change))) == before
-
-    def test_the_sensors_samples_are_asked_for_once(self) -> None:
-        for has, wanted, passes in ((0, 200, True), (0, 0, False), (200, 100, False)):
-            link: Any = SimpleNamespace(sensors=SimpleNamespace(rate_hz=has))
-            assert serving._only_begins(SensorStream(0, 0, wanted), link) is passes
-
-    def test_only_what_is_listed_is_passed_on(self) -> None:
-        from typing import get_args
-
-        from wheelwire.link.requests import RequestMessage
-
-        changing = {type(change) for change in self.CHANGES} | {BoardSet, PeripheralSet}
-        assert set(get_args(RequestMessage)) == {*READ_ONLY, Stop, Estop, *changing}
-
-    @pytest.mark.parametrize(
-        "setpoint",
-        [SetWheelVelocity(0, 1, 0, 0.1, 0.1), SetDuty(0, 1, 0, 100, 100)],
-        ids=lambda one: type(one).__name__,
-    )
-    @pytest.mark.usefixtures("robot")
-    def test_a_setpoint(self, device: PtyDevice, setpoint: SetWheelVelocity) -> None:
-        device.device.forget()
-        with peer_at(offered()) as peer:
-            peer.sendall(VERSION + tagged(Say.ASK, 7, encode_frame(setpoint, 0)))
-            data = b""
-            while type(setpoint).__name__.encode() not in data:
-                data += peer.recv(65536)
-        assert b"InvalidCommand" in data
-        assert not device.device.obeyed
-
-    def test_driving(self, attached: AttachedDriver, device: PtyDevice) -> None:
-        device.device.forget()
-        for drive in (attached.set_velocity, attached.set_duty):
-            with pytest.raises(errors.InvalidCommand, match="alone drives"):
-                drive(0.1, 0.0, ttl=0.3)
-        with pytest.raises(errors.InvalidCommand):
-            attached.clear_estop()
-        assert not device.device.obeyed
-
-    @pytest.mark.parametrize(
-        "said",
-        [
-            b"\x07",
-            VERSION + b"\xff" * 5,
-            VERSION + message(Say.STATUS),
-            VERSION + message(Say.ASK, b"1"),
-            VERSION + tagged(Say.ASK, 1, b"nonsense"),
-            VERSION + b"\x00\x00\x00\x00\xc8",
-        ],
-    )
-    def test_nonsense_is_cut_off(self, robot: SerialDriver, said: bytes) -> None:
-        with peer_at(offered()) as peer:
-            peer.sendall(said)
-            assert is_cut_off(peer)
-        robot.read()
-
-    def test_too_many_programs(self, robot: SerialDriver) -> None:
-        path = offered()
-        with ExitStack() as stack:
-            for _ in range(sharing.MAX_PROGRAMS):
-                assert stack.enter_context(peer_at(path)).recv(1)
-            with peer_at(path) as one_more:
-                assert is_cut_off(one_more)
-        robot.read()
+def test_estop_without_a_session_is_sent_and_says_so(
+    robot: SerialDriver, attached: AttachedDriver, device: PtyDevice
+) -> None:
+    device.device.mute = True
+    wait_until(lambda: not robot.is_open)
+    device.device.received.clear()
+    with pytest.raises(errors.LinkLost):
+        attached.estop()
+    wait_until(lambda: device.device.count(Estop) > 0)
 
 
-class TestSlowness:
-    def test_a_slow_program_loses_its_own_copies_and_starts_again(
-        self, device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(serving, "QUEUE", 50)
-        latest_sample, reader, goes_on = LatestSample(), TrafficReader(), threading.Event()
-        link = AttachedLink(latest_sample, holder_of(str(device.path)))
-        link.open()
-        with closing(link):
-            server = server_of(robot)
-            for program in programs_of(server):
-                program.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-            link.listen_to_traffic(reader)
-            latest_sample.notify_all = lambda: void(goes_on.wait())  # by the thread that reads
-            wait_until(lambda: any(is_full(one) for one in programs_of(server)))
-            goes_on.set()
-            wait_until(lambda: link.lost > 0)
-            newest = robot.read().t_us
-            wait_until(lambda: link._is_open and latest_sample.take(1.0).t_us > newest)
-            kinds = [record.kind for record in reader.take()]
-            assert kinds.count(Kind.START) >= 2
-        robot.read()
-        assert robot.statistics.frames_lost == 0
+# --- what is refused -----------------------------------------------------------------------------
 
-    def test_what_fails_in_following_ends_every_call(
-        self, device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def fail(*_: object) -> None:
-            raise KeyError("a bug")
 
-        link = AttachedLink(LatestSample(), holder_of(str(device.path)))
-        link.open()
-        outcomes: list[object] = []
-        with closing(link):
-            device.device.lost = {ParameterGet}
-            link.post(ParameterGet(0, 0, 1), outcomes.append)
-            monkeypatch.setattr(link, "_do_again", fail)
-            wait_until(lambda: bool(outcomes))
-            assert "a bug" in str(outcomes[0])
-            with pytest.raises(errors.LinkClosed, match="a bug"):
-                link.check()
-        robot.read()
+CHANGES = (
+    ConfigurationConfirm(0, 0, 0),
+    ConfigurationWrite(0, 0, 0, 0),
+    ClearEstop(0, 0),
+    ClearFault(0, 0),
+    ParameterReset(0, 0),
+    ParameterSave(0, 0, 1),
+    ParameterSet(0, 0, 1, 1.0),
+    ParameterTrial(0, 0, 0, 1.0),
+    Restart(0, 0),
+    SensorStream(0, 0, 0),  # ends what others may use
+    SetStreamRate(0, 0, 100),
+)
 
-    def test_one_that_the_link_gives_nothing_is_told_at_once(
-        self, device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def fail(_session: object) -> None:
-            raise TypeError("a bug")
 
-        monkeypatch.setattr("wheelwire.link.handover.start_of", fail)
-        link = AttachedLink(LatestSample(), holder_of(str(device.path)))
-        with pytest.raises(errors.LinkClosed, match="has ended or closed it"):
-            link.open()
-        robot.read()
+@pytest.mark.parametrize("change", CHANGES, ids=lambda change: type(change).__name__)
+def test_a_change_is_refused(
+    attached: AttachedDriver, device: PtyDevice, change: ParameterSet
+) -> None:
+    before = len(device.device.asked(type(change)))
+    with pytest.raises(errors.InvalidCommand, match=f"^{type(change).__name__}: .* process "):
+        attached._link.request(change)
+    assert len(device.device.asked(type(change))) == before
 
-    def test_one_that_reads_nothing_costs_bounded_memory(
-        self, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(serving, "BACKLOG", 10_000)
-        frame = encode_frame(ParameterGet(0, 0, 1), 0)
-        asks = b"".join(tagged(Say.ASK, tag, frame) for tag in range(100_000))
-        with peer_at(offered()) as peer:
-            peer.sendall(VERSION)
-            with pytest.raises((BrokenPipeError, ConnectionResetError)):
-                peer.sendall(asks)
-        robot.read()
 
-    def test_a_tag_in_flight_cannot_be_used_again(
-        self, device: PtyDevice, robot: SerialDriver
-    ) -> None:
-        frame = encode_frame(ParameterGet(0, 0, 1), 0)
+def test_the_sensors_samples_are_asked_for_once() -> None:
+    for has, wanted, passes in ((0, 200, True), (0, 0, False), (200, 100, False)):
+        link: Any = SimpleNamespace(sensors=SimpleNamespace(rate_hz=has))
+        assert serving._only_begins(SensorStream(0, 0, wanted), link) is passes
+
+
+def test_only_what_is_listed_is_passed_on() -> None:
+    from typing import get_args
+
+    from wheelwire.link.requests import RequestMessage
+
+    changing = {type(change) for change in CHANGES} | {BoardSet, PeripheralSet}
+    assert set(get_args(RequestMessage)) == {*READ_ONLY, Stop, Estop, *changing}
+
+
+@pytest.mark.parametrize(
+    "setpoint",
+    [SetWheelVelocity(0, 1, 0, 0.1, 0.1), SetDuty(0, 1, 0, 100, 100)],
+    ids=lambda one: type(one).__name__,
+)
+@pytest.mark.usefixtures("robot")
+def test_a_setpoint_is_refused(device: PtyDevice, setpoint: SetWheelVelocity) -> None:
+    device.device.forget()
+    with peer_at(offered()) as peer:
+        peer.sendall(VERSION + tagged(Say.ASK, 7, encode_frame(setpoint, 0)))
+        data = b""
+        while type(setpoint).__name__.encode() not in data:
+            data += peer.recv(65536)
+    assert b"InvalidCommand" in data
+    assert not device.device.obeyed
+
+
+def test_driving_is_refused(attached: AttachedDriver, device: PtyDevice) -> None:
+    device.device.forget()
+    for drive in (attached.set_velocity, attached.set_duty):
+        with pytest.raises(errors.InvalidCommand, match="alone drives"):
+            drive(0.1, 0.0, ttl=0.3)
+    with pytest.raises(errors.InvalidCommand):
+        attached.clear_estop()
+    assert not device.device.obeyed
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"\x07",
+        VERSION + b"\xff" * 5,
+        VERSION + message(Say.STATUS),
+        VERSION + message(Say.ASK, b"1"),
+        VERSION + tagged(Say.ASK, 1, b"nonsense"),
+        VERSION + b"\x00\x00\x00\x00\xc8",
+    ],
+)
+def test_nonsense_is_cut_off(robot: SerialDriver, said: bytes) -> None:
+    with peer_at(offered()) as peer:
+        peer.sendall(said)
+        assert is_cut_off(peer)
+    robot.read()
+
+
+def test_one_program_too_many_is_sent_away(robot: SerialDriver) -> None:
+    path = offered()
+    with ExitStack() as stack:
+        for _ in range(sharing.MAX_PROGRAMS):
+            assert stack.enter_context(peer_at(path)).recv(1)
+        with peer_at(path) as one_more:
+            assert is_cut_off(one_more)
+    robot.read()
+
+
+# --- slow and broken programs --------------------------------------------------------------------
+
+
+def test_a_slow_program_loses_its_own_copies_and_starts_again(
+    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving, "QUEUE", 50)
+    latest_sample, reader, goes_on = LatestSample(), TrafficReader(), threading.Event()
+    with attached_link(device, latest_sample) as link:
+        server = server_of(robot)
+        for program in programs_of(server):
+            program.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        link.listen_to_traffic(reader)
+        latest_sample.notify_all = lambda: void(goes_on.wait())  # by the thread that reads
+        wait_until(lambda: any(is_full(one) for one in programs_of(server)))
+        goes_on.set()
+        wait_until(lambda: link.lost > 0)
+        newest = robot.read().t_us
+        wait_until(lambda: link._is_open and latest_sample.take(1.0).t_us > newest)
+        kinds = [record.kind for record in reader.take()]
+        assert kinds.count(Kind.START) >= 2
+    robot.read()
+    assert robot.statistics.frames_lost == 0
+
+
+def test_what_fails_in_following_ends_every_call(
+    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise KeyError("a bug")
+
+    outcomes: list[object] = []
+    with attached_link(device) as link:
         device.device.lost = {ParameterGet}
-        with peer_at(offered()) as peer:
-            peer.sendall(VERSION + 2 * tagged(Say.ASK, 7, frame))
-            assert is_cut_off(peer)
-        robot.read()
+        link.post(ParameterGet(0, 0, 1), outcomes.append)
+        monkeypatch.setattr(link, "_do_again", fail)
+        wait_until(lambda: bool(outcomes))
+        assert "a bug" in str(outcomes[0])
+        with pytest.raises(errors.LinkClosed, match="a bug"):
+            link.check()
+    robot.read()
 
-    def test_one_that_says_nothing_keeps_nobody_from_the_others(
-        self, device: PtyDevice, robot: SerialDriver
-    ) -> None:
-        path = offered()
-        with socket.socket(socket.AF_UNIX) as silent:
-            silent.bind(str(path.with_name("000000000000.tap")))
-            silent.listen()
-            begin_s = time.monotonic()
-            holder = find_holder(str(device.path))
-            assert holder is not None
-            holder.connection.close()
-            assert time.monotonic() - begin_s < attached_module.GREETING_S
-            silent.accept()[0].close()
-        robot.read()
 
-    def test_a_suspended_owner_is_not_contacted(self, tmp_path: Path) -> None:
-        code = (
-            "import sys, time\n"
-            f"sys.path[:0] = {sys.path!r}\n"
-            "from pathlib import Path\n"
-            "from support.pty_device import PtyDevice\n"
-            "from support.core_device import CoreDevice\n"
-            "from wheelwire.drivers.serial import SerialDriver\n"
-            "with PtyDevice(Path(sys.argv[1]), CoreDevice()) as d, SerialDriver(str(d.path)):\n"
-            "    time.sleep(60)\n"
-        )
-        port = tmp_path / "port"
-        owner = subprocess.Popen([sys.executable, "-c", code, str(port)])
-        try:
-            offered()
-            owner.send_signal(signal.SIGSTOP)
-            state = Path(f"/proc/{owner.pid}/stat")
-            wait_until(lambda: state.read_text().rpartition(") ")[2].startswith("T"))
-            assert find_holder(str(port)) is None
-            owner.send_signal(signal.SIGCONT)
-            holder = find_holder(str(port))
-            assert holder is not None
-            assert f"process {owner.pid}" in holder.name
-            # A killed program leaves its file, with no listener.
-            owner.kill()
-            owner.wait()
-            with pytest.raises(errors.LinkClosed, match="has ended"):
-                AttachedDriver(holder)
-            assert names() == [f"{BOARD_ID}.tap"]
-            assert find_holder(str(port)) is None
-        finally:
-            owner.kill()
-            owner.wait()
+def test_one_that_the_link_gives_nothing_is_told_at_once(
+    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_session: object) -> None:
+        raise TypeError("a bug")
+
+    monkeypatch.setattr("wheelwire.link.handover.start_of", fail)
+    link = AttachedLink(LatestSample(), holder_of(str(device.path)))
+    with pytest.raises(errors.LinkClosed, match="has ended or closed it"):
+        link.open()
+    robot.read()
+
+
+def test_one_that_reads_nothing_costs_bounded_memory(
+    robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving, "BACKLOG", 10_000)
+    frame = encode_frame(ParameterGet(0, 0, 1), 0)
+    asks = b"".join(tagged(Say.ASK, tag, frame) for tag in range(100_000))
+    with peer_at(offered()) as peer:
+        peer.sendall(VERSION)
+        with pytest.raises((BrokenPipeError, ConnectionResetError)):
+            peer.sendall(asks)
+    robot.read()
+
+
+def test_a_tag_in_flight_cannot_be_used_again(device: PtyDevice, robot: SerialDriver) -> None:
+    frame = encode_frame(ParameterGet(0, 0, 1), 0)
+    device.device.lost = {ParameterGet}
+    with peer_at(offered()) as peer:
+        peer.sendall(VERSION + 2 * tagged(Say.ASK, 7, frame))
+        assert is_cut_off(peer)
+    robot.read()
+
+
+def test_one_that_says_nothing_keeps_nobody_from_the_others(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    path = offered()
+    with socket.socket(socket.AF_UNIX) as silent:
+        silent.bind(str(path.with_name("000000000000.tap")))
+        silent.listen()
+        begin_s = time.monotonic()
+        holder = find_holder(str(device.path))
+        assert holder is not None
+        holder.connection.close()
+        assert time.monotonic() - begin_s < attached_module.GREETING_S
+        silent.accept()[0].close()
+    robot.read()
+
+
+def test_a_suspended_owner_is_not_contacted(tmp_path: Path) -> None:
+    code = (
+        "import sys, time\n"
+        f"sys.path[:0] = {sys.path!r}\n"
+        "from pathlib import Path\n"
+        "from support.pty_device import PtyDevice\n"
+        "from support.core_device import CoreDevice\n"
+        "from wheelwire.drivers.serial import SerialDriver\n"
+        "with PtyDevice(Path(sys.argv[1]), CoreDevice()) as d, SerialDriver(str(d.path)):\n"
+        "    time.sleep(60)\n"
+    )
+    port = tmp_path / "port"
+    owner = subprocess.Popen([sys.executable, "-c", code, str(port)])
+    try:
+        offered()
+        owner.send_signal(signal.SIGSTOP)
+        state = Path(f"/proc/{owner.pid}/stat")
+        wait_until(lambda: state.read_text().rpartition(") ")[2].startswith("T"))
+        assert find_holder(str(port)) is None
+        owner.send_signal(signal.SIGCONT)
+        holder = find_holder(str(port))
+        assert holder is not None
+        assert f"process {owner.pid}" in holder.name
+        # A killed program leaves its file, with no listener.
+        owner.kill()
+        owner.wait()
+        with pytest.raises(errors.LinkClosed, match="has ended"):
+            AttachedDriver(holder)
+        assert names() == [f"{BOARD_ID}.tap"]
+        assert find_holder(str(port)) is None
+    finally:
+        owner.kill()
+        owner.wait()
