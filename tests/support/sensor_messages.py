@@ -14,7 +14,7 @@ from wheelwire_protocol.sensors import (
     SensorChip,
     SensorState,
 )
-from wheelwire_protocol.types import Imu, Inputs, Range, SensorInfo
+from wheelwire_protocol.types import Imu, Inputs, Power, Range, SensorInfo
 from wheelwire_protocol.types import SensorEvent as EventMessage
 
 AHEAD_US = 1_000_000
@@ -105,6 +105,17 @@ class Stream:
     def range(self, message: Range) -> None:
         """Take a measurement of the range sensor."""
         self.stream.take_range(message, self.clock, message.t_us - AHEAD_US)
+
+    def power(
+        self,
+        voltage_mv: int,
+        current_ma: int = 0,
+        used_mah: float = 0.0,
+        level: int = BatteryLevel.OK,
+    ) -> None:
+        """Take a measurement of the supply."""
+        message = Power(BOOT, 2_000_000, 1, voltage_mv, current_ma, used_mah, level)
+        self.stream.take_power(message, self.clock, message.t_us - AHEAD_US)
 
     def inputs(self, message: Inputs) -> None:
         """Take all inputs."""

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -15,12 +14,14 @@ from pathlib import Path
 import pytest
 
 import wheelwire
+from support.cases import each
 from support.core_device import CoreDevice, Edits
 from support.lost_answers import LostAnswers
+from support.processes import open_files
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
-from wheelwire import aio, errors
+from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link import connection as link
@@ -148,16 +149,22 @@ def test_a_port_that_is_in_use(tmp_path: Path) -> None:
     assert "e-stop button" in str(caught.value)
 
 
-def test_no_port() -> None:
-    with pytest.raises(errors.PortUnavailable, match="no such port"):
-        SerialDriver("/dev/does-not-exist")
-    with pytest.raises(errors.PortUnavailable, match="`wheelwire sim` starts a simulated robot"):
-        SerialDriver("/run/does-not-exist")
-
-
-@pytest.mark.parametrize("port", ["socket://", "socket://host", "socket://:1", "socket://host:x"])
-def test_an_address_without_host_or_port_says_how_to_write_one(port: str) -> None:
-    with pytest.raises(errors.PortUnavailable, match="write it as socket://HOST:PORT"):
+@each(
+    ("port", "said"),
+    [
+        ("/dev/does-not-exist", "no such port"),
+        ("/run/does-not-exist", "`wheelwire sim` starts a simulated robot"),
+        ("socket://", "write it as socket://HOST:PORT"),
+        ("socket://host", "write it as socket://HOST:PORT"),
+        ("socket://:1", "write it as socket://HOST:PORT"),
+        ("socket://host:x", "write it as socket://HOST:PORT"),
+        (__file__, "not a serial port"),
+        ("loop://", "file descriptor"),
+        ("nonsense://x", "nonsense"),
+    ],
+)
+def test_a_name_that_leads_to_no_port(port: str, said: str) -> None:
+    with pytest.raises(errors.PortUnavailable, match=said):
         SerialDriver(port)
 
 
@@ -193,68 +200,11 @@ def test_any_error_of_the_opening_is_raised_where_the_driver_is() -> None:
     assert not link_threads()
 
 
-def test_a_file_that_is_no_port(tmp_path: Path) -> None:
-    file = tmp_path / "notes.txt"
-    file.write_text("hello")
-    with pytest.raises(errors.PortUnavailable, match="not a serial port"):
-        SerialDriver(str(file))
-
-
-def test_a_url_without_a_file_descriptor() -> None:
-    with pytest.raises(errors.PortUnavailable, match="file descriptor"):
-        SerialDriver("loop://")
-
-
-def test_an_unknown_url() -> None:
-    with pytest.raises(errors.PortUnavailable, match="nonsense"):
-        SerialDriver("nonsense://x")
-
-
 def test_a_socket_that_nobody_listens_on() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         number = server.getsockname()[1]
     with pytest.raises(errors.PortUnavailable, match="nobody listens"):
         SerialDriver(f"socket://127.0.0.1:{number}")
-
-
-def test_a_socket_works_where_a_path_does_and_reconnects() -> None:
-    device, end = CoreDevice(), threading.Event()
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        hang_up = threading.Event()
-        thread = threading.Thread(target=serve, args=(server, device, end, hang_up))
-        thread.start()
-        number = server.getsockname()[1]
-        try:
-            with SerialDriver(f"socket://127.0.0.1:{number}") as driver:
-                assert driver.info.baud_rate is None
-                driver.read()
-                hang_up.set()
-                while driver.statistics.reconnects == 0:
-                    assert thread.is_alive()
-                driver.read(timeout=10)
-        finally:
-            end.set()
-            thread.join()
-
-
-def serve(
-    server: socket.socket, device: CoreDevice, end: threading.Event, hang_up: threading.Event
-) -> None:
-    while not end.is_set():
-        if not select.select([server], [], [], 0.05)[0]:
-            continue
-        peer = server.accept()[0]
-        with peer, suppress(ConnectionError):  # the link hangs up whenever it likes
-            while not end.is_set() and not hang_up.is_set():
-                now_us = time.monotonic_ns() // 1000
-                if select.select([peer], [], [], 0.001)[0]:
-                    data = peer.recv(4096)
-                    if not data:
-                        break
-                    device.feed(data, now_us)
-                device.advance(now_us)
-                peer.sendall(device.take_output())
-        hang_up.clear()
 
 
 def test_every_error_has_its_own_exit_code() -> None:
@@ -268,11 +218,11 @@ def test_every_error_has_its_own_exit_code() -> None:
     assert not {0, 2} & set(codes)
 
 
-def test_every_refusal_says_what_to_do_in_one_line() -> None:
-    for code in [*RefusalCode, 250]:
-        text = str(errors.DeviceRefused(code, "the setpoint"))
-        assert "\n" not in text
-        assert len(text) > 40
+@each("code", [*RefusalCode, 250])
+def test_every_refusal_says_what_to_do_in_one_line(code: int) -> None:
+    text = str(errors.DeviceRefused(code, "the setpoint"))
+    assert "\n" not in text
+    assert len(text) > 40
 
 
 @pytest.mark.parametrize("kind", [GroupInfo, ConfigurationValue])
@@ -291,18 +241,6 @@ def test_a_robot_knows_its_board_once_it_is_open_or_restarted(
     assert restarted.board == opened.board
 
 
-async def test_in_a_loop_a_robot_knows_its_board_once_it_is_open_or_restarted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    lost = LostAnswers(monkeypatch, GroupInfo, 4)
-    async with aio.open_driver("mock") as robot:
-        assert robot.info.board is not None
-        lost.left = 4
-        await robot.board.restart()
-        assert robot.info.board is not None
-        assert lost.left == 0
-
-
 def test_a_robot_that_never_names_its_board_opens_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -313,19 +251,16 @@ def test_a_robot_that_never_names_its_board_opens_all_the_same(
 
 
 def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
-    def files() -> int:
-        return len(list(Path("/proc/self/fd").iterdir()))
-
     # The tap's socket opens a moment later, and does not belong to the port.
     with (
         PtyDevice(tmp_path / "port") as device,
         SerialDriver(str(device.path), tap=False) as robot,
     ):
-        before = files()
+        before = open_files()
         for _ in range(3):
             device.unplug()
             wait_until(lambda: not robot.is_open)
-            wait_until(lambda: files() < before)  # neither the port's nor the device's
+            wait_until(lambda: open_files() < before)  # neither the port's nor the device's
             device.plug()
             wait_until(lambda: robot.is_open)
-            wait_until(lambda: files() == before)
+            wait_until(lambda: open_files() == before)

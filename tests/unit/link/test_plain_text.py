@@ -77,18 +77,20 @@ def test_noise_says_nothing() -> None:
     assert len(found.quote) <= 80
 
 
-@pytest.mark.parametrize("text", [BROWN_OUT, b"invalid header: 0xffffffff\r\n"], ids=len)
-def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
-    """A bridge or a chip that says this again and again."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        end = threading.Event()
+def said_at(text: bytes, *, hangs_up: bool) -> str:
+    """What the driver says of a bridge or a chip that says this again and again."""
+    end = threading.Event()
 
-        def serve() -> None:
-            connection, _ = server.accept()
-            with connection, suppress(OSError):  # the host hangs up
-                while not end.wait(0.01):
+    def serve() -> None:
+        while not end.is_set():
+            # Nobody has come yet, or the host hangs up.
+            with suppress(OSError), server.accept()[0] as connection:
+                connection.sendall(text)
+                while not hangs_up and not end.wait(0.01):
                     connection.sendall(text)
 
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.05)
         thread = threading.Thread(target=serve)
         thread.start()
         try:
@@ -97,32 +99,19 @@ def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
         finally:
             end.set()
             thread.join()
-    assert all(part in str(raised.value) for part in TEXTS[text])
-    assert "another port" not in str(raised.value)
+    return str(raised.value)
+
+
+@pytest.mark.parametrize("text", [BROWN_OUT, b"invalid header: 0xffffffff\r\n"], ids=len)
+def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
+    said = said_at(text, hangs_up=False)
+    assert all(part in said for part in TEXTS[text])
+    assert "another port" not in said
 
 
 def test_a_bridge_that_refuses_and_hangs_up_is_quoted() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        end = threading.Event()
-        server.settimeout(0.05)
-
-        def serve() -> None:
-            while not end.is_set():
-                try:
-                    connection, _ = server.accept()
-                except TimeoutError:
-                    continue
-                with connection, suppress(OSError):
-                    connection.sendall(b"Port already in use\r\n")
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            with pytest.raises(ForeignDevice, match="'Port already in use': the bridge"):
-                SerialDriver(f"socket://127.0.0.1:{server.getsockname()[1]}", connect_timeout=0.5)
-        finally:
-            end.set()
-            thread.join()
+    said = said_at(b"Port already in use\r\n", hangs_up=True)
+    assert "'Port already in use': the bridge" in said
 
 
 def test_text_that_is_not_known_is_quoted() -> None:

@@ -5,7 +5,7 @@ import fcntl
 import os
 import subprocess
 import termios
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,8 +15,6 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import transports as transport
-from wheelwire.link.port_policy import USUAL_RATES
-from wheelwire.link.transports import SerialTransport
 from wheelwire.simulation.simulator import Simulator
 
 TIMEOUT_S = 30.0
@@ -78,46 +76,6 @@ def test_the_port_of_a_device_that_no_longer_answers_is_reopened(robot: PtyDevic
         wait_until(lambda: driver.statistics.reconnects >= 1)
         robot.device.mute = False
         wait_until(lambda: drives(driver))
-
-
-def test_a_device_that_comes_back_at_another_baud_rate_is_found(
-    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    set_baud_rate = SerialTransport.set_baud_rate
-    with SerialDriver(str(robot.path)) as driver:
-        robot.device.mute = True
-
-        def set_and_hear(port: SerialTransport, baud_rate: int) -> None:
-            set_baud_rate(port, baud_rate)
-            robot.device.mute = baud_rate != 460_800
-
-        monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
-        wait_until(lambda: drives(driver))
-        assert driver.info.baud_rate == 460_800
-
-
-def test_a_silent_port_is_reopened_after_each_round(
-    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened, tried = [], []
-    real: Callable[..., None] = SerialTransport.__init__
-    set_baud_rate = SerialTransport.set_baud_rate
-
-    def note_opening(self: SerialTransport, port: str, baud_rate: int) -> None:
-        opened.append(baud_rate)
-        robot.device.mute = len(opened) == 1
-        real(self, port, baud_rate)
-
-    def note_rate(self: SerialTransport, baud_rate: int) -> None:
-        tried.append(baud_rate)
-        set_baud_rate(self, baud_rate)
-
-    monkeypatch.setattr(SerialTransport, "__init__", note_opening)
-    monkeypatch.setattr(SerialTransport, "set_baud_rate", note_rate)
-    with SerialDriver(str(robot.path), connect_timeout=TIMEOUT_S) as driver:
-        assert driver.info.baud_rate == 921_600
-    assert opened == [921_600, 921_600]
-    assert tuple(tried) == USUAL_RATES[1:]
 
 
 def exclusive(port: Path) -> bool:

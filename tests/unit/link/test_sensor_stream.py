@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from itertools import product
+from typing import TypeVar
 
 import pytest
 
@@ -29,16 +31,31 @@ from wheelwire_protocol.sensors import (
     RangeQuality,
     Reflex,
     SensorChip,
-    SensorEventCode,
     SensorState,
 )
-from wheelwire_protocol.types import Power
+from wheelwire_protocol.sensors import SensorEventCode as Code
 from wheelwire_protocol.types import SensorEvent as EventMessage
+
+SampleT = TypeVar("SampleT", ImuSample, InputsSample, PowerSample, RangeSample)
+GROUPS = {ImuSample: IMU, InputsSample: INPUTS, PowerSample: POWER, RangeSample: RANGE}
 
 
 @pytest.fixture
 def known() -> Stream:
     return Stream()
+
+
+def only(stream: Stream, kind: type[SampleT]) -> SampleT:
+    """The one sample that was passed on, which has to be of this kind."""
+    ((group, sample),) = stream.sensed
+    assert group == GROUPS[kind]
+    assert isinstance(sample, kind)
+    return sample
+
+
+def times(stream: Stream) -> list[int]:
+    """When each of the samples of the IMU was measured."""
+    return [one.t_us for _, one in stream.sensed if isinstance(one, ImuSample)]
 
 
 def test_channels_are_known_in_their_order(known: Stream) -> None:
@@ -54,9 +71,7 @@ def test_channels_are_known_in_their_order(known: Stream) -> None:
 
 def test_an_imu_is_in_the_robots_axes_and_on_the_hosts_clock(known: Stream) -> None:
     known.imu(3_000_000)
-    ((group, sample),) = known.sensed
-    assert group == IMU
-    assert isinstance(sample, ImuSample)
+    sample = only(known, ImuSample)
     # Its y points forward: the robot's left is its -x.
     assert sample.gyro == (2.0, -1.0, 3.0)
     assert sample.acceleration == (-3.0, -2.0, 10.0)
@@ -69,8 +84,7 @@ def test_an_imu_is_in_the_robots_axes_and_on_the_hosts_clock(known: Stream) -> N
 def test_the_gyroscopes_bias_is_taken_off_in_the_chips_axes(known: Stream) -> None:
     known.stream.take_info(info(0, values=(1, -2, 6)))
     known.imu(3_000_000)
-    ((_, sample),) = known.sensed
-    assert isinstance(sample, ImuSample)
+    sample = only(known, ImuSample)
     # 2, 4 and 6 counts of 0.5 rad/s without those of the bias; its y points forward.
     assert sample.gyro == (3.0, -0.5, 0.0)
     assert sample.acceleration == (-3.0, -2.0, 10.0)
@@ -96,16 +110,14 @@ def test_every_mounting_gives_a_right_handed_frame(forward: Axis, up: Axis) -> N
 def test_a_sample_that_the_line_doubled_is_one(known: Stream) -> None:
     for t_us in (3_000_000, 3_000_000, 2_995_000, 3_005_000):
         known.imu(t_us)
-    assert [sample.t_us for _, sample in known.sensed] == [3_000_000, 3_005_000]  # type: ignore[attr-defined]
+    assert times(known) == [3_000_000, 3_005_000]
 
 
 def test_the_devices_clock_wraps(known: Stream) -> None:
     near = (1 << 32) - 2000
     for t_us in (near, near + 5000):
         known.imu(t_us)
-    (_, before), (_, after) = known.sensed
-    assert isinstance(before, ImuSample)
-    assert isinstance(after, ImuSample)
+    before, after = (one for _, one in known.sensed if isinstance(one, ImuSample))
     assert after.t_us - before.t_us == 5000
     assert after.stamp - before.stamp == pytest.approx(0.005, abs=1e-5)
 
@@ -119,36 +131,28 @@ def test_samples_that_waited_for_a_stopped_program_hide_no_fresh_one(
     for t_us in (begin_us + 5_000, begin_us + stopped_us, begin_us + stopped_us + 5_000):
         # All of them come at the end; the first one waited on the line.
         known.imu(t_us, now_us=begin_us + stopped_us + 10_000 - AHEAD_US)
-    times = [sample.t_us for _, sample in known.sensed]  # type: ignore[attr-defined]
-    assert times[-1] == begin_us + stopped_us + 5_000
-    assert times == sorted(times)
-    assert len(times) == 4
+    assert times(known)[-1] == begin_us + stopped_us + 5_000
+    assert times(known) == sorted(times(known))
+    assert len(times(known)) == 4
 
 
 def test_the_supply_by_a_divider_has_no_current(known: Stream) -> None:
-    message = Power(BOOT, 2_000_000, 1, 7400, 0, 0.0, BatteryLevel.OK)
-    known.stream.take_power(message, known.clock, AHEAD_US)
-    ((group, sample),) = known.sensed
-    assert group == POWER
-    assert isinstance(sample, PowerSample)
+    known.power(7400)
+    sample = only(known, PowerSample)
     assert (sample.voltage_v, sample.current_a, sample.used_ah) == (7.4, None, None)
     assert sample.level is BatteryLevel.OK
 
 
 def test_the_supply_by_a_sensor_has_one(known: Stream) -> None:
     known.stream.take_info(info(1, kind=PeripheralKind.POWER))
-    message = Power(BOOT, 2_000_000, 1, 7400, -1500, 250.0, BatteryLevel.OK)
-    known.stream.take_power(message, known.clock, AHEAD_US)
-    ((_, sample),) = known.sensed
-    assert isinstance(sample, PowerSample)
+    known.power(7400, -1500, 250.0)
+    sample = only(known, PowerSample)
     assert (sample.current_a, sample.used_ah) == (-1.5, 0.25)
 
 
 def test_inputs_have_names(known: Stream) -> None:
     known.inputs(inputs(2_000_000, triggered=0b0100, reflexes=Reflex.NO_FORWARD))
-    ((group, sample),) = known.sensed
-    assert group == INPUTS
-    assert isinstance(sample, InputsSample)
+    sample = only(known, InputsSample)
     assert sample.triggered == ("bumper.front_left",)
     assert sample.channels["bumper.front_left"] == (True, True, 5, SensorState.OK)
     assert sample.channels["cliff.front"] == (False, False, 6, SensorState.OK)
@@ -158,9 +162,7 @@ def test_inputs_have_names(known: Stream) -> None:
 
 def test_a_range_is_a_distance_with_what_the_sensor_can_measure(known: Stream) -> None:
     known.range(distance(3_000_000, sample=7))
-    ((group, sample),) = known.sensed
-    assert group == RANGE
-    assert isinstance(sample, RangeSample)
+    sample = only(known, RangeSample)
     assert (sample.name, sample.distance_m, sample.sample) == ("left", 0.85, 7)
     assert (sample.min_m, sample.max_m, sample.field_of_view_rad) == (0.02, 4.0, 0.26)
     assert sample.t_us == 3_000_000
@@ -168,24 +170,23 @@ def test_a_range_is_a_distance_with_what_the_sensor_can_measure(known: Stream) -
     assert sample.stamp_error_s > 30e-6  # that of the echo, and that of the clock
 
 
-@pytest.mark.parametrize(
+@each(
     ("quality", "distance_m"),
     [(RangeQuality.FAR, float("inf")), (RangeQuality.NEAR, float("-inf"))],
 )
 def test_no_echo_is_infinitely_far_and_too_near_is_minus_infinite(
-    known: Stream, quality: RangeQuality, distance_m: float
+    quality: RangeQuality, distance_m: float
 ) -> None:
+    known = Stream()
     known.range(distance(3_000_000, 850, quality))
-    ((_, sample),) = known.sensed
-    assert isinstance(sample, RangeSample)
-    assert sample.distance_m == distance_m
+    assert only(known, RangeSample).distance_m == distance_m
 
 
 def test_a_stale_range_sensor_has_no_newest_sample_until_the_next(known: Stream) -> None:
     known.range(distance(2_000_000))
     known.range(distance(2_000_000))  # the line has doubled it
     assert len(known.sensed) == 1
-    event = known.event(4, SensorEventCode.STATE, SensorState.ABSENT)
+    event = known.event(4, Code.STATE, SensorState.ABSENT)
     assert event.sentence.startswith("range.left: STALE, ABSENT: ")
     assert "range.left" not in known.stream.newest
     known.range(distance(3_000_000))
@@ -195,8 +196,7 @@ def test_a_stale_range_sensor_has_no_newest_sample_until_the_next(known: Stream)
 
 def test_analogue_inputs_have_names_and_volts(known: Stream) -> None:
     known.inputs(inputs(2_000_000))
-    ((_, sample),) = known.sensed
-    assert isinstance(sample, InputsSample)
+    sample = only(known, InputsSample)
     assert sample.analog == {"analog_2": 3.3}
     assert "analog_2" not in sample.channels
 
@@ -211,11 +211,11 @@ def test_a_voltage_that_cannot_be_used_is_not_handed_out(known: Stream) -> None:
     known.inputs(inputs(2_000_000, stale=0b10_0000))
     assert newest_inputs(known).analog == {}
     # The event comes before the voltage that can be used.
-    known.event(5, SensorEventCode.STATE, SensorState.OK)
+    known.event(5, Code.STATE, SensorState.OK)
     assert newest_inputs(known).analog == {}
     known.inputs(inputs(2_100_000))
     assert newest_inputs(known).analog == {"analog_2": 3.3}
-    known.event(5, SensorEventCode.STATE, SensorState.MISSED)
+    known.event(5, Code.STATE, SensorState.MISSED)
     assert newest_inputs(known).analog == {}
 
 
@@ -225,15 +225,14 @@ def test_inputs_wait_until_all_names_are_known() -> None:
     for channel in range(len(KINDS)):
         assert early.sensed == []
         early.stream.take_info(info(channel))
-    ((_, sample),) = early.sensed
-    assert isinstance(sample, InputsSample)
+    sample = only(early, InputsSample)
     assert sample.triggered == ("bumper.front_left",)
 
 
 def test_what_has_no_units_yet_is_no_sample() -> None:
     early = Stream(knows=False)
     early.imu(2_000_000)
-    early.stream.take_power(Power(BOOT, 0, 1, 1, 0, 0.0, 1), early.clock, 0)
+    early.power(7400)
     early.range(distance(2_000_000))
     early.stream.take_event(EventMessage(BOOT, 0, 0, 0, 1), early.clock, 0)
     assert early.sensed == []
@@ -242,7 +241,7 @@ def test_what_has_no_units_yet_is_no_sample() -> None:
 def test_a_stale_sensor_has_no_newest_sample_until_the_next(known: Stream) -> None:
     known.imu(2_000_000)
     assert "imu" in known.stream.newest
-    event = known.event(0, SensorEventCode.STATE, SensorState.FROZEN)
+    event = known.event(0, Code.STATE, SensorState.FROZEN)
     assert event.sentence.startswith("imu: STALE, FROZEN: it repeats one raw sample")
     assert event.is_warning
     assert known.stream.states.get(0) is SensorState.FROZEN
@@ -263,42 +262,30 @@ def test_a_lost_event_is_made_good_by_the_inputs(known: Stream) -> None:
     assert known.stream.states.get(0) is SensorState.OK
 
 
+BUMPER = "bumper.front_left"
+UNTIL_CHARGED = "the robot stops until the battery is charged"
+WARNINGS = (
+    (2, Code.TRIGGERED, Reflex.NO_FORWARD, f"{BUMPER} triggered: the robot only backs out"),
+    (2, Code.TRIGGERED, Reflex.NO_REVERSE, f"{BUMPER} triggered: the robot only drives forward"),
+    (3, Code.TRIGGERED, Reflex.STOP, "cliff.front triggered: the robot stops"),
+    (
+        1,
+        Code.BATTERY,
+        BatteryLevel.STOP,
+        "battery: empty; the robot stops until the battery is charged",
+    ),
+    (0, Code.REDUCED, 100, "imu: the line carries only 100 samples a second"),
+)
+NEWS = (
+    (0, Code.STATE, SensorState.OK, "imu: OK"),
+    (3, Code.RELEASED, Reflex.STOP, "cliff.front is free again"),
+    (1, Code.BATTERY, BatteryLevel.OK, "battery: charged"),
+)
+
+
 @each(
     ("channel", "code", "value", "sentence", "is_warning"),
-    [
-        (0, SensorEventCode.STATE, SensorState.OK, "imu: OK", False),
-        (
-            2,
-            SensorEventCode.TRIGGERED,
-            Reflex.NO_FORWARD,
-            "bumper.front_left triggered: the robot only backs out",
-            True,
-        ),
-        (
-            2,
-            SensorEventCode.TRIGGERED,
-            Reflex.NO_REVERSE,
-            "bumper.front_left triggered: the robot only drives forward",
-            True,
-        ),
-        (3, SensorEventCode.TRIGGERED, Reflex.STOP, "cliff.front triggered: the robot stops", True),
-        (3, SensorEventCode.RELEASED, Reflex.STOP, "cliff.front is free again", False),
-        (1, SensorEventCode.BATTERY, BatteryLevel.OK, "battery: charged", False),
-        (
-            1,
-            SensorEventCode.BATTERY,
-            BatteryLevel.STOP,
-            "battery: empty; the robot stops until the battery is charged",
-            True,
-        ),
-        (
-            0,
-            SensorEventCode.REDUCED,
-            100,
-            "imu: the line carries only 100 samples a second",
-            True,
-        ),
-    ],
+    [(*event, True) for event in WARNINGS] + [(*event, False) for event in NEWS],
 )
 def test_an_event_has_a_sentence(
     known: Stream, channel: int, code: int, value: int, sentence: str, is_warning: bool
@@ -312,7 +299,7 @@ def test_an_event_has_a_sentence(
 
 
 def test_a_reduced_rate_is_the_channels_from_then_on(known: Stream) -> None:
-    known.event(0, SensorEventCode.REDUCED, 100)
+    known.event(0, Code.REDUCED, 100)
     assert known.stream.infos[0].rate_hz == 100
     assert resumed(known.stream).infos[0].rate_hz == 100
 
@@ -320,8 +307,8 @@ def test_a_reduced_rate_is_the_channels_from_then_on(known: Stream) -> None:
 def test_an_event_waits_until_its_channel_says_what_it_is(known: Stream) -> None:
     stream = known.stream
     stream.forget()
-    reduced = EventMessage(BOOT, 2_000_000, 0, SensorEventCode.REDUCED, 116)
-    stale = EventMessage(BOOT, 2_000_000, 0, SensorEventCode.STATE, SensorState.ABSENT)
+    reduced = EventMessage(BOOT, 2_000_000, 0, Code.REDUCED, 116)
+    stale = EventMessage(BOOT, 2_000_000, 0, Code.STATE, SensorState.ABSENT)
     for message in (stale, reduced):
         stream.take_event(message, known.clock, 1_000_000)
     stream.take_info(info(1))
@@ -339,7 +326,7 @@ def test_an_event_waits_until_its_channel_says_what_it_is(known: Stream) -> None
 def test_events_of_unknown_channels_fill_no_memory(known: Stream) -> None:
     for _ in range(1000):
         known.stream.take_event(
-            EventMessage(BOOT, 2_000_000, 200, SensorEventCode.REDUCED, 1), known.clock, 1_000_000
+            EventMessage(BOOT, 2_000_000, 200, Code.REDUCED, 1), known.clock, 1_000_000
         )
     assert known.sensed == []
     assert len(known.stream._early_events) == EARLY_EVENTS
@@ -347,24 +334,25 @@ def test_events_of_unknown_channels_fill_no_memory(known: Stream) -> None:
     assert known.stream._early_events == []
 
 
-def test_codes_that_mean_nothing_are_invalid(known: Stream) -> None:
-    with pytest.raises(ValueError, match="99"):
-        known.stream.take_info(info(0, kind=99))
-    with pytest.raises(ValueError, match="NONE"):
-        known.stream.take_info(info(4)._replace(chip=SensorChip.NONE))
-    for number in (0, 5):
-        with pytest.raises(ValueError, match=f"no analogue input {number}"):
-            known.stream.take_info(info(5, values=(2000, number, 0)))
-    with pytest.raises(ValueError, match="99"):
-        known.range(distance(2_000_000, quality=99))
-    with pytest.raises(ValueError, match="99"):
-        known.event(0, 99, 0)
-    with pytest.raises(ValueError, match="99"):
-        known.event(0, SensorEventCode.STATE, 99)
-    with pytest.raises(ValueError, match="99"):
-        known.stream.take_power(Power(BOOT, 0, 1, 1, 0, 0.0, 99), known.clock, 0)
-    with pytest.raises(ValueError, match="99"):
-        known.stream.take_inputs(inputs(0)._replace(level=99), known.clock, 0)
+@each(
+    ("said", "take"),
+    [
+        ("99", lambda known: known.stream.take_info(info(0, kind=99))),
+        ("NONE", lambda known: known.stream.take_info(info(4)._replace(chip=SensorChip.NONE))),
+        ("input 0", lambda known: known.stream.take_info(info(5, values=(2000, 0, 0)))),
+        ("input 5", lambda known: known.stream.take_info(info(5, values=(2000, 5, 0)))),
+        ("99", lambda known: known.range(distance(2_000_000, quality=99))),
+        ("99", lambda known: known.event(0, 99, 0)),
+        ("99", lambda known: known.event(0, Code.STATE, 99)),
+        ("99", lambda known: known.power(7400, level=99)),
+        ("99", lambda known: known.inputs(inputs(0)._replace(level=99))),
+    ],
+)
+def test_a_code_that_means_nothing_is_invalid(
+    known: Stream, said: str, take: Callable[[Stream], object]
+) -> None:
+    with pytest.raises(ValueError, match=said):
+        take(known)
     assert known.sensed == []
 
 
@@ -429,7 +417,7 @@ def resumed(stream: SensorStream) -> SensorStream:
 
 def test_another_session_goes_on_behind_a_snapshot(known: Stream) -> None:
     known.imu(2_000_000)
-    known.event(0, SensorEventCode.STATE, SensorState.HUNG)
+    known.event(0, Code.STATE, SensorState.HUNG)
     other = resumed(known.stream)
     assert other.infos == known.stream.infos
     assert other.states == known.stream.states
