@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import select
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,16 +28,6 @@ BOUND_S = 8.0
 ROBOTS = 10
 LONGEST_DELAY_S = 0.004
 """After the call begins: most calls are answered within a millisecond."""
-
-
-def _drive(robot: Any) -> Any:
-    if isinstance(robot, aio.Driver):
-        return _drive_in_loop(robot)
-    return robot.set_velocity(0.1, 0.0)
-
-
-async def _drive_in_loop(robot: aio.Driver) -> None:
-    robot.set_velocity(0.1, 0.0)
 
 
 def _try_value(robot: Any) -> Any:
@@ -70,7 +60,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
     "contradictions": lambda robot: robot.contradictions(),
     "trial": _try_value,
-    "set_velocity": _drive,
+    "set_velocity": lambda robot: robot.set_velocity(0.1, 0.0),
 }
 
 
@@ -184,42 +174,14 @@ def options(socket: Socket) -> LinkOptions:
 
 def with_threads(count: int, seed: int) -> Outcome:
     """`count` unplugs during calls of `wheelwire.BaseDriver`."""
-    random, outcome = Random(seed), Outcome()
-    socket = Socket(random)
-    with Robot(partial(Link, options(socket))) as robot:
-        heard = Heard(robot)
-        for number in range(1, count + 1):
-            name = random.choice(list(CALLS))
-            delay_s = random.uniform(0, LONGEST_DELAY_S)
-            thread = threading.Thread(target=_unplug_after, args=(socket, delay_s))
-            thread.start()
-            begin_s, error = time.monotonic(), None
-            try:
-                CALLS[name](robot)
-            except BaseException as caught:
-                error = caught
-            outcome.add(name, error, begin_s)
-            thread.join()
-            if outcome.unbounded:
-                break
-            socket.plug()
-            while heard.waits(number, begin_s):
-                time.sleep(0.001)
-        heard.judge(number, outcome)
-        _close(robot, socket, random, outcome)
-    return outcome
+    socket = Socket(Random(seed))
+    robot = Robot(partial(Link, options(socket)))
 
+    async def call(function: Callable[[Any], Any]) -> None:
+        await asyncio.to_thread(function, robot)
 
-def _close(robot: Robot, socket: Socket, random: Random, outcome: Outcome) -> None:
-    """Unplug while it is closed."""
-    thread = threading.Thread(
-        target=_unplug_after, args=(socket, random.uniform(0, LONGEST_DELAY_S))
-    )
-    thread.start()
-    begin_s = time.monotonic()
-    robot.close()
-    outcome.add("close", None, begin_s)
-    thread.join()
+    with robot:
+        return asyncio.run(_unplugs(socket, robot, call, count, Random(seed)))
 
 
 def with_asyncio(count: int, seed: int) -> Outcome:
@@ -228,40 +190,55 @@ def with_asyncio(count: int, seed: int) -> Outcome:
 
 
 async def _with_asyncio(count: int, seed: int) -> Outcome:
-    random, outcome = Random(seed), Outcome()
-    socket = Socket(random)
+    socket = Socket(Random(seed))
 
     def make() -> aio.Driver:
         with opened_later():
             return aio.Driver(Robot(partial(Link, options(socket))))
 
+    async def call(function: Callable[[Any], Any]) -> None:
+        result = function(robot)
+        if inspect.isawaitable(result):
+            await result
+
     async with aio.Opening(make) as robot:
-        heard = Heard(robot)
-        loop = asyncio.get_running_loop()
-        for number in range(1, count + 1):
-            name = random.choice(list(CALLS))
-            if random.random() < 0.5:  # the loss is found by the call itself
-                socket.unplug()
-            else:
-                loop.call_later(random.uniform(0, LONGEST_DELAY_S), socket.unplug)
-            begin_s, error = time.monotonic(), None
-            try:
-                await asyncio.wait_for(CALLS[name](robot), BOUND_S)
-            except BaseException as caught:
-                error = caught
-            outcome.add(name, error, begin_s)
-            if outcome.unbounded:
-                break
-            await asyncio.sleep(LONGEST_DELAY_S)  # until it is unplugged for certain
-            socket.plug()
-            while heard.waits(number, begin_s):
-                await asyncio.sleep(0.001)
-        heard.judge(number, outcome)
-        loop.call_later(random.uniform(0, LONGEST_DELAY_S), socket.unplug)
+        return await _unplugs(socket, robot, call, count, Random(seed))
+
+
+async def _unplugs(
+    socket: Socket, robot: Any, call: Callable[..., Any], count: int, random: Random
+) -> Outcome:
+    """Unplug it during calls, and at last while it is closed."""
+    outcome, heard = Outcome(), Heard(robot)
+    for number in range(1, count + 1):
+        name = random.choice(list(CALLS))
+        if isinstance(robot, aio.Driver) and random.random() < 0.5:
+            socket.unplug()  # the loss is found by the call itself
+        await _unplug_during(name, call(CALLS[name]), socket, random, outcome)
+        if outcome.unbounded:
+            break
+        socket.plug()
         begin_s = time.monotonic()
-        await robot.close()
-        outcome.add("close", None, begin_s)
+        while heard.waits(number, begin_s):
+            await asyncio.sleep(0.001)
+    heard.judge(number, outcome)
+    await _unplug_during("close", call(lambda robot: robot.close()), socket, random, outcome)
     return outcome
+
+
+async def _unplug_during(
+    name: str, awaited: Awaitable[None], socket: Socket, random: Random, outcome: Outcome
+) -> None:
+    delay_s = random.uniform(0, LONGEST_DELAY_S)
+    unplugging = asyncio.ensure_future(asyncio.to_thread(_unplug_after, socket, delay_s))
+    await asyncio.sleep(0)  # its thread has begun
+    begin_s, error = time.monotonic(), None
+    try:
+        await asyncio.wait_for(awaited, BOUND_S)
+    except BaseException as caught:
+        error = caught
+    outcome.add(name, error, begin_s)
+    await unplugging
 
 
 def _unplug_after(socket: Socket, delay_s: float) -> None:

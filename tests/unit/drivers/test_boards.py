@@ -1,6 +1,5 @@
 """A port that leads to another board than the one that was met first."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,13 +12,7 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.types import SetDuty, SetWheelVelocity
 
-FIRST, STRANGER = 0x240AC4123456, 0x240AC4ABCDEF
-
-
-@pytest.fixture
-def robot(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "robot", CoreDevice(board_id=FIRST)) as device:
-        yield device
+STRANGER = 0x240AC4ABCDEF
 
 
 def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
@@ -30,9 +23,9 @@ def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
     return None
 
 
-def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> None:
-    with SerialDriver(str(robot.path)) as driver:
-        stranger = robot.replace(CoreDevice(board_id=STRANGER))
+def test_a_driver_stays_with_the_board_that_it_met_first(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path)) as driver:
+        stranger = device.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard))
         error = error_of(driver)
         assert "240ac4abcdef" in str(error)
@@ -42,25 +35,25 @@ def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> No
             list(iter(lambda: driver.read(timeout=0.1), None))
         assert not [m for m in stranger.received if isinstance(m, (SetWheelVelocity, SetDuty))]
         assert driver.info.device.board_id == "240ac4123456"
-        robot.replace(CoreDevice(board_id=FIRST))
+        device.replace(CoreDevice())
         wait_until(lambda: error_of(driver) is None)
 
 
-def test_another_board_may_be_taken_on_purpose(robot: PtyDevice) -> None:
-    with SerialDriver(str(robot.path), any_board=True) as driver:
-        stranger = robot.replace(CoreDevice(board_id=STRANGER))
+def test_another_board_may_be_taken_on_purpose(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path), any_board=True) as driver:
+        stranger = device.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed))
         assert driver.info.device.board_id == "240ac4abcdef"
 
 
-def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
-    with SerialDriver(str(robot.path)) as driver:
-        robot.replace(CoreDevice(board_id=STRANGER))
+def test_the_port_of_a_wrong_board_is_left_to_others(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path)) as driver:
+        device.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard))
 
         def open_second() -> bool:
             try:
-                SerialDriver(str(robot.path)).shutdown()
+                SerialDriver(str(device.path)).shutdown()
             except errors.PortUnavailable:
                 return False
             return True

@@ -1,32 +1,31 @@
 import pytest
 
-from support.clocks import LONG_DELAYS, SHORT_DELAYS, USB, Clocks, Coverage, LineDelays, session
+from support.clocks import (
+    GAP_US,
+    LONG_DELAYS,
+    PROBES,
+    SHORT_DELAYS,
+    USB,
+    Clocks,
+    Coverage,
+    LineDelays,
+    session,
+)
 from wheelwire.link.clock import ClockEstimator, Exchange
 
 
 @pytest.mark.parametrize("drift_ppm", [-200, -20, 0, 50, 200])
 def test_the_bound_covers_the_error(drift_ppm: float) -> None:
-    checked = missed = 0
-    errors: list[float] = []
-    for seed in range(4):
-        clocks, estimator = Clocks(seed, drift_ppm * 1e-6), ClockEstimator()
-        now = 10**9
-        for number in range(200):
-            estimator.add(clocks.exchange(now))
-            gap = 5_000 if number < 8 else 500_000
-            for _ in range(10):
-                moment = now + 25_000 + clocks.random.randrange(gap)
-                host_us, bound_us = estimator.conversion.device_to_host(clocks.device_us(moment))
-                error = abs(host_us - moment)
-                checked += 1
-                missed += error > bound_us
-                if number > 64:
-                    errors.append(error)
-                    assert bound_us < 2_500
-            now += gap
+    coverages = [Coverage() for _ in range(4)]
+    settled = slice(65 * PROBES, None)
+    for seed, coverage in enumerate(coverages):
+        session(coverage, Clocks(seed, drift_ppm * 1e-6))
+        assert max(coverage.bounds_us[settled]) < 2_500
+    checked = sum(coverage.checked for coverage in coverages)
     assert checked == 8000
-    assert missed <= checked // 1000
-    assert sorted(errors)[len(errors) // 2] < 500  # half the difference of the two ways is 350
+    assert sum(coverage.missed for coverage in coverages) <= checked // 1000
+    errors_us = sorted(error for coverage in coverages for error in coverage.errors_us[settled])
+    assert errors_us[len(errors_us) // 2] < 500  # half the difference of the two ways is 350
 
 
 @pytest.mark.parametrize("ways", [SHORT_DELAYS, USB, LONG_DELAYS])
@@ -54,30 +53,30 @@ def test_the_drift_is_known_while_no_ping_is_answered(drift_ppm: float, period_u
     assert sorted(errors)[10] < 600
 
 
+def estimator_after(clocks: Clocks, count: int) -> tuple[ClockEstimator, int]:
+    """What so many exchanges led to, and the time of the next one."""
+    estimator, now = ClockEstimator(), 10**9
+    for _ in range(count):
+        estimator.add(clocks.exchange(now))
+        now += GAP_US
+    return estimator, now
+
+
 def test_the_conversions_are_inverse() -> None:
-    clocks, estimator = Clocks(5, 150e-6), ClockEstimator()
-    for number in range(40):
-        estimator.add(clocks.exchange(10**9 + number * 500_000))
-    moment = 10**9 + 40 * 500_000
+    estimator, moment = estimator_after(Clocks(5, 150e-6), 40)
     there, _ = estimator.conversion.host_to_device(moment)
     assert abs(estimator.conversion.device_to_host(there)[0] - moment) <= 1
 
 
 def test_the_bound_grows_while_no_ping_is_answered() -> None:
-    clocks, estimator = Clocks(6, 0.0), ClockEstimator()
-    for number in range(20):
-        estimator.add(clocks.exchange(10**9 + number * 500_000))
-    last = 10**9 + 19 * 500_000
+    estimator, last = estimator_after(Clocks(6, 0.0), 20)
     known = estimator.conversion
     assert known.host_to_device(last + 60_000_000)[1] > known.host_to_device(last)[1] + 100
 
 
 def test_a_step_of_a_clock_voids_the_past() -> None:
-    clocks, estimator = Clocks(7, 0.0), ClockEstimator()
-    now = 10**9
-    for _ in range(64):
-        estimator.add(clocks.exchange(now))
-        now += 500_000
+    clocks = Clocks(7, 0.0)
+    estimator, now = estimator_after(clocks, 64)
     clocks.offset_us += 30_000_000  # the host slept, the device did not
     exchange = clocks.exchange(now)
     estimator.add(exchange)

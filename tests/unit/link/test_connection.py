@@ -32,7 +32,6 @@ from wheelwire_protocol.types import (
     ConfigurationValue,
     DeviceHello,
     GroupInfo,
-    SetWheelVelocity,
 )
 
 
@@ -94,21 +93,6 @@ def test_the_baud_rate_at_which_the_device_answers_is_kept(
         monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
         with SerialDriver(str(robot.path)) as driver:
             assert driver.info.baud_rate == 115_200
-
-
-@pytest.mark.parametrize(
-    ("difference", "code"),
-    [("protocol_version", RefusalCode.PROTOCOL_VERSION), ("schema_hash", RefusalCode.SCHEMA)],
-)
-def test_a_device_of_another_release(tmp_path: Path, difference: str, code: RefusalCode) -> None:
-    release = {"version_major": 9, "version_minor": 8, "version_patch": 7}
-    device = CoreDevice(edits={DeviceHello: {**release, difference: 77, "refusal": code}})
-    with (
-        PtyDevice(tmp_path / "robot", device) as robot,
-        pytest.raises(errors.ProtocolMismatch, match=r"9\.8\.7.*install both"),
-    ):
-        SerialDriver(str(robot.path))
-    assert device.count(SetWheelVelocity) == 0
 
 
 def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ import fcntl
 import os
 import subprocess
 import termios
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,12 +19,6 @@ from wheelwire.simulation.simulator import Simulator
 TIMEOUT_S = 30.0
 TIOCGEXCL = 0x80045440
 """Linux's number; the module `termios` does not have it."""
-
-
-@pytest.fixture
-def robot(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "robot") as device:
-        yield device
 
 
 def settings(port: Path | str) -> list[object]:
@@ -51,13 +44,13 @@ def drives(driver: SerialDriver) -> bool:
 
 @pytest.mark.parametrize("change", [["sane"], ["9600"], ["ixon", "ixoff"], ["-raw", "echo"]])
 def test_the_link_comes_back_after_another_program_changed_the_settings(
-    robot: PtyDevice, change: list[str]
+    device: PtyDevice, change: list[str]
 ) -> None:
-    with SerialDriver(str(robot.path)) as driver:
-        ours = settings(robot.path)
-        stty(robot.path, *change)
-        assert settings(robot.path) != ours
-        wait_until(lambda: settings(robot.path) == ours)
+    with SerialDriver(str(device.path)) as driver:
+        ours = settings(device.path)
+        stty(device.path, *change)
+        assert settings(device.path) != ours
+        wait_until(lambda: settings(device.path) == ours)
         wait_until(lambda: drives(driver))
         assert driver.statistics.reconnects >= 1
 
@@ -70,11 +63,11 @@ def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
         assert driver.info.baud_rate == 115_200
 
 
-def test_the_port_of_a_device_that_no_longer_answers_is_reopened(robot: PtyDevice) -> None:
-    with SerialDriver(str(robot.path)) as driver:
-        robot.device.mute = True
+def test_the_port_of_a_device_that_no_longer_answers_is_reopened(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path)) as driver:
+        device.device.mute = True
         wait_until(lambda: driver.statistics.reconnects >= 1)
-        robot.device.mute = False
+        device.device.mute = False
         wait_until(lambda: drives(driver))
 
 
@@ -89,14 +82,14 @@ def exclusive(port: Path) -> bool:
 
 
 def test_a_port_is_held_against_programs_that_know_no_lock(
-    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transport, "PSEUDO_TERMINALS", "/nowhere/")
-    with SerialDriver(str(robot.path)):
-        assert exclusive(robot.path)
-    assert not exclusive(robot.path)
+    with SerialDriver(str(device.path)):
+        assert exclusive(device.path)
+    assert not exclusive(device.path)
 
 
-def test_a_pseudo_terminal_is_not_left_shut_by_a_program_that_is_killed(robot: PtyDevice) -> None:
-    with SerialDriver(str(robot.path)):
-        assert not exclusive(robot.path)
+def test_a_pseudo_terminal_is_not_left_shut_by_a_program_that_is_killed(device: PtyDevice) -> None:
+    with SerialDriver(str(device.path)):
+        assert not exclusive(device.path)

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from support.core_device import CoreDevice
@@ -66,7 +68,8 @@ def test_hello_is_repeated_with_one_nonce_until_answered() -> None:
 )
 def test_a_mismatch_names_both_sides_and_opens_nothing(difference: str, code: RefusalCode) -> None:
     theirs = {"protocol_version": PROTOCOL_VERSION, "schema_hash": schema_hash(), difference: 77}
-    line = VirtualLine(device=CoreDevice(edits={DeviceHello: {**theirs, "refusal": code}}))
+    release = {"version_major": 9, "version_minor": 8, "version_patch": 7, "refusal": code}
+    line = VirtualLine(device=CoreDevice(edits={DeviceHello: {**theirs, **release}}))
     line.session.connect(line.now_us)
     line.run_until(lambda: isinstance(line.session.error, ProtocolMismatch))
     text = str(line.session.error)
@@ -74,6 +77,7 @@ def test_a_mismatch_names_both_sides_and_opens_nothing(difference: str, code: Re
     assert f"{schema_hash():08x}" in text
     assert f"{theirs['schema_hash']:08x}" in text
     assert f"protocol {theirs['protocol_version']}" in text
+    assert re.search(r"9\.8\.7.*install both", text)
     with pytest.raises(ProtocolMismatch):
         line.drive()
     assert line.sent_of(SetWheelVelocity) == []

@@ -8,15 +8,12 @@ from wheelwire.errors import DeviceRefused, Expired
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,
     ClearFault,
     Estop,
     Event,
-    ParameterSet,
-    ParameterValue,
     Refuse,
     SetWheelVelocity,
     Stop,
@@ -313,23 +310,6 @@ def test_a_program_that_keeps_asking_for_motion_after_a_clear_gets_none(period_s
     assert not line.device.obeyed
     # All but the first call, which did not know yet.
     assert codes == [RefusalCode.UNARMED] * (round(5.0 / period_s) - 1)
-
-
-def test_a_pause_arms_and_the_next_setpoint_neither_raises_nor_is_refused() -> None:
-    line = unarmed_line()
-    assert refusals(line, 0.05, 0.5)
-    line.run(1.0)
-    line.drive()
-    line.run(0.05)
-    assert len(line.device.obeyed) == 1
-
-
-def test_the_pause_is_as_long_as_the_device_says() -> None:
-    line = unarmed_line()
-    gap = PARAMETER_BY_NAME["rearm_gap_s"].id
-    assert isinstance(line.request(ParameterSet(0, 0, gap, 2.0)), ParameterValue)
-    assert refusals(line, 0.9, 4.0) == [RefusalCode.UNARMED] * 3
-    assert not line.device.obeyed
 
 
 @pytest.mark.parametrize("asked_s", [0.15, 0.2])

@@ -41,6 +41,10 @@ CALLS: dict[str, Callable[[SerialDriver], object]] = {
 }
 
 
+def interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 STRIDE = 7
 """An opening has a thousand bytecodes and more: every seventh takes a few seconds."""
 
@@ -68,9 +72,6 @@ def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) 
 def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
     driver: SerialDriver, name: str
 ) -> None:
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
     step, done = 0, False
     while not done:
         step += 1
@@ -92,9 +93,6 @@ def handled(number: signal.Signals, handler: Callable[[int, object], None]) -> I
 
 
 def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path) -> None:
-    def interrupt(_signal: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
     main = threading.get_ident()
     with (
         handled(signal.SIGUSR1, interrupt),
@@ -129,9 +127,6 @@ def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
 @pytest.mark.whole
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
     step, done = 1, False
     with PtyDevice(tmp_path / "robot") as device:
         path = str(device.path)
@@ -172,9 +167,6 @@ def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
     for step in range(1, 60):
         with PtyDevice(tmp_path / f"robot{step}") as device:
             driver = SerialDriver(str(device.path))
@@ -207,18 +199,3 @@ def test_nobody_who_gave_up_waiting_is_remembered() -> None:
 def test_a_notification_between_look_and_wait_is_not_missed() -> None:
     notifier, looks = Notifier(), iter([False, True, True])
     assert notifier.wait_for(lambda: next(looks), 10)
-
-
-def test_every_waiter_is_woken() -> None:
-    notifier, flag = Notifier(), threading.Event()
-    woken: list[bool] = []
-    threads = [
-        threading.Thread(target=lambda: woken.append(notifier.wait_for(flag.is_set, 10)))
-        for _ in range(3)
-    ]
-    for thread in threads:
-        thread.start()
-    flag.set()
-    while any(thread.is_alive() for thread in threads):
-        notifier.notify_all()
-    assert woken == [True] * 3
