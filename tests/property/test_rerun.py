@@ -15,6 +15,7 @@ from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.traffic import Kind, Record, TrafficReader
 from wheelwire.log.rerun import Rerun
+from wheelwire.samples import WheelSample
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.decoder import Decoder
@@ -27,6 +28,14 @@ def listened(line: VirtualLine) -> TrafficReader:
     reader = TrafficReader(limit=1_000_000)
     line.session.listen(reader, line.now_us)
     return reader
+
+
+def done_again(reader: TrafficReader) -> tuple[list[WheelSample], Session]:
+    """The samples of what a reader has, and its session."""
+    again = Rerun()
+    measured = again.feed_all(reader.take())
+    assert again.session is not None
+    return [one.sample() for one in measured], again.session
 
 
 def drive(line: VirtualLine, random: Random) -> None:
@@ -90,11 +99,9 @@ def test_the_same_samples_stamps_and_counters(seed: int) -> None:
     reader = listened(line)
     line.open()
     a_day(line, random)
-    again = Rerun()
-    measured = again.feed_all(reader.take())
-    assert [one.sample() for one in measured] == line.samples
-    assert again.session is not None
-    assert_same(again.session, line.session, line.now_us)
+    samples, again = done_again(reader)
+    assert samples == line.samples
+    assert_same(again, line.session, line.now_us)
 
 
 @pytest.mark.whole
@@ -109,17 +116,14 @@ def test_a_listener_that_comes_late_gets_the_same_from_there_on(seed: int) -> No
     known = len(line.samples)
     line.wait_open()
     line.run(3)
-    again = Rerun()
-    measured = again.feed_all(reader.take())
     # The frame that was half there when it came is counted as lost there alone.
-    samples = [one.sample() for one in measured]
+    samples, again = done_again(reader)
     assert len(samples) > 10
     assert samples == line.samples[-len(samples) :]
     # The step in which it joined may have brought a sample, too.
     assert len(line.samples) - known - len(samples) in (-1, 0, 1)
-    assert again.session is not None
-    assert again.session.phase is Phase.OPEN
-    assert again.session.reported.watched_values == line.session.reported.watched_values
+    assert again.phase is Phase.OPEN
+    assert again.reported.watched_values == line.session.reported.watched_values
 
 
 def test_a_listener_that_comes_late_knows_what_was_answered_since() -> None:
@@ -133,10 +137,8 @@ def test_a_listener_that_comes_late_knows_what_was_answered_since() -> None:
     line.run(0.1)
     set_gain(line, Random(4))
     line.run(0.1)
-    again = Rerun()
-    again.feed_all(reader.take())
-    assert again.session is not None
-    assert again.session.reported.values == line.session.reported.values
+    _, again = done_again(reader)
+    assert again.reported.values == line.session.reported.values
 
 
 def without_questions(data: bytes) -> bytes:
@@ -167,13 +169,11 @@ def test_whenever_a_listener_comes_it_knows_board_and_sensors(after_ms: int) -> 
                 if since_open_ms == 1000:
                     session.request(SensorStream(0, 0, 50), lambda _: None, now_us)
                 since_open_ms += 1
-    again = Rerun()
-    again.feed_all(reader.take())
-    assert again.session is not None
+    _, again = done_again(reader)
     assert session.reported.board is not None
-    assert again.session.reported.board == session.reported.board
-    assert again.session.sensors.rate_hz == 50
-    assert again.session.sensors.infos == session.sensors.infos
+    assert again.reported.board == session.reported.board
+    assert again.sensors.rate_hz == 50
+    assert again.sensors.infos == session.sensors.infos
 
 
 def test_a_slow_listener_loses_the_oldest_and_knows_how_many() -> None:

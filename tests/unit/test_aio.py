@@ -8,8 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -22,6 +22,7 @@ from support.core_device import CoreDevice
 from support.forking import forked
 from support.processes import open_files
 from support.pty_device import PtyDevice
+from support.threads import link_threads
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.transport import TransportDriver
@@ -314,34 +315,24 @@ async def test_a_call_that_fails_holds_up_no_other() -> None:
 
 
 def test_a_closed_loop_raises_nothing_in_the_links_thread(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raised: list[object] = []
     monkeypatch.setattr(threading, "excepthook", raised.append)
     loop = asyncio.new_event_loop()
     loop.set_exception_handler(lambda _loop, _context: None)  # it tells of the pending task
-    with PtyDevice(tmp_path / "robot") as device:
-        opening = aio.open_driver("serial", port=str(device.path))
-        robot = loop.run_until_complete(_awaited(opening))
-        robot.on_lost = print
-        loop.close()
-        device.unplug()
-        end = time.monotonic() + 10
-        while robot.is_open:
-            assert time.monotonic() < end
-            time.sleep(0.01)
-        device.plug()
-        while not robot.is_open:
-            assert time.monotonic() < end
-            time.sleep(0.01)
-        del robot
-        gc.collect()
-        assert not [thread for thread in threading.enumerate() if "wheelwire" in thread.name]
+    opening = aio.open_driver("serial", str(device.path))
+    robots = [loop.run_until_complete(asyncio.wait_for(opening, 10))]
+    robots[0].on_lost = print
+    loop.close()
+    device.unplug()
+    wait_until(lambda: not robots[0].is_open, 10)
+    device.plug()
+    wait_until(lambda: robots[0].is_open, 10)
+    robots.clear()
+    gc.collect()
+    assert not link_threads()
     assert raised == []
-
-
-async def _awaited(opening: aio.Opening[aio.Driver]) -> aio.Driver:
-    return await opening
 
 
 async def test_virtual_time_passes_while_a_coroutine_waits() -> None:
@@ -376,15 +367,16 @@ class _Acme(TransportDriver):
         super().__init__("acme", partial(open_transport, str(path)), baud_rate=921_600)
 
 
-async def test_a_driver_of_another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_driver_of_another_package(
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
     points = {"acme": f"{__name__}:_Acme"}
     monkeypatch.setattr(opening, "_plug_ins", lambda: points)
-    with PtyDevice(tmp_path / "robot") as device:
-        options: dict[str, Any] = {"path": device.path}
-        async with aio.open_driver("acme", **options) as robot:
-            robot.set_velocity(0.1, 0.0)
-            await robot.stop()
-            assert robot.parameters["wheel_radius"] == 0.033
+    options: dict[str, Any] = {"path": device.path}
+    async with aio.open_driver("acme", **options) as robot:
+        robot.set_velocity(0.1, 0.0)
+        await robot.stop()
+        assert robot.parameters["wheel_radius"] == 0.033
     with pytest.raises(errors.InvalidArgument, match="no option 'port'"):
         aio.open_driver("acme", port="x")  # type: ignore[call-overload]
 
@@ -616,105 +608,78 @@ async def test_a_forgotten_robot_is_stopped(place: Place) -> None:
     assert not place.is_open
 
 
-def test_a_forked_process_leaves_the_link_to_its_parent(tmp_path: Path) -> None:
-    async def use() -> None:
-        async with aio.open_driver("serial", port=str(tmp_path / "robot")) as robot:
+async def test_a_forked_process_leaves_the_link_to_its_parent(device: PtyDevice) -> None:
+    async with aio.open_driver("serial", str(device.path)) as robot:
+        await robot.read()
+
+        def child() -> None:
+            with pytest.raises(errors.LinkClosed):
+                robot.set_velocity(0.1, 0.0)
+
+        with forked(child):
+            pass
+        for _ in range(5):
             await robot.read()
-
-            def child() -> None:
-                with pytest.raises(errors.LinkClosed):
-                    robot.set_velocity(0.1, 0.0)
-
-            with forked(child):
-                pass
-            for _ in range(5):
-                await robot.read()
-            await robot.parameters.refresh()
-
-    with PtyDevice(tmp_path / "robot"):
-        asyncio.run(use())
+        await robot.parameters.refresh()
 
 
 # --- the port and its loss ---------------------------------------------------------------------
 
 
-@asynccontextmanager
-async def serial(path: Path, **options: Any) -> AsyncIterator[aio.Driver]:
-    async with aio.open_driver("serial", port=str(path), **options) as robot:
-        yield robot
-
-
-async def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "robot") as device:
-        async with serial(device.path) as robot:
-            samples = robot.samples()
-            await anext(samples)
-            gain = robot.parameters["integral_gain"]
-            device.unplug()
-            await until(lambda: not robot.is_open)
-            with pytest.raises(errors.LinkLost):
-                robot.set_velocity(0.1, 0.0)
-            for call in (robot.stop, robot.get_encoder_ticks, partial(robot.read, 0.05)):
-                with pytest.raises(errors.LinkLost):
-                    await call()
-            with pytest.raises(errors.LinkLost):
-                robot.parameters["integral_gain"]
-            device.device.parameters["integral_gain"] = gain / 2
-            device.device.reset()
-            device.plug()
-            assert (await robot.read(10)).boot_id == device.device.boot_id
-            assert robot.parameters["integral_gain"] == gain / 2
-            assert robot.sessions == 2
-            assert robot.statistics.reconnects == 1
-            async for sample in samples:  # it has waited
-                if sample.boot_id == device.device.boot_id:
-                    break
-            robot.set_velocity(0.0, 0.0)
+async def test_an_unplugged_port_is_opened_again_when_it_is_back(device: PtyDevice) -> None:
+    async with aio.open_driver("serial", str(device.path)) as robot:
+        samples = robot.samples()
+        await anext(samples)
+        gain = robot.parameters["integral_gain"]
+        device.unplug()
+        await until(lambda: not robot.is_open)
+        with pytest.raises(errors.LinkLost):
             robot.set_velocity(0.1, 0.0)
+        for call in (robot.stop, robot.get_encoder_ticks, partial(robot.read, 0.05)):
+            with pytest.raises(errors.LinkLost):
+                await call()
+        with pytest.raises(errors.LinkLost):
+            robot.parameters["integral_gain"]
+        device.device.parameters["integral_gain"] = gain / 2
+        device.device.reset()
+        device.plug()
+        assert (await robot.read(10)).boot_id == device.device.boot_id
+        assert robot.parameters["integral_gain"] == gain / 2
+        assert robot.sessions == 2
+        assert robot.statistics.reconnects == 1
+        async for sample in samples:  # it has waited
+            if sample.boot_id == device.device.boot_id:
+                break
+        robot.set_velocity(0.0, 0.0)
+        robot.set_velocity(0.1, 0.0)
 
 
-async def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "robot") as device:
-        async with serial(device.path) as robot:
-            await robot.read()
-            device.unplug()
-            await until(lambda: not robot.is_open)  # a sample that came before is still read
+async def test_cancelling_while_the_port_is_lost(device: PtyDevice) -> None:
+    async with aio.open_driver("serial", str(device.path)) as robot:
+        await robot.read()
+        device.unplug()
+        await until(lambda: not robot.is_open)  # a sample that came before is still read
+        for waiting in (robot.read(30), anext(robot.samples())):
             with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(robot.read(30), 0.3)
-            samples = robot.samples()
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(anext(samples), 0.1)
-        assert other_tasks() == []
+                await asyncio.wait_for(waiting, 0.2)
+    assert other_tasks() == []
 
 
-def test_no_session_says_why(tmp_path: Path) -> None:
-    async def silent(port: str) -> None:
-        tasks, files = other_tasks(), open_files()
-        with pytest.raises(errors.DeviceSilent, match="57600"):
-            async with serial(Path(port), connect_timeout=0.3, baud_rate=57_600):
-                pass
-        assert other_tasks() == tasks
-        await until(lambda: open_files() == files)
-
-    async def missing() -> None:
-        with pytest.raises(errors.PortUnavailable, match="no such port"):
-            await aio.open_driver("serial", port=str(tmp_path / "nothing"))
-        assert other_tasks() == []
-
-    async def mismatch(device: PtyDevice) -> None:
-        theirs = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
-        device.device.edits[DeviceHello] = theirs
-        with pytest.raises(errors.ProtocolMismatch):
-            await aio.open_driver("serial", port=str(device.path))
-
-    asyncio.run(missing())
-    with PtyDevice(tmp_path / "robot", CoreDevice(mute=True)) as device:
-        asyncio.run(silent(str(device.path)))
-        device.device.mute = False
-        asyncio.run(mismatch(device))
-
-
-# --- options -----------------------------------------------------------------------------------
+async def test_no_session_says_why(device: PtyDevice) -> None:
+    with pytest.raises(errors.PortUnavailable, match="no such port"):
+        await aio.open_driver("serial", "/dev/does-not-exist")
+    assert other_tasks() == []
+    files = open_files()
+    device.device.mute = True
+    options: dict[str, Any] = {"baud_rate": 57_600, "connect_timeout": 0.3}
+    with pytest.raises(errors.DeviceSilent, match="57600"):
+        await aio.open_driver("serial", str(device.path), **options)
+    assert other_tasks() == []
+    await until(lambda: open_files() == files)
+    device.device.mute = False
+    device.device.edits[DeviceHello] = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
+    with pytest.raises(errors.ProtocolMismatch):
+        await aio.open_driver("serial", str(device.path))
 
 
 def test_importing_it_opens_nothing_and_imports_no_driver() -> None:

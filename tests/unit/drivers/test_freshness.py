@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import cast
 
@@ -100,18 +99,6 @@ def test_health(device: PtyDevice, robot: SerialDriver) -> None:
     assert not health.is_open
     assert health.age_s is not None
     assert health.age_s > 0.25
-
-
-def test_the_rate_is_that_of_the_last_second() -> None:
-    with MockDriver(realtime=False) as robot:
-        robot.advance(2)
-        health = robot.health
-        assert health.rate_hz == pytest.approx(100, abs=12)
-        assert health.loss == 0
-        assert not math.isnan(health.clock_error_s)
-        robot.unplug()
-        robot.advance(1.5)
-        assert robot.health.rate_hz == 0
 
 
 class Channels:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import copy
 import json
 import math
@@ -19,14 +18,12 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.command import check_error, run
-from support.waiting import until
 from wheelwire import aio, errors, open_driver
 from wheelwire.link.handover import start_of
 from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.reader import records
 from wheelwire.log.recorder import Recorder
-from wheelwire.robot.robot import Robot
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -237,33 +234,3 @@ async def test_the_same_in_a_loop_and_close_is_awaited(tmp_path: Path) -> None:
         assert recorder.files == [recorder.file]
         await robot.read()
     assert list(records(recorder.file))
-
-
-@pytest.mark.parametrize("begun", [False, True], ids=["before", "after"])
-async def test_a_recording_that_is_cancelled_while_it_begins_does_not_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, begun: bool
-) -> None:
-    begins, goes_on, has_begun = threading.Event(), threading.Event(), threading.Event()
-    record = Robot.record
-
-    def slow(robot: Robot, *arguments: Any) -> Recorder:
-        begins.set()
-        assert goes_on.wait(20)
-        recorder = record(robot, *arguments)
-        has_begun.set()
-        return recorder
-
-    monkeypatch.setattr(Robot, "record", slow)
-    async with aio.open_driver("mock") as robot:
-        task = asyncio.create_task(robot.record(tmp_path / "day.mcap"))
-        await until(begins.is_set)
-        if begun:
-            goes_on.set()
-            assert has_begun.wait(20)
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-        goes_on.set()
-        assert await asyncio.to_thread(has_begun.wait, 20)
-        await until(lambda: "wheelwire recorder" not in [one.name for one in threading.enumerate()])
-        await robot.read()

@@ -15,7 +15,6 @@ import pytest
 
 import wheelwire
 from support.cases import each
-from support.core_device import CoreDevice, Edits
 from support.lost_answers import LostAnswers
 from support.processes import open_files
 from support.pty_device import PtyDevice
@@ -81,27 +80,24 @@ def test_silence_leads_through_the_usual_baud_rates() -> None:
 
 
 def test_the_baud_rate_at_which_the_device_answers_is_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with PtyDevice(tmp_path / "robot", CoreDevice(mute=True)) as robot:
-        set_baud_rate = SerialTransport.set_baud_rate
+    device.device.mute = True
+    set_baud_rate = SerialTransport.set_baud_rate
 
-        def set_and_hear(transport: SerialTransport, baud_rate: int) -> None:
-            set_baud_rate(transport, baud_rate)
-            robot.device.mute = baud_rate != 115_200
+    def set_and_hear(transport: SerialTransport, baud_rate: int) -> None:
+        set_baud_rate(transport, baud_rate)
+        device.device.mute = baud_rate != 115_200
 
-        monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
-        with SerialDriver(str(robot.path)) as driver:
-            assert driver.info.baud_rate == 115_200
+    monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
+    with SerialDriver(str(device.path)) as driver:
+        assert driver.info.baud_rate == 115_200
 
 
-def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:
-    booting: Edits = {DeviceHello: {"refusal": RefusalCode.BOOTING}}
-    with (
-        PtyDevice(tmp_path / "robot", CoreDevice(edits=booting)) as robot,
-        pytest.raises(errors.RequestTimeout, match="still starting"),
-    ):
-        SerialDriver(str(robot.path), connect_timeout=0.3)
+def test_a_device_that_answers_but_lets_nobody_in(device: PtyDevice) -> None:
+    device.device.edits[DeviceHello] = {"refusal": RefusalCode.BOOTING}
+    with pytest.raises(errors.RequestTimeout, match="still starting"):
+        SerialDriver(str(device.path), connect_timeout=0.3)
 
 
 LOCKING = """
@@ -113,22 +109,17 @@ input()
 """
 
 
-def test_a_port_that_is_in_use(tmp_path: Path) -> None:
+def test_a_port_that_is_in_use(device: PtyDevice, tmp_path: Path) -> None:
     script = tmp_path / "hold_port.py"
     script.write_text(LOCKING)
-    pipe = subprocess.PIPE
-    with (
-        PtyDevice(tmp_path / "robot") as robot,
-        subprocess.Popen(
-            [sys.executable, str(script), str(robot.path)], stdin=pipe, stdout=pipe
-        ) as other,
-    ):
+    command = [sys.executable, str(script), str(device.path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()
         with pytest.raises(errors.PortUnavailable, match="another program uses it") as caught:
-            SerialDriver(str(robot.path))
+            SerialDriver(str(device.path))
         other.communicate(b"\n")
-    named = f"hold_port.py robot, process {other.pid}), and only one can: end that one"
+    named = f"hold_port.py port, process {other.pid}), and only one can: end that one"
     assert named in str(caught.value)
     assert "e-stop button" in str(caught.value)
 
@@ -234,12 +225,9 @@ def test_a_robot_that_never_names_its_board_opens_all_the_same(
         assert robot.read().state is SupervisorState.IDLE
 
 
-def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
+def test_a_lost_port_leaves_no_descriptor(device: PtyDevice) -> None:
     # The tap's socket opens a moment later, and does not belong to the port.
-    with (
-        PtyDevice(tmp_path / "port") as device,
-        SerialDriver(str(device.path), tap=False) as robot,
-    ):
+    with SerialDriver(str(device.path), tap=False) as robot:
         before = open_files()
         for _ in range(3):
             device.unplug()

@@ -195,15 +195,6 @@ def test_a_zero_that_has_expired_ends_nothing(warned: WarnedLine) -> None:
     assert not warned.asked()
 
 
-def test_nothing_is_sent_while_it_is_held(warned: WarnedLine) -> None:
-    """The device may have been quiet for longer than its pause already, and would obey."""
-    warned.outage(3.0, reset=True)
-    warned.run_until(lambda: warned.session.phase is Phase.OPEN)
-    warned.device.forget()
-    warned.publish(2.0)
-    assert not warned.asked()
-
-
 def test_a_resumed_session_knows_what_is_held(warned: WarnedLine) -> None:
     warned.outage(0.3, reset=True)
     warned.publish(1.0)

@@ -24,16 +24,6 @@ def test_the_newest_sample_wins_and_is_handed_out_once(latest_sample: LatestSamp
         latest_sample.take(0)
 
 
-def test_a_waiting_thread_gets_the_sample(latest_sample: LatestSample) -> None:
-
-    def put() -> None:
-        latest_sample.put(measurement(t_us=5))
-        latest_sample.notify_all()
-
-    threading.Timer(0.02, put).start()
-    assert latest_sample.take(10).t_us == 5
-
-
 def test_of_several_that_wait_each_gets_the_sample_once(latest_sample: LatestSample) -> None:
     def read() -> list[int]:
         found = [latest_sample.take(10).t_us]

@@ -12,7 +12,6 @@ from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link import port_loop, setpoints
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.types import SetDuty, WheelState
 
@@ -57,26 +56,6 @@ def test_threads_draw_each_number_once(robot: SerialDriver, device: PtyDevice) -
     arrived = [message for message in device.device.received if isinstance(message, SetDuty)]
     assert len({setpoint.command_seq for setpoint in arrived}) == THREADS * EACH
     assert device.device.counters.frames == robot.statistics.frames_sent
-
-
-@pytest.mark.parametrize("part", [0, 7])
-def test_a_frame_for_which_the_port_has_no_room_follows_whole(
-    robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch, part: int
-) -> None:
-    main = threading.get_ident()
-
-    def take_a_part(write: Write) -> Write:
-        def partial(self: SerialTransport, data: bytes) -> int:
-            return write(self, data[:part] if threading.get_ident() == main else data)
-
-        return partial
-
-    for module in (setpoints, port_loop):
-        monkeypatch.setattr(module, "REPEAT_AFTER_US", 60_000_000)
-    instead_of_writing(monkeypatch, take_a_part)
-    robot.set_velocity(0.1, 0.0)
-    wait_until(lambda: device.device.obeyed)
-    assert robot.statistics.setpoints_repeated == 0
 
 
 def test_a_lost_setpoint_is_repeated_though_nothing_comes(

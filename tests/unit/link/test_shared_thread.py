@@ -27,7 +27,6 @@ from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.shared_thread import SharedThread, _Ports
 from wheelwire.link.threads import WakeUp
 from wheelwire.link.transports import Transport
-from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import ControlCountersGet, Stop
 
 pytestmark = pytest.mark.timeout(60)
@@ -119,20 +118,6 @@ def test_a_port_is_lost_and_opened_again_while_the_other_is_served(
     wait_until(lost.is_back)
     assert other.link.sessions == 1
     assert lost.link.statistics.reconnects == 1
-
-
-def test_each_robot_is_stopped_when_its_link_is_closed(robots: tuple[Robot, Robot]) -> None:
-    first, second = robots
-    for robot in robots:
-        for speed_mps in (0.0, 0.2):
-            robot.link.drive_velocity(speed_mps, speed_mps, robot.link.clock_us() + 4_000_000)
-        assert robot.works()
-        assert len(robot.device.obeyed) == 2
-    first.link.close()
-    assert isinstance(first.ports[0].messages()[-1], Stop)
-    assert first.ports[0].fileno() < 0
-    assert second.works()
-    assert second.device.supervisor is SupervisorState.DRIVING
 
 
 def test_a_failure_ends_its_own_link_alone(

@@ -9,13 +9,10 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
-from pathlib import Path
 
 import pytest
 
 from support.bytecodes import interrupted
-from support.core_device import CoreDevice
 from support.interrupted_host import LONGEST_S
 from support.interrupts import interrupt_program
 from support.pty_device import PtyDevice
@@ -49,18 +46,11 @@ STRIDE = 7
 """An opening has a thousand bytecodes and more: every seventh takes a few seconds."""
 
 
-@pytest.fixture
-def driver(tmp_path: Path) -> Iterator[SerialDriver]:
-    fake = CoreDevice(ttl_max_s=5.0)
-    with PtyDevice(tmp_path / "robot", fake) as device, SerialDriver(str(device.path)) as driver:
-        yield driver
-
-
 @pytest.mark.whole
 @pytest.mark.parametrize("name", CALLS)
-def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) -> None:
+def test_any_call_may_be_interrupted_by_a_stop(robot: SerialDriver, name: str) -> None:
     step = 1
-    while interrupted(lambda: CALLS[name](driver), step, driver.stop):
+    while interrupted(lambda: CALLS[name](robot), step, robot.stop):
         step += 1
     assert step > 20
 
@@ -70,16 +60,16 @@ def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) 
 @pytest.mark.filterwarnings("ignore:coroutine .* was never awaited:RuntimeWarning")
 @pytest.mark.parametrize("name", CALLS)
 def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
-    driver: SerialDriver, name: str
+    robot: SerialDriver, name: str
 ) -> None:
     step, done = 0, False
     while not done:
         step += 1
         try:
-            done = not interrupted(lambda: CALLS[name](driver), step, interrupt)
+            done = not interrupted(lambda: CALLS[name](robot), step, interrupt)
         except KeyboardInterrupt:
-            driver.stop()
-    driver.read()
+            robot.stop()
+    robot.read()
     assert step > 20
 
 
@@ -92,91 +82,81 @@ def handled(number: signal.Signals, handler: Callable[[int, object], None]) -> I
         signal.signal(number, former)
 
 
-def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path) -> None:
-    main = threading.get_ident()
-    with (
-        handled(signal.SIGUSR1, interrupt),
-        PtyDevice(tmp_path / "robot") as pty,
-        SerialDriver(str(pty.path)) as driver,
-    ):
-        device = pty.device
-        device.lost.add(ParameterSet)
+def test_a_request_whose_caller_was_interrupted_is_not_sent_again(
+    device: PtyDevice, robot: SerialDriver
+) -> None:
+    main, core = threading.get_ident(), device.device
+    core.lost.add(ParameterSet)
 
-        def interrupt_the_wait() -> None:
-            wait_until(lambda: device.count(ParameterSet) > 0)
-            signal.pthread_kill(main, signal.SIGUSR1)
+    def interrupt_the_wait() -> None:
+        wait_until(lambda: core.count(ParameterSet) > 0)
+        signal.pthread_kill(main, signal.SIGUSR1)
 
-        thread = threading.Thread(target=interrupt_the_wait)
+    thread = threading.Thread(target=interrupt_the_wait)
+    with handled(signal.SIGUSR1, interrupt):
         thread.start()
         with pytest.raises(KeyboardInterrupt):
-            driver.parameters.set("wheel_radius", 0.05)
+            robot.parameters.set("wheel_radius", 0.05)
         thread.join()
-        driver.stop()  # its answer comes behind all copies that were sent until now
-        sent = device.count(ParameterSet)
-        driver.parameters.refresh("wheel_radius")  # waits until the time of the first is up
-        assert device.count(ParameterSet) == sent
+    robot.stop()  # its answer comes behind all copies that were sent until now
+    sent = core.count(ParameterSet)
+    robot.parameters.refresh("wheel_radius")  # waits until the time of the first is up
+    assert core.count(ParameterSet) == sent
 
 
-def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
+def test_a_read_in_a_handler_while_a_read_waits(robot: SerialDriver) -> None:
     step = 1
-    while interrupted(lambda: driver.read(10.0), step, lambda: driver.read(10.0)):
+    while interrupted(lambda: robot.read(10.0), step, lambda: robot.read(10.0)):
         step += 1
 
 
 # An exception in a finaliser, and sockets of an interrupted constructor that are freed, warn.
 @pytest.mark.whole
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
-    step, done = 1, False
-    with PtyDevice(tmp_path / "robot") as device:
-        path = str(device.path)
-        while not done:
-            opened: list[SerialDriver] = []
-            with suppress(KeyboardInterrupt):
-                done = not interrupted(partial(_open_into, opened, path), step, interrupt)
-            for driver in opened:
-                driver.shutdown()
-            wait_until(lambda: not link_threads())
-            step += STRIDE
-        SerialDriver(path).shutdown()
+def test_an_interrupted_opening_leaves_the_port_free(device: PtyDevice) -> None:
+    path, step, done = str(device.path), 1, False
+    opened: list[SerialDriver] = []
+    while not done:
+        with suppress(KeyboardInterrupt):
+            done = not interrupted(lambda: opened.append(SerialDriver(path)), step, interrupt)
+        for driver in opened:
+            driver.shutdown()
+        opened.clear()
+        wait_until(lambda: not link_threads())
+        step += STRIDE
+    SerialDriver(path).shutdown()
     assert step > 500
     gc.collect()  # the sockets, or a later test would be blamed for them
 
 
-def _open_into(opened: list[SerialDriver], path: str) -> None:
-    opened.append(SerialDriver(path))
-
-
-def test_no_handler_interrupts_the_opening_itself(tmp_path: Path) -> None:
+def test_no_handler_interrupts_the_opening_itself(device: PtyDevice) -> None:
     threads: list[threading.Thread] = []
 
     def open_port(baud_rate: int) -> Transport:
         threads.append(threading.current_thread())
-        return open_transport(str(tmp_path / "robot"), baud_rate)
+        return open_transport(str(device.path), baud_rate)
 
-    with PtyDevice(tmp_path / "robot"), TransportDriver("robot", open_port, baud_rate=921_600):
+    with TransportDriver("robot", open_port, baud_rate=921_600):
         assert threads
         assert threading.main_thread() not in threads
 
 
-def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "robot") as device:
-        Link(LinkOptions(str(device.path), baud_rate=921_600), LatestSample()).open()
-        wait_until(lambda: not link_threads())
-        SerialDriver(str(device.path)).shutdown()
+def test_a_link_that_nobody_got_is_closed(device: PtyDevice) -> None:
+    Link(LinkOptions(str(device.path), baud_rate=921_600), LatestSample()).open()
+    wait_until(lambda: not link_threads())
+    SerialDriver(str(device.path)).shutdown()
 
 
-def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
+def test_an_interrupted_shutdown_can_be_repeated(device: PtyDevice) -> None:
     for step in range(1, 60):
-        with PtyDevice(tmp_path / f"robot{step}") as device:
-            driver = SerialDriver(str(device.path))
-            try:
-                interrupted(driver.shutdown, step, interrupt)
-            except KeyboardInterrupt:
-                driver.shutdown()
-            with pytest.raises(errors.LinkClosed):
-                driver.stop()
-            SerialDriver(str(device.path)).shutdown()
+        driver = SerialDriver(str(device.path))
+        try:
+            interrupted(driver.shutdown, step, interrupt)
+        except KeyboardInterrupt:
+            driver.shutdown()
+        with pytest.raises(errors.LinkClosed):
+            driver.stop()
+        SerialDriver(str(device.path)).shutdown()
 
 
 @pytest.mark.whole

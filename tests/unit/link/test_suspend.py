@@ -1,7 +1,6 @@
 """A computer that slept: its monotonic clock stood still, while the device's went on."""
 
 import time
-from pathlib import Path
 
 import pytest
 
@@ -49,14 +48,14 @@ def test_without_such_a_clock_nothing_is_noticed(monkeypatch: pytest.MonkeyPatch
 
 
 def test_after_a_sleep_a_new_session_knows_the_devices_clock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asleep_us = 0
     monkeypatch.setattr(clock, "BOOT_CLOCK_NS", lambda: 1000 * (host_clock_us() + asleep_us))
-    with PtyDevice(tmp_path / "robot") as robot, SerialDriver(str(robot.path)) as driver:
+    with SerialDriver(str(device.path)) as driver:
         driver.read()
         # As the host sees it: the device's clock leaps ahead by what the host slept.
-        robot.device.clock_offset_us += SLEEP_US
+        device.device.clock_offset_us += SLEEP_US
         asleep_us += SLEEP_US
         slept_s = time.monotonic()
         wait_until(lambda: driver.sessions == 2)
@@ -65,4 +64,4 @@ def test_after_a_sleep_a_new_session_knows_the_devices_clock(
             sample = driver.read(timeout=5.0)
         assert abs(time.monotonic() - sample.stamp) < 1.0
         driver.set_velocity(0.1, 0.0)
-        wait_until(lambda: bool(robot.device.obeyed))
+        wait_until(lambda: bool(device.device.obeyed))

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import serial
 
+from support.processes import open_files
 from wheelwire.errors import LinkLost, PortUnavailable
 from wheelwire.link.transports import SerialTransport, open_transport
 
@@ -134,20 +135,22 @@ def test_closing_what_was_abandoned_leaks_no_descriptor(tmp_path: Path) -> None:
         listener.listen()
         transport = open_transport(f"unix:{tmp_path / 'robot'}", 0)
         transport.abandon()
-        before = len(list(Path("/proc/self/fd").iterdir()))
+        before = open_files()
         transport.close()
-        assert len(list(Path("/proc/self/fd").iterdir())) == before
+        assert open_files() == before
 
 
-def test_a_unix_socket_is_a_port(tmp_path: Path) -> None:
-    path = tmp_path / "mcu.sock"
-    with socket.socket(socket.AF_UNIX) as server:
-        server.bind(str(path))
+@pytest.mark.parametrize("kind", ["unix", "tcp"])
+def test_a_socket_is_a_port(tmp_path: Path, kind: str) -> None:
+    with socket.socket(socket.AF_UNIX if kind == "unix" else socket.AF_INET) as server:
+        server.bind(str(tmp_path / "mcu.sock") if kind == "unix" else ("127.0.0.1", 0))
         server.listen()
-        transport = open_transport(f"unix:{path}", 921_600)
+        name = server.getsockname()
+        port = f"unix:{name}" if kind == "unix" else f"socket://127.0.0.1:{name[1]}"
+        transport = open_transport(port, 921_600)
         peer, _ = server.accept()
     with peer:
-        assert transport.port == f"unix:{path}"
+        assert transport.port == port
         assert transport.baud_rate is None
         assert transport.write(b"hello") == 5
         assert peer.recv(100) == b"hello"

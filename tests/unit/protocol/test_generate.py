@@ -16,15 +16,9 @@ ROOT = Path(__file__).parents[3]
 INPUTS = [
     ".clang-format",
     "protocol",
-    "firmware/esp32/capi/wheelwire_core.h",
-    "firmware/esp32/core/board_tables.hpp",
-    "firmware/esp32/core/protocol.hpp",
-    "firmware/esp32/core/sensor_tables.hpp",
-    "firmware/esp32/main/self_test_protocol.hpp",
-    "firmware/esp32/sim/libfwsim.h",
-    "firmware/esp32/test",
-    "host/wheelwire/simulation/fwsim_abi.py",
-    "tests/support/self_test_types.py",
+    "firmware/esp32",
+    "host/wheelwire/simulation",
+    "tests/support",
     "web/src/generated",
 ]
 OUTPUTS = [
