@@ -20,7 +20,7 @@ from support.core_device import CoreDevice
 from support.forking import forked
 from support.processes import open_files
 from support.waiting import wait_until
-from wheelwire.errors import LinkClosed, LinkLost, WheelwireError
+from wheelwire.errors import DriverUnavailable, LinkClosed, LinkLost, WheelwireError
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.port_loop import Done
 from wheelwire.link.sample_stream import LatestSample
@@ -39,7 +39,9 @@ class Robot:
         self.device = CoreDevice(ttl_max_s=5.0)
         self.ports: list[Port] = []
         self.accepts = True
-        self.is_opening = False
+        self.openings = 0
+        self.failure: WheelwireError | None = None
+        """Why the port cannot be opened."""
         self.may_open = threading.Event()
         self.may_open.set()
         self.latest_sample = LatestSample()
@@ -48,8 +50,10 @@ class Robot:
         self.link.serve_by(thread)
 
     def _open(self, _baud_rate: int) -> Transport:
-        self.is_opening = True
+        self.openings += 1
         assert self.may_open.wait(30)
+        if self.failure is not None:
+            raise self.failure
         self.ports.append(Port(self.device, lambda: self.accepts))
         return self.ports[-1]
 
@@ -117,6 +121,18 @@ def test_a_port_is_lost_and_opened_again_while_the_other_is_served(
     lost.may_open.set()
     wait_until(lost.is_back)
     assert other.link.sessions == 1
+    assert lost.link.statistics.reconnects == 1
+
+
+def test_any_failure_to_reopen_is_reported_and_retried(robots: tuple[Robot, Robot]) -> None:
+    lost, _ = robots
+    lost.failure = DriverUnavailable("pigpiod does not run")
+    lost.unplug()
+    wait_until(lambda: lost.openings >= 4)
+    with pytest.raises(LinkLost, match="pigpiod does not run; trying again"):
+        lost.link.check()
+    lost.failure = None
+    wait_until(lost.is_back)
     assert lost.link.statistics.reconnects == 1
 
 
@@ -334,7 +350,7 @@ def test_a_link_that_the_thread_itself_throws_away_is_not_waited_for(
     alone.may_open.clear()  # its link ends once its port is open
     for _ready, _timeout_s in alone.link.opening():
         break
-    wait_until(lambda: alone.is_opening)
+    wait_until(lambda: alone.openings)
     second.task(alone.link.close)
     second.task(first.link.close)
     wait_until(lambda: first.link.has_ended)
