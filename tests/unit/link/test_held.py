@@ -72,6 +72,14 @@ def warned() -> WarnedLine:
     return WarnedLine()
 
 
+@pytest.fixture
+def held(warned: WarnedLine) -> WarnedLine:
+    """The chip has restarted, and the program asks for motion in vain."""
+    warned.outage(0.3, reset=True)
+    assert warned.publish(1.0)
+    return warned
+
+
 @pytest.mark.parametrize("outage_s", [0.3, 3.0])
 @pytest.mark.parametrize("period_s", [0.02, 0.3, 0.55, 0.9])
 def test_a_program_that_publishes_through_a_reset_is_held_and_warned_once(
@@ -100,23 +108,19 @@ def test_a_zero_setpoint_ends_it_at_once(warned: WarnedLine) -> None:
 
 @pytest.mark.parametrize("pair", [(0.1, 0.0), (0.0, -0.1), (0.1, -0.1)])
 def test_one_wheel_at_rest_is_no_zero_nor_is_a_duty_let_through(
-    warned: WarnedLine, pair: tuple[float, float]
+    held: WarnedLine, pair: tuple[float, float]
 ) -> None:
-    warned.outage(0.3, reset=True)
-    warned.publish(1.0)
-    for ask in (warned.set_velocity, warned.set_duty):
+    for ask in (held.set_velocity, held.set_duty):
         with pytest.raises(DeviceRefused):
             ask(*pair)
-    warned.run(0.05)
-    assert not warned.asked()
+    held.run(0.05)
+    assert not held.asked()
 
 
-def test_a_stop_does_not_end_it(warned: WarnedLine) -> None:
-    warned.outage(0.3, reset=True)
-    warned.publish(1.0)
-    warned.stop()
-    assert warned.publish(1.0)[-1] == RefusalCode.UNARMED
-    assert not warned.asked()
+def test_a_stop_does_not_end_it(held: WarnedLine) -> None:
+    held.stop()
+    assert held.publish(1.0)[-1] == RefusalCode.UNARMED
+    assert not held.asked()
 
 
 def test_so_does_a_pause(warned: WarnedLine) -> None:
@@ -157,13 +161,11 @@ def test_the_first_session_holds_nobody(warned: WarnedLine) -> None:
     assert warned.warnings == []
 
 
-def test_a_session_that_is_lost_meanwhile_holds_on(warned: WarnedLine) -> None:
-    warned.outage(0.3, reset=True)
-    assert warned.publish(1.0)
-    warned.session.renew(LinkLost("the computer was suspended"), warned.now_us)
-    assert RefusalCode.UNARMED in warned.publish(3.0)
-    assert not warned.asked()
-    assert len(warned.warnings) == 1
+def test_a_session_that_is_lost_meanwhile_holds_on(held: WarnedLine) -> None:
+    held.session.renew(LinkLost("the computer was suspended"), held.now_us)
+    assert RefusalCode.UNARMED in held.publish(3.0)
+    assert not held.asked()
+    assert len(held.warnings) == 1
 
 
 def test_a_slow_preparation_does_not_count_as_a_pause(warned: WarnedLine) -> None:
@@ -186,23 +188,19 @@ def test_the_next_reset_is_reported_again(warned: WarnedLine) -> None:
         warned.publish(0.1)
 
 
-def test_a_zero_that_has_expired_ends_nothing(warned: WarnedLine) -> None:
-    warned.outage(0.3, reset=True)
-    warned.publish(1.0)
+def test_a_zero_that_has_expired_ends_nothing(held: WarnedLine) -> None:
     with pytest.raises(WheelwireError, match="ttl"):
-        warned.drive(0.0, 0.0, ttl_s=0.0)
-    assert warned.publish(0.5)
-    assert not warned.asked()
+        held.drive(0.0, 0.0, ttl_s=0.0)
+    assert held.publish(0.5)
+    assert not held.asked()
 
 
-def test_a_resumed_session_knows_what_is_held(warned: WarnedLine) -> None:
-    warned.outage(0.3, reset=True)
-    warned.publish(1.0)
-    follower = resumed(start_of(warned.session), lambda: 0)
-    assert follower.setpoints.held == warned.session.setpoints.held
+def test_a_resumed_session_knows_what_is_held(held: WarnedLine) -> None:
+    follower = resumed(start_of(held.session), lambda: 0)
+    assert follower.setpoints.held == held.session.setpoints.held
     assert follower.setpoints.is_unarmed
     with pytest.raises(DeviceRefused):
-        follower.setpoints.velocity_frame(0.1, 0.1, warned.now_us + 500_000, warned.now_us)
+        follower.setpoints.velocity_frame(0.1, 0.1, held.now_us + 500_000, held.now_us)
 
 
 def test_a_refusal_by_the_device_is_reported_too(warned: WarnedLine) -> None:

@@ -80,13 +80,16 @@ class Robot:
         self.link._loop.call(task, lambda _: None)
 
 
+Robots = tuple[Robot, Robot]
+
+
 @pytest.fixture
 def thread() -> SharedThread:
     return SharedThread(passed=lambda: None)
 
 
 @pytest.fixture
-def robots(thread: SharedThread) -> Iterator[tuple[Robot, Robot]]:
+def robots(thread: SharedThread) -> Iterator[Robots]:
     both = Robot(thread), Robot(thread)
     for robot in both:
         robot.link.open()
@@ -100,7 +103,7 @@ def serving_threads() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "wheelwire ports"]
 
 
-def test_one_thread_serves_all(robots: tuple[Robot, Robot]) -> None:
+def test_one_thread_serves_all(robots: Robots) -> None:
     idents: list[int] = []
     for robot in robots:
         robot.task(lambda: idents.append(threading.get_ident()))
@@ -108,9 +111,7 @@ def test_one_thread_serves_all(robots: tuple[Robot, Robot]) -> None:
     assert idents == [serving_threads()[0].ident] * 2
 
 
-def test_a_port_is_lost_and_opened_again_while_the_other_is_served(
-    robots: tuple[Robot, Robot],
-) -> None:
+def test_a_port_is_lost_and_opened_again_while_the_other_is_served(robots: Robots) -> None:
     lost, other = robots
     lost.may_open.clear()  # opening it takes long
     lost.unplug()
@@ -124,7 +125,7 @@ def test_a_port_is_lost_and_opened_again_while_the_other_is_served(
     assert lost.link.statistics.reconnects == 1
 
 
-def test_any_failure_to_reopen_is_reported_and_retried(robots: tuple[Robot, Robot]) -> None:
+def test_any_failure_to_reopen_is_reported_and_retried(robots: Robots) -> None:
     lost, _ = robots
     lost.failure = DriverUnavailable("pigpiod does not run")
     lost.unplug()
@@ -137,7 +138,7 @@ def test_any_failure_to_reopen_is_reported_and_retried(robots: tuple[Robot, Robo
 
 
 def test_a_failure_ends_its_own_link_alone(
-    robots: tuple[Robot, Robot], caplog: pytest.LogCaptureFixture
+    robots: Robots, caplog: pytest.LogCaptureFixture
 ) -> None:
     first, second = robots
 
@@ -154,7 +155,7 @@ def test_a_failure_ends_its_own_link_alone(
 
 def test_a_failure_of_the_thread_itself_ends_every_link(
     thread: SharedThread,
-    robots: tuple[Robot, Robot],
+    robots: Robots,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -249,7 +250,7 @@ class File(Port):
 
 
 def test_a_port_that_cannot_be_polled_ends_its_own_link_alone(
-    thread: SharedThread, robots: tuple[Robot, Robot]
+    thread: SharedThread, robots: Robots
 ) -> None:
     third = Robot(thread)
     third.link._loop._open_port = lambda _baud_rate: File(third.device)
@@ -259,9 +260,7 @@ def test_a_port_that_cannot_be_polled_ends_its_own_link_alone(
     assert all(robot.link.sessions == 1 for robot in robots)
 
 
-def test_a_descriptor_that_somebody_else_closed_ends_no_other_link(
-    robots: tuple[Robot, Robot],
-) -> None:
+def test_a_descriptor_that_somebody_else_closed_ends_no_other_link(robots: Robots) -> None:
     first, second = robots
     first.task(first.ports[-1].ours.close)
     first.accepts = False  # other events than before are to be polled for
@@ -341,7 +340,7 @@ def test_a_waiter_is_woken_once_for_all_ready_ports() -> None:
 
 
 def test_a_link_that_the_thread_itself_throws_away_is_not_waited_for(
-    robots: tuple[Robot, Robot], monkeypatch: pytest.MonkeyPatch
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As by the garbage collector, whose finalisers run in whichever thread calls it."""
     monkeypatch.setattr("wheelwire.link.connection.CLOSE_TIMEOUT_S", 45.0)
@@ -383,9 +382,7 @@ def test_a_link_that_is_thrown_away_at_the_begin_or_end_of_the_serving_is_not_wa
     second.link.close()
 
 
-def test_in_a_forked_process_another_thread_serves(
-    thread: SharedThread, robots: tuple[Robot, Robot]
-) -> None:
+def test_in_a_forked_process_another_thread_serves(thread: SharedThread, robots: Robots) -> None:
     def child() -> None:
         robot = Robot(thread)
         robot.link.open()
@@ -406,7 +403,7 @@ def test_nothing_refers_to_a_link_that_was_closed(thread: SharedThread) -> None:
 
 
 def test_a_port_that_is_finished_as_it_joins_is_stopped_at_once(
-    thread: SharedThread, robots: tuple[Robot, Robot]
+    thread: SharedThread, robots: Robots
 ) -> None:
     finished = Robot(thread)
     wait = partial(finished.link.changed.wait_for, lambda: finished.link.has_ended, 30)
