@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -38,3 +39,14 @@ def writers(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     monkeypatch.setattr(SerialTransport, "write", noting)
     return threads
+
+
+@pytest.fixture
+def lose_own_writes(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From this call on, what the test's own thread writes to a port is lost on the line."""
+    write, own = SerialTransport.write, threading.get_ident()
+
+    def losing(self: SerialTransport, data: bytes) -> int:
+        return len(data) if threading.get_ident() == own else write(self, data)
+
+    return partial(monkeypatch.setattr, SerialTransport, "write", losing)

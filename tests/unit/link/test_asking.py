@@ -1,7 +1,7 @@
 """Requests that the calling thread writes: which, and what becomes of them."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -9,7 +9,6 @@ import pytest
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.port_loop import PortLoop
 from wheelwire.link.traffic import Kind, TrafficReader
-from wheelwire.link.transports import SerialTransport
 from wheelwire.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.whole  # each opens a link to a process
@@ -50,14 +49,9 @@ def test_a_recorded_request_is_handed_over(robot: SerialDriver, handed_over: lis
 
 
 def test_a_request_that_is_lost_is_repeated(
-    robot: SerialDriver, handed_over: list[str], monkeypatch: pytest.MonkeyPatch
+    robot: SerialDriver, handed_over: list[str], lose_own_writes: Callable[[], None]
 ) -> None:
-    write, main = SerialTransport.write, threading.current_thread()
-
-    def lose(transport: SerialTransport, data: bytes) -> int:
-        return len(data) if threading.current_thread() is main else write(transport, data)
-
-    monkeypatch.setattr(SerialTransport, "write", lose)
+    lose_own_writes()
     assert robot.device_counters().frames_received > 0
     assert robot.statistics.requests_repeated > 0
     assert not handed_over

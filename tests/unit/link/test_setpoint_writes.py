@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import pytest
@@ -18,12 +19,6 @@ from wheelwire_protocol.types import SetDuty, WheelState
 THREADS = 4
 EACH = 500
 
-Write = Callable[[SerialTransport, bytes], int]
-
-
-def instead_of_writing(monkeypatch: pytest.MonkeyPatch, stand_in: Callable[[Write], Write]) -> None:
-    monkeypatch.setattr(SerialTransport, "write", stand_in(SerialTransport.write))
-
 
 def test_the_caller_writes_the_frame(robot: SerialDriver, writers: list[int]) -> None:
     def drive() -> bool:  # what waits for the port at this moment goes first, by its own thread
@@ -34,43 +29,25 @@ def test_the_caller_writes_the_frame(robot: SerialDriver, writers: list[int]) ->
 
 
 def test_threads_draw_each_number_once(robot: SerialDriver, device: PtyDevice) -> None:
-    failures: list[BaseException] = []
+    def drive(left: int) -> None:
+        while left:
+            with suppress(errors.LinkLost):  # no room: nothing was sent
+                robot.set_duty(0.0, 0.1, ttl=5.0)
+                left -= 1
 
-    def drive() -> None:
-        left = EACH
-        try:
-            while left:
-                with suppress(errors.LinkLost):  # no room: nothing was sent
-                    robot.set_duty(0.0, 0.1, ttl=5.0)
-                    left -= 1
-        except BaseException as error:
-            failures.append(error)
-
-    threads = [threading.Thread(target=drive) for _ in range(THREADS)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not failures
+    with ThreadPoolExecutor(THREADS) as pool:
+        list(pool.map(drive, [EACH] * THREADS))
     robot.stop()
-    arrived = [message for message in device.device.received if isinstance(message, SetDuty)]
+    arrived = device.device.asked(SetDuty)
     assert len({setpoint.command_seq for setpoint in arrived}) == THREADS * EACH
     assert device.device.counters.frames == robot.statistics.frames_sent
 
 
 def test_a_lost_setpoint_is_repeated_though_nothing_comes(
-    robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
+    robot: SerialDriver, device: PtyDevice, lose_own_writes: Callable[[], None]
 ) -> None:
     device.device.lost.add(WheelState)
-    main = threading.get_ident()
-
-    def lose(write: Write) -> Write:
-        def losing(self: SerialTransport, data: bytes) -> int:
-            return len(data) if threading.get_ident() == main else write(self, data)
-
-        return losing
-
-    instead_of_writing(monkeypatch, lose)
+    lose_own_writes()
     robot.set_velocity(0.1, 0.0, ttl=5.0)
     wait_until(lambda: device.device.obeyed)
 
@@ -78,19 +55,18 @@ def test_a_lost_setpoint_is_repeated_though_nothing_comes(
 def test_a_setpoint_that_reaches_no_port_raises(
     robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unplug_first(write: Write) -> Write:
-        def unplugged(self: SerialTransport, data: bytes) -> int:
-            if threading.current_thread() is threading.main_thread():
-                device.unplug()
-                wait_until(lambda: not robot.is_open)
-            return write(self, data)
+    write = SerialTransport.write
 
-        return unplugged
+    def unplug_first(self: SerialTransport, data: bytes) -> int:
+        if threading.current_thread() is threading.main_thread():
+            device.unplug()
+            wait_until(lambda: not robot.is_open)
+        return write(self, data)
 
     def drive() -> bool:  # what waits for the port at this moment goes first, by its own thread
         robot.set_velocity(0.1, 0.0)
         return False
 
-    instead_of_writing(monkeypatch, unplug_first)
+    monkeypatch.setattr(SerialTransport, "write", unplug_first)
     with pytest.raises(errors.LinkLost):
         wait_until(drive)
