@@ -1,14 +1,9 @@
 """What opening a link tells when it fails, on pseudo-terminals and sockets, in real time."""
 
-import os
-import select
 import socket
 import subprocess
 import sys
 import threading
-import tty
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -34,48 +29,23 @@ from wheelwire_protocol.types import (
 )
 
 
-@contextmanager
-def pty_with(speech: bytes, period_s: float = 0.02) -> Iterator[str]:
-    """A port where something else than a device says `speech` again and again."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    os.set_blocking(master, False)
-    end = threading.Event()
-
-    def speak() -> None:
-        while not end.wait(period_s):
-            while select.select([master], [], [], 0)[0]:
-                os.read(master, 4096)
-            with suppress(BlockingIOError):  # the other end has stopped reading
-                os.write(master, speech)
-
-    thread = threading.Thread(target=speak)
-    thread.start()
-    try:
-        yield os.ttyname(slave)
-    finally:
-        end.set()
-        thread.join()
-        os.close(slave)
-        os.close(master)
+@pytest.fixture
+def silent(device: PtyDevice) -> str:
+    """A port at which nobody answers."""
+    device.device.mute = True
+    return str(device.path)
 
 
-def test_a_silent_port() -> None:
-    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="at 921600") as told:
-        SerialDriver(port, connect_timeout=0.3)
+def test_a_silent_port(silent: str) -> None:
+    with pytest.raises(errors.DeviceSilent, match="at 921600") as told:
+        SerialDriver(silent, connect_timeout=0.3)
     # A busy computer may get to the next one.
     assert told.value.baud_rates[0] == 921_600
 
 
-def test_a_device_that_is_not_ours() -> None:
-    gps = pty_with(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n")
-    with gps as port, pytest.raises(errors.ForeignDevice, match="no Wheelwire frame"):
-        SerialDriver(port, connect_timeout=1.5)
-
-
-def test_silence_leads_through_the_usual_baud_rates() -> None:
-    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="115200") as told:
-        SerialDriver(port, baud_rate=57_600, connect_timeout=3.0)
+def test_silence_leads_through_the_usual_baud_rates(silent: str) -> None:
+    with pytest.raises(errors.DeviceSilent, match="115200") as told:
+        SerialDriver(silent, baud_rate=57_600, connect_timeout=3.0)
     assert told.value.baud_rates[:3] == (57_600, 921_600, 115_200)
 
 

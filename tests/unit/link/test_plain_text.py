@@ -109,6 +109,11 @@ def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
     assert "another port" not in said
 
 
+def test_a_device_that_is_not_ours() -> None:
+    gps = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n"
+    assert "no Wheelwire frame" in said_at(gps, hangs_up=False)
+
+
 def test_a_bridge_that_refuses_and_hangs_up_is_quoted() -> None:
     said = said_at(b"Port already in use\r\n", hangs_up=True)
     assert "'Port already in use': the bridge" in said
