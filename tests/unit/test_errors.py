@@ -50,6 +50,12 @@ def test_every_error_comes_back_as_it_was(kind: type[errors.WheelwireError]) -> 
         assert back.__dict__ == error.__dict__
 
 
+def test_exit_codes_are_distinct() -> None:
+    codes = [kind.exit_code for kind in all_errors(errors.WheelwireError)]
+    assert len(set(codes)) == len(codes)
+    assert not {0, 2} & set(codes)
+
+
 @pytest.mark.parametrize(
     ("kind", "base"),
     [

@@ -103,6 +103,8 @@ def test_a_port_that_is_in_use(device: PtyDevice, tmp_path: Path) -> None:
         ("socket://host", "write it as socket://HOST:PORT"),
         ("socket://:1", "write it as socket://HOST:PORT"),
         ("socket://host:x", "write it as socket://HOST:PORT"),
+        ("socket://127.0.0.1:1", "nobody listens"),
+        ("unix:", "write it as unix:PATH"),
         (__file__, "not a serial port"),
         ("loop://", "file descriptor"),
         ("nonsense://x", "nonsense"),
@@ -111,11 +113,6 @@ def test_a_port_that_is_in_use(device: PtyDevice, tmp_path: Path) -> None:
 def test_a_name_that_leads_to_no_port(port: str, said: str) -> None:
     with pytest.raises(errors.PortUnavailable, match=said):
         SerialDriver(port)
-
-
-def test_a_socket_without_a_path_says_how_to_write_one() -> None:
-    with pytest.raises(errors.PortUnavailable, match="write it as unix:PATH"):
-        wheelwire.connect("unix:")
 
 
 def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,24 +140,6 @@ def test_any_error_of_the_opening_is_raised_where_the_driver_is() -> None:
     with pytest.raises(ZeroDivisionError):
         TransportDriver("robot", open_port)
     assert not link_threads()
-
-
-def test_a_socket_that_nobody_listens_on() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        number = server.getsockname()[1]
-    with pytest.raises(errors.PortUnavailable, match="nobody listens"):
-        SerialDriver(f"socket://127.0.0.1:{number}")
-
-
-def test_every_error_has_its_own_exit_code() -> None:
-    kinds = [
-        kind
-        for kind in vars(errors).values()
-        if isinstance(kind, type) and issubclass(kind, errors.WheelwireError)
-    ]
-    codes = [kind.exit_code for kind in kinds]
-    assert len(set(codes)) == len(codes)
-    assert not {0, 2} & set(codes)
 
 
 @each("code", [*RefusalCode, 250])
