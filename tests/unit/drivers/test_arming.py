@@ -88,9 +88,7 @@ def test_a_zero_that_is_lost_or_comes_before_the_sensors_are_read_is_sent_again(
         assert {m[-2:] for m in core.obeyed} == {(0.0, 0.0)}
 
 
-def test_a_refused_zero_is_sent_once_and_does_not_fail_the_first_setpoint(
-    tmp_path: Path,
-) -> None:
+def test_a_refused_zero_is_sent_once_and_does_not_fail_the_first_setpoint(tmp_path: Path) -> None:
     core = CoreDevice()
     line = BadLine(core, 1, RefusalCode.BOARD_UNCONFIRMED)
     with (

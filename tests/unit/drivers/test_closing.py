@@ -63,9 +63,7 @@ def test_nothing_is_logged_for_a_robot_that_stands_or_is_stopped(
     assert not any(SAID in text for text in warnings(caplog))
 
 
-def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(
-    robot: SerialDriver,
-) -> None:
+def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(robot: SerialDriver) -> None:
     robot.close()
 
     def drive() -> None:

@@ -49,9 +49,7 @@ def test_a_line_that_delays_every_setpoint_is_reported_once(
     assert robot.session.setpoints.expired > 50
 
 
-def test_some_that_come_too_late_are_not_worth_a_line(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_some_that_come_too_late_are_not_worth_a_line(caplog: pytest.LogCaptureFixture) -> None:
     robot = StagedRobot()
     robot.open()
     robot.drive(0.2, 0.2, 0.3)

@@ -208,8 +208,7 @@ def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
     "code", [RefusalCode.UNARMED, RefusalCode.CONTRADICTION, RefusalCode.BOARD_UNCONFIRMED]
 )
 def test_a_setpoint_refused_for_another_reason_raises_once_at_the_next_one(
-    line: VirtualLine,
-    code: RefusalCode,
+    line: VirtualLine, code: RefusalCode
 ) -> None:
     ids = line.device.session_id, message_id(SetWheelVelocity)
     line.device.send(Refuse(*ids, code, 1))

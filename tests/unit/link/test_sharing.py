@@ -243,9 +243,7 @@ def test_a_group_that_is_named_may_use_it(
 
 
 def test_a_group_that_is_unknown_is_only_logged(
-    device: PtyDevice,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    device: PtyDevice, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv(GROUP_VARIABLE, "no such group")
     with SerialDriver(str(device.path)) as robot:
@@ -256,21 +254,17 @@ def test_a_group_that_is_unknown_is_only_logged(
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 def test_another_user_is_sent_away(robot: SerialDriver) -> None:
     path = offered()
-    code = (
-        "import os, socket, sys\n"
-        "s = socket.socket(socket.AF_UNIX)\n"
-        "d = os.open(os.path.dirname(sys.argv[1]), os.O_PATH)\n"
-        "os.chmod(sys.argv[1], 0o666)\n"
-        "os.fchdir(os.open(os.path.dirname(sys.argv[1]), os.O_RDONLY))\n"
-        "os.chmod('.', 0o711)\n"
-        "os.setuid(4711)\n"
-        "s.settimeout(5)\n"
-        "s.connect(os.path.basename(sys.argv[1]))\n"
-        "sys.exit(len(s.recv(100)))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], timeout=30, check=False)
-    assert done.returncode == 0
-    robot.read()
+
+    def child() -> None:
+        path.chmod(0o666)
+        os.chdir(path.parent)  # whose own folders that user must not enter
+        path.parent.chmod(0o711)
+        os.setuid(4711)
+        with peer_at(Path(path.name)) as peer:
+            assert not peer.recv(100)
+
+    with forked(child):
+        robot.read()
 
 
 def test_the_file_follows_the_board(device: PtyDevice, monkeypatch: pytest.MonkeyPatch) -> None:
