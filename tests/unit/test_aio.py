@@ -79,20 +79,19 @@ class Place:
     def __init__(self) -> None:
         self.device = CoreDevice(ttl_max_s=5.0)
         self.ports: list[Port] = []
-        self.accepts = True
 
     def open(self, _baud_rate: int) -> Port:
-        port = Port(self.device, lambda: self.accepts)
-        self.ports.append(port)
-        return port
+        self.ports.append(Port(self.device))
+        return self.ports[-1]
 
     def opening(self, stream_rate_hz: int | None = None) -> aio.Opening[aio.Driver]:
         options = LinkOptions("place", stream_rate_hz=stream_rate_hz, open_port=self.open)
-        return aio.Opening(partial(self._make, options))
 
-    def _make(self, options: LinkOptions) -> aio.Driver:
-        with opened_later():
-            return aio.Driver(Robot(partial(Link, options)))
+        def make() -> aio.Driver:
+            with opened_later():
+                return aio.Driver(Robot(partial(Link, options)))
+
+        return aio.Opening(make)
 
     @property
     def is_open(self) -> bool:

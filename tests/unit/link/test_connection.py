@@ -1,5 +1,6 @@
 """What opening a link tells when it fails, on pseudo-terminals and sockets, in real time."""
 
+import gc
 import socket
 import subprocess
 import sys
@@ -185,3 +186,17 @@ def test_a_lost_port_leaves_no_descriptor(device: PtyDevice) -> None:
             device.plug()
             wait_until(lambda: robot.is_open)
             wait_until(lambda: open_files() == before)
+
+
+def test_a_robot_that_is_forgotten_after_an_error_is_closed(device: PtyDevice) -> None:
+    def use(robot: SerialDriver) -> None:
+        device.unplug()
+        wait_until(lambda: not robot.is_open)
+        robot.set_velocity(0.1, 0.0)
+
+    robot = SerialDriver(str(device.path))
+    with pytest.raises(errors.LinkLost):
+        use(robot)
+    del robot
+    gc.collect()
+    wait_until(lambda: not link_threads())

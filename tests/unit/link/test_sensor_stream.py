@@ -263,7 +263,6 @@ def test_a_lost_event_is_made_good_by_the_inputs(known: Stream) -> None:
 
 
 BUMPER = "bumper.front_left"
-UNTIL_CHARGED = "the robot stops until the battery is charged"
 WARNINGS = (
     (2, Code.TRIGGERED, Reflex.NO_FORWARD, f"{BUMPER} triggered: the robot only backs out"),
     (2, Code.TRIGGERED, Reflex.NO_REVERSE, f"{BUMPER} triggered: the robot only drives forward"),
