@@ -17,6 +17,7 @@ from . import (
     board_tables,
     c_abi,
     cpp,
+    cpp_names,
     cpp_vectors,
     markdown,
     python,
@@ -66,6 +67,7 @@ def outputs(root: Path) -> dict[Path, str]:
         "main/self_test_protocol.hpp": cpp.generate_self_test(),
         "core/board_tables.hpp": board_tables.generate(),
         "core/sensor_tables.hpp": sensor_tables.generate(),
+        "explore/protocol_names.hpp": cpp_names.generate(),
         "test/vectors.hpp": cpp_vectors.generate(handmade, generated),
     }
     return {

@@ -30,6 +30,7 @@ OUTPUTS = [
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
     "firmware/esp32/core/sensor_tables.hpp",
+    "firmware/esp32/explore/protocol_names.hpp",
     "firmware/esp32/main/self_test_protocol.hpp",
     "firmware/esp32/test/vectors.hpp",
     "tests/support/self_test_types.py",
