@@ -10,13 +10,6 @@ namespace {
 
 using Operations = std::vector<Operation>;
 
-Operation make(Kind kind, std::initializer_list<double> values = {}) {
-  Operation operation{.kind = kind};
-  size_t i = 0;
-  for (const double value : values) operation.values[i++] = value;
-  return operation;
-}
-
 double id(ParameterId parameter) { return static_cast<double>(parameter); }
 
 // The robot stands still until the firmware starts: short, because each combination begins so.
@@ -27,44 +20,43 @@ constexpr double kLateBoard = 3;  // Any but the image's own.
 
 /// The device with this board, and an open session.
 std::vector<Operations> boards() {
-  const Operation boot = make(Kind::kRun, {kBoot});
-  const Operation open = make(Kind::kOpen, {0});
-  const Operation restart = make(Kind::kRestart, {0});
-  const Operation restarting = make(Kind::kRun, {kRestart});
+  const Operation boot = make("run"_op, {kBoot});
+  const Operation open = make("open"_op, {0});
+  const Operation restart = make("restart"_op, {0});
+  const Operation restarting = make("run"_op, {kRestart});
   return {
       {boot, open},
-      {make(Kind::kWire, {-1, 1, 1}), boot, open},
-      {boot, open, make(Kind::kConfigure, {0, kLateBoard, 0}), restart, restarting, open},
-      {boot, open, make(Kind::kConfigure, {0, -1, 2}), restart, restarting, open},
-      {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 1}), boot, open},
-      {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 0}), boot, open},
-      {make(Kind::kStoreUnreadable, {double{fault::kStoreFull}, 2}), boot, open},
+      {make("wire"_op, {-1, 1, 1}), boot, open},
+      {boot, open, make("configure"_op, {0, kLateBoard, 0}), restart, restarting, open},
+      {boot, open, make("configure"_op, {0, -1, 2}), restart, restarting, open},
+      {make("store_unreadable"_op, {double{fault::kStoreUnreadable}, 1}), boot, open},
+      {make("store_unreadable"_op, {double{fault::kStoreUnreadable}, 0}), boot, open},
+      {make("store_unreadable"_op, {double{fault::kStoreFull}, 2}), boot, open},
   };
 }
 
 std::vector<Operations> trials() {
-  return {{},
-          {make(Kind::kTrial, {0, 1, 60})},
-          {make(Kind::kTrial, {0, 1, 0.2}), make(Kind::kRun, {202e3})}};
+  return {
+      {}, {make("trial"_op, {0, 1, 60})}, {make("trial"_op, {0, 1, 0.2}), make("run"_op, {202e3})}};
 }
 
 std::vector<Operations> states() {
-  const Operation drive = make(Kind::kVelocity, {0, 0.1, 0.1, 5e6, 1, 0});
-  const Operation moment = make(Kind::kRun, {2e3});
+  const Operation drive = make("velocity"_op, {0, 0.1, 0.1, 5e6, 1, 0});
+  const Operation moment = make("run"_op, {2e3});
   return {
       {},
       {drive, moment},
-      {make(Kind::kVelocity, {0, 0.1, 0.1, 20e3, 1, 0}), make(Kind::kRun, {50e3})},
-      {make(Kind::kEstop, {0}), moment},
-      {drive, moment, make(Kind::kLate, {30e3}), make(Kind::kRun, {40e3})},
-      {make(Kind::kDriverFails, {1}), moment},
-      {drive, moment, make(Kind::kLate, {30e3}), make(Kind::kRun, {40e3}), make(Kind::kEstop, {0}),
+      {make("velocity"_op, {0, 0.1, 0.1, 20e3, 1, 0}), make("run"_op, {50e3})},
+      {make("estop"_op, {0}), moment},
+      {drive, moment, make("late"_op, {30e3}), make("run"_op, {40e3})},
+      {make("driver_fails"_op, {1}), moment},
+      {drive, moment, make("late"_op, {30e3}), make("run"_op, {40e3}), make("estop"_op, {0}),
        moment},
-      {make(Kind::kEstop, {0}), moment, make(Kind::kClearEstop, {0, 1}), moment},
-      {make(Kind::kRestart, {0}), make(Kind::kService)},
-      {make(Kind::kConfigure, {0, kLateBoard, 0}), moment},
-      {make(Kind::kHello, {0, 1}), moment},
-      {make(Kind::kHello, {1, 1}), moment},
+      {make("estop"_op, {0}), moment, make("clear_estop"_op, {0, 1}), moment},
+      {make("restart"_op, {0}), make("service"_op)},
+      {make("configure"_op, {0, kLateBoard, 0}), moment},
+      {make("hello"_op, {0, 1}), moment},
+      {make("hello"_op, {1, 1}), moment},
   };
 }
 
@@ -72,128 +64,118 @@ std::vector<Operations> states() {
 /// store that fails.
 std::vector<Operations> circumstances() {
   return {{},
-          {make(Kind::kContact, {1})},
-          {make(Kind::kContact, {1}), make(Kind::kRun, {2e3}), make(Kind::kContact, {0})},
-          {make(Kind::kStoreFails, {0, 1}), make(Kind::kStoreFails, {1, 1})}};
+          {make("contact"_op, {1})},
+          {make("contact"_op, {1}), make("run"_op, {2e3}), make("contact"_op, {0})},
+          {make("store_fails"_op, {0, 1}), make("store_fails"_op, {1, 1})}};
 }
 
 std::vector<Operation> messages() {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   return {
-      make(Kind::kHello, {0, 1}),
-      make(Kind::kHello, {0, 0}),
-      make(Kind::kHello, {1, 1}),
-      make(Kind::kHello, {0, 1, 1}),
-      make(Kind::kHello, {0, 1, 0, 1}),
-      make(Kind::kPing, {0}),
-      make(Kind::kPing, {0, 2}),
-      make(Kind::kVelocity, {0, 0.1, 0.1, 1e6, 1, 0}),
-      make(Kind::kVelocity, {0, 0, 0, 1e6, 1, 0}),
-      make(Kind::kVelocity, {0, kNan, 0.1, 1e6, 1, 0}),
-      make(Kind::kVelocity, {0, 0.1, 0.1, -1, 1, 0}),
-      make(Kind::kVelocity, {0, 0.1, 0.1, 1e6, 0, 0}),
-      make(Kind::kVelocity, {0, 0.1, 0.1, 1e6, 1, 2}),
-      make(Kind::kDuty, {0, 0.3, 0.3, 1e6, 1, 0}),
-      make(Kind::kDuty, {0, 0, 0, 1e6, 1, 0}),
-      make(Kind::kStop, {0, 0, 1}),
-      make(Kind::kStop, {0, 1, 1}),
-      make(Kind::kStop, {0, 3, 1}),
-      make(Kind::kStop, {0, 9, 1, 2}),
-      make(Kind::kEstop, {0}),
-      make(Kind::kClearEstop, {0, 1}),
-      make(Kind::kClearEstop, {0, 1, 2}),
-      make(Kind::kClearEstop, {0, 0}),
-      make(Kind::kClearFault, {0, 1}),
-      make(Kind::kStreamRate, {0, 100}),
-      make(Kind::kStreamRate, {0, 60000}),
-      make(Kind::kGet, {0, 1}),
-      make(Kind::kGet, {0, 0}),
-      make(Kind::kSet, {0, id(ParameterId::kWheelRadius), 0.04, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kWheelRadius), 0.033f, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kWheelRadius), 7, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kWheelRadius), kNan, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kMaxDuty), 0.5, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kControlRateHz), 500.5, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kEstopInputEnabled), 0, 1}),
-      make(Kind::kSet, {0, id(ParameterId::kStreamRateHz), 5000, 1}),
-      make(Kind::kSet, {0, 200, 1, 1}),
-      make(Kind::kSave, {0, 0}),
-      make(Kind::kSave, {0, 8}),
-      make(Kind::kSave, {0, 200}),
-      make(Kind::kResetParameters, {0}),
-      make(Kind::kList, {0, 0}),
-      make(Kind::kList, {0, 200}),
-      make(Kind::kLinkCounters, {0}),
-      make(Kind::kControlCounters, {0}),
-      make(Kind::kTrial, {0, 1, 1}),
-      make(Kind::kTrial, {0, 1, kNan}),
-      make(Kind::kTrial, {0, 2, 1}),
-      make(Kind::kTrial, {0, 2, 99}),
-      make(Kind::kTrial, {0, 3}),
-      make(Kind::kTrial, {0, 4}),
-      make(Kind::kTrial, {0, 0}),
-      make(Kind::kGroup, {0, 1}),
-      make(Kind::kGroup, {0, 7}),
-      make(Kind::kContradictions, {0}),
-      make(Kind::kHoldGet, {0}),
-      make(Kind::kRestart, {0}),
-      make(Kind::kConfigurationGet, {0}),
-      make(Kind::kConfigure, {0, kLateBoard, 0}),
-      make(Kind::kConfigure, {0, kLateBoard, 0, 1}),
-      make(Kind::kConfirm, {0, 0}),
-      make(Kind::kConfirm, {0, 1}),
-      make(Kind::kBoxGet, {0, 0}),
-      make(Kind::kBoxRead, {0, 1, 0}),
-      make(Kind::kLedger, {0}),
-      make(Kind::kUnsaved, {0}),
-      make(Kind::kMemory, {0}),
-      make(Kind::kSensorStream, {0, 100}),
-      make(Kind::kPeripheralGet, {0, 0}),
-      make(Kind::kConfigure, {0, -1, 1}),
-      make(Kind::kConfigure, {0, -1, 1, 4}),
-      make(Kind::kRepeat, {0, 0}),
-      make(Kind::kRepeat, {0, 1}),
+      make("hello"_op, {0, 1}),
+      make("hello"_op, {0, 0}),
+      make("hello"_op, {1, 1}),
+      make("hello"_op, {0, 1, 1}),
+      make("hello"_op, {0, 1, 0, 1}),
+      make("ping"_op, {0}),
+      make("ping"_op, {0, 2}),
+      make("velocity"_op, {0, 0.1, 0.1, 1e6, 1, 0}),
+      make("velocity"_op, {0, 0, 0, 1e6, 1, 0}),
+      make("velocity"_op, {0, kNan, 0.1, 1e6, 1, 0}),
+      make("velocity"_op, {0, 0.1, 0.1, -1, 1, 0}),
+      make("velocity"_op, {0, 0.1, 0.1, 1e6, 0, 0}),
+      make("velocity"_op, {0, 0.1, 0.1, 1e6, 1, 2}),
+      make("duty"_op, {0, 0.3, 0.3, 1e6, 1, 0}),
+      make("duty"_op, {0, 0, 0, 1e6, 1, 0}),
+      make("stop"_op, {0, 0, 1}),
+      make("stop"_op, {0, 1, 1}),
+      make("stop"_op, {0, 3, 1}),
+      make("stop"_op, {0, 9, 1, 2}),
+      make("estop"_op, {0}),
+      make("clear_estop"_op, {0, 1}),
+      make("clear_estop"_op, {0, 1, 2}),
+      make("clear_estop"_op, {0, 0}),
+      make("clear_fault"_op, {0, 1}),
+      make("stream_rate"_op, {0, 100}),
+      make("stream_rate"_op, {0, 60000}),
+      make("get"_op, {0, 1}),
+      make("get"_op, {0, 0}),
+      make("set"_op, {0, id(ParameterId::kWheelRadius), 0.04, 1}),
+      make("set"_op, {0, id(ParameterId::kWheelRadius), 0.033f, 1}),
+      make("set"_op, {0, id(ParameterId::kWheelRadius), 7, 1}),
+      make("set"_op, {0, id(ParameterId::kWheelRadius), kNan, 1}),
+      make("set"_op, {0, id(ParameterId::kMaxDuty), 0.5, 1}),
+      make("set"_op, {0, id(ParameterId::kControlRateHz), 500.5, 1}),
+      make("set"_op, {0, id(ParameterId::kEstopInputEnabled), 0, 1}),
+      make("set"_op, {0, id(ParameterId::kStreamRateHz), 5000, 1}),
+      make("set"_op, {0, 200, 1, 1}),
+      make("save"_op, {0, 0}),
+      make("save"_op, {0, 8}),
+      make("save"_op, {0, 200}),
+      make("reset_parameters"_op, {0}),
+      make("list"_op, {0, 0}),
+      make("list"_op, {0, 200}),
+      make("link_counters"_op, {0}),
+      make("control_counters"_op, {0}),
+      make("trial"_op, {0, 1, 1}),
+      make("trial"_op, {0, 1, kNan}),
+      make("trial"_op, {0, 2, 1}),
+      make("trial"_op, {0, 2, 99}),
+      make("trial"_op, {0, 3}),
+      make("trial"_op, {0, 4}),
+      make("trial"_op, {0, 0}),
+      make("group"_op, {0, 1}),
+      make("group"_op, {0, 7}),
+      make("contradictions"_op, {0}),
+      make("hold_get"_op, {0}),
+      make("restart"_op, {0}),
+      make("configuration_get"_op, {0}),
+      make("configure"_op, {0, kLateBoard, 0}),
+      make("configure"_op, {0, kLateBoard, 0, 1}),
+      make("confirm"_op, {0, 0}),
+      make("confirm"_op, {0, 1}),
+      make("box_get"_op, {0, 0}),
+      make("box_read"_op, {0, 1, 0}),
+      make("ledger"_op, {0}),
+      make("unsaved"_op, {0}),
+      make("memory"_op, {0}),
+      make("sensor_stream"_op, {0, 100}),
+      make("peripheral_get"_op, {0, 0}),
+      make("configure"_op, {0, -1, 1}),
+      make("configure"_op, {0, -1, 1, 4}),
+      make("repeat"_op, {0, 0}),
+      make("repeat"_op, {0, 1}),
   };
 }
 
-void append(Scenario& scenario, const Operations& operations) {
-  scenario.operations.insert(scenario.operations.end(), operations.begin(), operations.end());
+/// What follows: a message, read between two steps or in one; and a change of values on trial, that
+/// KEEP judges.
+std::vector<Operations> endings() {
+  const Operation service = make("service"_op);
+  const double stream_rate = id(ParameterId::kStreamRateHz);
+  std::vector<Operations> all{
+      {make("set"_op, {0, stream_rate, 5000, 1}), service, make("trial"_op, {0, 3})}};
+  for (const Operation& message : messages())
+    for (const Operation& read : {service, make("run"_op, {2e3})}) all.push_back({message, read});
+  return all;
 }
 
 }  // namespace
 
 std::vector<Scenario> all_combinations() {
   // What a clear, or a refusal, must not have left behind shows in a setpoint after it.
-  const Operations after = {make(Kind::kVelocity, {0, 0.1, 0.1, 100e3, 1, 0}),
-                            make(Kind::kRun, {3e3})};
-  const Operation boot_time = make(Kind::kBootTime, {kBootTime});
+  const Operations after = {make("velocity"_op, {0, 0.1, 0.1, 100e3, 1, 0}), make("run"_op, {3e3})};
   std::vector<Scenario> scenarios;
   for (const Operations& board : boards()) {
     for (const Operations& trial : trials()) {
       for (const Operations& state : states()) {
         for (const Operations& circumstance : circumstances()) {
-          for (const Operation& message : messages()) {
-            for (const Operation& read : {make(Kind::kService), make(Kind::kRun, {2e3})}) {
-              Scenario scenario{.seed = 1, .operations = {boot_time}};
-              append(scenario, board);
-              append(scenario, trial);
-              append(scenario, state);
-              append(scenario, circumstance);
-              append(scenario, {message, read});
-              append(scenario, after);
-              scenarios.push_back(std::move(scenario));
-            }
+          for (const Operations& ending : endings()) {
+            Scenario scenario{.seed = 1, .operations = {make("boot_time"_op, {kBootTime})}};
+            for (const Operations& part : {board, trial, state, circumstance, ending, after})
+              scenario.operations.insert(scenario.operations.end(), part.begin(), part.end());
+            scenarios.push_back(std::move(scenario));
           }
-          // A change of values on trial, that KEEP judges.
-          Scenario scenario{.seed = 1, .operations = {boot_time}};
-          append(scenario, board);
-          append(scenario, trial);
-          append(scenario, state);
-          append(scenario, circumstance);
-          append(scenario, {make(Kind::kSet, {0, id(ParameterId::kStreamRateHz), 5000, 1}),
-                            make(Kind::kService), make(Kind::kTrial, {0, 3})});
-          append(scenario, after);
-          scenarios.push_back(std::move(scenario));
         }
       }
     }

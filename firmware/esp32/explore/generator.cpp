@@ -27,7 +27,7 @@ class Generator {
     if (chance(15)) peripherals(static_cast<size_t>(one_of({kBatteryList, kBatteryList, 6, 7})));
     const size_t phases = 6 + below(18);
     for (size_t i = 0; i < phases; ++i) phase();
-    add(Kind::kRun, {2e6});
+    add("run"_op, {2e6});
     return scenario_;
   }
 
@@ -49,74 +49,71 @@ class Generator {
   }
 
   void add(Kind kind, std::initializer_list<double> values = {}) {
-    Operation operation{.kind = kind};
-    size_t i = 0;
-    for (const double value : values) operation.values[i++] = value;
-    scenario_.operations.push_back(operation);
-    if (kind == Kind::kOpen) host_ = operation.values[0];
+    scenario_.operations.push_back(make(kind, values));
+    if (kind == "open"_op) host_ = scenario_.operations.back().values[0];
   }
   /// A program that connects, or seldom a library that reconnects by itself.
-  void open() { add(Kind::kOpen, {0, chance(15) ? 1.0 : 0.0}); }
+  void open() { add("open"_op, {0, chance(15) ? 1.0 : 0.0}); }
   void wait() {
     if (chance(60)) {
-      add(Kind::kRun, {std::floor(spread(200, 20e3))});
+      add("run"_op, {std::floor(spread(200, 20e3))});
     } else {
-      add(Kind::kRun, {std::floor(spread(20e3, 3e6))});
+      add("run"_op, {std::floor(spread(20e3, 3e6))});
     }
   }
   void moment() {
-    if (chance(20)) return add(Kind::kService);
-    if (chance(70)) add(Kind::kRun, {std::floor(spread(100, 5e3))});
+    if (chance(20)) return add("service"_op);
+    if (chance(70)) add("run"_op, {std::floor(spread(100, 5e3))});
   }
 
   // --- the robot ---------------------------------------------------------------------------------
 
   void set_up() {
     if (is_about(Subject::kBoards) && chance(70)) {
-      add(Kind::kWire, {chance(30) ? -1.0 : static_cast<double>(below(shipped_boards().size())),
-                        chance(60) ? 1.0 : 0.0, side()});
+      add("wire"_op, {chance(30) ? -1.0 : static_cast<double>(below(shipped_boards().size())),
+                      chance(60) ? 1.0 : 0.0, side()});
     }
-    if (chance(20)) add(Kind::kBootTime, {std::floor(spread(100, 500e3))});
-    if (chance(15)) add(Kind::kBaud, {one_of({115'200, 230'400, 921'600, 2e6})});
-    if (chance(15)) add(Kind::kClock, {between(-200, 200)});
+    if (chance(20)) add("boot_time"_op, {std::floor(spread(100, 500e3))});
+    if (chance(15)) add("baud"_op, {one_of({115'200, 230'400, 921'600, 2e6})});
+    if (chance(15)) add("clock"_op, {between(-200, 200)});
     if (is_about(Subject::kDefects) && chance(60)) {
       const double volts = between(4.8, 12.6);
-      add(Kind::kSupply, {volts, chance(20) ? between(0, 2) : 0.0, chance(15) ? 4.5 : 0.0});
-      add(Kind::kBattery, {chance(30) ? 0.0 : volts});
+      add("supply"_op, {volts, chance(20) ? between(0, 2) : 0.0, chance(15) ? 4.5 : 0.0});
+      add("battery"_op, {chance(30) ? 0.0 : volts});
     }
     if (subject_ == Subject::kAnything && chance(30))
-      add(Kind::kCounts, {std::floor(spread(20, 100e3))});
-    add(Kind::kRun, {60e3});
+      add("counts"_op, {std::floor(spread(20, 100e3))});
+    add("run"_op, {60e3});
     if (chance(90)) open();
   }
 
   void defect() {
     switch (below(8)) {
       case 0:
-        return add(Kind::kEncoder, {side(), 1});
+        return add("encoder"_op, {side(), 1});
       case 1:
-        return add(Kind::kEncoder, {side(), 0, 1});
+        return add("encoder"_op, {side(), 0, 1});
       case 2:
-        return add(Kind::kEncoder, {side(), 0, 0, 1.0 + side()});
+        return add("encoder"_op, {side(), 0, 0, 1.0 + side()});
       case 3:
-        return add(Kind::kLostEdges, {side(), between(0, 0.9), between(0, 0.4)});
+        return add("lost_edges"_op, {side(), between(0, 0.9), between(0, 0.4)});
       case 4:
-        return add(Kind::kMotor, {side(), 1});
+        return add("motor"_op, {side(), 1});
       case 5:
-        return add(Kind::kMotor, {side(), 0, 1});
+        return add("motor"_op, {side(), 0, 1});
       case 6:
-        return add(Kind::kBlocked, {side(), 1});
+        return add("blocked"_op, {side(), 1});
       default:
-        return add(Kind::kSwaps, {side(), side()});
+        return add("swaps"_op, {side(), side()});
     }
   }
 
   void repair() {
     for (const double wheel : {0.0, 1.0}) {
-      add(Kind::kEncoder, {wheel});
-      add(Kind::kMotor, {wheel});
-      add(Kind::kBlocked, {wheel});
-      add(Kind::kLostEdges, {wheel});
+      add("encoder"_op, {wheel});
+      add("motor"_op, {wheel});
+      add("blocked"_op, {wheel});
+      add("lost_edges"_op, {wheel});
     }
   }
 
@@ -139,7 +136,7 @@ class Generator {
     const double left = duty ? between(-1, 1) : speed();
     const double right = chance(60) ? left : duty ? between(-1, 1) : speed();
     const double every_us = chance(80) ? 50e3 : std::floor(spread(2e3, 900e3));
-    add(Kind::kHold, {host(), left, right, for_us, every_us, duty ? 1.0 : 0.0});
+    add("hold"_op, {host(), left, right, for_us, every_us, duty ? 1.0 : 0.0});
   }
 
   void setpoint(double who) {
@@ -148,37 +145,36 @@ class Generator {
     const double ahead = chance(90) ? 1.0 : one_of({0, -1, -5, 3, 1000});
     const double session = chance(95) ? 0.0 : 1.0 + side();
     if (chance(25)) {
-      add(Kind::kDuty, {who, between(-1, 1), between(-1, 1), life_us, ahead, session});
+      add("duty"_op, {who, between(-1, 1), between(-1, 1), life_us, ahead, session});
     } else {
       const double left = chance(10) ? 0.0 : speed();
-      add(Kind::kVelocity, {who, left, chance(60) ? left : speed(), life_us, ahead, session});
+      add("velocity"_op, {who, left, chance(60) ? left : speed(), life_us, ahead, session});
     }
   }
 
-  void rest() { add(Kind::kVelocity, {host_, 0, 0, 200e3, 1, 0}); }
+  void rest() { add("velocity"_op, {host_, 0, 0, 200e3, 1, 0}); }
 
   /// What follows needs a robot that can drive: mostly it is one.
   void make_ready() {
     if (chance(30)) return;
-    add(Kind::kContact, {0});
-    if (chance(50)) add(Kind::kOpen, {0});
-    add(Kind::kClearEstop, {host_, 1});
-    add(Kind::kClearFault, {host_, 1});
+    add("contact"_op, {0});
+    if (chance(50)) add("open"_op, {0});
+    add("clear_estop"_op, {host_, 1});
+    add("clear_fault"_op, {host_, 1});
     rest();
-    add(Kind::kRun, {3e3});
-    add(Kind::kStop, {host_, 0, 1});
+    add("run"_op, {3e3});
+    add("stop"_op, {host_, 0, 1});
   }
 
   /// A stop, and at once the other way: read in one call, or before the next step.
   void turn_round() {
     const bool duty = chance(50);
     const double speed = duty ? between(0.05, 0.6) : spread(0.05, 0.5);
-    add(Kind::kHold,
-        {host_, speed, speed, std::floor(spread(50e3, 600e3)), 50e3, duty ? 1.0 : 0.0});
+    add("hold"_op, {host_, speed, speed, std::floor(spread(50e3, 600e3)), 50e3, duty ? 1.0 : 0.0});
     for (size_t i = 1 + below(2); i > 0; --i) {
-      add(Kind::kStop, {host_, static_cast<double>(below(4)), 1});
+      add("stop"_op, {host_, static_cast<double>(below(4)), 1});
       if (chance(30)) moment();
-      add(chance(70) ? Kind::kDuty : Kind::kVelocity, {host_, -speed, -speed, 300e3, 1, 0});
+      add(chance(70) ? "duty"_op : "velocity"_op, {host_, -speed, -speed, 300e3, 1, 0});
       if (chance(30)) moment();
     }
     wait();
@@ -190,22 +186,22 @@ class Generator {
     switch (below(12)) {
       case 0:
       case 1:
-        return add(Kind::kStop, {host(), static_cast<double>(below(5)), 1});
+        return add("stop"_op, {host(), static_cast<double>(below(5)), 1});
       case 2:
-        return add(Kind::kEstop, {host()});
+        return add("estop"_op, {host()});
       case 3:
       case 4:
         return contact();
       case 5:
-        return add(Kind::kOpen, {side()});
+        return add("open"_op, {side()});
       case 6:
         return reset();
       case 7:
         return late();
       case 8:
-        return add(Kind::kRun, {std::floor(spread(100e3, 4e6))});
+        return add("run"_op, {std::floor(spread(100e3, 4e6))});
       case 9:
-        return add(Kind::kHello, {host(), side()});
+        return add("hello"_op, {host(), side()});
       case 10:
         return parameter(true);
       default:
@@ -215,64 +211,64 @@ class Generator {
 
   void late() {
     const double us = std::floor(spread(500, 60e3));
-    add(Kind::kLate, {us});
-    if (chance(60)) add(Kind::kRun, {us + 5e3});
+    add("late"_op, {us});
+    if (chance(60)) add("run"_op, {us + 5e3});
   }
 
   void contact() {
-    add(Kind::kContact, {1});
+    add("contact"_op, {1});
     if (chance(25)) return bounce();
     if (chance(50)) {
-      add(Kind::kRun, {std::floor(spread(100, 2e6))});
-      if (chance(40)) add(Kind::kClearEstop, {host_, 1});
+      add("run"_op, {std::floor(spread(100, 2e6))});
+      if (chance(40)) add("clear_estop"_op, {host_, 1});
       if (chance(30)) setpoint(host_);
-      add(Kind::kContact, {0});
+      add("contact"_op, {0});
     }
   }
 
   /// It is closed between two steps only, in which somebody clears.
   void bounce() {
-    add(Kind::kRun, {std::floor(spread(1e3, 50e3))});
-    add(Kind::kContact, {0});
-    add(Kind::kClearEstop, {host_, 1});
-    add(Kind::kService);
-    add(Kind::kContact, {1});
-    add(Kind::kRun, {std::floor(spread(500, 20e3))});
-    if (chance(80)) add(Kind::kContact, {0});
+    add("run"_op, {std::floor(spread(1e3, 50e3))});
+    add("contact"_op, {0});
+    add("clear_estop"_op, {host_, 1});
+    add("service"_op);
+    add("contact"_op, {1});
+    add("run"_op, {std::floor(spread(500, 20e3))});
+    if (chance(80)) add("contact"_op, {0});
   }
 
   void reset() {
-    add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
+    add("reset"_op, {one_of({1, 2, 3, 4, 5, 6, 7})});
     if (chance(80)) {
-      add(Kind::kRun, {chance(80) ? 60e3 : 5e3});
+      add("run"_op, {chance(80) ? 60e3 : 5e3});
       if (chance(85)) open();
     }
   }
 
   /// A library that reconnects long after the start, while its program published all the time.
   void come_back_late() {
-    add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
-    add(Kind::kRun, {std::floor(spread(500e3, 5e6))});
-    add(Kind::kOpen, {0, 1});
+    add("reset"_op, {one_of({1, 2, 3, 4, 5, 6, 7})});
+    add("run"_op, {std::floor(spread(500e3, 5e6))});
+    add("open"_op, {0, 1});
     drive(std::floor(spread(20e3, 900e3)));
   }
 
   /// Ends what is latched, and drives on in a way that it may or may not.
   void clear() {
-    if (chance(80)) add(Kind::kContact, {0});
+    if (chance(80)) add("contact"_op, {0});
     const bool estop = chance(70);
     if (estop) {
-      add(Kind::kClearEstop, {host(), 1});
+      add("clear_estop"_op, {host(), 1});
       moment();
     }
     if (!estop || chance(50)) {
-      add(Kind::kClearFault, {host_, 1});
+      add("clear_fault"_op, {host_, 1});
       moment();
     }
     if (chance(35)) persist();
     if (chance(30)) rest();
-    if (chance(20)) add(Kind::kRun, {std::floor(spread(100e3, 1.5e6))});
-    if (chance(10)) add(Kind::kRepeat, {host_, static_cast<double>(below(4))});
+    if (chance(20)) add("run"_op, {std::floor(spread(100e3, 1.5e6))});
+    if (chance(10)) add("repeat"_op, {host_, static_cast<double>(below(4))});
     if (chance(60)) {
       setpoint(host_);
       wait();
@@ -291,18 +287,18 @@ class Generator {
     const double speed_mps = wrong == 1 ? std::numeric_limits<double>::quiet_NaN() : 0.2;
     const double session = wrong == 2 ? 2 : 0;
     if (wrong == 3) {
-      add(Kind::kHello, {host_, 1});
-      add(Kind::kRun, {3e3});
+      add("hello"_op, {host_, 1});
+      add("run"_op, {3e3});
     }
     for (size_t i = 2 + below(12); i > 0; --i) {
-      add(Kind::kVelocity, {host_, speed_mps, speed_mps, life_us, 1, session});
-      add(Kind::kRun, {every_us});
+      add("velocity"_op, {host_, speed_mps, speed_mps, life_us, 1, session});
+      add("run"_op, {every_us});
     }
     if (wrong == 3) {
-      add(Kind::kPing, {host_, 0});
-      add(Kind::kRun, {3e3});
+      add("ping"_op, {host_, 0});
+      add("run"_op, {3e3});
     }
-    add(Kind::kVelocity, {host_, 0.2, 0.2, 500e3, 1, 0});
+    add("velocity"_op, {host_, 0.2, 0.2, 500e3, 1, 0});
     moment();
   }
 
@@ -348,7 +344,7 @@ class Generator {
     for (int i = 0; always && i < 20 && spec->changes != ParameterChanges::kAlways; ++i)
       spec = &kParameters[below(kParameterCount)];
     const double id = chance(98) ? static_cast<double>(spec->id) : one_of({0, 44, 60, 255});
-    add(Kind::kSet, {host(), id, value_of(*spec), 1, 0});
+    add("set"_op, {host(), id, value_of(*spec), 1, 0});
   }
 
   /// Somebody tunes the robot while it drives: limits and gains at their ends, several at once.
@@ -365,15 +361,15 @@ class Generator {
           kParameters[static_cast<size_t>(kTuned[below(std::size(kTuned))]) - 1];
       const auto low = static_cast<double>(spec.minimum);
       const double part = chance(70) ? mostly : unit();
-      add(Kind::kSet, {host_, static_cast<double>(spec.id),
-                       low + part * (static_cast<double>(spec.maximum) - low), 1, 0});
+      add("set"_op, {host_, static_cast<double>(spec.id),
+                     low + part * (static_cast<double>(spec.maximum) - low), 1, 0});
       if (chance(40)) moment();
     }
     drive(std::floor(spread(20e3, 1e6)));
   }
 
   void set(ParameterId id, double value) {
-    add(Kind::kSet, {host_, static_cast<double>(id), value, 1, 0});
+    add("set"_op, {host_, static_cast<double>(id), value, 1, 0});
     moment();
   }
 
@@ -383,13 +379,13 @@ class Generator {
       moment();
     }
     if (chance(40))
-      add(Kind::kSave, {host_, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
-    if (chance(10)) add(Kind::kResetParameters, {host_});
+      add("save"_op, {host_, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
+    if (chance(10)) add("reset_parameters"_op, {host_});
   }
 
   void trial() {
     make_ready();
-    add(Kind::kTrial, {host_, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
+    add("trial"_op, {host_, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
     moment();
     for (size_t i = 1 + below(3); i > 0; --i) {
       parameter(chance(50));
@@ -397,20 +393,20 @@ class Generator {
     }
     if (chance(50)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     if (chance(80)) drive(std::floor(spread(50e3, 1e6)));
-    if (chance(20)) add(Kind::kTrial, {host_, 2, spread(0.2, 3)});
+    if (chance(20)) add("trial"_op, {host_, 2, spread(0.2, 3)});
     switch (below(7)) {
       case 0:
-        add(Kind::kTrial, {host_, 3});
+        add("trial"_op, {host_, 3});
         break;
       case 1:
-        add(Kind::kTrial, {host_, 4});
+        add("trial"_op, {host_, 4});
         break;
       case 2:
       case 3:
-        add(Kind::kOpen, {side()});
+        add("open"_op, {side()});
         break;
       case 4:
-        add(Kind::kRun, {4e6});
+        add("run"_op, {4e6});
         break;
       case 5:
         reset();
@@ -419,14 +415,14 @@ class Generator {
         interrupt();
     }
     moment();
-    if (chance(50)) add(Kind::kTrial, {host_, 4});
+    if (chance(50)) add("trial"_op, {host_, 4});
     drive(std::floor(spread(50e3, 600e3)));
   }
 
   /// Values that exclude each other: one by one, on trial, or saved and then met by another board.
   void contradict() {
     const bool tries = chance(60);
-    if (tries) add(Kind::kTrial, {host_, 1, 20});
+    if (tries) add("trial"_op, {host_, 1, 20});
     moment();
     switch (below(6)) {
       case 0:
@@ -450,11 +446,11 @@ class Generator {
       default:
         set(ParameterId::kPwmFrequencyHz, std::floor(between(19e3, 40e3)));
     }
-    if (tries && chance(40)) add(Kind::kTrial, {host_, 3});
+    if (tries && chance(40)) add("trial"_op, {host_, 3});
     moment();
     drive(std::floor(spread(20e3, 300e3)));
-    if (chance(50)) add(Kind::kStop, {host_, 0, 1});
-    if (chance(50)) add(Kind::kSave, {host_, 0});
+    if (chance(50)) add("stop"_op, {host_, 0, 1});
+    if (chance(50)) add("save"_op, {host_, 0});
     if (chance(30)) {
       moment();
       board();
@@ -463,28 +459,34 @@ class Generator {
 
   // --- boards ------------------------------------------------------------------------------------
 
+  /// The robot restarts with this board, as a rule: -1 is its own.
+  void configure(double board, size_t list) {
+    list_ = list;
+    add("configure"_op, {host_, board, static_cast<double>(list),
+                         chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
+    moment();
+    if (chance(10)) add("open"_op, {side()});
+    if (chance(85)) add("restart"_op, {host_});
+    add("run"_op, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
+  }
+
   void board() {
     const auto which = static_cast<double>(below(shipped_boards().size()));
     const bool contact = chance(25);
     if (contact) {
-      add(chance(50) ? Kind::kContact : Kind::kEstop, {chance(50) ? 1.0 : 0.0});
+      add(chance(50) ? "contact"_op : "estop"_op, {chance(50) ? 1.0 : 0.0});
       moment();
     }
-    add(Kind::kConfigure, {host_, which, static_cast<double>(list_ = below(kLists)),
-                           chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
-    moment();
-    if (chance(10)) add(Kind::kOpen, {side()});
-    if (chance(85)) add(Kind::kRestart, {host_});
-    add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
+    configure(which, below(kLists));
     if (chance(20)) reset();
     if (chance(90)) open();
     if (chance(40)) setpoint(host_);
     if (chance(25)) contact_or_estop();
-    if (chance(15)) add(Kind::kRun, {11e6});
-    if (chance(80)) add(Kind::kConfirm, {host_, chance(90) ? 0.0 : 1.0});
+    if (chance(15)) add("run"_op, {11e6});
+    if (chance(80)) add("confirm"_op, {host_, chance(90) ? 0.0 : 1.0});
     moment();
-    if (chance(30)) add(Kind::kRun, {130e3});
-    if (chance(40)) add(Kind::kOpen, {0});
+    if (chance(30)) add("run"_op, {130e3});
+    if (chance(40)) add("open"_op, {0});
     drive(std::floor(spread(50e3, 1e6)));
   }
 
@@ -492,7 +494,7 @@ class Generator {
   void contact_of_another_board() {
     make_ready();
     set(ParameterId::kEstopInputEnabled, 0);
-    add(Kind::kSave, {host_, 0});
+    add("save"_op, {host_, 0});
     moment();
     board();
     reset();
@@ -525,13 +527,13 @@ class Generator {
   void hurry(double for_us) {
     const double left = one_of({0.25, 0.3, 0.4, -0.4});
     const double right = chance(60) ? left : one_of({0.1, 0.2, 0.4, -0.3});
-    add(Kind::kHold, {host_, left, right, for_us, 50e3, 0});
+    add("hold"_op, {host_, left, right, for_us, 50e3, 0});
   }
 
   void run_for(double low_us, double high_us) {
-    add(Kind::kRun, {std::floor(between(low_us, high_us))});
+    add("run"_op, {std::floor(between(low_us, high_us))});
   }
-  void measure(double millivolts) { add(Kind::kBattery, {millivolts / 1000.0}); }
+  void measure(double millivolts) { add("battery"_op, {millivolts / 1000.0}); }
 
   /// Mostly until its level has fallen.
   void empty(double millivolts) {
@@ -568,7 +570,7 @@ class Generator {
     run_for(50e3, 9e6);
     measure(kWarnMv + 300.0);
     run_for(50e3, 9e6);
-    add(Kind::kClearFault, {host_, 1});
+    add("clear_fault"_op, {host_, 1});
     rest();
     drive(std::floor(spread(50e3, 600e3)));
   }
@@ -577,10 +579,10 @@ class Generator {
     empty(kStopMv - 100.0);
     measure(one_of({kStopMv + 100.0, kWarnMv + 100.0, kWarnMv + 300.0, 0.0}));
     if (chance(80)) reset();
-    add(Kind::kOpen, {host_});
-    if (chance(50)) add(Kind::kClearFault, {host_, 1});
+    add("open"_op, {host_});
+    if (chance(50)) add("clear_fault"_op, {host_, 1});
     run_for(10e3, 2e6);
-    add(Kind::kClearFault, {host_, 1});
+    add("clear_fault"_op, {host_, 1});
     rest();
     drive(std::floor(spread(50e3, 600e3)));
   }
@@ -604,34 +606,34 @@ class Generator {
   void drain() {
     if (chance(70)) make_ready();
     for (size_t i = 2 + below(4); i > 0; --i) {
-      add(Kind::kBattery, {volts()});
+      add("battery"_op, {volts()});
       // A level falls after two seconds and rises after ten.
       if (chance(30))
-        add(Kind::kRun, {std::floor(chance(50) ? between(9.5e6, 11e6) : spread(10e3, 9e6))});
+        add("run"_op, {std::floor(chance(50) ? between(9.5e6, 11e6) : spread(10e3, 9e6))});
       else if (chance(60))
         hurry(std::floor(between(1.8e6, 3.5e6)));
       else
         drive(std::floor(spread(50e3, 3.5e6)));
       if (chance(15)) interrupt();
       what_batteries_do();
-      if (chance(30)) add(Kind::kClearFault, {host_, 1});
+      if (chance(30)) add("clear_fault"_op, {host_, 1});
       if (chance(20)) setpoint(host_);
     }
-    if (chance(70)) add(Kind::kBattery, {7.4});
-    if (chance(60)) add(Kind::kRun, {std::floor(spread(9e6, 12e6))});
-    if (chance(70)) add(Kind::kClearFault, {host_, 1});
+    if (chance(70)) add("battery"_op, {7.4});
+    if (chance(60)) add("run"_op, {std::floor(spread(9e6, 12e6))});
+    if (chance(70)) add("clear_fault"_op, {host_, 1});
     rest();
     drive(std::floor(spread(50e3, 600e3)));
   }
 
   /// It stands on a slope, and its program drives on; most often by a setpoint of zero.
   void roll() {
-    add(Kind::kSlope, {one_of({-0.4, -0.3, 0.3, 0.4})});
+    add("slope"_op, {one_of({-0.4, -0.3, 0.3, 0.4})});
     // An open loop is held off a bumper only where it is driven towards it.
     const bool duty = chance(40);
     const double speed = duty ? one_of({0.2, -0.2}) : one_of({0, 0, 0.2, -0.2});
-    add(Kind::kHold, {host_, speed, speed, 4e6, 50e3, duty ? 1.0 : 0.0});
-    if (chance(80)) add(Kind::kSlope, {0});
+    add("hold"_op, {host_, speed, speed, 4e6, 50e3, duty ? 1.0 : 0.0});
+    if (chance(80)) add("slope"_op, {0});
   }
 
   /// Something triggers while it drives, and perhaps it backs out.
@@ -640,7 +642,7 @@ class Generator {
     const double which = sensed();
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
-    add(Kind::kSensor, {which, 1});
+    add("sensor"_op, {which, 1});
     if (subject_ != Subject::kSound && chance(30)) roll();
     for (size_t i = 1 + below(3); i > 0; --i) {
       if (chance(30)) {
@@ -650,12 +652,12 @@ class Generator {
         drive(std::floor(spread(10e3, 600e3)));
       }
       if (chance(15)) interrupt();
-      if (chance(15)) add(Kind::kSensor, {sensed(), side()});
-      if (chance(20)) add(Kind::kClearFault, {host_, 1});
+      if (chance(15)) add("sensor"_op, {sensed(), side()});
+      if (chance(20)) add("clear_fault"_op, {host_, 1});
     }
-    if (chance(85)) add(Kind::kSensor, {which, 0});
-    if (chance(30)) add(Kind::kRun, {std::floor(spread(1e3, 200e3))});
-    if (chance(60)) add(Kind::kClearFault, {host_, 1});
+    if (chance(85)) add("sensor"_op, {which, 0});
+    if (chance(30)) add("run"_op, {std::floor(spread(1e3, 200e3))});
+    if (chance(60)) add("clear_fault"_op, {host_, 1});
     rest();
     drive(std::floor(spread(50e3, 600e3)));
   }
@@ -663,37 +665,31 @@ class Generator {
   /// Other peripherals on the same board.
   void peripherals(size_t list) {
     if (chance(20)) contact_or_estop();
-    list_ = list;
-    add(Kind::kConfigure, {host_, -1, static_cast<double>(list_),
-                           chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
-    moment();
-    if (chance(10)) add(Kind::kOpen, {side()});
-    if (chance(85)) add(Kind::kRestart, {host_});
-    add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
+    configure(-1, list);
     if (chance(15)) reset();
     if (chance(90)) open();
     if (chance(30)) setpoint(host_);
-    if (chance(10)) add(Kind::kRun, {11e6});
-    if (chance(85)) add(Kind::kConfirm, {host_, chance(90) ? 0.0 : 1.0});
+    if (chance(10)) add("run"_op, {11e6});
+    if (chance(85)) add("confirm"_op, {host_, chance(90) ? 0.0 : 1.0});
     moment();
-    if (chance(60)) add(Kind::kSensorStream, {host_, one_of({0, 10, 200, 1000})});
+    if (chance(60)) add("sensor_stream"_op, {host_, one_of({0, 10, 200, 1000})});
     bump();
     if (chance(25)) board();
   }
 
   void contact_or_estop() {
-    if (chance(50)) return add(Kind::kEstop, {host()});
-    add(Kind::kContact, {1});
+    if (chance(50)) return add("estop"_op, {host()});
+    add("contact"_op, {1});
     moment();
   }
 
   void confirm() {
     setpoint(host_);
     moment();
-    add(Kind::kConfirm, {host_, chance(85) ? 0.0 : 1.0});
+    add("confirm"_op, {host_, chance(85) ? 0.0 : 1.0});
     if (chance(30)) setpoint(host_);
-    add(Kind::kRun, {130e3});
-    add(Kind::kOpen, {0});
+    add("run"_op, {130e3});
+    add("open"_op, {0});
     drive(std::floor(spread(50e3, 800e3)));
   }
 
@@ -702,8 +698,8 @@ class Generator {
   void flash() {
     if (chance(50)) fill_flash();
     if (chance(70))
-      add(Kind::kPowerCut, {static_cast<double>(below(7)), static_cast<double>(below(3))});
-    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(3)), side()});
+      add("power_cut"_op, {static_cast<double>(below(7)), static_cast<double>(below(3))});
+    if (chance(20)) add("store_fails"_op, {static_cast<double>(below(3)), side()});
     switch (below(6)) {
       case 5:
         return damage();
@@ -712,40 +708,40 @@ class Generator {
         break;
       case 0:
         parameters();
-        add(Kind::kSave, {host_, 0});
+        add("save"_op, {host_, 0});
         break;
       case 1:
         board();
         break;
       case 2:
         contact_or_estop();
-        add(Kind::kRun, {std::floor(spread(100e3, 14e6))});
+        add("run"_op, {std::floor(spread(100e3, 14e6))});
         if (chance(50)) {
-          add(Kind::kContact, {0});
-          add(Kind::kClearEstop, {host_, 1});
-          add(Kind::kRun, {std::floor(spread(1e3, 3e6))});
+          add("contact"_op, {0});
+          add("clear_estop"_op, {host_, 1});
+          add("run"_op, {std::floor(spread(1e3, 3e6))});
         }
         break;
       default:
-        add(Kind::kResetParameters, {host_});
+        add("reset_parameters"_op, {host_});
         if (chance(30)) damaged_flash();
     }
     wait();
     reset();
-    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
+    if (chance(30)) add("store_fails"_op, {static_cast<double>(below(3)), 0});
   }
 
   /// Each block was saved.
   void fill_flash() {
-    if (chance(70)) add(Kind::kStop, {host_, 0, 1});
+    if (chance(70)) add("stop"_op, {host_, 0, 1});
     set(ParameterId::kBrakeTimeS, between(0.1, 2));
-    add(Kind::kSave, {host_, 0});
+    add("save"_op, {host_, 0});
     moment();
     if (chance(50)) return;
-    add(Kind::kEstop, {host_});
-    add(Kind::kRun, {std::floor(spread(1e6, 14e6))});
-    if (chance(70)) add(Kind::kClearEstop, {host_, 1});
-    add(Kind::kRun, {std::floor(spread(1e3, 3e6))});
+    add("estop"_op, {host_});
+    add("run"_op, {std::floor(spread(1e6, 14e6))});
+    if (chance(70)) add("clear_estop"_op, {host_, 1});
+    add("run"_op, {std::floor(spread(1e3, 3e6))});
   }
 
   /// One slot of a block is damaged, or both; perhaps the robot rests for long enough to repair it,
@@ -754,56 +750,56 @@ class Generator {
     if (chance(70)) make_ready();
     if (chance(60)) fill_flash();
     if (chance(60)) chance(40) ? board() : peripherals(below(kLists));
-    add(Kind::kStop, {host_, 0, 1});
+    add("stop"_op, {host_, 0, 1});
     for (size_t i = 1 + below(3); i > 0; --i) {
       const double block = one_of({0, 0, 1, 1, 2});
-      add(Kind::kDamage, {block, static_cast<double>(below(3))});
-      add(Kind::kRun, {60e3});
-      add(Kind::kOpen, {0});
+      add("damage"_op, {block, static_cast<double>(below(3))});
+      add("run"_op, {60e3});
+      add("open"_op, {0});
       if (chance(20)) setpoint(host_);
-      if (chance(40)) add(Kind::kRun, {std::floor(spread(1e6, 4e6))});
+      if (chance(40)) add("run"_op, {std::floor(spread(1e6, 4e6))});
       if (chance(60)) mend(block);
       if (chance(70)) reset();
     }
-    add(Kind::kOpen, {0});
+    add("open"_op, {0});
     make_ready();
     drive(std::floor(spread(50e3, 600e3)));
   }
 
   void mend(double block) {
-    if (block == 2.0) return add(Kind::kClearEstop, {host_, 1});
+    if (block == 2.0) return add("clear_estop"_op, {host_, 1});
     if (block == 1.0) {
-      add(chance(50) ? Kind::kResetParameters : Kind::kSave, {host_, 0});
+      add(chance(50) ? "reset_parameters"_op : "save"_op, {host_, 0});
       moment();
-      return add(Kind::kClearFault, {host_, 1});
+      return add("clear_fault"_op, {host_, 1});
     }
-    add(Kind::kConfigure, {host_, one_of({-1, 0, 1, 3}), static_cast<double>(below(kLists)), 0});
+    add("configure"_op, {host_, one_of({-1, 0, 1, 3}), static_cast<double>(below(kLists)), 0});
     moment();
-    if (chance(40)) add(Kind::kRestart, {host_});
-    add(Kind::kRun, {130e3});
-    if (chance(20)) add(Kind::kRun, {11e6});
+    if (chance(40)) add("restart"_op, {host_});
+    add("run"_op, {130e3});
+    if (chance(20)) add("run"_op, {11e6});
     if (chance(30)) {
-      add(Kind::kOpen, {0});
-      add(Kind::kConfirm, {host_, 0});
+      add("open"_op, {0});
+      add("confirm"_op, {host_, 0});
       moment();
     }
   }
 
   /// The cure that the fault's text proposes, and what the device is then.
   void damaged_flash() {
-    add(Kind::kStoreUnreadable, {one_of({256, 512, 1024}), static_cast<double>(below(3))});
-    add(Kind::kRun, {60e3});
-    add(Kind::kOpen, {0});
-    add(Kind::kClearEstop, {host_, 1});
+    add("store_unreadable"_op, {one_of({256, 512, 1024}), static_cast<double>(below(3))});
+    add("run"_op, {60e3});
+    add("open"_op, {0});
+    add("clear_estop"_op, {host_, 1});
     moment();
-    if (chance(80)) add(Kind::kResetParameters, {host_});
+    if (chance(80)) add("reset_parameters"_op, {host_});
     moment();
-    add(Kind::kClearFault, {host_, 1});
-    if (chance(40)) add(Kind::kRestart, {host_});
-    add(Kind::kRun, {130e3});
+    add("clear_fault"_op, {host_, 1});
+    if (chance(40)) add("restart"_op, {host_});
+    add("run"_op, {130e3});
     if (chance(30)) reset();
-    add(Kind::kOpen, {0});
-    if (chance(70)) add(Kind::kClearFault, {host_, 1});
+    add("open"_op, {0});
+    if (chance(70)) add("clear_fault"_op, {host_, 1});
     rest();
     drive(300e3);
   }
@@ -814,16 +810,16 @@ class Generator {
     if (chance(40)) set(ParameterId::kMaxDuty, chance(30) ? 1.0 : between(0.15, 1.0));
     if (chance(15)) repair();
     defect();
-    if (chance(80)) add(Kind::kRun, {4e6});
+    if (chance(80)) add("run"_op, {4e6});
     if (chance(80)) {
-      add(Kind::kClearFault, {host_, 1});
-      add(Kind::kRun, {600e3});
+      add("clear_fault"_op, {host_, 1});
+      add("run"_op, {600e3});
     }
     if (chance(40)) return burst();
     const double velocity = chance(50) ? spread(0.02, 0.1) : spread(0.1, 0.4);
     const double left = chance(50) ? velocity : -velocity;
     const double right = chance(70) ? left : chance(50) ? -left : 0.0;
-    add(Kind::kHold, {host_, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
+    add("hold"_op, {host_, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
     if (chance(60)) repair();
   }
 
@@ -835,11 +831,11 @@ class Generator {
     const double pause_us = std::floor(spread(20e3, 1e6));
     const size_t how = below(3);
     for (size_t i = 6 + below(10); i > 0; --i) {
-      add(Kind::kHold, {host_, duty ? 2.0 * speed : speed, duty ? 2.0 * speed : speed, for_us, 50e3,
-                        duty ? 1.0 : 0.0});
-      if (how == 0) add(Kind::kStop, {host_, static_cast<double>(below(4)), 1});
-      if (how == 1) add(Kind::kHold, {host_, 0, 0, pause_us, 50e3, 0});
-      if (how != 1) add(Kind::kRun, {pause_us});
+      add("hold"_op, {host_, duty ? 2.0 * speed : speed, duty ? 2.0 * speed : speed, for_us, 50e3,
+                      duty ? 1.0 : 0.0});
+      if (how == 0) add("stop"_op, {host_, static_cast<double>(below(4)), 1});
+      if (how == 1) add("hold"_op, {host_, 0, 0, pause_us, 50e3, 0});
+      if (how != 1) add("run"_op, {pause_us});
     }
     if (chance(60)) repair();
   }
@@ -850,14 +846,14 @@ class Generator {
     set(ParameterId::kMaxVelocityMps, between(0.03, 0.12));
     const double rad = one_of({-0.4, -0.3, 0.3, 0.4});
     make_ready();
-    add(Kind::kSlope, {rad});
+    add("slope"_op, {rad});
     const double speed = rad < 0.0 ? 0.1 : -0.1;
     for (size_t i = 1 + below(3); i > 0; --i) {
-      add(Kind::kHold, {host_, speed, speed, std::floor(between(500e3, 4e6)), 50e3, 0});
-      if (chance(50)) add(Kind::kStop, {host_, 0, 1});
+      add("hold"_op, {host_, speed, speed, std::floor(between(500e3, 4e6)), 50e3, 0});
+      if (chance(50)) add("stop"_op, {host_, 0, 1});
     }
-    add(Kind::kRun, {std::floor(spread(100e3, 3e6))});
-    add(Kind::kSlope, {0});
+    add("run"_op, {std::floor(spread(100e3, 3e6))});
+    add("slope"_op, {0});
   }
 
   /// An e-stop on a slope that its brake does not quite hold.
@@ -865,61 +861,61 @@ class Generator {
     repair();
     make_ready();
     set(ParameterId::kRollingVelocityMps, between(0.5, 1));
-    add(Kind::kSlope, {one_of({-1, 1}) * between(0.05, 0.12)});
+    add("slope"_op, {one_of({-1, 1}) * between(0.05, 0.12)});
     if (chance(50)) drive(std::floor(spread(50e3, 500e3)));
-    add(Kind::kEstop, {host_});
-    add(Kind::kRun, {std::floor(between(14e6, 17e6))});
+    add("estop"_op, {host_});
+    add("run"_op, {std::floor(between(14e6, 17e6))});
     if (chance(50)) reset();
-    add(Kind::kSlope, {0});
+    add("slope"_op, {0});
   }
 
   /// An encoder loses its edges in short gaps.
   void lose_in_gaps() {
     make_ready();
     const double of_us = std::floor(spread(5e3, 60e3));
-    add(Kind::kRun, {4e6});
-    add(Kind::kClearFault, {host_, 1});
+    add("run"_op, {4e6});
+    add("clear_fault"_op, {host_, 1});
     rest();
-    add(Kind::kGaps, {host_, one_of({0.1, 0.2, 0.3, -0.3, 0.4}), std::floor(between(1e6, 8e6)),
-                      side(), std::floor(of_us * one_of({0.5, 0.7, 0.75, 0.9})), of_us});
+    add("gaps"_op, {host_, one_of({0.1, 0.2, 0.3, -0.3, 0.4}), std::floor(between(1e6, 8e6)),
+                    side(), std::floor(of_us * one_of({0.5, 0.7, 0.75, 0.9})), of_us});
   }
 
   void floor() {
     switch (below(5)) {
       case 0:
-        add(Kind::kSlope, {between(-0.35, 0.35)});
+        add("slope"_op, {between(-0.35, 0.35)});
         break;
       case 1:
-        add(Kind::kLoad, {side(), between(-0.05, 0.05)});
+        add("load"_op, {side(), between(-0.05, 0.05)});
         break;
       case 2:
-        add(Kind::kPush, {side(), between(-3, 3)});
+        add("push"_op, {side(), between(-3, 3)});
         break;
       case 3:
-        add(Kind::kFree, {side()});
+        add("free"_op, {side()});
         break;
       default:
-        add(Kind::kSlope, {0});
+        add("slope"_op, {0});
     }
     if (chance(20)) return burst();
     if (chance(15)) return run_away();
     if (chance(10)) return creep();
     if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     drive(std::floor(spread(200e3, 3e6)));
-    if (chance(50)) add(Kind::kStop, {host_, static_cast<double>(below(5)), 1});
-    add(Kind::kRun, {std::floor(spread(100e3, 6e6))});
+    if (chance(50)) add("stop"_op, {host_, static_cast<double>(below(5)), 1});
+    add("run"_op, {std::floor(spread(100e3, 6e6))});
   }
 
   // --- the line ----------------------------------------------------------------------------------
 
   void bad_line() {
     if (chance(30))
-      add(Kind::kNoise, {std::floor(spread(1, 3000)), static_cast<double>(below(1000))});
-    add(Kind::kImpair, {1.0 + static_cast<double>(below(5)), static_cast<double>(below(400)),
-                        std::floor(spread(100, 2e6))});
+      add("noise"_op, {std::floor(spread(1, 3000)), static_cast<double>(below(1000))});
+    add("impair"_op, {1.0 + static_cast<double>(below(5)), static_cast<double>(below(400)),
+                      std::floor(spread(100, 2e6))});
     setpoint(host());
     moment();
-    if (chance(50)) add(Kind::kRepeat, {host(), static_cast<double>(below(6))});
+    if (chance(50)) add("repeat"_op, {host(), static_cast<double>(below(6))});
     wait();
   }
 
@@ -927,29 +923,29 @@ class Generator {
     const double who = host();
     switch (below(12)) {
       case 0:
-        return add(Kind::kStreamRate, {who, one_of({0, 10, 100, 500, 1000, 5000, 65535})});
+        return add("stream_rate"_op, {who, one_of({0, 10, 100, 500, 1000, 5000, 65535})});
       case 1:
-        return add(Kind::kGet, {who, static_cast<double>(below(kParameterCount + 3))});
+        return add("get"_op, {who, static_cast<double>(below(kParameterCount + 3))});
       case 2:
-        return add(Kind::kList, {who, static_cast<double>(below(kParameterCount + 3))});
+        return add("list"_op, {who, static_cast<double>(below(kParameterCount + 3))});
       case 3:
-        return add(Kind::kLinkCounters, {who});
+        return add("link_counters"_op, {who});
       case 4:
-        return add(Kind::kControlCounters, {who});
+        return add("control_counters"_op, {who});
       case 5:
-        return add(Kind::kGroup, {who, static_cast<double>(below(6))});
+        return add("group"_op, {who, static_cast<double>(below(6))});
       case 6:
         return read_long(who);
       case 7:
-        return add(Kind::kContradictions, {who});
+        return add("contradictions"_op, {who});
       case 8:
-        return add(Kind::kPing, {who, chance(90) ? 0.0 : 1.0});
+        return add("ping"_op, {who, chance(90) ? 0.0 : 1.0});
       case 9:
-        return add(Kind::kHello, {who, side(), one_of({0, 0, 1}), one_of({0, 0, 1})});
+        return add("hello"_op, {who, side(), one_of({0, 0, 1}), one_of({0, 0, 1})});
       case 10:
-        return add(Kind::kRestart, {who});
+        return add("restart"_op, {who});
       default:
-        return add(Kind::kRepeat, {who, static_cast<double>(below(8))});
+        return add("repeat"_op, {who, static_cast<double>(below(8))});
     }
   }
 
@@ -957,23 +953,23 @@ class Generator {
   void read_long(double who) {
     switch (below(9)) {
       case 7:
-        return add(Kind::kHoldGet, {who});
+        return add("hold_get"_op, {who});
       case 8:
-        return add(Kind::kMemory, {who});
+        return add("memory"_op, {who});
       case 5:
-        return add(Kind::kPeripheralGet, {who, static_cast<double>(below(12))});
+        return add("peripheral_get"_op, {who, static_cast<double>(below(12))});
       case 6:
-        return add(Kind::kSensorStream, {who, one_of({0, 10, 200, 1000})});
+        return add("sensor_stream"_op, {who, one_of({0, 10, 200, 1000})});
       case 0:
-        return add(Kind::kBoxGet, {who, static_cast<double>(below(3))});
+        return add("box_get"_op, {who, static_cast<double>(below(3))});
       case 1:
-        return add(Kind::kBoxRead, {who, static_cast<double>(below(3)), one_of({0, 56, 32767})});
+        return add("box_read"_op, {who, static_cast<double>(below(3)), one_of({0, 56, 32767})});
       case 2:
-        return add(Kind::kLedger, {who});
+        return add("ledger"_op, {who});
       case 3:
-        return add(Kind::kUnsaved, {who});
+        return add("unsaved"_op, {who});
       default:
-        return add(Kind::kConfigurationGet, {who});
+        return add("configuration_get"_op, {who});
     }
   }
 
@@ -992,32 +988,32 @@ class Generator {
           parameter();
           break;
         case 4:
-          add(Kind::kClearEstop, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
+          add("clear_estop"_op, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
           break;
         case 5:
-          add(Kind::kClearFault, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
+          add("clear_fault"_op, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
           break;
         case 6:
-          add(Kind::kTrial, {side(), static_cast<double>(below(6)), spread(0.1, 100)});
+          add("trial"_op, {side(), static_cast<double>(below(6)), spread(0.1, 100)});
           break;
         case 7:
-          add(Kind::kSave, {side(), static_cast<double>(below(kParameterCount + 2))});
+          add("save"_op, {side(), static_cast<double>(below(kParameterCount + 2))});
           break;
         case 8:
-          add(Kind::kConfirm, {side(), side()});
+          add("confirm"_op, {side(), side()});
           break;
         case 10:
           if (chance(50)) {
-            add(Kind::kSensor, {sensed(), side()});
+            add("sensor"_op, {sensed(), side()});
           } else {
-            add(Kind::kConfigure,
+            add("configure"_op,
                 {side(), -1, static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
-            add(Kind::kConfirm, {side(), side()});
+            add("confirm"_op, {side(), side()});
           }
           break;
         case 9:
-          add(Kind::kConfigure, {side(), static_cast<double>(below(20)),
-                                 static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
+          add("configure"_op, {side(), static_cast<double>(below(20)),
+                               static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
           break;
         default:
           any_request();
@@ -1051,7 +1047,7 @@ class Generator {
     if (kind < 16) return any_request();
     if (kind < 17) return chance(25) ? come_back_late() : reset();
     if (kind < 18) return clear();
-    if (kind < 19 && subject_ != Subject::kSound) return add(Kind::kDriverFails, {side()});
+    if (kind < 19 && subject_ != Subject::kSound) return add("driver_fails"_op, {side()});
     drive(std::floor(spread(200e3, 5e6)));
   }
 

@@ -16,6 +16,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -52,8 +53,7 @@ double cpu_seconds() {
 }
 
 std::string title(const Finding& finding) {
-  const RuleSpec& spec = spec_of(finding.rule);
-  return std::string(spec.code) + " " + spec.name + ": " + finding.text;
+  return code_of(finding.rule) + " " + std::string(name_of(finding.rule)) + ": " + finding.text;
 }
 
 /// Writes the shortest scenario, and says what it breaks.
@@ -64,58 +64,51 @@ void report(const Options& options, const Scenario& scenario, const Outcome& out
   const Scenario shortest = shrink(scenario, outcome.finding.rule, options.shrink_seconds);
   Coverage unused;
   const Outcome again = carry_out(shortest, unused);
-  const RuleSpec& spec = spec_of(outcome.finding.rule);
-  const std::string name = std::string(spec.code) + "-" + std::to_string(scenario.seed) + ".txt";
-  const std::string path = options.folder + "/" + name;
+  const std::string path = options.folder + "/" + code_of(outcome.finding.rule) + "-" +
+                           std::to_string(scenario.seed) + ".txt";
   std::ofstream(path) << "# " << title(again.finding) << "\n" << to_text(shortest);
   std::printf("file\t%s\t%s\n", path.c_str(), title(again.finding).c_str());
 }
 
-int explore(const Options& options) {
+/// Carries out what `next(index)` gives until it gives nothing, or a rule is broken.
+template <typename Next>
+int carry_out_each(const Options& options, Next next) {
   const double cpu_begin = cpu_seconds();
   Coverage coverage;
   double robot_seconds = 0.0;
-  uint64_t scenarios = 0;
-  int result = 0;
-  for (uint64_t seed = options.seed; scenarios < options.count; seed += options.every) {
-    if (options.seconds > 0.0 && cpu_seconds() - cpu_begin >= options.seconds) break;
-    Scenario scenario = generate(seed);
-    scenario.excepted = options.excepted;
-    const Outcome outcome = carry_out(scenario, coverage);
+  uint64_t count = 0;
+  bool found = false;
+  while (!found && (options.seconds == 0.0 || cpu_seconds() - cpu_begin < options.seconds)) {
+    std::optional<Scenario> scenario = next(count);
+    if (!scenario) break;
+    scenario->excepted = options.excepted;
+    const Outcome outcome = carry_out(*scenario, coverage);
     robot_seconds += outcome.seconds;
-    ++scenarios;
-    if (!outcome.found()) continue;
-    report(options, scenario, outcome);
-    result = 1;
-    break;
+    ++count;
+    found = outcome.found();
+    if (found) report(options, *scenario, outcome);
   }
   std::fputs(coverage.text().c_str(), stdout);
   std::printf("ran\tscenarios\t%llu\nran\trobot seconds\t%.0f\nran\tcpu seconds\t%.2f\n",
-              static_cast<unsigned long long>(scenarios), robot_seconds, cpu_seconds() - cpu_begin);
-  return result;
+              static_cast<unsigned long long>(count), robot_seconds, cpu_seconds() - cpu_begin);
+  return found ? 1 : 0;
+}
+
+int explore(const Options& options) {
+  return carry_out_each(options, [&](uint64_t index) -> std::optional<Scenario> {
+    if (index >= options.count) return std::nullopt;
+    return generate(options.seed + index * options.every);
+  });
 }
 
 /// Every so many of the combinations.
 int visit_all(const Options& options) {
-  const double cpu_begin = cpu_seconds();
-  Coverage coverage;
   const std::vector<Scenario> scenarios = all_combinations();
-  uint64_t visited = 0;
-  int result = 0;
-  for (size_t i = options.part; i < scenarios.size(); i += options.parts) {
-    Scenario scenario = scenarios[i];
-    scenario.excepted = options.excepted;
-    const Outcome outcome = carry_out(scenario, coverage);
-    ++visited;
-    if (!outcome.found()) continue;
-    report(options, scenario, outcome);
-    result = 1;
-    break;
-  }
-  std::fputs(coverage.text().c_str(), stdout);
-  std::printf("ran\tscenarios\t%llu\nran\tcpu seconds\t%.2f\n",
-              static_cast<unsigned long long>(visited), cpu_seconds() - cpu_begin);
-  return result;
+  return carry_out_each(options, [&](uint64_t index) -> std::optional<Scenario> {
+    const size_t at = options.part + index * options.parts;
+    if (at >= scenarios.size()) return std::nullopt;
+    return scenarios[at];
+  });
 }
 
 int replay(const std::vector<std::string>& paths) {
@@ -189,7 +182,8 @@ int main(int count, char** words) {
     return 2;
   }
   if (options.list_rules) {
-    for (const RuleSpec& rule : all_rules()) std::printf("%s\t%s\n", rule.code, rule.name);
+    for (size_t i = 0; i < std::size(kRules); ++i)
+      std::printf("%s\t%s\n", code_of(Rule(i)).c_str(), kRules[i].data());
     return 0;
   }
   if (options.print) {

@@ -1,7 +1,6 @@
 #include "operation.hpp"
 
 #include <charconv>
-#include <cinttypes>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -11,80 +10,6 @@
 namespace wheelwire::explore {
 
 namespace {
-
-constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
-    {Kind::kRun, "run", {"us"}},
-    {Kind::kService, "service", {}},
-    {Kind::kOpen, "open", {"host", "unarmed"}},
-    {Kind::kHello, "hello", {"host", "fresh", "version_off", "hash_off"}},
-    {Kind::kPing, "ping", {"host", "session"}},
-    {Kind::kVelocity, "velocity", {"host", "left", "right", "life_us", "ahead", "session"}},
-    {Kind::kDuty, "duty", {"host", "left", "right", "life_us", "ahead", "session"}},
-    {Kind::kHold, "hold", {"host", "left", "right", "for_us", "every_us", "duty"}},
-    {Kind::kStop, "stop", {"host", "mode", "ahead", "session"}},
-    {Kind::kEstop, "estop", {"host"}},
-    {Kind::kClearEstop, "clear_estop", {"host", "ahead", "session"}},
-    {Kind::kClearFault, "clear_fault", {"host", "ahead", "session"}},
-    {Kind::kStreamRate, "stream_rate", {"host", "rate"}},
-    {Kind::kGet, "get", {"host", "parameter"}},
-    {Kind::kSet, "set", {"host", "parameter", "value", "ahead", "session"}},
-    {Kind::kSave, "save", {"host", "parameter"}},
-    {Kind::kResetParameters, "reset_parameters", {"host"}},
-    {Kind::kList, "list", {"host", "index"}},
-    {Kind::kLinkCounters, "link_counters", {"host"}},
-    {Kind::kControlCounters, "control_counters", {"host"}},
-    {Kind::kTrial, "trial", {"host", "action", "timeout_s"}},
-    {Kind::kGroup, "group", {"host", "group"}},
-    {Kind::kContradictions, "contradictions", {"host"}},
-    {Kind::kHoldGet, "hold_get", {"host"}},
-    {Kind::kRestart, "restart", {"host"}},
-    {Kind::kConfigurationGet, "configuration_get", {"host"}},
-    {Kind::kConfigure, "configure", {"host", "board", "list", "damage"}},
-    {Kind::kConfirm, "confirm", {"host", "fingerprint"}},
-    {Kind::kBoxGet, "box_get", {"host", "age"}},
-    {Kind::kBoxRead, "box_read", {"host", "number", "offset"}},
-    {Kind::kLedger, "ledger", {"host"}},
-    {Kind::kUnsaved, "unsaved", {"host"}},
-    {Kind::kMemory, "memory", {"host"}},
-    {Kind::kSensorStream, "sensor_stream", {"host", "rate"}},
-    {Kind::kPeripheralGet, "peripheral_get", {"host", "channel"}},
-    {Kind::kRepeat, "repeat", {"host", "back"}},
-    {Kind::kNoise, "noise", {"bytes", "seed"}},
-    {Kind::kImpair, "impair", {"how", "at", "us"}},
-    {Kind::kBaud, "baud", {"rate"}},
-    {Kind::kContact, "contact", {"open"}},
-    {Kind::kSensor, "sensor", {"which", "triggered"}},
-    {Kind::kReset, "reset", {"reason"}},
-    {Kind::kPowerCut, "power_cut", {"write", "kept"}},
-    {Kind::kStoreFails, "store_fails", {"store", "fails"}},
-    {Kind::kStoreUnreadable, "store_unreadable", {"faults", "store"}},
-    {Kind::kDamage, "damage", {"store", "how"}},
-    {Kind::kDriverFails, "driver_fails", {"fails"}},
-    {Kind::kBootTime, "boot_time", {"us"}},
-    {Kind::kLate, "late", {"us"}},
-    {Kind::kClock, "clock", {"ppm"}},
-    {Kind::kWire, "wire", {"board", "unwritten", "floating"}},
-    {Kind::kSupply, "supply", {"volts", "ohm", "brownout_v"}},
-    {Kind::kBattery, "battery", {"volts"}},
-    {Kind::kSlope, "slope", {"rad"}},
-    {Kind::kFree, "free", {"wheels"}},
-    {Kind::kLoad, "load", {"side", "nm"}},
-    {Kind::kPush, "push", {"side", "turns"}},
-    {Kind::kBlocked, "blocked", {"side", "blocked"}},
-    {Kind::kMotor, "motor", {"side", "reversed", "open", "scale"}},
-    {Kind::kEncoder, "encoder", {"side", "dead", "reversed", "stuck"}},
-    {Kind::kLostEdges, "lost_edges", {"side", "share", "error_ticks"}},
-    {Kind::kGaps, "gaps", {"host", "speed", "for_us", "side", "lost_us", "of_us"}},
-    {Kind::kSwaps, "swaps", {"motors", "encoders"}},
-    {Kind::kCounts, "counts", {"per_revolution"}},
-}};
-
-constexpr bool is_in_order() {
-  for (size_t i = 0; i < kSpecs.size(); ++i)
-    if (kSpecs[i].kind != static_cast<Kind>(i)) return false;
-  return true;
-}
-static_assert(is_in_order());  // Otherwise an operation would be printed as another one.
 
 std::string number(double value) {
   // The shortest text that reads back as the same number.
@@ -106,10 +31,10 @@ std::vector<std::string_view> words_of(std::string_view line) {
 }
 
 std::string read_operation(const std::vector<std::string_view>& words, Operation& out) {
-  for (size_t kind = 0; kind < kSpecs.size(); ++kind) {
-    const KindSpec& spec = kSpecs[kind];
+  for (Kind kind = 0; kind < std::size(kKinds); ++kind) {
+    const KindSpec& spec = kKinds[kind];
     if (words[0] != spec.name) continue;
-    out.kind = static_cast<Kind>(kind);
+    out.kind = kind;
     for (size_t i = 1; i < words.size(); ++i) {
       const size_t equals = words[i].find('=');
       size_t place = 0;
@@ -127,11 +52,9 @@ std::string read_operation(const std::vector<std::string_view>& words, Operation
 
 }  // namespace
 
-const KindSpec& spec_of(Kind kind) { return kSpecs[static_cast<size_t>(kind)]; }
-
 std::string to_text(const Operation& operation) {
-  const KindSpec& spec = spec_of(operation.kind);
-  std::string text = spec.name;
+  const KindSpec& spec = kKinds[operation.kind];
+  std::string text(spec.name);
   for (size_t i = 0; i < kArguments && spec.arguments[i] != nullptr; ++i)
     text += std::string(" ") + spec.arguments[i] + "=" + number(operation.values[i]);
   return text;

@@ -1,53 +1,70 @@
-// The rules of docs/safety.md by their codes.
+// The rules of docs/safety.md.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace wheelwire::explore {
 
-enum class Rule : uint8_t {
-  kDriveOnlyInDriving = 1,
-  kContactStops,
-  kDeadlineStops,
-  kConfirmedBoardOnly,
-  kSessionAndClockFirst,
-  kWheelFaultInTime,
-  kSoundRobotDrivesOn,
-  kLatchEndsByClear,
-  kEstopSurvivesPowerLoss,
-  kClearDoesNotRestart,
-  kSlewWithinLimit,
-  kRequestOnce,
-  kTicksConserved,
-  kFlashOldOrNew,
-  kTrialEndsWithItsSession,
-  kContradictionsNeverDrive,
-  kAnswersAsSpecified,
-  kNoHardSwitch,
-  kWithinLimits,
-  kStopAtOnce,
-  kStateByItsTable,
-  kRollingIsReported,
-  kStopsAsAsked,
-  kContactInputOfItsBoard,
-  kLateStepIsAFault,
-  kBoardStaysWhileEstopped,
-  kFlashOnlyAtRest,
-  kNotAgainstABumper,
-  kExternalStops,
-  kLostIsNotEmpty,
-  kStartDoesNotDrive,
-  kReleaseDoesNotRestart,
-  kStopHolds,
-  kNotTooFast,
-  kValuesChangeAtRest,
-  kHoldIsNamed,
+/// Their names, in the order of their codes: the first one is S01.
+constexpr std::string_view kRules[] = {
+    "drive-only-in-driving",
+    "contact-stops",
+    "deadline-stops",
+    "confirmed-board-only",
+    "session-and-clock-first",
+    "wheel-fault-in-time",
+    "sound-robot-drives-on",
+    "latch-ends-by-clear",
+    "estop-survives-power-loss",
+    "clear-does-not-restart",
+    "slew-within-limit",
+    "request-once",
+    "ticks-conserved",
+    "flash-old-or-new",
+    "trial-ends-with-its-session",
+    "contradictions-never-drive",
+    "answers-as-specified",
+    "no-hard-switch",
+    "within-limits",
+    "stop-at-once",
+    "state-by-its-table",
+    "rolling-is-reported",
+    "stops-as-asked",
+    "contact-input-of-its-board",
+    "late-step-is-a-fault",
+    "board-stays-while-estopped",
+    "flash-only-at-rest",
+    "not-against-a-bumper",
+    "external-stops",
+    "lost-is-not-empty",
+    "start-does-not-drive",
+    "release-does-not-restart",
+    "stop-holds",
+    "not-too-fast",
+    "values-change-at-rest",
+    "hold-is-named",
 };
+
+/// An index of kRules.
+enum class Rule : uint8_t {};
+
+/// The rule of this name.
+consteval Rule operator""_rule(const char* name, size_t size) {
+  uint8_t index = 0;
+  while (kRules[index] != std::string_view(name, size)) ++index;
+  return Rule{index};
+}
+
+std::string code_of(Rule rule);
+inline std::string_view name_of(Rule rule) { return kRules[static_cast<size_t>(rule)]; }
+std::optional<Rule> rule_called(std::string_view code);
 
 /// Something is wrong; `text` says what. Empty: nothing is.
 struct Finding {
-  Rule rule = Rule::kAnswersAsSpecified;
+  Rule rule = "answers-as-specified"_rule;
   std::string text;
 };
 

@@ -13,45 +13,6 @@ using sim::kLeft;
 using sim::kRight;
 using sim::Side;
 
-constexpr RuleSpec kRules[] = {
-    {Rule::kDriveOnlyInDriving, "S01", "drive-only-in-driving"},
-    {Rule::kContactStops, "S02", "contact-stops"},
-    {Rule::kDeadlineStops, "S03", "deadline-stops"},
-    {Rule::kConfirmedBoardOnly, "S04", "confirmed-board-only"},
-    {Rule::kSessionAndClockFirst, "S05", "session-and-clock-first"},
-    {Rule::kWheelFaultInTime, "S06", "wheel-fault-in-time"},
-    {Rule::kSoundRobotDrivesOn, "S07", "sound-robot-drives-on"},
-    {Rule::kLatchEndsByClear, "S08", "latch-ends-by-clear"},
-    {Rule::kEstopSurvivesPowerLoss, "S09", "estop-survives-power-loss"},
-    {Rule::kClearDoesNotRestart, "S10", "clear-does-not-restart"},
-    {Rule::kSlewWithinLimit, "S11", "slew-within-limit"},
-    {Rule::kRequestOnce, "S12", "request-once"},
-    {Rule::kTicksConserved, "S13", "ticks-conserved"},
-    {Rule::kFlashOldOrNew, "S14", "flash-old-or-new"},
-    {Rule::kTrialEndsWithItsSession, "S15", "trial-ends-with-its-session"},
-    {Rule::kContradictionsNeverDrive, "S16", "contradictions-never-drive"},
-    {Rule::kAnswersAsSpecified, "S17", "answers-as-specified"},
-    {Rule::kNoHardSwitch, "S18", "no-hard-switch"},
-    {Rule::kWithinLimits, "S19", "within-limits"},
-    {Rule::kStopAtOnce, "S20", "stop-at-once"},
-    {Rule::kStateByItsTable, "S21", "state-by-its-table"},
-    {Rule::kRollingIsReported, "S22", "rolling-is-reported"},
-    {Rule::kStopsAsAsked, "S23", "stops-as-asked"},
-    {Rule::kContactInputOfItsBoard, "S24", "contact-input-of-its-board"},
-    {Rule::kLateStepIsAFault, "S25", "late-step-is-a-fault"},
-    {Rule::kBoardStaysWhileEstopped, "S26", "board-stays-while-estopped"},
-    {Rule::kFlashOnlyAtRest, "S27", "flash-only-at-rest"},
-    {Rule::kNotAgainstABumper, "S28", "not-against-a-bumper"},
-    {Rule::kExternalStops, "S29", "external-stops"},
-    {Rule::kLostIsNotEmpty, "S30", "lost-is-not-empty"},
-    {Rule::kStartDoesNotDrive, "S31", "start-does-not-drive"},
-    {Rule::kReleaseDoesNotRestart, "S32", "release-does-not-restart"},
-    {Rule::kStopHolds, "S33", "stop-holds"},
-    {Rule::kNotTooFast, "S34", "not-too-fast"},
-    {Rule::kValuesChangeAtRest, "S35", "values-change-at-rest"},
-    {Rule::kHoldIsNamed, "S36", "hold-is-named"},
-};
-
 constexpr std::array<Side, 2> kSides = sim::kSides;
 
 constexpr uint64_t kSlackUs = 10'000;
@@ -92,15 +53,15 @@ bool has_no_swaps(const Values& values) {
 /// The rule that a setpoint broke which had to be refused.
 Rule rule_of(Codes denied, bool unarmed_by_start) {
   if (denied.has(RefusalCode::kBoardUnconfirmed) || denied.has(RefusalCode::kBoardOnTrial))
-    return Rule::kConfirmedBoardOnly;
+    return "confirmed-board-only"_rule;
   if (denied.has(RefusalCode::kEstopped) || denied.has(RefusalCode::kFault))
-    return Rule::kLatchEndsByClear;
+    return "latch-ends-by-clear"_rule;
   if (denied.has(RefusalCode::kUnarmed))
-    return unarmed_by_start ? Rule::kStartDoesNotDrive : Rule::kClearDoesNotRestart;
-  if (denied.has(RefusalCode::kContradiction)) return Rule::kContradictionsNeverDrive;
-  if (denied.has(RefusalCode::kExpired)) return Rule::kDeadlineStops;
-  if (denied.has(RefusalCode::kNoTrial)) return Rule::kTrialEndsWithItsSession;
-  return Rule::kSessionAndClockFirst;
+    return unarmed_by_start ? "start-does-not-drive"_rule : "clear-does-not-restart"_rule;
+  if (denied.has(RefusalCode::kContradiction)) return "contradictions-never-drive"_rule;
+  if (denied.has(RefusalCode::kExpired)) return "deadline-stops"_rule;
+  if (denied.has(RefusalCode::kNoTrial)) return "trial-ends-with-its-session"_rule;
+  return "session-and-clock-first"_rule;
 }
 
 bool hides_edges(const sim::EncoderModel& encoder) {
@@ -120,13 +81,14 @@ bool is_latched(SupervisorState state) {
 
 }  // namespace
 
-std::span<const RuleSpec> all_rules() { return kRules; }
-
-const RuleSpec& spec_of(Rule rule) { return kRules[static_cast<size_t>(rule) - 1]; }
+std::string code_of(Rule rule) {
+  const size_t number = static_cast<size_t>(rule) + 1;
+  return (number < 10 ? "S0" : "S") + std::to_string(number);
+}
 
 std::optional<Rule> rule_called(std::string_view code) {
-  for (const RuleSpec& spec : kRules)
-    if (code == spec.code) return spec.rule;
+  for (size_t i = 0; i < std::size(kRules); ++i)
+    if (code == code_of(Rule(i))) return Rule(i);
   return std::nullopt;
 }
 
@@ -135,7 +97,7 @@ std::optional<Rule> rule_called(std::string_view code) {
 /// S01. On a board that is wired otherwise than the firmware believes, windings do what they do.
 void Judge::drive_only_in_driving() {
   const bool trusted = world_.wired_as_believed || !witness_.board_confirmed();
-  check(Rule::kDriveOnlyInDriving,
+  check("drive-only-in-driving"_rule,
         !trusted || !simulator_.board.drives() || simulator_.state() == SupervisorState::kDriving,
         "a winding is driven in ", name_of(simulator_.state()));
 }
@@ -143,14 +105,14 @@ void Judge::drive_only_in_driving() {
 /// S02, at the end of a control step.
 void Judge::contact_stops() {
   if (!witness_.contact_open()) return;
-  check(Rule::kContactStops, simulator_.state() == SupervisorState::kEstopped,
+  check("contact-stops"_rule, simulator_.state() == SupervisorState::kEstopped,
         "the contact is open, and the robot is in ", name_of(simulator_.state()));
 }
 
 /// S03, at the end of a control step.
 void Judge::deadline_stops() {
   if (simulator_.state() != SupervisorState::kDriving || !witness_.granted()) return;
-  check(Rule::kDeadlineStops, now_us() < witness_.granted()->deadline_us, "it drives ",
+  check("deadline-stops"_rule, now_us() < witness_.granted()->deadline_us, "it drives ",
         now_us() - witness_.granted()->deadline_us, " us after its setpoint's deadline");
 }
 
@@ -165,9 +127,9 @@ void Judge::driven_by_right() {
 /// S04, however it is wired: until a board is confirmed its pins float, and on trial it coasts.
 void Judge::confirmed_board_only() {
   if (witness_.configuration_state() == ConfigurationState::kStored) return;
-  check(Rule::kConfirmedBoardOnly, simulator_.state() != SupervisorState::kDriving,
+  check("confirmed-board-only"_rule, simulator_.state() != SupervisorState::kDriving,
         "it is in DRIVING on a board that nobody confirmed");
-  check(Rule::kConfirmedBoardOnly, !simulator_.board.drives(),
+  check("confirmed-board-only"_rule, !simulator_.board.drives(),
         "a winding is driven on a board that nobody confirmed");
 }
 
@@ -239,7 +201,7 @@ void Judge::wheel_fault_in_time() {
     }
     if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
     const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
-    check(Rule::kWheelFaultInTime, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
+    check("wheel-fault-in-time"_rule, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
           side == kLeft ? "the left" : "the right",
           " wheel has not done what its setpoint says for ",
           static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6, " s");
@@ -275,7 +237,7 @@ void Judge::driven_hard_without_a_tick() {
       wheel.still_us += period_us;
     else
       wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
-    check(Rule::kWheelFaultInTime, wheel.still_us <= kHardUs,
+    check("wheel-fault-in-time"_rule, wheel.still_us <= kHardUs,
           side == kLeft ? "the left" : "the right",
           " wheel was driven hard, and its encoder showed no tick");
   }
@@ -290,7 +252,7 @@ void Judge::sound_robot_drives_on() {
                                  fault::kLeftReversed | fault::kRightReversed |
                                  fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible |
                                  fault::kOverspeed;
-  check(Rule::kSoundRobotDrivesOn, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
+  check("sound-robot-drives-on"_rule, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
         "a sound robot on a flat floor has the faults ", simulator_.faults());
 }
 
@@ -309,25 +271,25 @@ void Judge::time_moves_the_state() {
       (witness_.trial() == Trial::kRuns && now_us() >= witness_.trial_until_us());
   switch (after) {
     case SupervisorState::kFault:
-      if (before == SupervisorState::kEstopped) return wrong(Rule::kLatchEndsByClear);
-      check(Rule::kStateByItsTable, simulator_.faults() != 0, "it is in FAULT without one");
+      if (before == SupervisorState::kEstopped) return wrong("latch-ends-by-clear"_rule);
+      check("state-by-its-table"_rule, simulator_.faults() != 0, "it is in FAULT without one");
       return;
     case SupervisorState::kEstopped:
-      if (!witness_.contact_open()) wrong(Rule::kStateByItsTable);
+      if (!witness_.contact_open()) wrong("state-by-its-table"_rule);
       return;
     case SupervisorState::kTimedOut:
       if (before != SupervisorState::kDriving)
-        return wrong(is_latched(before) ? Rule::kLatchEndsByClear : Rule::kStateByItsTable);
+        return wrong(is_latched(before) ? "latch-ends-by-clear"_rule : "state-by-its-table"_rule);
       if (witness_.granted() && now_us() + kSlackUs < witness_.granted()->deadline_us)
-        wrong(Rule::kStateByItsTable);
+        wrong("state-by-its-table"_rule);
       return;
     case SupervisorState::kIdle:
-      if (is_latched(before)) return wrong(Rule::kLatchEndsByClear);
-      if (!trial_is_over) wrong(Rule::kStateByItsTable);
+      if (is_latched(before)) return wrong("latch-ends-by-clear"_rule);
+      if (!trial_is_over) wrong("state-by-its-table"_rule);
       return;
     case SupervisorState::kBoot:
     case SupervisorState::kDriving:
-      wrong(is_latched(before) ? Rule::kLatchEndsByClear : Rule::kStateByItsTable);
+      wrong(is_latched(before) ? "latch-ends-by-clear"_rule : "state-by-its-table"_rule);
   }
 }
 
@@ -363,9 +325,9 @@ void Judge::message_moves_the_state() {
   if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;
   // It reverts a trial, by its end or its deadline.
   if (id == ParameterTrial::kId && moves && after == SupervisorState::kIdle) return;
-  const Rule rule = id == Estop::kId || id == Stop::kId ? Rule::kStopAtOnce
-                    : is_latched(before)                ? Rule::kLatchEndsByClear
-                                                        : Rule::kStateByItsTable;
+  const Rule rule = id == Estop::kId || id == Stop::kId ? "stop-at-once"_rule
+                    : is_latched(before)                ? "latch-ends-by-clear"_rule
+                                                        : "state-by-its-table"_rule;
   accuse({rule, describe(task.message) + (task.carried_out ? "" : ", not carried out,") +
                     " moves it from " + name_of(before) + " to " + name_of(after) + " instead of " +
                     name_of(expected)});
@@ -375,7 +337,7 @@ void Judge::message_moves_the_state() {
 void Judge::stop_at_once() {
   const uint8_t id = witness_.task()->message.id;
   if (id != Stop::kId && id != Estop::kId) return;
-  check(Rule::kStopAtOnce, !world_.wired_as_believed || !simulator_.board.drives(),
+  check("stop-at-once"_rule, !world_.wired_as_believed || !simulator_.board.drives(),
         "a winding is driven after ", describe(witness_.task()->message));
 }
 
@@ -385,7 +347,7 @@ void Judge::board_stays_while_estopped() {
   const uint8_t id = task.message.id;
   if (id != ConfigurationWrite::kId && id != ConfigurationConfirm::kId) return;
   const bool estopped = task.before == SupervisorState::kEstopped || witness_.contact_open();
-  check(Rule::kBoardStaysWhileEstopped,
+  check("board-stays-while-estopped"_rule,
         !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
         describe(task.message), " is carried out with an e-stop");
 }
@@ -399,7 +361,7 @@ void Judge::values_change_at_rest() {
   for (const ParameterSpec& spec : kParameters) {
     const bool has_changed = before[index_of(spec.id)] != witness_.value(spec.id);
     if (!has_changed || spec.changes == ParameterChanges::kAlways) continue;
-    check(Rule::kValuesChangeAtRest, !surely_turns(kLeft) && !surely_turns(kRight),
+    check("values-change-at-rest"_rule, !surely_turns(kLeft) && !surely_turns(kRight),
           describe(task.message), " is carried out though a wheel turns");
   }
 }
@@ -433,8 +395,9 @@ void Judge::slew_within_limit() {
       const double now = simulator_.board.bridges()[side].signed_duty();
       const bool pauses = before == 0.0 || sign_of(before) != sign_of(now);
       const double growth = pauses ? std::abs(now) : std::abs(now) - std::abs(before);
-      check(Rule::kSlewWithinLimit, !world_.wired_as_believed || growth <= step * (pauses ? 2 : 1),
-            "a duty goes from ", before, " to ", now, " in one step");
+      check("slew-within-limit"_rule,
+            !world_.wired_as_believed || growth <= step * (pauses ? 2 : 1), "a duty goes from ",
+            before, " to ", now, " in one step");
     }
   }
   if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
@@ -446,8 +409,8 @@ void Judge::slew_within_limit() {
   for (const Side side : kSides) {
     const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
                                    memory_.commanded_umps[side]);
-    check(Rule::kSlewWithinLimit, change <= 1.3 * step_umps + 2.0, "a wheel's command changes by ",
-          change, " um/s in a step of ", step_umps);
+    check("slew-within-limit"_rule, change <= 1.3 * step_umps + 2.0,
+          "a wheel's command changes by ", change, " um/s in a step of ", step_umps);
   }
 }
 
@@ -467,7 +430,7 @@ void Judge::begins_gently() {
                            static_cast<double>(value(kControlRateHz)) * 1e6;
   for (const Side side : kSides) {
     const double commanded = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
-    check(Rule::kSlewWithinLimit, commanded <= 1.3 * 2.0 * step_umps + kMeasuredAtRestUmps,
+    check("slew-within-limit"_rule, commanded <= 1.3 * 2.0 * step_umps + kMeasuredAtRestUmps,
           "a wheel that stands is commanded at ", commanded, " um/s in a step of ", step_umps);
   }
 }
@@ -485,14 +448,14 @@ void Judge::within_limits() {
     double limit = highest(kMaxDuty);
     if (before == 0.0 || sign_of(before) != sign_of(now))
       limit = std::max(limit, static_cast<double>(memory_.earlier_highest[index_of(kMaxDuty)]));
-    check(Rule::kWithinLimits, duty <= limit + 2.0 / 32767.0 || falls, "a duty of ", duty, " of ",
+    check("within-limits"_rule, duty <= limit + 2.0 / 32767.0 || falls, "a duty of ", duty, " of ",
           limit);
   }
 }
 
 /// S18, whenever the inputs change.
 void Judge::no_hard_switch() {
-  check(Rule::kNoHardSwitch,
+  check("no-hard-switch"_rule,
         !world_.wired_as_believed || simulator_.board.hard_switches() <= memory_.hard_switches,
         "a winding's direction changed without a pause");
 }
@@ -505,9 +468,9 @@ void Judge::pauses_for_a_period() {
   for (const Side side : kSides) {
     const int before = memory_.directions[side];
     const sim::BridgeState now = simulator_.board.bridges()[side];
-    check(Rule::kNoHardSwitch, before * direction_of(now) >= 0,
+    check("no-hard-switch"_rule, before * direction_of(now) >= 0,
           "a winding is driven the other way one control period later");
-    check(Rule::kNoHardSwitch, before == 0 || now.drives() || now.shorted() < 0.5 || !can_coast,
+    check("no-hard-switch"_rule, before == 0 || now.drives() || now.shorted() < 0.5 || !can_coast,
           "a winding that was driven is shorted one control period later");
   }
 }
@@ -517,9 +480,9 @@ void Judge::values_are_as_acknowledged() {
   for (size_t i = 0; i < kParameterCount; ++i) {
     const float now = simulator_.parameter(kParameters[i].id);
     if (now == witness_.values()[i]) continue;
-    const Rule rule = witness_.task() && witness_.task()->is_repeat ? Rule::kRequestOnce
-                      : now == memory_.values[i]                    ? Rule::kTrialEndsWithItsSession
-                                                                    : Rule::kAnswersAsSpecified;
+    const Rule rule = witness_.task() && witness_.task()->is_repeat ? "request-once"_rule
+                      : now == memory_.values[i] ? "trial-ends-with-its-session"_rule
+                                                 : "answers-as-specified"_rule;
     return accuse({rule, "parameter " + std::to_string(i + 1) + " is " +
                              text_of(static_cast<double>(now)) + " instead of " +
                              text_of(static_cast<double>(witness_.values()[i]))});
@@ -528,7 +491,7 @@ void Judge::values_are_as_acknowledged() {
 
 /// S16.
 void Judge::contradictions_never_drive() {
-  check(Rule::kContradictionsNeverDrive,
+  check("contradictions-never-drive"_rule,
         simulator_.state() != SupervisorState::kDriving || !witness_.contradicts(),
         "it drives with parameters that contradict each other");
 }
@@ -542,7 +505,8 @@ void Judge::late_step_is_a_fault() {
       was_driving && !world_.handled && !world_.writes_flash &&
       witness_.trial() != Trial::kExpired &&
       static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
-  check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
+  check("late-step-is-a-fault"_rule,
+        !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
         "a control step came after ", elapsed_us, " us without a fault");
 }
 
@@ -599,7 +563,8 @@ void Judge::not_against_a_bumper() {
     if ((forbidden & flag) == 0) continue;
     const double way = flag == reflex::kNoForward ? 1.0 : -1.0;
     const char* const name = way > 0.0 ? "forward" : "backward";
-    const Rule rule = (open & flag) != 0 ? Rule::kNotAgainstABumper : Rule::kReleaseDoesNotRestart;
+    const Rule rule =
+        (open & flag) != 0 ? "not-against-a-bumper"_rule : "release-does-not-restart"_rule;
     for (const Side side : kSides) {
       // Where a winding changes its direction its stage pauses, and the other one begins.
       if (way * goes(side) <= 2.0 / 32767.0) continue;
@@ -623,9 +588,9 @@ void Judge::not_against_a_bumper() {
 /// S29, at the end of a control step.
 void Judge::external_stops() {
   if ((witness_.forbidden() & reflex::kStop) == 0) return;
-  check(Rule::kExternalStops, simulator_.state() != SupervisorState::kDriving,
+  check("external-stops"_rule, simulator_.state() != SupervisorState::kDriving,
         "it is in DRIVING, and a sensor has stopped it");
-  check(Rule::kExternalStops, !world_.wired_as_believed || !simulator_.board.drives(),
+  check("external-stops"_rule, !world_.wired_as_believed || !simulator_.board.drives(),
         "a winding is driven, and a sensor has stopped the robot");
 }
 
@@ -665,7 +630,7 @@ void Judge::half_of_the_speed() {
       const double now = std::abs(simulator_.board.bridges()[side].signed_duty());
       double& most = memory_.limited_duty[side];
       // A step for what was on its way, and another one for the pause of the stage.
-      check(Rule::kExternalStops,
+      check("external-stops"_rule,
             now <= std::max(highest(kMaxDuty) / 2.0, most) + 2.0 * fall + 2.0 / 32767.0,
             "a duty of ", now, " with a low battery");
       most = std::max(0.0, most - fall);
@@ -680,7 +645,7 @@ void Judge::half_of_the_speed() {
   if (static_cast<double>(now_us() - memory_.limited_since_us) * 1e-6 <= falls_s) return;
   for (const Side side : kSides) {
     const double now = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
-    check(Rule::kExternalStops, now <= 1.001 * half_umps + 10.0, "a wheel is commanded at ", now,
+    check("external-stops"_rule, now <= 1.001 * half_umps + 10.0, "a wheel is commanded at ", now,
           " um/s with a low battery");
   }
 }
@@ -722,7 +687,7 @@ void Judge::not_too_fast() {
     memory_.too_fast_us += period_us;
   else
     memory_.too_fast_us = std::max(0.0, memory_.too_fast_us - period_us / 10.0);
-  check(Rule::kNotTooFast, memory_.too_fast_us <= kTooFastUs, "it rolls at ", sum / 2.0,
+  check("not-too-fast"_rule, memory_.too_fast_us <= kTooFastUs, "it rolls at ", sum / 2.0,
         " m/s, may do ", allowed, ", and goes on");
 }
 
@@ -742,7 +707,7 @@ void Judge::estop_is_noted() {
     return;
   }
   if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
-  check(Rule::kEstopSurvivesPowerLoss, now_us() <= memory_.latch_due_us,
+  check("estop-survives-power-loss"_rule, now_us() <= memory_.latch_due_us,
         estopped ? "an e-stop" : "its end", " was not recorded in flash");
 }
 
@@ -759,7 +724,7 @@ void Judge::lost_copy_is_repaired() {
     return;
   }
   if (memory_.repair_due_us == 0) memory_.repair_due_us = now_us() + kRepairUs;
-  check(Rule::kLostIsNotEmpty, now_us() <= memory_.repair_due_us,
+  check("lost-is-not-empty"_rule, now_us() <= memory_.repair_due_us,
         "a lost copy of a stored block was not written anew");
 }
 
@@ -937,11 +902,11 @@ void Judge::stops_as_asked() {
   for (const Side side : kSides) {
     const double shorted = simulator_.board.bridges()[side].shorted();
     if (memory_.braking_steps >= kPauseSteps)
-      check(began ? Rule::kStopsAsAsked : Rule::kStopHolds, shorted > 0.5,
+      check(began ? "stops-as-asked"_rule : "stop-holds"_rule, shorted > 0.5,
             began ? "a winding is not braked after a stop that brakes"
                   : "a winding that a stop has shorted is open");
     if (memory_.coasting_steps >= kPauseSteps && can_coast)
-      check(may_brake ? Rule::kStopsAsAsked : Rule::kConfirmedBoardOnly, shorted == 0.0,
+      check(may_brake ? "stops-as-asked"_rule : "confirmed-board-only"_rule, shorted == 0.0,
             may_brake ? "a winding is braked after a stop that coasts"
                       : "a winding is braked on a board that nobody confirmed");
   }
@@ -988,7 +953,7 @@ void Judge::rolling_is_reported() {
   }
   memory_.rolled_mps = speed;
   if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
-  check(Rule::kRollingIsReported,
+  check("rolling-is-reported"_rule,
         memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs, "it rolls at ",
         speed, " m/s without drive, and nobody reports it");
 }
@@ -998,9 +963,9 @@ void Judge::on_event(const Event& event) {
   memory_.rolling_told = true;
   const bool may_be_held =
       ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) & kEitherWay) != 0;
-  check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving || may_be_held,
+  check("rolling-is-reported"_rule, simulator_.state() != SupervisorState::kDriving || may_be_held,
         "ROLLING is reported while it drives");
-  check(Rule::kRollingIsReported,
+  check("rolling-is-reported"_rule,
         simulator_.state() != SupervisorState::kDriving || !memory_.followed_velocity ||
             now_us() - memory_.commanded_us >= kSurelyRollsUs,
         "ROLLING is reported while it slows down beside a bumper");
@@ -1012,7 +977,7 @@ void Judge::on_event(const Event& event) {
       value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
       value(kCountsPerRevolution) == kParameters[index_of(kCountsPerRevolution)].default_value &&
       simulator_.board.wiring.is_right() && has_no_swaps(witness_.values());
-  check(Rule::kRollingIsReported,
+  check("rolling-is-reported"_rule,
         !is_clean() || !brakes || recently_reset || !measures || !world_.wired_as_believed,
         "ROLLING is reported on a flat floor after a braked stop");
 }
@@ -1047,7 +1012,7 @@ void Judge::on_state(const WheelState& state) {
     Memory::Ticks& ticks = memory_.ticks[wheel];
     const auto reported =
         static_cast<uint32_t>(wheel == kLeft ? state.left_ticks : state.right_ticks);
-    check(Rule::kTicksConserved, !ticks.known || ticks.expected == reported,
+    check("ticks-conserved"_rule, !ticks.known || ticks.expected == reported,
           wheel == kLeft ? "left" : "right", " ticks are ", static_cast<int32_t>(reported),
           ", the encoder's levels make ", static_cast<int32_t>(ticks.expected));
     ticks.known = ticks.countable;
@@ -1100,9 +1065,9 @@ void Judge::flash_only_at_rest(bool creeping) {
   };
   const bool is_slow = creeping && simulator_.state() == SupervisorState::kEstopped &&
                        is_shorted() && moves_slower_than(kRollingVelocityMps);
-  check(Rule::kFlashOnlyAtRest, is_slow || now_us() - memory_.turned_us >= kStillUs,
+  check("flash-only-at-rest"_rule, is_slow || now_us() - memory_.turned_us >= kStillUs,
         "it writes to flash, and a wheel turned ", ago(memory_.turned_us));
-  check(Rule::kFlashOnlyAtRest, now_us() - memory_.drove_us >= kRunDownUs,
+  check("flash-only-at-rest"_rule, now_us() - memory_.drove_us >= kRunDownUs,
         "it writes to flash, and it drove or started ", ago(memory_.drove_us));
 }
 
@@ -1220,11 +1185,11 @@ void Judge::after_start() {
     begin_action(static_cast<StopMode>(value(kStopMode)), true);
   const bool contact_off =
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
-  check(Rule::kContactInputOfItsBoard,
+  check("contact-input-of-its-board"_rule,
         !contact_off || (witness_.flash().parameters &&
                          witness_.flash().parameters_board == checksum(witness_.board())),
         "a board with a contact ignores it, by a value that was saved for another board");
-  check(Rule::kDriveOnlyInDriving, !simulator_.board.drives() || !world_.wired_as_believed,
+  check("drive-only-in-driving"_rule, !simulator_.board.drives() || !world_.wired_as_believed,
         "a winding is driven as the firmware starts");
 }
 

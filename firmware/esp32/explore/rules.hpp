@@ -4,9 +4,7 @@
 
 #include <array>
 #include <optional>
-#include <span>
 #include <string>
-#include <string_view>
 #include <type_traits>
 
 #include "names.hpp"
@@ -14,16 +12,6 @@
 #include "witness.hpp"
 
 namespace wheelwire::explore {
-
-struct RuleSpec {
-  Rule rule;
-  const char* code;
-  const char* name;
-};
-
-std::span<const RuleSpec> all_rules();
-const RuleSpec& spec_of(Rule rule);
-std::optional<Rule> rule_called(std::string_view code);
 
 /// What a stop does, by protocol/SPEC.md.
 struct Action {

@@ -239,22 +239,22 @@ void Run::on_flash() {
 bool Run::apply(const Operation& operation) {
   const auto& values = operation.values;
   switch (operation.kind) {
-    case Kind::kRun:
+    case "run"_op:
       run_for(values[0]);
       break;
-    case Kind::kService:
+    case "service"_op:
       if (simulator_.state() == SupervisorState::kBoot) break;
       simulator_.service_link();
       call(false);
       break;
-    case Kind::kHold:
+    case "hold"_op:
       hold(operation);
       break;
-    case Kind::kGaps:
+    case "gaps"_op:
       drive_with_gaps(operation);
       break;
     default:
-      if (operation.kind >= Kind::kOpen && operation.kind <= Kind::kRepeat) {
+      if (operation.kind >= "open"_op && operation.kind <= "repeat"_op) {
         message(operation);
       } else {
         change_robot(operation);
@@ -300,81 +300,81 @@ void Run::message(const Operation& operation) {
   const auto integer = [&](size_t i) { return static_cast<int>(values[i]); };
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(whole(values[i])); };
   switch (operation.kind) {
-    case Kind::kOpen:
+    case "open"_op:
       return open(host, values[1] == 0.0);
-    case Kind::kHello:
+    case "hello"_op:
       if (values[1] != 0.0) host.renew_nonce();
       return send(
           host.frame(Hello{host.nonce(), static_cast<uint16_t>(schema::kVersion + integer(2)),
                            schema::kHash + static_cast<uint32_t>(integer(3))}));
-    case Kind::kPing:
+    case "ping"_op:
       return send(host.frame(Ping{session_of(host, integer(1)), 1, 0}));
-    case Kind::kVelocity:
-    case Kind::kDuty:
+    case "velocity"_op:
+    case "duty"_op:
       return setpoint(operation);
-    case Kind::kStop:
+    case "stop"_op:
       return send(host.frame(Stop{session_of(host, integer(3)), 1, host.command_seq(integer(2)),
                                   code_of<StopMode>(values[1])}));
-    case Kind::kEstop:
+    case "estop"_op:
       return send(host.frame(Estop{host.session_id(), 1}));
-    case Kind::kClearEstop:
+    case "clear_estop"_op:
       return send_request(host, ClearEstop{}, integer(1), integer(2));
-    case Kind::kClearFault:
+    case "clear_fault"_op:
       return send_request(host, ClearFault{}, integer(1), integer(2));
-    case Kind::kStreamRate:
+    case "stream_rate"_op:
       return send_request(host, SetStreamRate{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
-    case Kind::kGet:
+    case "get"_op:
       return send_request(host, ParameterGet{.parameter = byte(1)});
-    case Kind::kSet:
+    case "set"_op:
       return send_request(
           host, ParameterSet{.parameter = byte(1), .value = static_cast<float>(values[2])},
           integer(3), integer(4));
-    case Kind::kSave:
+    case "save"_op:
       return send_request(host, ParameterSave{.parameter = byte(1)});
-    case Kind::kResetParameters:
+    case "reset_parameters"_op:
       return send_request(host, ParameterReset{});
-    case Kind::kList:
+    case "list"_op:
       return send_request(host, ParameterList{.parameter_index = byte(1)});
-    case Kind::kLinkCounters:
+    case "link_counters"_op:
       return send_request(host, LinkCountersGet{});
-    case Kind::kControlCounters:
+    case "control_counters"_op:
       return send_request(host, ControlCountersGet{});
-    case Kind::kTrial:
+    case "trial"_op:
       return send_request(host, ParameterTrial{.action = code_of<TrialAction>(values[1]),
                                                .timeout_s = static_cast<float>(values[2])});
-    case Kind::kGroup:
+    case "group"_op:
       return send_request(host, GroupGet{.group = code_of<Group>(values[1])});
-    case Kind::kContradictions:
+    case "contradictions"_op:
       return send_request(host, ContradictionsGet{});
-    case Kind::kHoldGet:
+    case "hold_get"_op:
       return send_request(host, HoldGet{});
-    case Kind::kRestart:
+    case "restart"_op:
       return send_request(host, Restart{});
-    case Kind::kConfigurationGet:
+    case "configuration_get"_op:
       return send_request(host, ConfigurationGet{});
-    case Kind::kConfigure:
+    case "configure"_op:
       return configure(operation, host);
-    case Kind::kConfirm: {
+    case "confirm"_op: {
       const uint32_t meant =
           witness_.configuration().fingerprint() + static_cast<uint32_t>(integer(1));
       return send_request(host, ConfigurationConfirm{.fingerprint = meant});
     }
-    case Kind::kBoxGet:
+    case "box_get"_op:
       return send_request(host, BoxGet{.age = byte(1)});
-    case Kind::kBoxRead:
+    case "box_read"_op:
       return send_request(host, BoxRead{.number = static_cast<uint32_t>(whole(values[1])),
                                         .offset = static_cast<uint32_t>(whole(values[2]))});
-    case Kind::kLedger:
+    case "ledger"_op:
       return send_request(host, LedgerGet{});
-    case Kind::kUnsaved:
+    case "unsaved"_op:
       return send_request(host, UnsavedGet{});
-    case Kind::kMemory:
+    case "memory"_op:
       return send_request(host, MemoryGet{});
-    case Kind::kSensorStream:
+    case "sensor_stream"_op:
       return send_request(host, SensorStream{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
-    case Kind::kPeripheralGet:
+    case "peripheral_get"_op:
       return send_request(host, PeripheralGet{.channel = byte(1)});
-    case Kind::kRepeat:
+    case "repeat"_op:
       return send(host.repeated(whole(values[1])));
     default:
       return;
@@ -389,7 +389,7 @@ void Run::setpoint(const Operation& operation) {
       std::max<int64_t>(0, static_cast<int64_t>(simulator_.board.device_us()) + life_us));
   const uint32_t session = session_of(host, static_cast<int>(values[5]));
   const uint32_t seq = host.command_seq(static_cast<int>(values[4]));
-  if (operation.kind == Kind::kDuty) {
+  if (operation.kind == "duty"_op) {
     send(host.frame(SetDuty{session, seq, expiry_us, q15(values[1]), q15(values[2])}));
   } else {
     send(host.frame(SetWheelVelocity{session, seq, expiry_us, static_cast<float>(values[1]),
@@ -402,7 +402,7 @@ void Run::hold(const Operation& operation) {
   const auto& values = operation.values;
   const double every_us = std::clamp(values[4], 1e3, 1e6);
   for (double left_us = std::min(values[3], 20e6); left_us > 0.0 && !ended(); left_us -= every_us) {
-    setpoint({.kind = values[5] != 0.0 ? Kind::kDuty : Kind::kVelocity,
+    setpoint({.kind = values[5] != 0.0 ? "duty"_op : "velocity"_op,
               .values = {values[0], values[1], values[2], 2.5 * every_us, 1, 0}});
     run_for(std::min(every_us, left_us));
   }
@@ -426,7 +426,7 @@ void Run::drive_with_gaps(const Operation& operation) {
   double since_setpoint_us = 50e3;
   for (double left_us = std::min(values[2], 20e6); left_us > 0.0 && !ended(); left_us -= of_us) {
     if (since_setpoint_us >= 50e3) {
-      setpoint({.kind = Kind::kVelocity,
+      setpoint({.kind = "velocity"_op,
                 .values = {values[0], values[1], values[1], 50e3 + 3 * of_us, 1, 0}});
       since_setpoint_us = 0.0;
     }
@@ -474,35 +474,35 @@ void Run::change_robot(const Operation& operation) {
   const auto& values = operation.values;
   sim::SimulatedBoard& board = simulator_.board;
   switch (operation.kind) {
-    case Kind::kNoise: {
+    case "noise"_op: {
       sim::Random random(whole(values[1]));
       Bytes bytes(std::min<size_t>(whole(values[0]), 4000));
       for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random.next());
       board.line.host_write(bytes.data(), bytes.size());
       return;
     }
-    case Kind::kImpair:
+    case "impair"_op:
       impairment_ = static_cast<Impairment>(whole(values[0]) % 6);
       impaired_at_ = static_cast<uint32_t>(whole(values[1]));
       impaired_us_ = whole(values[2]);
       return;
-    case Kind::kBaud:
+    case "baud"_op:
       board.line.set_baud(static_cast<uint32_t>(whole(values[0])));
       return;
-    case Kind::kContact:
+    case "contact"_op:
       board.estop.open = values[0] != 0.0;
       return;
-    case Kind::kSensor:
+    case "sensor"_op:
       return touch(operation);
-    case Kind::kReset:
+    case "reset"_op:
       return reset(code_of<ResetReason>(std::min(values[0], 7.0)));
-    case Kind::kPowerCut:
+    case "power_cut"_op:
       cut_in_ = static_cast<int>(values[0]);
       cut_fate_ = values[1] == 0.0   ? sim::WriteFate::kUntouched
                   : values[1] == 1.0 ? sim::WriteFate::kDone
                                      : sim::WriteFate::kLost;
       return;
-    case Kind::kStoreFails: {
+    case "store_fails"_op: {
       const bool fails = values[1] != 0.0;
       const auto store = whole(values[0]);
       (store == 0   ? board.store
@@ -511,14 +511,14 @@ void Run::change_robot(const Operation& operation) {
           .failing = fails;
       return;
     }
-    case Kind::kStoreUnreadable:
+    case "store_unreadable"_op:
       (values[1] == 0.0   ? board.store.unreadable
        : values[1] == 1.0 ? board.configuration_store.unreadable
                           : board.flash.faults) =
           static_cast<uint32_t>(whole(values[0])) &
           (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
       return reset(ResetReason::kPowerOn);
-    case Kind::kDamage: {
+    case "damage"_op: {
       const auto block = static_cast<StoredBlock>(whole(values[0]) % kStoredBlocks);
       const auto damage = static_cast<sim::Damage>(whole(values[1]) % 3);
       witness_.damages(block, damage);
@@ -528,37 +528,37 @@ void Run::change_robot(const Operation& operation) {
           .damage(damage);
       return reset(ResetReason::kPowerOn);
     }
-    case Kind::kDriverFails:
+    case "driver_fails"_op:
       simulator_.set_driver_failed(values[0] != 0.0);
       if (values[0] != 0.0 && started_) witness_.drivers_fail();
       return;
-    case Kind::kBootTime:
+    case "boot_time"_op:
       simulator_.boot_time_us = std::min<uint64_t>(whole(values[0]), 1'000'000);
       return;
-    case Kind::kLate:
+    case "late"_op:
       disturb();
       simulator_.delay_control(std::min<uint64_t>(whole(values[0]), 5'000'000));
       return;
-    case Kind::kClock:
+    case "clock"_op:
       board.clock.set_ppm(std::clamp(values[0], -10'000.0, 10'000.0), board.now());
       return;
-    case Kind::kWire:
+    case "wire"_op:
       simulator_.board_unwritten = values[1] != 0.0;
       wire(static_cast<int>(values[0]));
       board.set_floating_level(values[2] != 0.0);
       return reset(ResetReason::kPowerOn);
-    case Kind::kBattery:
+    case "battery"_op:
       disturb();
       board.battery.volts = std::clamp(values[0], 0.0, 60.0);
       return;
-    case Kind::kLostEdges: {
+    case "lost_edges"_op: {
       disturb();
       sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
       model.lost = std::clamp(values[1], 0.0, 1.0);
       model.edge_error_ticks = std::clamp(values[2], 0.0, 0.45);
       return;
     }
-    case Kind::kEncoder: {
+    case "encoder"_op: {
       disturb();
       world_.changed_encoders = true;
       sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
@@ -567,7 +567,7 @@ void Run::change_robot(const Operation& operation) {
       model.stuck = static_cast<int>(whole(values[3]) % 3);
       return;
     }
-    case Kind::kCounts:
+    case "counts"_op:
       disturb();
       board.counts_per_revolution = static_cast<int>(std::clamp(values[0], 4.0, 200'000.0));
       return;
@@ -607,34 +607,34 @@ void Run::change_plant(const Operation& operation) {
   sim::PlantModel model = plant.model();
   sim::WheelModel& wheel = model.wheels[whole(values[0]) % kSides];
   switch (operation.kind) {
-    case Kind::kSupply:
+    case "supply"_op:
       model.bridge.supply_v = std::clamp(values[0], 0.0, 60.0);
       model.supply_ohm = std::clamp(values[1], 0.0, 20.0);
       simulator_.board.brownout_v = std::clamp(values[2], 0.0, 60.0);
       break;
-    case Kind::kSlope:
+    case "slope"_op:
       model.slope_rad = std::clamp(values[0], -0.5, 0.5);
       break;
-    case Kind::kFree:
+    case "free"_op:
       model.wheels_free = values[0] != 0.0;
       break;
-    case Kind::kLoad:
+    case "load"_op:
       wheel.load_nm = std::clamp(values[1], -1.0, 1.0);
       break;
-    case Kind::kPush:
+    case "push"_op:
       plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % kSides),
                          std::clamp(values[1], -100.0, 100.0) * 6.28318530717958647692);
       world_.turned_by_hand_us = world_.disturbed_us;
       return;
-    case Kind::kBlocked:
+    case "blocked"_op:
       wheel.blocked = values[1] != 0.0;
       break;
-    case Kind::kMotor:
+    case "motor"_op:
       wheel.motor_reversed = values[1] != 0.0;
       wheel.motor_open = values[2] != 0.0;
       wheel.motor_scale = std::clamp(values[3] == 0.0 ? 1.0 : values[3], 0.5, 2.0);
       break;
-    case Kind::kSwaps:
+    case "swaps"_op:
       world_.changed_encoders = true;
       model.motors_swapped = values[0] != 0.0;
       simulator_.board.wiring.swapped = values[1] != 0.0;

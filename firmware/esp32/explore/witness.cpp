@@ -555,7 +555,7 @@ Finding Witness::sends(const Seen& message) {
     const bool is_refusal = message.id == Refuse::kId && task_ && is_setpoint(task_->message.id) &&
                             task_->is_new && !task_->answered;
     if (!is_refusal)
-      return {Rule::kAnswersAsSpecified,
+      return {"answers-as-specified"_rule,
               "sent " + describe(message) + " without having been asked"};
   }
   task_->answered = true;
@@ -593,11 +593,11 @@ Finding Witness::tells(const Hold& hold) const {
   };
   for (const auto& one : known)
     if (one.holds && (hold.held & one.flags) == 0)
-      return {Rule::kHoldIsNamed, std::string(one.name) + " holds it, and is not named"};
+      return {"hold-is-named"_rule, std::string(one.name) + " holds it, and is not named"};
   if (state != SupervisorState::kEstopped && (hold.held & held::kEstop) != 0)
-    return {Rule::kHoldIsNamed, "it names an e-stop that is not latched"};
+    return {"hold-is-named"_rule, "it names an e-stop that is not latched"};
   if (simulator_.faults() == 0 && (hold.held & held::kFault) != 0)
-    return {Rule::kHoldIsNamed, "it names a fault that is not latched"};
+    return {"hold-is-named"_rule, "it names a fault that is not latched"};
   return {};
 }
 
@@ -605,7 +605,7 @@ Finding Witness::tells(const Hold& hold) const {
 Finding Witness::takes_effect(const Seen& answer) {
   const Seen& message = task_->message;
   const auto wrong = [&](const std::string& what) {
-    const Rule rule = task_->is_repeat ? Rule::kRequestOnce : Rule::kAnswersAsSpecified;
+    const Rule rule = task_->is_repeat ? "request-once"_rule : "answers-as-specified"_rule;
     return Finding{rule,
                    "answered " + describe(message) + " with " + describe(answer) + ": " + what};
   };
@@ -652,7 +652,7 @@ Finding Witness::takes_effect(const Seen& answer) {
 
 Finding Witness::opens(const DeviceHello& hello) {
   if (!task_->codes.has(hello.refusal))
-    return {Rule::kAnswersAsSpecified,
+    return {"answers-as-specified"_rule,
             "answered Hello with " + name_of(hello.refusal) + ": expected " + task_->codes.text()};
   if (!task_->is_new) return {};
   task_->carried_out = true;
@@ -1052,8 +1052,8 @@ Finding Witness::starts() {
         flash_ = flash;
         problem.text.clear();
       } else {
-        const bool is_of_cut = !is_first && problem.rule != Rule::kLostIsNotEmpty;
-        problem = {is_of_cut  ? Rule::kFlashOldOrNew
+        const bool is_of_cut = !is_first && problem.rule != "lost-is-not-empty"_rule;
+        problem = {is_of_cut  ? "flash-old-or-new"_rule
                    : is_first ? other.rule
                               : problem.rule,
                    is_first ? other.text : problem.text + "; or else: " + other.text};
@@ -1084,15 +1084,15 @@ Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredB
   configuration_state_ = start.state;
   configuration_ = start.configuration;
   if (simulator_.configuration_state() != start.state) {
-    return {is_lost(StoredBlock::kConfiguration)          ? Rule::kLostIsNotEmpty
-            : start.state == ConfigurationState::kBuiltIn ? Rule::kConfirmedBoardOnly
-                                                          : Rule::kFlashOldOrNew,
+    return {is_lost(StoredBlock::kConfiguration)          ? "lost-is-not-empty"_rule
+            : start.state == ConfigurationState::kBuiltIn ? "confirmed-board-only"_rule
+                                                          : "flash-old-or-new"_rule,
             "the configuration is " + name_of(simulator_.configuration_state()) + " instead of " +
                 name_of(start.state)};
   }
   const bool has_one = start.state != ConfigurationState::kDamaged;
   if (simulator_.configuration_fingerprint() != (has_one ? configuration_.fingerprint() : 0))
-    return {Rule::kFlashOldOrNew, "it starts with another configuration than the confirmed one"};
+    return {"flash-old-or-new"_rule, "it starts with another configuration than the confirmed one"};
   sensors_unread_ = board_confirmed() && peripherals().count != 0;
   forbidden_ = perhaps_forbidden_ = touched_ = 0;
   battery_.start(board_confirmed() ? peripherals() : PeripheralList{});
@@ -1106,8 +1106,8 @@ Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredB
   if (lasting_ & kStoreFaults) values_ = defaults();
   for (const ParameterSpec& spec : kParameters) {
     if (simulator_.parameter(spec.id) != value(spec.id))
-      return {spec.id == ParameterId::kEstopInputEnabled ? Rule::kContactInputOfItsBoard
-                                                         : Rule::kFlashOldOrNew,
+      return {spec.id == ParameterId::kEstopInputEnabled ? "contact-input-of-its-board"_rule
+                                                         : "flash-old-or-new"_rule,
               "parameter " + std::to_string(static_cast<int>(spec.id)) + " is " +
                   text_of(static_cast<double>(simulator_.parameter(spec.id))) + " instead of " +
                   text_of(static_cast<double>(value(spec.id)))};
@@ -1125,15 +1125,15 @@ Finding Witness::starts_from(const Flash& flash, const std::array<bool, kStoredB
                                               : SupervisorState::kIdle;
   if (simulator_.state() != state)
     return {is_lost(StoredBlock::kLatches) || is_lost(StoredBlock::kParameterValues)
-                ? Rule::kLostIsNotEmpty
-            : memory_kept_ ? Rule::kLatchEndsByClear
-                           : Rule::kEstopSurvivesPowerLoss,
+                ? "lost-is-not-empty"_rule
+            : memory_kept_ ? "latch-ends-by-clear"_rule
+                           : "estop-survives-power-loss"_rule,
             "it starts in " + name_of(simulator_.state()) + " instead of " + name_of(state)};
   if (simulator_.faults() != faults)
-    return {
-        is_lost(StoredBlock::kParameterValues) ? Rule::kLostIsNotEmpty : Rule::kLatchEndsByClear,
-        "it starts with the faults " + std::to_string(simulator_.faults()) + " instead of " +
-            std::to_string(faults)};
+    return {is_lost(StoredBlock::kParameterValues) ? "lost-is-not-empty"_rule
+                                                   : "latch-ends-by-clear"_rule,
+            "it starts with the faults " + std::to_string(simulator_.faults()) + " instead of " +
+                std::to_string(faults)};
   return {};
 }
 

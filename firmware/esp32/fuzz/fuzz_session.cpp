@@ -74,8 +74,8 @@ class Script {
 class Course {
  public:
   explicit Course(Script script) : script_(script) {
-    apply(explore::Kind::kBootTime, kBootUs);
-    apply(explore::Kind::kRun, kStartedUs);
+    apply("boot_time"_op, kBootUs);
+    apply("run"_op, kStartedUs);
   }
 
   void to_its_end() {
@@ -93,9 +93,9 @@ class Course {
       case Operation::kPlausible:
         return message(operation == Operation::kPlausible);
       case Operation::kSteps:
-        return apply(explore::Kind::kRun, script_.next() * period_us());
+        return apply("run"_op, script_.next() * period_us());
       case Operation::kService:
-        return apply(explore::Kind::kService);
+        return apply("service"_op);
       case Operation::kWorld:
         return world();
       case Operation::kRepeat:
@@ -103,22 +103,21 @@ class Course {
         return true;
       case Operation::kReset:
         seq_ = 0;
-        return apply(explore::Kind::kReset, static_cast<double>(ResetReason::kPowerOn)) &&
-               apply(explore::Kind::kRun, kStartedUs);
+        return apply("reset"_op, static_cast<double>(ResetReason::kPowerOn)) &&
+               apply("run"_op, kStartedUs);
       case Operation::kLateStep: {
         const double late_us = read<uint16_t>(script_.next(2), 0);
-        return apply(explore::Kind::kLate, late_us) &&
-               apply(explore::Kind::kRun, late_us + period_us());
+        return apply("late"_op, late_us) && apply("run"_op, late_us + period_us());
       }
     }
     return false;
   }
 
   /// False once nothing more can be judged.
-  bool apply(explore::Kind kind, double first = 0.0, double second = 0.0) {
+  bool apply(Kind kind, double first = 0.0, double second = 0.0) {
     const bool goes_on = robot_.apply({.kind = kind, .values = {first, second}});
     if (const auto& finding = robot_.finding())
-      std::fprintf(stderr, "%s: %s\n", spec_of(finding->rule).code, finding->text.c_str());
+      std::fprintf(stderr, "%s: %s\n", code_of(finding->rule).c_str(), finding->text.c_str());
     REQUIRE(!robot_.finding());
     return goes_on;
   }
@@ -173,10 +172,10 @@ class Course {
     const uint8_t flags = script_.next();
     const double left_nm = static_cast<int8_t>(script_.next()) / 128.0;
     const double right_nm = static_cast<int8_t>(script_.next()) / 128.0;
-    return apply(explore::Kind::kContact, (flags & 1) != 0) &&
-           apply(explore::Kind::kBaud, (flags & 2) != 0 ? kSlowBaud : 0.0) &&
-           apply(explore::Kind::kStoreFails, 0, (flags & 4) != 0) &&
-           apply(explore::Kind::kLoad, 0, left_nm) && apply(explore::Kind::kLoad, 1, right_nm);
+    return apply("contact"_op, (flags & 1) != 0) &&
+           apply("baud"_op, (flags & 2) != 0 ? kSlowBaud : 0.0) &&
+           apply("store_fails"_op, 0, (flags & 4) != 0) && apply("load"_op, 0, left_nm) &&
+           apply("load"_op, 1, right_nm);
   }
 
   void send(const std::vector<uint8_t>& bytes) {
