@@ -35,6 +35,8 @@ constexpr uint8_t kEitherWay = reflex::kNoForward | reflex::kNoReverse;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
+float default_of(ParameterId id) { return kParameters[index_of(id)].default_value; }
+
 /// Whether the firmware takes other levels for the same turn of a wheel.
 bool reads_encoders_otherwise(const Values& before, const Values& after) {
   constexpr std::array kWays = {kLeftEncoderInverted, kRightEncoderInverted, kEncodersSwapped};
@@ -97,8 +99,7 @@ std::optional<Rule> rule_called(std::string_view code) {
 /// S01. On a board that is wired otherwise than the firmware believes, windings do what they do.
 void Judge::drive_only_in_driving() {
   const bool trusted = world_.wired_as_believed || !witness_.board_confirmed();
-  check("drive-only-in-driving"_rule,
-        !trusted || !simulator_.board.drives() || simulator_.state() == SupervisorState::kDriving,
+  check("drive-only-in-driving"_rule, !trusted || !simulator_.board.drives() || is_driving(),
         "a winding is driven in ", name_of(simulator_.state()));
 }
 
@@ -111,14 +112,14 @@ void Judge::contact_stops() {
 
 /// S03, at the end of a control step.
 void Judge::deadline_stops() {
-  if (simulator_.state() != SupervisorState::kDriving || !witness_.granted()) return;
+  if (!is_driving() || !witness_.granted()) return;
   check("deadline-stops"_rule, now_us() < witness_.granted()->deadline_us, "it drives ",
         now_us() - witness_.granted()->deadline_us, " us after its setpoint's deadline");
 }
 
 /// S05, and the other conditions for a setpoint: S03, S04, S10, S16.
 void Judge::driven_by_right() {
-  if (simulator_.state() != SupervisorState::kDriving || witness_.granted()) return;
+  if (!is_driving() || witness_.granted()) return;
   accuse({rule_of(witness_.denied(), witness_.unarmed_by_start()),
           "it drives without a setpoint that may; the last one had to be refused with " +
               (witness_.denied().empty() ? "nothing" : witness_.denied().text())});
@@ -127,7 +128,7 @@ void Judge::driven_by_right() {
 /// S04, however it is wired: until a board is confirmed its pins float, and on trial it coasts.
 void Judge::confirmed_board_only() {
   if (witness_.configuration_state() == ConfigurationState::kStored) return;
-  check("confirmed-board-only"_rule, simulator_.state() != SupervisorState::kDriving,
+  check("confirmed-board-only"_rule, !is_driving(),
         "it is in DRIVING on a board that nobody confirmed");
   check("confirmed-board-only"_rule, !simulator_.board.drives(),
         "a winding is driven on a board that nobody confirmed");
@@ -140,7 +141,7 @@ double Judge::target(Side side) const {
   const auto& granted = witness_.granted();
   if (!granted || granted->duty) return 0.0;
   const double peak = std::max(std::abs(granted->left), std::abs(granted->right));
-  const double limit = static_cast<double>(value(kMaxVelocityMps));
+  const double limit = value(kMaxVelocityMps);
   const double scale = peak > limit ? limit / peak : 1.0;
   return scale * (side == kLeft ? granted->left : granted->right);
 }
@@ -165,9 +166,15 @@ bool Judge::has_default_protection() const {
         spec.id == kStopMode || spec.id == kBrakeTimeS || spec.id == kEstopInputEnabled ||
         spec.id == kMaxDutyRatePerS || spec.id == kPwmFrequencyHz || spec.id == kGlitchFilterNs)
       continue;
-    if (value(spec.id) != spec.default_value) return false;
+    if (!is_default(spec.id)) return false;
   }
   return value(kMaxDuty) >= 0.15f;
+}
+
+bool Judge::is_default(ParameterId id) const { return witness_.value(id) == default_of(id); }
+
+bool Judge::counts_right() const {
+  return value(kCountsPerRevolution) == simulator_.board.counts_per_revolution;
 }
 
 /// Only the firmware moves the robot, and nothing is broken.
@@ -175,7 +182,7 @@ bool Judge::is_clean() const { return !world_.ever_disturbed; }
 
 /// S06, of one drive.
 void Judge::wheel_fault_in_time() {
-  const bool drives = simulator_.state() == SupervisorState::kDriving;
+  const bool drives = is_driving();
   if (drives && memory_.state != SupervisorState::kDriving)
     memory_.started_at_rest = simulator_.board.plant.stands_still();
   const double supply_v = simulator_.board.plant.model().bridge.supply_v;
@@ -214,12 +221,12 @@ void Judge::driven_hard_without_a_tick() {
   constexpr double kHard = 0.455;
   constexpr double kHardUs = 530'000.0;
   const auto& granted = witness_.granted();
-  const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
+  const bool drives = is_driving() && granted;
   const bool applies = has_default_protection() && world_.wired_as_believed &&
                        simulator_.board.wiring.is_right() &&
                        !simulator_.board.plant.model().motors_swapped && !world_.changed_encoders;
   const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
-  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  const double period_us = 1e6 / value(kControlRateHz);
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const sim::Quadrature& encoder = simulator_.board.encoders[side];
@@ -232,8 +239,8 @@ void Judge::driven_hard_without_a_tick() {
       wheel.still_us = 0.0;
       continue;
     }
-    const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
-    if (drives && duty >= kHard)
+    const double applied = std::abs(duty(side));
+    if (drives && applied >= kHard)
       wheel.still_us += period_us;
     else
       wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
@@ -379,20 +386,18 @@ bool Judge::surely_turns(Side wheel) const {
 /// S11.
 void Judge::slew_within_limit() {
   const auto& granted = witness_.granted();
-  if (simulator_.state() != SupervisorState::kDriving || !granted ||
-      memory_.state != SupervisorState::kDriving)
-    return;
-  const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
+  if (!is_driving() || !granted || memory_.state != SupervisorState::kDriving) return;
+  const double period_s = 1.0 / value(kControlRateHz);
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
     // The first step of a pause may have been one with the limit before.
-    const double rate = static_cast<double>(
-        std::max({value(kMaxDutyRatePerS), memory_.highest[index_of(kMaxDutyRatePerS)],
-                  memory_.earlier_highest[index_of(kMaxDutyRatePerS)]}));
+    const double rate =
+        std::max(highest(kMaxDutyRatePerS),
+                 static_cast<double>(memory_.earlier_highest[index_of(kMaxDutyRatePerS)]));
     // Where the direction changes the stage pauses for a step, and for another to begin.
     const double step = 1.3 * rate * period_s + 2.0 / 32767.0;
     for (const Side side : kSides) {
       const double before = memory_.duty[side];
-      const double now = simulator_.board.bridges()[side].signed_duty();
+      const double now = duty(side);
       const bool pauses = before == 0.0 || sign_of(before) != sign_of(now);
       const double growth = pauses ? std::abs(now) : std::abs(now) - std::abs(before);
       check("slew-within-limit"_rule,
@@ -407,8 +412,7 @@ void Judge::slew_within_limit() {
   const double acceleration = highest(kMaxAccelerationMps2);
   const double step_umps = acceleration * period_s * 1e6;
   for (const Side side : kSides) {
-    const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
-                                   memory_.commanded_umps[side]);
+    const double change = std::abs(commanded_umps(side) - memory_.commanded_umps[side]);
     check("slew-within-limit"_rule, change <= 1.3 * step_umps + 2.0,
           "a wheel's command changes by ", change, " um/s in a step of ", step_umps);
   }
@@ -420,16 +424,15 @@ void Judge::begins_gently() {
   const auto& granted = witness_.granted();
   // With other values its last ticks may look like any speed.
   for (const ParameterId id : {kWheelRadius, kCountsPerRevolution, kVelocityWindowUs})
-    if (value(id) != kParameters[index_of(id)].default_value) return;
+    if (!is_default(id)) return;
   // A wheel that was turned by hand has a speed, too.
   if (!begins || !granted || granted->duty || memory_.stood_since_us == 0 ||
       now_us() < memory_.stood_since_us + kMeasuredSlowUs ||
       world_us() < world_.turned_by_hand_us + kMeasuredSlowUs)
     return;
-  const double step_umps = static_cast<double>(value(kMaxAccelerationMps2)) /
-                           static_cast<double>(value(kControlRateHz)) * 1e6;
+  const double step_umps = value(kMaxAccelerationMps2) / value(kControlRateHz) * 1e6;
   for (const Side side : kSides) {
-    const double commanded = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
+    const double commanded = std::abs(commanded_umps(side));
     check("slew-within-limit"_rule, commanded <= 1.3 * 2.0 * step_umps + kMeasuredAtRestUmps,
           "a wheel that stands is commanded at ", commanded, " um/s in a step of ", step_umps);
   }
@@ -437,19 +440,18 @@ void Judge::begins_gently() {
 
 /// S19.
 void Judge::within_limits() {
-  if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
+  if (!is_driving() || !world_.wired_as_believed) return;
   for (const Side side : kSides) {
     const double before = memory_.duty[side];
-    const double now = simulator_.board.bridges()[side].signed_duty();
-    const double duty = std::abs(now);
+    const double now = duty(side);
     // A limit that was lowered takes effect within the slew limit. The first step of a pause may
     // have been one with the limit before.
-    const bool falls = duty < std::abs(before);
+    const bool falls = std::abs(now) < std::abs(before);
     double limit = highest(kMaxDuty);
     if (before == 0.0 || sign_of(before) != sign_of(now))
       limit = std::max(limit, static_cast<double>(memory_.earlier_highest[index_of(kMaxDuty)]));
-    check("within-limits"_rule, duty <= limit + 2.0 / 32767.0 || falls, "a duty of ", duty, " of ",
-          limit);
+    check("within-limits"_rule, std::abs(now) <= limit + 2.0 / 32767.0 || falls, "a duty of ",
+          std::abs(now), " of ", limit);
   }
 }
 
@@ -491,8 +493,7 @@ void Judge::values_are_as_acknowledged() {
 
 /// S16.
 void Judge::contradictions_never_drive() {
-  check("contradictions-never-drive"_rule,
-        simulator_.state() != SupervisorState::kDriving || !witness_.contradicts(),
+  check("contradictions-never-drive"_rule, !is_driving() || !witness_.contradicts(),
         "it drives with parameters that contradict each other");
 }
 
@@ -501,10 +502,9 @@ void Judge::late_step_is_a_fault() {
   const bool was_driving = memory_.state == SupervisorState::kDriving;
   const uint64_t elapsed_us = now_us() - memory_.step_us;
   // A trial that ends in this very step stops the robot before.
-  const bool applies =
-      was_driving && !world_.handled && !world_.writes_flash &&
-      witness_.trial() != Trial::kExpired &&
-      static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
+  const bool applies = was_driving && !world_.handled && !world_.writes_flash &&
+                       witness_.trial() != Trial::kExpired &&
+                       static_cast<double>(elapsed_us) > value(kOverrunLimitUs);
   check("late-step-is-a-fault"_rule,
         !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
         "a control step came after ", elapsed_us, " us without a fault");
@@ -516,15 +516,13 @@ void Judge::late_step_is_a_fault() {
 /// has had the time to bring it to rest from the speed that it had.
 bool Judge::is_to_stand() {
   // The loop slows down what it measures: with other counts or another radius, another speed.
-  const double measured_umps =
-      1.3e6 * static_cast<double>(simulator_.board.counts_per_revolution) /
-      static_cast<double>(value(kCountsPerRevolution)) *
-      static_cast<double>(value(kWheelRadius) / kParameters[index_of(kWheelRadius)].default_value);
-  double commanded_umps = 0.0;
+  const double measured_umps = 1.3e6 * static_cast<double>(simulator_.board.counts_per_revolution) /
+                               value(kCountsPerRevolution) * value(kWheelRadius) /
+                               static_cast<double>(default_of(kWheelRadius));
+  double commands_umps = 0.0;
   double rolls_umps = 0.0;
   for (const Side side : kSides) {
-    commanded_umps =
-        std::max(commanded_umps, std::abs(static_cast<double>(simulator_.commanded_umps(side))));
+    commands_umps = std::max(commands_umps, std::abs(commanded_umps(side)));
     rolls_umps =
         std::max(rolls_umps, measured_umps * std::abs(simulator_.board.plant.speed_mps(side)));
   }
@@ -532,12 +530,11 @@ bool Judge::is_to_stand() {
       value(kMaxAccelerationMps2) != memory_.values[index_of(kMaxAccelerationMps2)];
   if (memory_.held_since_us == 0 || changed) {
     memory_.held_since_us = now_us();
-    memory_.held_from_umps = std::max(commanded_umps, rolls_umps);
+    memory_.held_from_umps = std::max(commands_umps, rolls_umps);
   }
-  const double needed_s =
-      memory_.held_from_umps * 1e-6 / static_cast<double>(value(kMaxAccelerationMps2)) + 2.0;
+  const double needed_s = memory_.held_from_umps * 1e-6 / value(kMaxAccelerationMps2) + 2.0;
   const double held_s = static_cast<double>(now_us() - memory_.held_since_us) * 1e-6;
-  return held_s > needed_s && commanded_umps != 0.0;
+  return held_s > needed_s && commands_umps != 0.0;
 }
 
 /// S28 and S32, at the end of a control step.
@@ -545,8 +542,7 @@ void Judge::not_against_a_bumper() {
   const auto& granted = witness_.granted();
   const uint8_t open = witness_.forbidden() & kEitherWay;
   const uint8_t forbidden = open | witness_.held_ways();
-  if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed ||
-      forbidden == 0) {
+  if (!is_driving() || !granted || !world_.wired_as_believed || forbidden == 0) {
     memory_.against_steps = 0;
     memory_.held_since_us = 0;
     return;
@@ -554,8 +550,8 @@ void Judge::not_against_a_bumper() {
   const auto goes = [this, &granted](Side side) {
     const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
     const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
-    const double duty = simulator_.board.bridges()[side].signed_duty();
-    return !granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty;
+    if (!granted->duty) return commanded_umps(side);
+    return inverted ? -duty(side) : duty(side);
   };
   bool is_against = false;
   bool is_held = false;
@@ -588,8 +584,7 @@ void Judge::not_against_a_bumper() {
 /// S29, at the end of a control step.
 void Judge::external_stops() {
   if ((witness_.forbidden() & reflex::kStop) == 0) return;
-  check("external-stops"_rule, simulator_.state() != SupervisorState::kDriving,
-        "it is in DRIVING, and a sensor has stopped it");
+  check("external-stops"_rule, !is_driving(), "it is in DRIVING, and a sensor has stopped it");
   check("external-stops"_rule, !world_.wired_as_believed || !simulator_.board.drives(),
         "a winding is driven, and a sensor has stopped the robot");
 }
@@ -597,8 +592,7 @@ void Judge::external_stops() {
 /// S29: half of the limits, which it approaches within the slew limit.
 void Judge::half_of_the_speed() {
   const auto& granted = witness_.granted();
-  const bool applies = (witness_.forbidden() & reflex::kLimit) != 0 && granted &&
-                       simulator_.state() == SupervisorState::kDriving &&
+  const bool applies = (witness_.forbidden() & reflex::kLimit) != 0 && granted && is_driving() &&
                        memory_.state == SupervisorState::kDriving && world_.wired_as_believed &&
                        memory_.restarting_steps == 0 &&
                        (granted->duty ? memory_.followed_duty : memory_.followed_velocity);
@@ -619,15 +613,15 @@ void Judge::half_of_the_speed() {
   }
   if (begins) {
     memory_.limited_since_us = now_us();
-    memory_.limited_from_umps = static_cast<double>(std::max(
-        std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight])));
+    memory_.limited_from_umps =
+        std::max(std::abs(memory_.commanded_umps[kLeft]), std::abs(memory_.commanded_umps[kRight]));
   }
   if (granted->duty) {
     // It falls to half, at nearly the slew limit: of two wheels the slower one keeps their ratio.
-    const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
-    const double fall = 0.4 * static_cast<double>(value(kMaxDutyRatePerS)) * period_s;
+    const double period_s = 1.0 / value(kControlRateHz);
+    const double fall = 0.4 * value(kMaxDutyRatePerS) * period_s;
     for (const Side side : kSides) {
-      const double now = std::abs(simulator_.board.bridges()[side].signed_duty());
+      const double now = std::abs(duty(side));
       double& most = memory_.limited_duty[side];
       // A step for what was on its way, and another one for the pause of the stage.
       check("external-stops"_rule,
@@ -638,13 +632,12 @@ void Judge::half_of_the_speed() {
     return;
   }
   const double half_umps = highest(kMaxVelocityMps) / 2.0 * 1e6;
-  const double falls_s = std::max(half_umps, memory_.limited_from_umps) * 1e-6 /
-                             static_cast<double>(value(kMaxAccelerationMps2)) +
-                         0.5;
+  const double falls_s =
+      std::max(half_umps, memory_.limited_from_umps) * 1e-6 / value(kMaxAccelerationMps2) + 0.5;
   // Before that one wheel may still gain: its correction is limited by the speed of the faster one.
   if (static_cast<double>(now_us() - memory_.limited_since_us) * 1e-6 <= falls_s) return;
   for (const Side side : kSides) {
-    const double now = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
+    const double now = std::abs(commanded_umps(side));
     check("external-stops"_rule, now <= 1.001 * half_umps + 10.0, "a wheel is commanded at ", now,
           " um/s with a low battery");
   }
@@ -656,21 +649,19 @@ void Judge::not_too_fast() {
   constexpr double kMargin = 1.1;
   constexpr double kTooFastUs = 1'150'000.0;
   const auto& granted = witness_.granted();
-  const double period_us = 1e6 / static_cast<double>(value(kControlRateHz));
+  const double period_us = 1e6 / value(kControlRateHz);
   bool applies =
-      simulator_.state() == SupervisorState::kDriving &&
-      memory_.state == SupervisorState::kDriving && granted && !granted->duty &&
+      is_driving() && memory_.state == SupervisorState::kDriving && granted && !granted->duty &&
       !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) &&
       has_default_protection() && world_.wired_as_believed && simulator_.board.wiring.is_right() &&
-      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution);
+      counts_right();
   double sum = 0.0;
   double allowed = highest(kMaxVelocityMps);
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     applies = applies && !hides_edges(encoder) && !world_.has_gaps[side];
     sum += std::abs(simulator_.board.plant.speed_mps(side));
-    allowed =
-        std::max(allowed, std::abs(static_cast<double>(simulator_.commanded_umps(side))) * 1e-6);
+    allowed = std::max(allowed, std::abs(commanded_umps(side)) * 1e-6);
   }
   if (simulator_.board.drives()) memory_.driven_us = now_us();
   const double brake_us = 1e6 * highest(kBrakeTimeS);
@@ -700,8 +691,8 @@ void Judge::estop_is_noted() {
   if (!(estopped && creeps(0.5))) memory_.fast_us = now_us();
   const bool is_slow = now_us() > memory_.fast_us + kMeasuredSlowUs + kRunDownUs;
   const bool rests = (simulator_.board.plant.stands_still() || (estopped && is_slow)) &&
-                     simulator_.state() != SupervisorState::kDriving &&
-                     !simulator_.board.latch_store.failing && simulator_.board.flash.faults == 0;
+                     !is_driving() && !simulator_.board.latch_store.failing &&
+                     simulator_.board.flash.faults == 0;
   if (estopped == witness_.flash().estop || !rests) {
     memory_.latch_due_us = 0;
     return;
@@ -714,8 +705,7 @@ void Judge::estop_is_noted() {
 /// S30: a copy that the start found lost is rewritten.
 void Judge::lost_copy_is_repaired() {
   const sim::SimulatedBoard& board = simulator_.board;
-  const bool rests = board.plant.stands_still() &&
-                     simulator_.state() != SupervisorState::kDriving &&
+  const bool rests = board.plant.stands_still() && !is_driving() &&
                      !board.configuration_store.failing && !board.store.failing &&
                      !board.latch_store.failing && board.flash.faults == 0 &&
                      board.store.unreadable == 0 && board.configuration_store.unreadable == 0;
@@ -733,8 +723,8 @@ void Judge::lost_copy_is_repaired() {
 /// A stop in `mode`. Of one that is not `certain` only what it may do is known; of one that was
 /// noticed before only since when it acts at least.
 void Judge::begin_action(StopMode mode, bool certain, bool weakens, uint64_t since_us) {
-  const auto brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
-  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
+  const auto brake_us = static_cast<uint64_t>(value(kBrakeTimeS) * 1e6);
+  const auto period_us = static_cast<uint64_t>(1e6 / value(kControlRateHz));
   const auto begin = [mode, certain, weakens](Action& action, uint64_t until_us) {
     if (mode < action.mode && !weakens) return;
     // A stop as strong as the one before it leaves it its guard and its time.
@@ -840,7 +830,7 @@ void Judge::follow_step() {
 
 /// Of a value since the last control step, in which it may have been raised and lowered again.
 double Judge::highest(ParameterId id) const {
-  return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
+  return std::max(value(id), static_cast<double>(memory_.highest[index_of(id)]));
 }
 
 bool Judge::is_shorted() const {
@@ -851,9 +841,7 @@ bool Judge::is_shorted() const {
 /// As far as its encoders show, with room for what is measured late.
 bool Judge::moves_slower_than(ParameterId limit) const {
   const bool measures =
-      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
-      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution) &&
-      simulator_.board.wiring.is_right();
+      is_default(kWheelRadius) && counts_right() && simulator_.board.wiring.is_right();
   double speed = 0.0;
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
@@ -861,16 +849,15 @@ bool Judge::moves_slower_than(ParameterId limit) const {
     if (hides_edges(encoder) || now_us() - memory_.hid_edges_us[side] < kStillUs) return true;
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  return !measures || speed < 1.5 * static_cast<double>(value(limit)) + 0.05;
+  return !measures || speed < 1.5 * value(limit) + 0.05;
 }
 
 /// On the brake, at this share of rolling_velocity_mps at most, by encoders that show it.
 bool Judge::creeps(double share) const {
   for (const ParameterId id : {kWheelRadius, kVelocityWindowUs})
-    if (value(id) != kParameters[index_of(id)].default_value) return false;
-  if (value(kCountsPerRevolution) != static_cast<float>(simulator_.board.counts_per_revolution))
-    return false;
-  const double most = share * static_cast<double>(value(kRollingVelocityMps));
+    if (!is_default(id)) return false;
+  if (!counts_right()) return false;
+  const double most = share * value(kRollingVelocityMps);
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     if (encoder.stuck != 0 || encoder.lost != 0.0) return false;
@@ -919,23 +906,19 @@ bool Judge::is_held_by_a_bumper(uint32_t ways) const {
 
 /// S22.
 void Judge::rolling_is_reported() {
-  const double threshold = static_cast<double>(value(kRollingVelocityMps));
+  const double threshold = value(kRollingVelocityMps);
   double speed = 0.0;
-  bool sound =
-      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
-      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution) &&
-      simulator_.board.wiring.is_right() && world_.wired_as_believed &&
-      value(kVelocityWindowUs) <= 50'000.0f;
+  bool sound = is_default(kWheelRadius) && counts_right() && simulator_.board.wiring.is_right() &&
+               world_.wired_as_believed && value(kVelocityWindowUs) <= 50'000.0f;
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     sound = sound && !hides_edges(encoder);
     speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
   // At a bumper, the loop still slows it down, as fast as allowed.
-  const bool slows_down =
-      simulator_.commanded_umps(kLeft) != 0 || simulator_.commanded_umps(kRight) != 0;
+  const bool slows_down = commanded_umps(kLeft) != 0 || commanded_umps(kRight) != 0;
   const bool is_held =
-      simulator_.state() != SupervisorState::kDriving ||
+      !is_driving() ||
       (!slows_down && is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways()));
   const bool rolls =
       sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
@@ -963,20 +946,18 @@ void Judge::on_event(const Event& event) {
   memory_.rolling_told = true;
   const bool may_be_held =
       ((witness_.perhaps_forbidden() | witness_.perhaps_held_ways()) & kEitherWay) != 0;
-  check("rolling-is-reported"_rule, simulator_.state() != SupervisorState::kDriving || may_be_held,
+  check("rolling-is-reported"_rule, !is_driving() || may_be_held,
         "ROLLING is reported while it drives");
   check("rolling-is-reported"_rule,
-        simulator_.state() != SupervisorState::kDriving || !memory_.followed_velocity ||
+        !is_driving() || !memory_.followed_velocity ||
             now_us() - memory_.commanded_us >= kSurelyRollsUs,
         "ROLLING is reported while it slows down beside a bumper");
   // A Stop may have asked to coast.
   const bool brakes = value(kStopMode) >= 2.0f && value(kEstopMode) >= 2.0f &&
                       value(kBrakeTimeS) >= 0.5f && memory_.least.mode != StopMode::kCoast;
   const bool recently_reset = now_us() < 3'000'000;
-  const bool measures =
-      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
-      value(kCountsPerRevolution) == kParameters[index_of(kCountsPerRevolution)].default_value &&
-      simulator_.board.wiring.is_right() && has_no_swaps(witness_.values());
+  const bool measures = is_default(kWheelRadius) && is_default(kCountsPerRevolution) &&
+                        simulator_.board.wiring.is_right() && has_no_swaps(witness_.values());
   check("rolling-is-reported"_rule,
         !is_clean() || !brakes || recently_reset || !measures || !world_.wired_as_believed,
         "ROLLING is reported on a flat floor after a braked stop");
@@ -1055,7 +1036,7 @@ void Judge::follow_motion() {
   }
   // On a board that is wired otherwise, windings do what they do.
   const bool drives = world_.wired_as_believed && simulator_.board.drives();
-  if (drives || simulator_.state() == SupervisorState::kDriving) memory_.drove_us = now_us();
+  if (drives || is_driving()) memory_.drove_us = now_us();
 }
 
 /// S27. A speed of 0 for a moment is not a standstill: the wheel may turn back, or was just pushed.
@@ -1077,7 +1058,7 @@ void Judge::after_message() {
   // A limit may be raised and lowered again before the step that it was raised for.
   for (size_t i = 0; i < kParameterCount; ++i)
     memory_.highest[i] = std::max(memory_.highest[i], witness_.values()[i]);
-  if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
+  if (!is_driving()) memory_.restarting_steps = 2;
   // A late step may latch a fault that the message behind it clears before the next look.
   if (simulator_.faults() == 0) memory_.faults |= witness_.last_faults();
   driven_by_right();
@@ -1125,19 +1106,18 @@ void Judge::after_call(bool stepped) {
 
 void Judge::remember() {
   const auto& granted = witness_.granted();
-  const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
+  const bool drives = is_driving() && granted;
   memory_.followed_duty = drives && granted->duty;
   memory_.followed_velocity = drives && !granted->duty;
-  if (memory_.followed_velocity &&
-      (simulator_.commanded_umps(kLeft) != 0 || simulator_.commanded_umps(kRight) != 0))
+  if (memory_.followed_velocity && (commanded_umps(kLeft) != 0 || commanded_umps(kRight) != 0))
     memory_.commanded_us = now_us();
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
   // When the bumper no longer holds it off, it starts again.
   memory_.was_held = witness_.perhaps_held_ways() != 0;
   memory_.state = simulator_.state();
   for (const Side side : kSides) {
-    memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
-    memory_.commanded_umps[side] = simulator_.commanded_umps(side);
+    memory_.duty[side] = duty(side);
+    memory_.commanded_umps[side] = commanded_umps(side);
     memory_.directions[side] = direction_of(simulator_.board.bridges()[side]);
   }
   if (!simulator_.board.plant.stands_still())

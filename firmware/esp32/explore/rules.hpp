@@ -28,7 +28,7 @@ struct Memory {
   std::array<double, 2> duty{};
   bool followed_velocity = false;
   int restarting_steps = 0;  ///< It stopped a moment ago, and its slew restarts.
-  std::array<int32_t, 2> commanded_umps{};
+  std::array<double, 2> commanded_umps{};
   uint64_t commanded_us = 0;  ///< When a wheel was last commanded to turn, in a velocity loop.
   bool followed_duty = false;
   bool default_protection = false;  ///< The wheels' protection had its default values.
@@ -246,7 +246,13 @@ class Judge {
   bool is_held_by_a_bumper(uint32_t ways) const;
   uint64_t now_us() const { return simulator_.board.device_us(); }
   uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
-  float value(ParameterId id) const { return witness_.value(id); }
+  double value(ParameterId id) const { return static_cast<double>(witness_.value(id)); }
+  bool is_default(ParameterId id) const;
+  /// The firmware knows how many ticks a turn has.
+  bool counts_right() const;
+  bool is_driving() const { return simulator_.state() == SupervisorState::kDriving; }
+  double duty(sim::Side side) const { return simulator_.board.bridges()[side].signed_duty(); }
+  double commanded_umps(sim::Side side) const { return simulator_.commanded_umps(side); }
 
   sim::Simulator& simulator_;
   const Witness& witness_;

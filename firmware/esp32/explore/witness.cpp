@@ -863,10 +863,10 @@ void Witness::notes_stop() {
 // --- resets --------------------------------------------------------------------------------------
 
 void Witness::writes(StoredBlock block, int slot) {
-  const bool was_gone = slots_of(block).are_gone();
-  slots_of(block).whole[static_cast<size_t>(slot)] = true;
-  std::vector<Flash>& formers = formers_[static_cast<size_t>(block)];
-  formers.clear();
+  Slots& written = slots_of(block);
+  const bool was_gone = written.are_gone();
+  written.whole[static_cast<size_t>(slot)] = true;
+  written.formers.clear();
   if (block == StoredBlock::kLatches) {
     // A save writes both slots at once. A repair writes one, and what it writes may be older than
     // the state.
@@ -890,15 +890,14 @@ void Witness::writes(StoredBlock block, int slot) {
 }
 
 void Witness::formats() {
-  slots_ = {};
-  formers_ = {};
+  for (Slots& slots : slots_) slots = {.formers = {}, .lost_copy = slots.lost_copy};
   flash_ = {};
   maybe_flashes_.clear();
 }
 
 void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
-  std::vector<Flash>& formers = formers_[static_cast<size_t>(block)];
-  if (formers.empty()) formers = possible_flashes();
+  Slots& slots = slots_of(block);
+  if (slots.formers.empty()) slots.formers = possible_flashes();
   // The power may fail again before a start has shown which of them it is.
   for (Flash flash : possible_flashes()) {
     if (block == StoredBlock::kLatches) {
@@ -910,7 +909,6 @@ void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
     }
     maybe_flashes_.push_back(flash);
   }
-  Slots& slots = slots_of(block);
   if (fate != sim::WriteFate::kUntouched)
     slots.whole[static_cast<size_t>(slot)] = fate == sim::WriteFate::kDone;
   if (slots.exists == Slots::Exists::kNo) slots.exists = Slots::Exists::kMaybe;
@@ -942,7 +940,7 @@ void Witness::damages(StoredBlock block, sim::Damage what) {
     for (Flash& flash : maybe_flashes_) change(flash, {});
   } else {
     const std::vector<Flash> flashes = possible_flashes();
-    for (const Flash& former : formers_[static_cast<size_t>(block)]) {
+    for (const Flash& former : slots.formers) {
       for (Flash flash : flashes) {
         change(flash, former);
         maybe_flashes_.push_back(flash);
@@ -961,11 +959,8 @@ bool Witness::may_be_lost(StoredBlock block) const {
 }
 
 bool Witness::has_lost_copy() const {
-  for (const StoredBlock block : kBlocks) {
-    const Slots& slots = slots_of(block);
-    if (lost_copies_[static_cast<size_t>(block)] && slots.whole[0] != slots.whole[1]) return true;
-  }
-  return false;
+  return std::any_of(slots_.begin(), slots_.end(),
+                     [](const Slots& slots) { return slots.lost_copy && slots.is_half(); });
 }
 
 std::vector<Flash> Witness::possible_flashes() const {
@@ -1064,11 +1059,11 @@ Finding Witness::starts() {
   maybe_flashes_.clear();
   record_writes_ = 0;
   // With the record its blocks are forgotten.
-  for (Slots& slots : slots_)
+  for (Slots& slots : slots_) {
     if (slots.are_gone() && slots_of(StoredBlock::kConfiguration).are_gone())
       slots.exists = Slots::Exists::kNo;
-  for (const StoredBlock block : kBlocks)
-    lost_copies_[static_cast<size_t>(block)] = slots_of(block).whole[0] != slots_of(block).whole[1];
+    slots.lost_copy = slots.is_half();
+  }
   if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
   note_state();
   kept_memory_ = memory_kept_;

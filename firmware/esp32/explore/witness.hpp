@@ -77,7 +77,10 @@ struct Slots {
 
   std::array<bool, 2> whole{};
   Exists exists = Exists::kNo;
+  std::vector<Flash> formers;  ///< What the other slot may still hold, because a save was cut.
+  bool lost_copy = false;      ///< The last start found only one of the two.
 
+  bool is_half() const { return whole[0] != whole[1]; }
   bool are_gone() const { return !whole[0] && !whole[1]; }
 };
 
@@ -294,12 +297,9 @@ class Witness {
   uint32_t lasting_ = 0;
   bool flash_damaged_ = false;  ///< Its partition cannot be opened.
   std::array<Slots, kStoredBlocks> slots_;
-  /// What the other slot of a block may still hold, because a save was cut.
-  std::array<std::vector<Flash>, kStoredBlocks> formers_;
   uint64_t latch_write_us_ = UINT64_MAX;  ///< The last write of the latches,
   int latch_write_slot_ = 0;              ///< and into which slot.
   int record_writes_ = 0;  ///< Of the configuration, since another block was written.
-  std::array<bool, kStoredBlocks> lost_copies_{};
 
   ConfigurationState configuration_state_ = ConfigurationState::kDamaged;
   Configuration configuration_;
