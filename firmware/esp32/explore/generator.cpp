@@ -43,7 +43,15 @@ class Generator {
   double one_of(std::initializer_list<double> values) {
     return values.begin()[below(values.size())];
   }
-  double side() { return static_cast<double>(below(2)); }
+  double index(size_t count) { return static_cast<double>(below(count)); }
+  double side() { return index(2); }
+  /// Does one of these, each as often.
+  template <typename... Choices>
+  void choose(Choices... choices) {
+    const size_t chosen = below(sizeof...(choices));
+    size_t i = 0;
+    ((i++ == chosen ? choices() : void()), ...);
+  }
   bool is_about(Subject subject) const {
     return subject_ == subject || subject_ == Subject::kAnything;
   }
@@ -70,8 +78,8 @@ class Generator {
 
   void set_up() {
     if (is_about(Subject::kBoards) && chance(70)) {
-      add("wire"_op, {chance(30) ? -1.0 : static_cast<double>(below(shipped_boards().size())),
-                      chance(60) ? 1.0 : 0.0, side()});
+      add("wire"_op,
+          {chance(30) ? -1.0 : index(shipped_boards().size()), chance(60) ? 1.0 : 0.0, side()});
     }
     if (chance(20)) add("boot_time"_op, {std::floor(spread(100, 500e3))});
     if (chance(15)) add("baud"_op, {one_of({115'200, 230'400, 921'600, 2e6})});
@@ -88,24 +96,11 @@ class Generator {
   }
 
   void defect() {
-    switch (below(8)) {
-      case 0:
-        return add("encoder"_op, {side(), 1});
-      case 1:
-        return add("encoder"_op, {side(), 0, 1});
-      case 2:
-        return add("encoder"_op, {side(), 0, 0, 1.0 + side()});
-      case 3:
-        return add("lost_edges"_op, {side(), between(0, 0.9), between(0, 0.4)});
-      case 4:
-        return add("motor"_op, {side(), 1});
-      case 5:
-        return add("motor"_op, {side(), 0, 1});
-      case 6:
-        return add("blocked"_op, {side(), 1});
-      default:
-        return add("swaps"_op, {side(), side()});
-    }
+    choose([&] { add("encoder"_op, {side(), 1}); }, [&] { add("encoder"_op, {side(), 0, 1}); },
+           [&] { add("encoder"_op, {side(), 0, 0, 1.0 + side()}); },
+           [&] { add("lost_edges"_op, {side(), between(0, 0.9), between(0, 0.4)}); },
+           [&] { add("motor"_op, {side(), 1}); }, [&] { add("motor"_op, {side(), 0, 1}); },
+           [&] { add("blocked"_op, {side(), 1}); }, [&] { add("swaps"_op, {side(), side()}); });
   }
 
   void repair() {
@@ -172,7 +167,7 @@ class Generator {
     const double speed = duty ? between(0.05, 0.6) : spread(0.05, 0.5);
     add("hold"_op, {host_, speed, speed, std::floor(spread(50e3, 600e3)), 50e3, duty ? 1.0 : 0.0});
     for (size_t i = 1 + below(2); i > 0; --i) {
-      add("stop"_op, {host_, static_cast<double>(below(4)), 1});
+      add("stop"_op, {host_, index(4), 1});
       if (chance(30)) moment();
       add(chance(70) ? "duty"_op : "velocity"_op, {host_, -speed, -speed, 300e3, 1, 0});
       if (chance(30)) moment();
@@ -183,30 +178,14 @@ class Generator {
   /// Something ends, or disturbs, the drive.
   void interrupt() {
     if (chance(5)) return turn_round();
-    switch (below(12)) {
-      case 0:
-      case 1:
-        return add("stop"_op, {host(), static_cast<double>(below(5)), 1});
-      case 2:
-        return add("estop"_op, {host()});
-      case 3:
-      case 4:
-        return contact();
-      case 5:
-        return add("open"_op, {side()});
-      case 6:
-        return reset();
-      case 7:
-        return late();
-      case 8:
-        return add("run"_op, {std::floor(spread(100e3, 4e6))});
-      case 9:
-        return add("hello"_op, {host(), side()});
-      case 10:
-        return parameter(true);
-      default:
-        return setpoint(host());
-    }
+    const auto stop = [&] { add("stop"_op, {host(), index(5), 1}); };
+    const auto open_contact = [&] { contact(); };
+    choose(
+        stop, stop, [&] { add("estop"_op, {host()}); }, open_contact, open_contact,
+        [&] { add("open"_op, {side()}); }, [&] { reset(); }, [&] { late(); },
+        [&] { add("run"_op, {std::floor(spread(100e3, 4e6))}); },
+        [&] { add("hello"_op, {host(), side()}); }, [&] { parameter(true); },
+        [&] { setpoint(host()); });
   }
 
   void late() {
@@ -268,7 +247,7 @@ class Generator {
     if (chance(35)) persist();
     if (chance(30)) rest();
     if (chance(20)) add("run"_op, {std::floor(spread(100e3, 1.5e6))});
-    if (chance(10)) add("repeat"_op, {host_, static_cast<double>(below(4))});
+    if (chance(10)) add("repeat"_op, {host_, index(4)});
     if (chance(60)) {
       setpoint(host_);
       wait();
@@ -378,8 +357,7 @@ class Generator {
       parameter();
       moment();
     }
-    if (chance(40))
-      add("save"_op, {host_, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
+    if (chance(40)) add("save"_op, {host_, chance(50) ? 0.0 : index(kParameterCount + 3)});
     if (chance(10)) add("reset_parameters"_op, {host_});
   }
 
@@ -391,29 +369,12 @@ class Generator {
       parameter(chance(50));
       moment();
     }
-    if (chance(50)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
+    if (chance(50)) set(ParameterId::kStopMode, 1.0 + index(3));
     if (chance(80)) drive(std::floor(spread(50e3, 1e6)));
     if (chance(20)) add("trial"_op, {host_, 2, spread(0.2, 3)});
-    switch (below(7)) {
-      case 0:
-        add("trial"_op, {host_, 3});
-        break;
-      case 1:
-        add("trial"_op, {host_, 4});
-        break;
-      case 2:
-      case 3:
-        add("open"_op, {side()});
-        break;
-      case 4:
-        add("run"_op, {4e6});
-        break;
-      case 5:
-        reset();
-        break;
-      default:
-        interrupt();
-    }
+    const auto reopen = [&] { add("open"_op, {side()}); };
+    choose([&] { add("trial"_op, {host_, 3}); }, [&] { add("trial"_op, {host_, 4}); }, reopen,
+           reopen, [&] { add("run"_op, {4e6}); }, [&] { reset(); }, [&] { interrupt(); });
     moment();
     if (chance(50)) add("trial"_op, {host_, 4});
     drive(std::floor(spread(50e3, 600e3)));
@@ -462,8 +423,8 @@ class Generator {
   /// The robot restarts with this board, as a rule: -1 is its own.
   void configure(double board, size_t list) {
     list_ = list;
-    add("configure"_op, {host_, board, static_cast<double>(list),
-                         chance(85) ? 0.0 : 1.0 + static_cast<double>(below(4))});
+    add("configure"_op,
+        {host_, board, static_cast<double>(list), chance(85) ? 0.0 : 1.0 + index(4)});
     moment();
     if (chance(10)) add("open"_op, {side()});
     if (chance(85)) add("restart"_op, {host_});
@@ -471,7 +432,7 @@ class Generator {
   }
 
   void board() {
-    const auto which = static_cast<double>(below(shipped_boards().size()));
+    const auto which = index(shipped_boards().size());
     const bool contact = chance(25);
     if (contact) {
       add(chance(50) ? "contact"_op : "estop"_op, {chance(50) ? 1.0 : 0.0});
@@ -504,7 +465,7 @@ class Generator {
 
   /// Usually a sensor of the robot's list.
   double sensed() {
-    if (chance(20)) return static_cast<double>(below(static_cast<size_t>(Sensed::kCount)));
+    if (chance(20)) return index(static_cast<size_t>(Sensed::kCount));
     const auto of = [&](Sensed one, Sensed other) {
       return static_cast<double>(chance(50) ? one : other);
     };
@@ -588,18 +549,9 @@ class Generator {
   }
 
   void what_batteries_do() {
-    switch (below(8)) {
-      case 0:
-        return dip();
-      case 1:
-        return tremble();
-      case 2:
-        return fall_silent();
-      case 3:
-        return restart_empty();
-      default:
-        return;
-    }
+    const auto nothing = [] {};
+    choose([&] { dip(); }, [&] { tremble(); }, [&] { fall_silent(); }, [&] { restart_empty(); },
+           nothing, nothing, nothing, nothing);
   }
 
   /// The battery empties while it drives, and is charged.
@@ -697,9 +649,8 @@ class Generator {
 
   void flash() {
     if (chance(50)) fill_flash();
-    if (chance(70))
-      add("power_cut"_op, {static_cast<double>(below(7)), static_cast<double>(below(3))});
-    if (chance(20)) add("store_fails"_op, {static_cast<double>(below(3)), side()});
+    if (chance(70)) add("power_cut"_op, {index(7), index(3)});
+    if (chance(20)) add("store_fails"_op, {index(3), side()});
     switch (below(6)) {
       case 5:
         return damage();
@@ -728,7 +679,7 @@ class Generator {
     }
     wait();
     reset();
-    if (chance(30)) add("store_fails"_op, {static_cast<double>(below(3)), 0});
+    if (chance(30)) add("store_fails"_op, {index(3), 0});
   }
 
   /// Each block was saved.
@@ -753,7 +704,7 @@ class Generator {
     add("stop"_op, {host_, 0, 1});
     for (size_t i = 1 + below(3); i > 0; --i) {
       const double block = one_of({0, 0, 1, 1, 2});
-      add("damage"_op, {block, static_cast<double>(below(3))});
+      add("damage"_op, {block, index(3)});
       add("run"_op, {60e3});
       add("open"_op, {0});
       if (chance(20)) setpoint(host_);
@@ -773,7 +724,7 @@ class Generator {
       moment();
       return add("clear_fault"_op, {host_, 1});
     }
-    add("configure"_op, {host_, one_of({-1, 0, 1, 3}), static_cast<double>(below(kLists)), 0});
+    add("configure"_op, {host_, one_of({-1, 0, 1, 3}), index(kLists), 0});
     moment();
     if (chance(40)) add("restart"_op, {host_});
     add("run"_op, {130e3});
@@ -787,7 +738,7 @@ class Generator {
 
   /// The cure that the fault's text proposes, and what the device is then.
   void damaged_flash() {
-    add("store_unreadable"_op, {one_of({256, 512, 1024}), static_cast<double>(below(3))});
+    add("store_unreadable"_op, {one_of({256, 512, 1024}), index(3)});
     add("run"_op, {60e3});
     add("open"_op, {0});
     add("clear_estop"_op, {host_, 1});
@@ -833,7 +784,7 @@ class Generator {
     for (size_t i = 6 + below(10); i > 0; --i) {
       add("hold"_op, {host_, duty ? 2.0 * speed : speed, duty ? 2.0 * speed : speed, for_us, 50e3,
                       duty ? 1.0 : 0.0});
-      if (how == 0) add("stop"_op, {host_, static_cast<double>(below(4)), 1});
+      if (how == 0) add("stop"_op, {host_, index(4), 1});
       if (how == 1) add("hold"_op, {host_, 0, 0, pause_us, 50e3, 0});
       if (how != 1) add("run"_op, {pause_us});
     }
@@ -881,143 +832,81 @@ class Generator {
   }
 
   void floor() {
-    switch (below(5)) {
-      case 0:
-        add("slope"_op, {between(-0.35, 0.35)});
-        break;
-      case 1:
-        add("load"_op, {side(), between(-0.05, 0.05)});
-        break;
-      case 2:
-        add("push"_op, {side(), between(-3, 3)});
-        break;
-      case 3:
-        add("free"_op, {side()});
-        break;
-      default:
-        add("slope"_op, {0});
-    }
+    choose([&] { add("slope"_op, {between(-0.35, 0.35)}); },
+           [&] { add("load"_op, {side(), between(-0.05, 0.05)}); },
+           [&] { add("push"_op, {side(), between(-3, 3)}); }, [&] { add("free"_op, {side()}); },
+           [&] { add("slope"_op, {0}); });
     if (chance(20)) return burst();
     if (chance(15)) return run_away();
     if (chance(10)) return creep();
-    if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
+    if (chance(30)) set(ParameterId::kStopMode, 1.0 + index(3));
     drive(std::floor(spread(200e3, 3e6)));
-    if (chance(50)) add("stop"_op, {host_, static_cast<double>(below(5)), 1});
+    if (chance(50)) add("stop"_op, {host_, index(5), 1});
     add("run"_op, {std::floor(spread(100e3, 6e6))});
   }
 
   // --- the line ----------------------------------------------------------------------------------
 
   void bad_line() {
-    if (chance(30))
-      add("noise"_op, {std::floor(spread(1, 3000)), static_cast<double>(below(1000))});
-    add("impair"_op, {1.0 + static_cast<double>(below(5)), static_cast<double>(below(400)),
-                      std::floor(spread(100, 2e6))});
+    if (chance(30)) add("noise"_op, {std::floor(spread(1, 3000)), index(1000)});
+    add("impair"_op, {1.0 + index(5), index(400), std::floor(spread(100, 2e6))});
     setpoint(host());
     moment();
-    if (chance(50)) add("repeat"_op, {host(), static_cast<double>(below(6))});
+    if (chance(50)) add("repeat"_op, {host(), index(6)});
     wait();
   }
 
   void any_request() {
     const double who = host();
-    switch (below(12)) {
-      case 0:
-        return add("stream_rate"_op, {who, one_of({0, 10, 100, 500, 1000, 5000, 65535})});
-      case 1:
-        return add("get"_op, {who, static_cast<double>(below(kParameterCount + 3))});
-      case 2:
-        return add("list"_op, {who, static_cast<double>(below(kParameterCount + 3))});
-      case 3:
-        return add("link_counters"_op, {who});
-      case 4:
-        return add("control_counters"_op, {who});
-      case 5:
-        return add("group"_op, {who, static_cast<double>(below(6))});
-      case 6:
-        return read_long(who);
-      case 7:
-        return add("contradictions"_op, {who});
-      case 8:
-        return add("ping"_op, {who, chance(90) ? 0.0 : 1.0});
-      case 9:
-        return add("hello"_op, {who, side(), one_of({0, 0, 1}), one_of({0, 0, 1})});
-      case 10:
-        return add("restart"_op, {who});
-      default:
-        return add("repeat"_op, {who, static_cast<double>(below(8))});
-    }
+    choose([&] { add("stream_rate"_op, {who, one_of({0, 10, 100, 500, 1000, 5000, 65535})}); },
+           [&] { add("get"_op, {who, index(kParameterCount + 3)}); },
+           [&] { add("list"_op, {who, index(kParameterCount + 3)}); },
+           [&] { add("link_counters"_op, {who}); }, [&] { add("control_counters"_op, {who}); },
+           [&] { add("group"_op, {who, index(6)}); }, [&] { read_long(who); },
+           [&] { add("contradictions"_op, {who}); },
+           [&] { add("ping"_op, {who, chance(90) ? 0.0 : 1.0}); },
+           [&] { add("hello"_op, {who, side(), one_of({0, 0, 1}), one_of({0, 0, 1})}); },
+           [&] { add("restart"_op, {who}); }, [&] { add("repeat"_op, {who, index(8)}); });
   }
 
   /// What is read from flash, or answered afresh when it is repeated.
   void read_long(double who) {
-    switch (below(9)) {
-      case 7:
-        return add("hold_get"_op, {who});
-      case 8:
-        return add("memory"_op, {who});
-      case 5:
-        return add("peripheral_get"_op, {who, static_cast<double>(below(12))});
-      case 6:
-        return add("sensor_stream"_op, {who, one_of({0, 10, 200, 1000})});
-      case 0:
-        return add("box_get"_op, {who, static_cast<double>(below(3))});
-      case 1:
-        return add("box_read"_op, {who, static_cast<double>(below(3)), one_of({0, 56, 32767})});
-      case 2:
-        return add("ledger"_op, {who});
-      case 3:
-        return add("unsaved"_op, {who});
-      default:
-        return add("configuration_get"_op, {who});
-    }
+    choose([&] { add("box_get"_op, {who, index(3)}); },
+           [&] { add("box_read"_op, {who, index(3), one_of({0, 56, 32767})}); },
+           [&] { add("ledger"_op, {who}); }, [&] { add("unsaved"_op, {who}); },
+           [&] { add("configuration_get"_op, {who}); },
+           [&] { add("peripheral_get"_op, {who, index(12)}); },
+           [&] { add("sensor_stream"_op, {who, one_of({0, 10, 200, 1000})}); },
+           [&] { add("hold_get"_op, {who}); }, [&] { add("memory"_op, {who}); });
+  }
+
+  void configure_somehow(double who, double board) {
+    add("configure"_op, {who, board, index(kLists), one_of({0, 0, 1, 2, 3, 4})});
   }
 
   /// Messages in any order.
   void anything() {
     for (size_t i = 4 + below(20); i > 0; --i) {
-      switch (below(12)) {
-        case 0:
-        case 1:
-          setpoint(side());
-          break;
-        case 2:
-          interrupt();
-          break;
-        case 3:
-          parameter();
-          break;
-        case 4:
-          add("clear_estop"_op, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
-          break;
-        case 5:
-          add("clear_fault"_op, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
-          break;
-        case 6:
-          add("trial"_op, {side(), static_cast<double>(below(6)), spread(0.1, 100)});
-          break;
-        case 7:
-          add("save"_op, {side(), static_cast<double>(below(kParameterCount + 2))});
-          break;
-        case 8:
-          add("confirm"_op, {side(), side()});
-          break;
-        case 10:
-          if (chance(50)) {
-            add("sensor"_op, {sensed(), side()});
-          } else {
-            add("configure"_op,
-                {side(), -1, static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
+      const auto move = [&] { setpoint(side()); };
+      const auto clears = [&](Kind kind) {
+        add(kind, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
+      };
+      choose(
+          move, move, [&] { interrupt(); }, [&] { parameter(); }, [&] { clears("clear_estop"_op); },
+          [&] { clears("clear_fault"_op); },
+          [&] { add("trial"_op, {side(), index(6), spread(0.1, 100)}); },
+          [&] { add("save"_op, {side(), index(kParameterCount + 2)}); },
+          [&] { add("confirm"_op, {side(), side()}); },
+          [&] {
+            const double who = side();
+            configure_somehow(who, index(20));
+          },
+          [&] {
+            if (chance(50)) return add("sensor"_op, {sensed(), side()});
+            configure_somehow(side(), -1);
             add("confirm"_op, {side(), side()});
-          }
-          break;
-        case 9:
-          add("configure"_op, {side(), static_cast<double>(below(20)),
-                               static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3, 4})});
-          break;
-        default:
-          any_request();
-      }
+          },
+          [&] { any_request(); });
       moment();
     }
   }
