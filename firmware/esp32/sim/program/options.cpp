@@ -2,6 +2,7 @@
 
 #include <getopt.h>
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -15,39 +16,6 @@ namespace wheelwire::sim {
 namespace {
 
 constexpr double kMaxTruthHz = 1000.0;
-
-enum Option : int {
-  kLink = 1,
-  kLock,
-  kAnnounce,
-  kSeed,
-  kBaud,
-  kStore,
-  kSet,
-  kTruthHz,
-  kExitWithStdin,
-  kSocket,
-  kParent,
-  kPreset,
-  kHelp
-};
-
-constexpr option kOptions[] = {
-    {"link", required_argument, nullptr, kLink},
-    {"lock", required_argument, nullptr, kLock},
-    {"announce", required_argument, nullptr, kAnnounce},
-    {"seed", required_argument, nullptr, kSeed},
-    {"baud-rate", required_argument, nullptr, kBaud},
-    {"store", required_argument, nullptr, kStore},
-    {"set", required_argument, nullptr, kSet},
-    {"truth-hz", required_argument, nullptr, kTruthHz},
-    {"exit-with-stdin", no_argument, nullptr, kExitWithStdin},
-    {"socket", required_argument, nullptr, kSocket},
-    {"parent", required_argument, nullptr, kParent},
-    {"preset", required_argument, nullptr, kPreset},
-    {"help", no_argument, nullptr, kHelp},
-    {nullptr, 0, nullptr, 0},
-};
 
 constexpr const char* kUsage =
     R"(Usage: wheelwire-fwsim [OPTION]...
@@ -93,9 +61,12 @@ std::pair<std::string, double> parse_setting(const std::string& text) {
 int parse_id(const std::string& text) { return static_cast<int>(parse_number(text)); }
 
 uint64_t parse_seed(const std::string& text) {
-  size_t used = 0;
-  const uint64_t seed = std::stoull(text, &used, 0);
-  if (used != text.size() || text[0] == '-') throw std::invalid_argument(text);
+  char* end = nullptr;
+  errno = 0;
+  const uint64_t seed = std::strtoull(text.c_str(), &end, 0);
+  if (text.empty() || *end != '\0' || text[0] == '-' || errno != 0) {
+    throw std::invalid_argument("--seed takes a whole number");
+  }
   return seed;
 }
 
@@ -112,57 +83,41 @@ uint64_t random_seed() {
   return (static_cast<uint64_t>(device()) << 32) | device();
 }
 
-void apply(Options& options, int option, const std::string& value) {
-  switch (option) {
-    case kLink:
-      options.link = value;
-      break;
-    case kLock:
-      options.lock = value;
-      break;
-    case kAnnounce:
-      options.announcement = value;
-      break;
-    case kSeed:
-      try {
-        options.seed = parse_seed(value);
-      } catch (const std::logic_error&) {
-        throw std::invalid_argument("--seed takes a whole number");
-      }
-      break;
-    case kBaud:
-      options.settings.emplace_back("baud_rate", parse_number(value));
-      break;
-    case kStore:
-      options.store = value;
-      break;
-    case kSet:
-      options.settings.push_back(parse_setting(value));
-      break;
-    case kTruthHz:
-      options.truth_hz = parse_rate(value);
-      break;
-    case kExitWithStdin:
-      options.exit_with_stdin = true;
-      break;
-    case kSocket:
-      options.socket = parse_id(value);
-      break;
-    case kParent:
-      options.parent = parse_id(value);
-      break;
-    case kPreset: {
-      const auto [id, preset] = parse_setting(value);
-      options.presets.emplace_back(parse_id(id), preset);
-      break;
-    }
-    case kHelp:
-      options.help = true;
-      break;
-    default:
-      throw std::invalid_argument("see --help");
-  }
-}
+struct OptionSpec {
+  const char* name;
+  int takes;  ///< As getopt_long has it.
+  void (*apply)(Options& options, const std::string& value);
+};
+
+constexpr OptionSpec kOptions[] = {
+    {"link", required_argument, [](Options& o, const std::string& value) { o.link = value; }},
+    {"lock", required_argument, [](Options& o, const std::string& value) { o.lock = value; }},
+    {"announce", required_argument,
+     [](Options& o, const std::string& value) { o.announcement = value; }},
+    {"seed", required_argument,
+     [](Options& o, const std::string& value) { o.seed = parse_seed(value); }},
+    {"baud-rate", required_argument,
+     [](Options& o, const std::string& value) {
+       o.settings.emplace_back("baud_rate", parse_number(value));
+     }},
+    {"store", required_argument, [](Options& o, const std::string& value) { o.store = value; }},
+    {"set", required_argument,
+     [](Options& o, const std::string& value) { o.settings.push_back(parse_setting(value)); }},
+    {"truth-hz", required_argument,
+     [](Options& o, const std::string& value) { o.truth_hz = parse_rate(value); }},
+    {"exit-with-stdin", no_argument,
+     [](Options& o, const std::string&) { o.exit_with_stdin = true; }},
+    {"socket", required_argument,
+     [](Options& o, const std::string& value) { o.socket = parse_id(value); }},
+    {"parent", required_argument,
+     [](Options& o, const std::string& value) { o.parent = parse_id(value); }},
+    {"preset", required_argument,
+     [](Options& o, const std::string& value) {
+       const auto [id, preset] = parse_setting(value);
+       o.presets.emplace_back(parse_id(id), preset);
+     }},
+    {"help", no_argument, [](Options& o, const std::string&) { o.help = true; }},
+};
 
 }  // namespace
 
@@ -174,11 +129,17 @@ double parse_number(const std::string& text) {
 }
 
 Options parse_options(int argc, char** argv) {
+  constexpr int kFirst = 256;  // What getopt_long finds wrong is a character.
+  std::vector<option> known;
+  for (const OptionSpec& spec : kOptions)
+    known.push_back({spec.name, spec.takes, nullptr, kFirst + static_cast<int>(known.size())});
+  known.push_back({});
   Options options;
   options.seed = random_seed();
-  int option = 0;
-  while ((option = ::getopt_long(argc, argv, "", kOptions, nullptr)) != -1) {
-    apply(options, option, optarg == nullptr ? "" : optarg);
+  int found = 0;
+  while ((found = ::getopt_long(argc, argv, "", known.data(), nullptr)) != -1) {
+    if (found < kFirst) throw std::invalid_argument("see --help");
+    kOptions[found - kFirst].apply(options, optarg == nullptr ? "" : optarg);
   }
   if (optind < argc) throw std::invalid_argument(std::string("not an option: ") + argv[optind]);
   return options;
