@@ -31,13 +31,11 @@ bool CaptureTimer::start() {
       .resolution_hz = 0,
       .flags = {},
   };
-  uint32_t resolution_hz = 0;
-  const bool is_started = mcpwm_new_capture_timer(&config, &handle_) == ESP_OK &&
-                          mcpwm_capture_timer_enable(handle_) == ESP_OK &&
-                          mcpwm_capture_timer_start(handle_) == ESP_OK &&
-                          mcpwm_capture_timer_get_resolution(handle_, &resolution_hz) == ESP_OK;
-  ticks_per_us_ = resolution_hz / 1'000'000;
-  return is_started && ticks_per_us_ != 0;
+  return mcpwm_new_capture_timer(&config, &handle_) == ESP_OK &&
+         mcpwm_capture_timer_enable(handle_) == ESP_OK &&
+         mcpwm_capture_timer_start(handle_) == ESP_OK &&
+         mcpwm_capture_timer_get_resolution(handle_, &resolution_hz_) == ESP_OK &&
+         ticks_per_us() != 0;
 }
 
 bool EchoPin::start(const CaptureTimer& timer, const Peripheral& entry) {

@@ -14,11 +14,12 @@ class CaptureTimer {
  public:
   bool start();
   mcpwm_cap_timer_handle_t handle() const { return handle_; }
-  uint32_t ticks_per_us() const { return ticks_per_us_; }
+  uint32_t resolution_hz() const { return resolution_hz_; }
+  uint32_t ticks_per_us() const { return resolution_hz_ / 1'000'000; }
 
  private:
   mcpwm_cap_timer_handle_t handle_ = nullptr;
-  uint32_t ticks_per_us_ = 0;
+  uint32_t resolution_hz_ = 0;
 };
 
 class EchoPin final : public EchoPins {

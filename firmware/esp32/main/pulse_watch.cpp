@@ -3,16 +3,13 @@
 #include <algorithm>
 
 #include "clock.hpp"
+#include "echo_pin.hpp"
 #include "esp_attr.h"
 #include "soc/gpio_reg.h"
 #include "soc/soc.h"
-#include "soc/soc_caps.h"
 
 namespace wheelwire {
 namespace {
-
-/// As that of the range sensors, which a board in a self-test has none of.
-constexpr int kGroup = SOC_MCPWM_GROUPS - 1;
 
 /// Start-up code leaves it: it tells when a core that froze let go of the motors.
 __NOINIT_ATTR uint64_t last_fall;
@@ -40,18 +37,13 @@ bool PulseWatch::start(int edge_pin, int level_pin, bool pulled_up) {
   edge_pin_ = edge_pin;
   level_pin_ = level_pin;
   last_fall = 0;
-  const mcpwm_capture_timer_config_t config = {
-      .group_id = kGroup,
-      .clk_src = MCPWM_CAPTURE_CLK_SRC_DEFAULT,
-      .resolution_hz = 0,
-      .flags = {},
-  };
-  mcpwm_cap_timer_handle_t timer = nullptr;
-  return mcpwm_new_capture_timer(&config, &timer) == ESP_OK &&
-         mcpwm_capture_timer_enable(timer) == ESP_OK &&
-         mcpwm_capture_timer_start(timer) == ESP_OK && add_channel(timer, true, pulled_up) &&
-         add_channel(timer, false, pulled_up) &&
-         mcpwm_capture_timer_get_resolution(timer, &resolution_hz_) == ESP_OK;
+  // That of the range sensors, which a board in a self-test has none of.
+  CaptureTimer timer;
+  if (!timer.start() || !add_channel(timer.handle(), true, pulled_up) ||
+      !add_channel(timer.handle(), false, pulled_up))
+    return false;
+  resolution_hz_ = timer.resolution_hz();
+  return true;
 }
 
 bool PulseWatch::add_channel(mcpwm_cap_timer_handle_t timer, bool rises, bool pulled_up) {

@@ -2,8 +2,7 @@
 
 #include <stdint.h>
 
-#include "board_rules.hpp"
-#include "driver/gpio.h"
+#include "gpio_pin.hpp"
 #include "protocol.hpp"
 
 namespace wheelwire {
@@ -29,15 +28,7 @@ constexpr bool is_lit(SupervisorState state, uint32_t time_ms) {
 
 /// `pin`: -1: there is none.
 inline void start_status_led(int pin) {
-  if (pin < 0) return;
-  const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_OUTPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
-  };
-  gpio_config(&config);
+  if (pin >= 0) make_low_output(pin);
 }
 
 inline void show_on_status_led(int pin, SupervisorState state, uint32_t time_ms) {
