@@ -7,46 +7,25 @@
 
 namespace wheelwire::sim {
 
-enum class EdgeAction { kIncrease, kDecrease };
-enum class LevelAction { kKeep, kInverse };
-
-/// What one channel does at an edge of its edge input, given its level input.
-struct CounterChannel {
-  EdgeAction rising;
-  EdgeAction falling;
-  LevelAction level_high;
-  LevelAction level_low;
-
-  int delta(bool edge_rises, bool level) const {
-    const bool increases = (edge_rises ? rising : falling) == EdgeAction::kIncrease;
-    const bool keeps = (level ? level_high : level_low) == LevelAction::kKeep;
-    return increases == keeps ? 1 : -1;
-  }
-};
-
 class PulseCounter {
  public:
   PulseCounter(bool a, bool b) : a_(a), b_(b) {}
 
+  /// Channel A counts A's edges by B's level, and channel B the other way round: up where A leads.
   void set_levels(bool a, bool b) {
     if (a != a_) {
       a_ = a;
-      count(kChannelA.delta(a, b_));
+      count(a != b_ ? 1 : -1);
     }
     if (b != b_) {
       b_ = b;
-      count(kChannelB.delta(b, a_));
+      count(b == a_ ? 1 : -1);
     }
   }
 
   int16_t value() const { return value_; }
 
  private:
-  static constexpr CounterChannel kChannelA = {EdgeAction::kDecrease, EdgeAction::kIncrease,
-                                               LevelAction::kKeep, LevelAction::kInverse};
-  static constexpr CounterChannel kChannelB = {EdgeAction::kIncrease, EdgeAction::kDecrease,
-                                               LevelAction::kKeep, LevelAction::kInverse};
-
   /// The hardware returns to 0 when it reaches a limit.
   void count(int delta) {
     const int next = value_ + delta;
