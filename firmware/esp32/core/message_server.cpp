@@ -199,7 +199,12 @@ void MessageServer::on(const Ping& ping, uint64_t now_us) {
 
 template <typename Request>
 void MessageServer::once(const Request& request, uint64_t now_us) {
-  if (is_new(request.kId, request.session_id, request.request_id)) on(request, now_us);
+  if (!is_new(request.kId, request.session_id, request.request_id)) return;
+  if constexpr (requires { RefusalCode{on(request, now_us)}; }) {
+    conclude(request.kId, request.request_id, on(request, now_us));
+  } else {
+    on(request, now_us);
+  }
 }
 
 /// True for a request that this session has not seen. A repeat is given its answer again.
@@ -214,46 +219,44 @@ bool MessageServer::is_new(uint8_t message_id, uint32_t session_id, uint16_t req
   return kind == Session::Request::kNew;
 }
 
-void MessageServer::on(const ClearEstop& request, uint64_t now_us) {
-  conclude(request.kId, request.request_id, robot_.clear_estop(now_us));
+RefusalCode MessageServer::on(const ClearEstop&, uint64_t now_us) {
+  return robot_.clear_estop(now_us);
 }
 
-void MessageServer::on(const ClearFault& request, uint64_t now_us) {
-  conclude(request.kId, request.request_id, robot_.clear_fault(now_us));
+RefusalCode MessageServer::on(const ClearFault&, uint64_t now_us) {
+  return robot_.clear_fault(now_us);
 }
 
-void MessageServer::on(const SetStreamRate& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const SetStreamRate& request, uint64_t now_us) {
   const auto control_rate_hz =
       static_cast<uint32_t>(robot_.parameters().get(ParameterId::kControlRateHz));
-  const bool possible =
-      request.rate_hz <= control_rate_hz && link_.carries(request.rate_hz, WheelState::kSize);
-  if (possible) set_stream_rate(request.rate_hz, now_us);
-  conclude(request.kId, request.request_id,
-           possible ? RefusalCode::kNone : RefusalCode::kRateTooHigh);
+  if (request.rate_hz > control_rate_hz || !link_.carries(request.rate_hz, WheelState::kSize))
+    return RefusalCode::kRateTooHigh;
+  set_stream_rate(request.rate_hz, now_us);
+  return RefusalCode::kNone;
 }
 
 void MessageServer::on(const ParameterGet& request, uint64_t) {
   if (!Parameters::exists(static_cast<ParameterId>(request.parameter)))
     return conclude(request.kId, request.request_id, RefusalCode::kUnknownParameter);
-  answer_value(request.request_id, request.parameter);
+  answer_value(request);
 }
 
 void MessageServer::on(const ParameterSet& request, uint64_t now_us) {
   const RefusalCode refusal =
       robot_.set_parameter(static_cast<ParameterId>(request.parameter), request.value, now_us);
   if (refusal != RefusalCode::kNone) return conclude(request.kId, request.request_id, refusal);
-  answer_value(request.request_id, request.parameter);
+  answer_value(request);
 }
 
-void MessageServer::on(const ParameterSave& request, uint64_t) {
-  conclude(request.kId, request.request_id,
-           request.parameter == 0
-               ? robot_.save_all_parameters()
-               : robot_.save_parameter(static_cast<ParameterId>(request.parameter)));
+RefusalCode MessageServer::on(const ParameterSave& request, uint64_t) {
+  return request.parameter == 0
+             ? robot_.save_all_parameters()
+             : robot_.save_parameter(static_cast<ParameterId>(request.parameter));
 }
 
-void MessageServer::on(const ParameterReset& request, uint64_t now_us) {
-  conclude(request.kId, request.request_id, robot_.reset_parameters(now_us));
+RefusalCode MessageServer::on(const ParameterReset&, uint64_t now_us) {
+  return robot_.reset_parameters(now_us);
 }
 
 void MessageServer::on(const ParameterList& request, uint64_t) {
@@ -262,43 +265,37 @@ void MessageServer::on(const ParameterList& request, uint64_t) {
   const Parameters& parameters = robot_.parameters();
   const ParameterSpec& spec =
       parameters.spec(static_cast<ParameterId>(request.parameter_index + 1));
-  answer(request.request_id, ParameterEntry{
-                                 .session_id = session_.id(),
-                                 .request_id = request.request_id,
-                                 .parameter_index = request.parameter_index,
-                                 .parameter_count = kParameterCount,
-                                 .parameter = static_cast<uint8_t>(spec.id),
-                                 .value = parameters.get(spec.id),
-                                 .default_value = spec.default_value,
-                                 .minimum = spec.minimum,
-                                 .maximum = spec.maximum,
-                             });
+  answer(request, ParameterEntry{
+                      .parameter_index = request.parameter_index,
+                      .parameter_count = kParameterCount,
+                      .parameter = static_cast<uint8_t>(spec.id),
+                      .value = parameters.get(spec.id),
+                      .default_value = spec.default_value,
+                      .minimum = spec.minimum,
+                      .maximum = spec.maximum,
+                  });
 }
 
 void MessageServer::on(const LinkCountersGet& request, uint64_t) {
   const ReceiveCounters& received = link_.received();
-  answer(request.request_id, LinkCounters{
-                                 .session_id = session_.id(),
-                                 .request_id = request.request_id,
-                                 .frames_received = received.frames,
-                                 .frames_sent = link_.frames_sent(),
-                                 .bad_crc = received.bad_crc,
-                                 .bad_cobs = received.bad_cobs,
-                                 .unknown_id = received.unknown_id,
-                                 .wrong_length = received.wrong_length,
-                                 .seq_lost = received.seq_lost,
-                                 .send_dropped = link_.send_dropped(),
-                                 .refused = refused_,
-                                 .faults_tripped = robot_.faults_tripped(),
-                             });
+  answer(request, LinkCounters{
+                      .frames_received = received.frames,
+                      .frames_sent = link_.frames_sent(),
+                      .bad_crc = received.bad_crc,
+                      .bad_cobs = received.bad_cobs,
+                      .unknown_id = received.unknown_id,
+                      .wrong_length = received.wrong_length,
+                      .seq_lost = received.seq_lost,
+                      .send_dropped = link_.send_dropped(),
+                      .refused = refused_,
+                      .faults_tripped = robot_.faults_tripped(),
+                  });
 }
 
 void MessageServer::on(const ControlCountersGet& request, uint64_t) {
   const EncoderCounts& counts = robot_.encoder_counts();
-  answer(request.request_id,
+  answer(request,
          ControlCounters{
-             .session_id = session_.id(),
-             .request_id = request.request_id,
              .late_steps = robot_.late_steps(),
              .latest_step_us = robot_.longest_interval_us(),
              .saturated_steps = robot_.left().saturated_steps() + robot_.right().saturated_steps(),
@@ -308,22 +305,26 @@ void MessageServer::on(const ControlCountersGet& request, uint64_t) {
 }
 
 void MessageServer::on(const ContradictionsGet& request, uint64_t) {
-  answer(request.request_id, Contradictions{.session_id = session_.id(),
-                                            .request_id = request.request_id,
-                                            .active = robot_.active_contradictions(),
-                                            .refused = robot_.refused_contradictions()});
+  answer(request, Contradictions{.active = robot_.active_contradictions(),
+                                 .refused = robot_.refused_contradictions()});
 }
 
-void MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
-  conclude(request.kId, request.request_id,
-           robot_.try_parameters(request.action, request.timeout_s, now_us));
+RefusalCode MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
+  return robot_.try_parameters(request.action, request.timeout_s, now_us);
 }
 
 // --- answers -------------------------------------------------------------------------------------
 
 /// Answers a request, and keeps the answer for a repeat of it.
+template <typename Request, typename Message>
+void MessageServer::answer(const Request& request, Message message) {
+  message.session_id = session_.id();
+  message.request_id = request.request_id;
+  keep_and_send(request.request_id, message);
+}
+
 template <typename Message>
-void MessageServer::answer(uint16_t request_id, const Message& message) {
+void MessageServer::keep_and_send(uint16_t request_id, const Message& message) {
   static_assert(Message::kSize <= kMaxAnswer);
   Answer& record = session_.record(request_id);
   record.id = Message::kId;
@@ -340,24 +341,28 @@ void MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t
   link_.send_body(id, body, size);
 }
 
-template <typename Message>
-void MessageServer::answer_afresh(const Message& message) {
+template <typename Request, typename Message>
+void MessageServer::answer_afresh(const Request& request, Message message) {
+  message.session_id = session_.id();
+  message.request_id = request.request_id;
   uint8_t body[Message::kSize];
   message.encode(body);
   answer_afresh(Message::kId, message.request_id, body, sizeof body);
 }
 
-void MessageServer::answer_value(uint16_t request_id, uint8_t parameter) {
-  answer(request_id, ParameterValue{session_.id(), request_id, parameter,
-                                    robot_.parameters().get(static_cast<ParameterId>(parameter))});
+template <typename Request>
+void MessageServer::answer_value(const Request& request) {
+  const auto id = static_cast<ParameterId>(request.parameter);
+  answer(request,
+         ParameterValue{.parameter = request.parameter, .value = robot_.parameters().get(id)});
 }
 
 void MessageServer::conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal) {
   if (refusal == RefusalCode::kNone)
-    return answer(request_id, Ack{session_.id(), request_id, message_id});
+    return keep_and_send(request_id, Ack{session_.id(), request_id, message_id});
   ++refused_;
   if (robot_.recorder() != nullptr) robot_.recorder()->note_refusal(message_id, refusal);
-  answer(request_id, Refuse{session_.id(), message_id, refusal, request_id});
+  keep_and_send(request_id, Refuse{session_.id(), message_id, refusal, request_id});
 }
 
 void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t reference,
@@ -388,16 +393,13 @@ bool MessageServer::is_served(Group group) const {
 }
 
 void MessageServer::on(const GroupGet& request, uint64_t) {
-  answer(request.request_id,
-         GroupInfo{.session_id = session_.id(),
-                   .request_id = request.request_id,
-                   .group = request.group,
-                   .hash = is_served(request.group) ? hash_of(request.group) : 0});
+  answer(request, GroupInfo{.group = request.group,
+                            .hash = is_served(request.group) ? hash_of(request.group) : 0});
 }
 
-void MessageServer::on(const Restart& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const Restart&, uint64_t now_us) {
+  if (!(identity_.capabilities & capability::kRestart)) return RefusalCode::kNotSupported;
   RefusalCode refusal = robot_.check_stopped();
-  if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
   if (refusal == RefusalCode::kNone && configuration_ != nullptr &&
       configuration_->has_candidate()) {
     refusal = robot_.check_estop(now_us);
@@ -407,7 +409,7 @@ void MessageServer::on(const Restart& request, uint64_t now_us) {
     }
   }
   if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
-  conclude(request.kId, request.request_id, refusal);
+  return refusal;
 }
 
 // --- the configuration ---------------------------------------------------------------------------
@@ -440,23 +442,18 @@ void MessageServer::on(const PeripheralGet& request, uint64_t) {
   answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
 }
 
-void MessageServer::on(const BoardSet& request, uint64_t) {
+RefusalCode MessageServer::on(const BoardSet& request, uint64_t) {
+  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   uint8_t body[BoardSet::kSize];
   request.encode(body);
-  conclude(request.kId, request.request_id,
-           configuration_ == nullptr
-               ? RefusalCode::kNotSupported
-               : configuration_->stage_board(body + sizeof body - BoardDescription::kSize));
+  return configuration_->stage_board(body + sizeof body - BoardDescription::kSize);
 }
 
-void MessageServer::on(const PeripheralSet& request, uint64_t) {
+RefusalCode MessageServer::on(const PeripheralSet& request, uint64_t) {
+  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   uint8_t body[PeripheralSet::kSize];
   request.encode(body);
-  conclude(request.kId, request.request_id,
-           configuration_ == nullptr
-               ? RefusalCode::kNotSupported
-               : configuration_->stage_peripheral(request.channel,
-                                                  body + sizeof body - Peripheral::kSize));
+  return configuration_->stage_peripheral(request.channel, body + sizeof body - Peripheral::kSize);
 }
 
 /// Why the configuration cannot change now. Else one without the contact that is open would be a
@@ -473,26 +470,24 @@ void MessageServer::note_configuration_write(RefusalCode refusal) {
     robot_.note_write(refusal == RefusalCode::kNone);
 }
 
-void MessageServer::on(const ConfigurationWrite& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const ConfigurationWrite& request, uint64_t now_us) {
   RefusalCode refusal = check_configuration_change(now_us);
-  if (refusal == RefusalCode::kNone) {
-    refusal = configuration_->write(request.peripheral_count, request.fingerprint);
-    note_configuration_write(refusal);
-  }
-  conclude(request.kId, request.request_id, refusal);
+  if (refusal != RefusalCode::kNone) return refusal;
+  refusal = configuration_->write(request.peripheral_count, request.fingerprint);
+  note_configuration_write(refusal);
+  return refusal;
 }
 
-void MessageServer::on(const ConfigurationConfirm& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const ConfigurationConfirm& request, uint64_t now_us) {
   RefusalCode refusal = check_configuration_change(now_us);
-  if (refusal == RefusalCode::kNone) {
-    refusal = configuration_->confirm(request.fingerprint);
-    note_configuration_write(refusal);
-  }
-  if (refusal == RefusalCode::kNone) robot_.note_board_confirmed();
+  if (refusal != RefusalCode::kNone) return refusal;
+  refusal = configuration_->confirm(request.fingerprint);
+  note_configuration_write(refusal);
+  if (refusal != RefusalCode::kNone) return refusal;
+  robot_.note_board_confirmed();
   // A board's pins are only set up when the device starts, so restart.
-  if (refusal == RefusalCode::kNone && !configuration_->is_confirmed())
-    restart_us_ = now_us + kRestartDelayUs;
-  conclude(request.kId, request.request_id, refusal);
+  if (!configuration_->is_confirmed()) restart_us_ = now_us + kRestartDelayUs;
+  return refusal;
 }
 
 // --- the recorder --------------------------------------------------------------------------------
@@ -509,28 +504,25 @@ bool MessageServer::is_readable(uint8_t message_id, uint16_t request_id) {
 
 void MessageServer::on(const BoxGet& request, uint64_t) {
   if (!is_readable(request.kId, request.request_id)) return;
-  BoxValue value{.session_id = session_.id(), .request_id = request.request_id, .age = request.age};
+  BoxValue value{.age = request.age};
   archive_->describe(value);
-  answer_afresh(value);
+  answer_afresh(request, value);
 }
 
 void MessageServer::on(const BoxRead& request, uint64_t) {
   if (!is_readable(request.kId, request.request_id)) return;
-  BoxPart part{.session_id = session_.id(),
-               .request_id = request.request_id,
-               .number = request.number,
-               .offset = request.offset};
+  BoxPart part{.number = request.number, .offset = request.offset};
   auto* const data = reinterpret_cast<uint8_t*>(part.data);
   part.size =
       static_cast<uint8_t>(archive_->read(request.number, request.offset, data, sizeof part.data));
-  answer_afresh(part);
+  answer_afresh(request, part);
 }
 
 void MessageServer::on(const LedgerGet& request, uint64_t now_us) {
   if (!is_readable(request.kId, request.request_id)) return;
-  LedgerValue value{.session_id = session_.id(), .request_id = request.request_id};
+  LedgerValue value;
   archive_->count(value, now_us);
-  answer_afresh(value);
+  answer_afresh(request, value);
 }
 
 // --- the store -----------------------------------------------------------------------------------
@@ -539,9 +531,7 @@ void MessageServer::on(const UnsavedGet& request, uint64_t) {
   // Reading flash takes time that a control step does not have.
   if (robot_.state() == SupervisorState::kDriving)
     return conclude(request.kId, request.request_id, RefusalCode::kNotStopped);
-  answer(request.request_id, UnsavedValue{.session_id = session_.id(),
-                                          .request_id = request.request_id,
-                                          .parameters = robot_.unsaved_parameters()});
+  answer(request, UnsavedValue{.parameters = robot_.unsaved_parameters()});
 }
 
 // --- sensors, platform ---------------------------------------------------------------------------

@@ -134,30 +134,31 @@ class MessageServer final : public RobotObserver {
 
   template <typename... Requests>
   bool serve_once(const Frame& frame, uint64_t now_us);
-  /// Hands a request to its `on` below, unless it is a repeat or of another session.
+  /// Hands a request to its `on` below, unless it is a repeat or of another session. That answers
+  /// by itself, or returns what to conclude with.
   template <typename Request>
   void once(const Request& request, uint64_t now_us);
-  void on(const ClearEstop& request, uint64_t now_us);
-  void on(const ClearFault& request, uint64_t now_us);
-  void on(const SetStreamRate& request, uint64_t now_us);
+  RefusalCode on(const ClearEstop& request, uint64_t now_us);
+  RefusalCode on(const ClearFault& request, uint64_t now_us);
+  RefusalCode on(const SetStreamRate& request, uint64_t now_us);
   void on(const ParameterGet& request, uint64_t now_us);
   void on(const ParameterSet& request, uint64_t now_us);
-  void on(const ParameterSave& request, uint64_t now_us);
-  void on(const ParameterReset& request, uint64_t now_us);
+  RefusalCode on(const ParameterSave& request, uint64_t now_us);
+  RefusalCode on(const ParameterReset& request, uint64_t now_us);
   void on(const ParameterList& request, uint64_t now_us);
   void on(const LinkCountersGet& request, uint64_t now_us);
   void on(const ControlCountersGet& request, uint64_t now_us);
-  void on(const ParameterTrial& request, uint64_t now_us);
+  RefusalCode on(const ParameterTrial& request, uint64_t now_us);
   void on(const GroupGet& request, uint64_t now_us);
-  void on(const Restart& request, uint64_t now_us);
+  RefusalCode on(const Restart& request, uint64_t now_us);
   void on(const ContradictionsGet& request, uint64_t now_us);
   void on(const HoldGet& request, uint64_t now_us);
   void on(const ConfigurationGet& request, uint64_t now_us);
   void on(const PeripheralGet& request, uint64_t now_us);
-  void on(const BoardSet& request, uint64_t now_us);
-  void on(const PeripheralSet& request, uint64_t now_us);
-  void on(const ConfigurationWrite& request, uint64_t now_us);
-  void on(const ConfigurationConfirm& request, uint64_t now_us);
+  RefusalCode on(const BoardSet& request, uint64_t now_us);
+  RefusalCode on(const PeripheralSet& request, uint64_t now_us);
+  RefusalCode on(const ConfigurationWrite& request, uint64_t now_us);
+  RefusalCode on(const ConfigurationConfirm& request, uint64_t now_us);
   void on(const BoxGet& request, uint64_t now_us);
   void on(const BoxRead& request, uint64_t now_us);
   void on(const LedgerGet& request, uint64_t now_us);
@@ -172,11 +173,14 @@ class MessageServer final : public RobotObserver {
   void refuse_setpoint(const Message& message, RefusalCode code, uint64_t now_us);
   bool is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id);
 
+  template <typename Request, typename Message>
+  void answer(const Request& request, Message message);
   template <typename Message>
-  void answer(uint16_t request_id, const Message& message);
-  template <typename Message>
-  void answer_afresh(const Message& message);
-  void answer_value(uint16_t request_id, uint8_t parameter);
+  void keep_and_send(uint16_t request_id, const Message& message);
+  template <typename Request, typename Message>
+  void answer_afresh(const Request& request, Message message);
+  template <typename Request>
+  void answer_value(const Request& request);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
 
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
