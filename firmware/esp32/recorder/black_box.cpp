@@ -257,12 +257,7 @@ void BlackBox::note_stall() {
   if (begin(0) != nullptr) commit(Kind::kStall, 0, 0);
 }
 
-void BlackBox::note_reflexes(uint8_t reflexes) {
-  if (uint32_t* const out = begin(1)) {
-    out[0] = reflexes;
-    commit(Kind::kReflexes, 1, 1);
-  }
-}
+void BlackBox::note_reflexes(uint8_t reflexes) { put(Kind::kReflexes, 1, reflexes); }
 
 void BlackBox::note_contact(bool open) {
   if (open == open_) {

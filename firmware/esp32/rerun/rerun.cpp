@@ -160,14 +160,14 @@ void Rerun::differ(const char* field, double recorded, double computed) {
   difference_.field[size] = '\0';
 }
 
+void Rerun::compare(const char* field, double recorded, double computed) {
+  if (recorded != computed) differ(field, recorded, computed);
+}
+
 void Rerun::note_step(const StepNote& note) {
   if (!is_this_core()) return advance();
-  const StepNote& recorded = next_.step;
-  if (note.left_duty_q15 != recorded.left_duty_q15) {
-    differ("left_duty_q15", recorded.left_duty_q15, note.left_duty_q15);
-  } else if (note.right_duty_q15 != recorded.right_duty_q15) {
-    differ("right_duty_q15", recorded.right_duty_q15, note.right_duty_q15);
-  }
+  compare("left_duty_q15", next_.step.left_duty_q15, note.left_duty_q15);
+  compare("right_duty_q15", next_.step.right_duty_q15, note.right_duty_q15);
   advance();
 }
 
@@ -186,7 +186,7 @@ void Rerun::note_contact(bool open) {
     return;
   }
   contact_ = (next_.argument & 1) != 0;
-  if (open != contact_) differ("contact", contact_, open);
+  compare("contact", contact_, open);
   advance();
 }
 
@@ -200,11 +200,8 @@ uint32_t Rerun::recorded_store_faults() const {
 
 void Rerun::note_store(bool done, uint32_t faults) {
   if (!take(Kind::kStore)) return;
-  if (done != (next_.argument != 0)) {
-    differ("store.done", next_.argument, done);
-  } else if (faults != next_.payload[0]) {
-    differ("store.faults", next_.payload[0], faults);
-  }
+  compare("store.done", next_.argument != 0, done);
+  compare("store.faults", next_.payload[0], faults);
   advance();
 }
 
@@ -222,22 +219,17 @@ void Rerun::note_transition(SupervisorEvent event, SupervisorState before, Super
   if (!take(Kind::kTransition)) return;
   const uint32_t recorded = next_.argument;
   const auto was = [&](int shift) { return static_cast<double>(recorded >> shift & 15); };
-  if (was(0) != static_cast<double>(event)) {
-    differ("transition.event", was(0), static_cast<double>(event));
-  } else if (was(4) != static_cast<double>(before)) {
-    differ("transition.before", was(4), static_cast<double>(before));
-  } else if (was(8) != static_cast<double>(after)) {
-    differ("transition.after", was(8), static_cast<double>(after));
-  } else if (next_.payload[0] != faults) {
-    differ("transition.faults", next_.payload[0], faults);
-  }
+  compare("transition.event", was(0), static_cast<double>(event));
+  compare("transition.before", was(4), static_cast<double>(before));
+  compare("transition.after", was(8), static_cast<double>(after));
+  compare("transition.faults", next_.payload[0], faults);
   advance();
 }
 
 void Rerun::note_refusal(uint8_t message_id, RefusalCode code) {
   if (!take(Kind::kRefusal)) return;
   const uint32_t computed = message_id | static_cast<uint32_t>(code) << 8;
-  if (next_.payload[0] != computed) differ("refusal", next_.payload[0], computed);
+  compare("refusal", next_.payload[0], computed);
   advance();
 }
 

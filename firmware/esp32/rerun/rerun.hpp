@@ -116,6 +116,7 @@ class Rerun final : public Recorder {
   void finish_step();
   bool take(box::Kind kind);
   void differ(const char* field, double recorded, double computed);
+  void compare(const char* field, double recorded, double computed);
   bool is_this_core() const { return reader_.origin().core == kCoreHash; }
   bool write_was_done() const;
   uint32_t recorded_store_faults() const;
