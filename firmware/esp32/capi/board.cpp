@@ -2,10 +2,7 @@
 #include "configuration.hpp"
 #include "wheelwire_core.h"
 
-using wheelwire::BoardFault;
-using wheelwire::BoardIssue;
-using wheelwire::Configuration;
-using wheelwire::PeripheralIssue;
+using namespace wheelwire;
 
 size_t wheelwire_board_check(const uint8_t* packed, size_t size, wheelwire_board_issue* issues,
                              size_t capacity) {
@@ -23,7 +20,7 @@ size_t wheelwire_board_check(const uint8_t* packed, size_t size, wheelwire_board
   };
   Configuration configuration;
   if (Configuration::decode(packed, size, configuration)) {
-    wheelwire::check_board(configuration.board, report);
+    check_board(configuration.board, report);
   } else {
     report(BoardIssue{.fault = BoardFault::kDamaged});
   }
@@ -45,6 +42,6 @@ size_t wheelwire_peripherals_check(const uint8_t* packed, size_t size,
   };
   Configuration configuration;
   if (Configuration::decode(packed, size, configuration))
-    wheelwire::check_peripherals(configuration.peripherals, configuration.board, report);
+    check_peripherals(configuration.peripherals, configuration.board, report);
   return count;
 }

@@ -12,6 +12,7 @@
 #include "recorder_keeper.hpp"
 #include "sensor_server.hpp"
 
+using namespace wheelwire;
 using namespace wheelwire::capi;
 
 /// The C++ runtime's handler for a call of a pure virtual function.
@@ -21,25 +22,25 @@ namespace {
 
 /// Apart from the core, for few cores have one.
 struct CoreRecorder {
-  static_assert(WHEELWIRE_RECORDER_SIZE == wheelwire::RecorderKeeper::kFlashSize);
+  static_assert(WHEELWIRE_RECORDER_SIZE == RecorderKeeper::kFlashSize);
 
   CoreRecorder(const uint8_t* content, wheelwire_write forward, void* context)
       : flash(content, forward, context) {}
 
-  void start(const wheelwire::Identity& identity, uint32_t board) {
-    keeper.emplace(memory, flash, wheelwire::origin_of(identity), identity.reset_reason, board);
+  void start(const Identity& identity, uint32_t board) {
+    keeper.emplace(memory, flash, origin_of(identity), identity.reset_reason, board);
     keeper->start();
   }
 
   RecorderFlash flash;
-  wheelwire::RecorderMemory memory{};
-  std::optional<wheelwire::RecorderKeeper> keeper;  // From the start on.
+  RecorderMemory memory{};
+  std::optional<RecorderKeeper> keeper;  // From the start on.
 };
 
 }  // namespace
 
 struct wheelwire_sensors {
-  explicit wheelwire_sensors(const wheelwire::PeripheralList& list) : port(list) {}
+  explicit wheelwire_sensors(const PeripheralList& list) : port(list) {}
 
   HostSensors port;
 };
@@ -49,18 +50,18 @@ struct wheelwire_core {
                  wheelwire_save save, void* context)
       : identity{}, store(block, size, save, context) {
     identity.boot_id = given.boot_id;
-    identity.reset_reason = static_cast<wheelwire::ResetReason>(given.reset_reason);
-    identity.board = static_cast<wheelwire::Chip>(given.board);
+    identity.reset_reason = static_cast<ResetReason>(given.reset_reason);
+    identity.board = static_cast<Chip>(given.board);
     identity.board_id = given.board_id;
     identity.capabilities = given.capabilities;
     identity.version_major = WHEELWIRE_VERSION_MAJOR;
     identity.version_minor = WHEELWIRE_VERSION_MINOR;
     identity.version_patch = WHEELWIRE_VERSION_PATCH;
     identity.git_hash = WHEELWIRE_GIT_HASH;
-    wheelwire::platform_specs(identity.board, specs);
+    platform_specs(identity.board, specs);
   }
 
-  wheelwire::Hal hal() {
+  Hal hal() {
     return {.left_motor = *left_motor,
             .right_motor = *right_motor,
             .encoders = encoders,
@@ -90,7 +91,7 @@ struct wheelwire_core {
       return;
     }
     configuration.emplace(nullptr, given_configuration->board.chip, &*given_configuration,
-                          wheelwire::ActiveConfiguration::BuiltIn::kConfirmed);
+                          ActiveConfiguration::BuiltIn::kConfirmed);
     configuration->start();
     device.emplace(hal(), identity, specs, *configuration);
     if (sensors == nullptr) return;
@@ -109,12 +110,12 @@ struct wheelwire_core {
     outputs.state = static_cast<uint8_t>(device->state());
   }
 
-  wheelwire::Identity identity;
-  wheelwire::ParameterSpec specs[wheelwire::kParameterCount];
+  Identity identity;
+  ParameterSpec specs[kParameterCount];
   Pins left_pins;
   Pins right_pins;
-  std::optional<wheelwire::PowerStage> left_motor{std::in_place, left_pins};
-  std::optional<wheelwire::PowerStage> right_motor{std::in_place, right_pins};
+  std::optional<PowerStage> left_motor{std::in_place, left_pins};
+  std::optional<PowerStage> right_motor{std::in_place, right_pins};
   Encoders encoders;
   Line line;
   Store store;
@@ -122,18 +123,18 @@ struct wheelwire_core {
   NoStore no_store;
   Contact contact;
   Battery battery;
-  std::optional<wheelwire::Configuration> given_configuration;  // Once it was given.
+  std::optional<Configuration> given_configuration;  // Once it was given.
   wheelwire_sensors* sensors = nullptr;
-  std::optional<wheelwire::ActiveConfiguration> configuration;
-  std::optional<wheelwire::SensorServer> sensor_server;
+  std::optional<ActiveConfiguration> configuration;
+  std::optional<SensorServer> sensor_server;
   CoreRecorder* recorder = nullptr;
   bool failed = false;
-  std::optional<wheelwire::Device> device;  // From wheelwire_core_start() on.
+  std::optional<Device> device;  // From wheelwire_core_start() on.
 };
 
 uint32_t wheelwire_abi(void) { return WHEELWIRE_ABI; }
 
-uint32_t wheelwire_schema_hash(void) { return wheelwire::schema::kHash; }
+uint32_t wheelwire_schema_hash(void) { return schema::kHash; }
 
 wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity, const uint8_t* block,
                                       size_t size, wheelwire_save save, void* context) {
@@ -148,15 +149,15 @@ void wheelwire_core_destroy(wheelwire_core* core) {
 }
 
 uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* packed, size_t size) {
-  wheelwire::Configuration configuration;
-  wheelwire::BoardFault fault = wheelwire::BoardFault::kDamaged;
-  if (wheelwire::Configuration::decode(packed, size, configuration))
-    fault = wheelwire::first_issue(configuration.board).fault;
-  if (fault != wheelwire::BoardFault::kNone) return static_cast<uint8_t>(fault);
-  const wheelwire::StageTable& stage = *wheelwire::table_of(configuration.board.stage);
+  Configuration configuration;
+  BoardFault fault = BoardFault::kDamaged;
+  if (Configuration::decode(packed, size, configuration))
+    fault = first_issue(configuration.board).fault;
+  if (fault != BoardFault::kNone) return static_cast<uint8_t>(fault);
+  const StageTable& stage = *table_of(configuration.board.stage);
   core->left_motor.emplace(core->left_pins, stage);
   core->right_motor.emplace(core->right_pins, stage);
-  wheelwire::apply_board(configuration.board, core->specs);
+  apply_board(configuration.board, core->specs);
   core->given_configuration = configuration;
   return 0;
 }
@@ -164,8 +165,8 @@ uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* packed, size_t
 size_t wheelwire_sensors_size(void) { return sizeof(wheelwire_sensors); }
 
 wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* packed, size_t size) {
-  wheelwire::Configuration configuration;
-  if (!wheelwire::Configuration::decode(packed, size, configuration)) return nullptr;
+  Configuration configuration;
+  if (!Configuration::decode(packed, size, configuration)) return nullptr;
   return new (memory) wheelwire_sensors(configuration.peripherals);
 }
 
@@ -175,18 +176,17 @@ uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus, uint64_t no
 }
 
 uint8_t wheelwire_core_sense(wheelwire_core* core, wheelwire_sensors* sensors) {
-  if (!core->given_configuration)
-    return static_cast<uint8_t>(wheelwire::PeripheralFault::kNotOnThisChip);
-  const wheelwire::PeripheralFault fault =
-      wheelwire::first_issue(sensors->port.list(), core->given_configuration->board).fault;
-  if (fault == wheelwire::PeripheralFault::kNone) core->sensors = sensors;
+  if (!core->given_configuration) return static_cast<uint8_t>(PeripheralFault::kNotOnThisChip);
+  const PeripheralFault fault =
+      first_issue(sensors->port.list(), core->given_configuration->board).fault;
+  if (fault == PeripheralFault::kNone) core->sensors = sensors;
   return static_cast<uint8_t>(fault);
 }
 
 uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter, float value) {
-  const auto id = static_cast<wheelwire::ParameterId>(parameter);
-  const wheelwire::RefusalCode refusal = wheelwire::Parameters(core->specs).set(id, value);
-  if (refusal == wheelwire::RefusalCode::kNone) core->specs[parameter - 1].default_value = value;
+  const auto id = static_cast<ParameterId>(parameter);
+  const RefusalCode refusal = Parameters(core->specs).set(id, value);
+  if (refusal == RefusalCode::kNone) core->specs[parameter - 1].default_value = value;
   return static_cast<uint8_t>(refusal);
 }
 
@@ -244,8 +244,8 @@ void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us, wheelwire_out
 }
 
 float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter) {
-  const auto id = static_cast<wheelwire::ParameterId>(parameter);
-  return core->device && wheelwire::Parameters::exists(id) ? core->device->parameter(id) : 0.0f;
+  const auto id = static_cast<ParameterId>(parameter);
+  return core->device && Parameters::exists(id) ? core->device->parameter(id) : 0.0f;
 }
 
 void wheelwire_core_fail(wheelwire_core* core) {

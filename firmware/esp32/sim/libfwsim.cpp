@@ -8,8 +8,8 @@
 #include "simulator.hpp"
 #include "variables.hpp"
 
-using wheelwire::sim::Simulator;
-using wheelwire::sim::VariableStatus;
+using namespace wheelwire;
+using namespace wheelwire::sim;
 
 struct fwsim {
   explicit fwsim(uint64_t seed) : simulator(seed) {}
@@ -17,12 +17,12 @@ struct fwsim {
 };
 
 struct fwsim_robot {
-  wheelwire::sim::BareRobot robot;
+  BareRobot robot;
 };
 
 namespace {
 
-constexpr wheelwire::sim::Nanoseconds kMicrosecond = 1000;
+constexpr Nanoseconds kMicrosecond = 1000;
 constexpr int64_t kLongestAdvanceUs = INT64_MAX / kMicrosecond / 1000;
 
 int status(VariableStatus result) {
@@ -47,7 +47,7 @@ void fwsim_destroy(fwsim* sim) { delete sim; }
 
 int fwsim_use_store(fwsim* sim, const char* path) {
   if (sim == nullptr || path == nullptr) return FWSIM_BAD_ARGUMENT;
-  wheelwire::sim::use_files(sim->simulator.board, path);
+  use_files(sim->simulator.board, path);
   return FWSIM_OK;
 }
 
@@ -58,12 +58,12 @@ int fwsim_preset(fwsim* sim, int parameter, float value) {
 
 int fwsim_set(fwsim* sim, const char* name, double value) {
   if (sim == nullptr || name == nullptr) return FWSIM_BAD_ARGUMENT;
-  return status(wheelwire::sim::set_variable(sim->simulator, name, value));
+  return status(set_variable(sim->simulator, name, value));
 }
 
 int fwsim_get(const fwsim* sim, const char* name, double* value) {
   if (sim == nullptr || name == nullptr || value == nullptr) return FWSIM_BAD_ARGUMENT;
-  return status(wheelwire::sim::get_variable(sim->simulator, name, *value));
+  return status(get_variable(sim->simulator, name, *value));
 }
 
 int fwsim_advance_us(fwsim* sim, int64_t duration_us) {
@@ -101,20 +101,20 @@ int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
 }
 
 int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
-  if (sim == nullptr || size == nullptr || out == nullptr || capacity < wheelwire::kBoxImageSize) {
+  if (sim == nullptr || size == nullptr || out == nullptr || capacity < kBoxImageSize) {
     return FWSIM_BAD_ARGUMENT;
   }
   const std::vector<uint32_t> image = sim->simulator.box_image();
-  std::memcpy(out, image.data(), wheelwire::kBoxImageSize);
-  *size = wheelwire::kBoxImageSize;
+  std::memcpy(out, image.data(), kBoxImageSize);
+  *size = kBoxImageSize;
   return FWSIM_OK;
 }
 
-size_t fwsim_variable_count(void) { return wheelwire::sim::variables().size(); }
+size_t fwsim_variable_count(void) { return variables().size(); }
 
 int fwsim_describe(size_t index, fwsim_variable* description) {
   if (description == nullptr || index >= fwsim_variable_count()) return FWSIM_BAD_ARGUMENT;
-  const wheelwire::sim::Variable& variable = wheelwire::sim::variables()[index];
+  const Variable& variable = variables()[index];
   *description = {.name = variable.name.c_str(),
                   .unit = variable.unit,
                   .doc = variable.doc.c_str(),
@@ -126,9 +126,9 @@ int fwsim_describe(size_t index, fwsim_variable* description) {
 
 fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size, int counts_per_revolution,
                                 int64_t now_ns) {
-  wheelwire::Configuration configuration;
+  Configuration configuration;
   if (board == nullptr || counts_per_revolution <= 0 ||
-      !wheelwire::Configuration::decode(board, size, configuration)) {
+      !Configuration::decode(board, size, configuration)) {
     return nullptr;
   }
   return new fwsim_robot{{configuration.board, counts_per_revolution, now_ns}};
@@ -158,10 +158,10 @@ void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s) {
 
 int64_t fwsim_robot_ticks(fwsim_robot* robot, int side) {
   if (robot == nullptr || side < 0 || side > 1) return 0;
-  return robot->robot.encoder(static_cast<wheelwire::sim::Side>(side)).ticks();
+  return robot->robot.encoder(static_cast<Side>(side)).ticks();
 }
 
 void fwsim_robot_kill_encoder(fwsim_robot* robot, int side) {
   if (robot == nullptr || side < 0 || side > 1) return;
-  robot->robot.encoder(static_cast<wheelwire::sim::Side>(side)).model.dead = true;
+  robot->robot.encoder(static_cast<Side>(side)).model.dead = true;
 }
