@@ -590,7 +590,7 @@ class Generator {
 
   /// Something triggers while it drives, and perhaps it backs out.
   void bump() {
-    if (list_ == kBatteryList || (guards_battery(list_) && chance(50))) return drain();
+    if (list_ == kBatteryList || (has_levels(kListed[list_]) && chance(50))) return drain();
     const double which = sensed();
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));

@@ -2,62 +2,46 @@
 // battery's levels can be used on a board with a divider alone: the simulated robot's own.
 #pragma once
 
-#include <array>
+#include <algorithm>
+#include <iterator>
 
 #include "peripherals.hpp"
 
 namespace wheelwire::explore {
 
-constexpr size_t kLists = 8;
-constexpr size_t kBatteryList = 3;
-
 constexpr uint16_t kWarnMv = 7000;
 constexpr uint16_t kLimitMv = 6800;
 constexpr uint16_t kStopMv = 6600;
 
-/// Whether a list has a battery's levels.
-constexpr bool guards_battery(size_t which) { return which == kBatteryList || which > 5; }
+constexpr Peripheral bumper(Place place, int8_t pin) {
+  return {.kind = PeripheralKind::kBumper, .place = place, .pin_a = pin};
+}
+constexpr Peripheral cliff(int8_t pin) {
+  return {.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = pin};
+}
+constexpr Peripheral kStageOutput{
+    .kind = PeripheralKind::kStageFault, .flags = peripheralflag::kTriggeredLow, .pin_a = 39};
+constexpr Peripheral kBatteryLevels{
+    .kind = PeripheralKind::kBattery, .value_a = kWarnMv, .value_b = kLimitMv, .value_c = kStopMv};
 
-/// An empty list; two bumpers; a cliff sensor and a power stage's fault output; a battery's levels;
-/// and mixtures of these.
-inline PeripheralList list_of(size_t which) {
-  PeripheralList list;
-  const auto add = [&list](Peripheral entry) { list.entries[list.count++] = entry; };
-  const auto bumper = [&](Place place, int8_t pin) {
-    add({.kind = PeripheralKind::kBumper, .place = place, .pin_a = pin});
-  };
-  const auto cliff = [&](int8_t pin) {
-    add({.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = pin});
-  };
-  const auto stage = [&] {
-    add({.kind = PeripheralKind::kStageFault, .flags = peripheralflag::kTriggeredLow, .pin_a = 39});
-  };
-  which %= kLists;
-  if (which == 1) {
-    bumper(Place::kFrontLeft, 36);
-    bumper(Place::kRear, 39);
-  } else if (which == 2) {
-    cliff(36);
-    stage();
-  } else if (which == 4) {
-    bumper(Place::kFrontLeft, 36);
-    cliff(39);
-  } else if (which == 5) {
-    bumper(Place::kFrontRight, 36);
-    stage();
-  } else if (which == 6) {
-    cliff(36);
-    bumper(Place::kRear, 39);
-  } else if (which == 7) {
-    bumper(Place::kFrontLeft, 36);
-    stage();
-  }
-  if (guards_battery(which))
-    add({.kind = PeripheralKind::kBattery,
-         .value_a = kWarnMv,
-         .value_b = kLimitMv,
-         .value_c = kStopMv});
-  return list;
+constexpr PeripheralList kListed[] = {
+    {},
+    {2, {bumper(Place::kFrontLeft, 36), bumper(Place::kRear, 39)}},
+    {2, {cliff(36), kStageOutput}},
+    {1, {kBatteryLevels}},
+    {2, {bumper(Place::kFrontLeft, 36), cliff(39)}},
+    {2, {bumper(Place::kFrontRight, 36), kStageOutput}},
+    {3, {cliff(36), bumper(Place::kRear, 39), kBatteryLevels}},
+    {3, {bumper(Place::kFrontLeft, 36), kStageOutput, kBatteryLevels}},
+};
+constexpr size_t kLists = std::size(kListed);
+constexpr size_t kBatteryList = 3;
+
+/// Whether it has a battery's levels: the board has to measure the battery.
+constexpr bool has_levels(const PeripheralList& list) {
+  return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
+    return entry.kind == PeripheralKind::kBattery;
+  });
 }
 
 /// What a hand, the floor or a power stage does to a sensor.

@@ -27,11 +27,6 @@ Code code_of(double value) {
   return static_cast<Code>(static_cast<uint8_t>(whole(value)));
 }
 
-bool loses_memory(ResetReason reason) {
-  return reason == ResetReason::kPowerOn || reason == ResetReason::kExternal ||
-         reason == ResetReason::kBrownout;
-}
-
 }  // namespace
 
 Run::Run(const Scenario& scenario, Coverage& coverage)
@@ -109,7 +104,7 @@ void Run::note_reset() {
   const ResetReason reason = simulator_.reset_reason();
   boot_id_ = simulator_.boot_id();
   coverage_.reset(reason, witness_.last_state());
-  witness_.resets(loses_memory(reason));
+  witness_.resets(sim::loses_memory(reason));
   to_device_.forget();
   from_device_.forget();
   started_ = false;
@@ -444,7 +439,7 @@ void Run::drive_with_gaps(const Operation& operation) {
 void Run::configure(const Operation& operation, Host& host) {
   const auto& boards = shipped_boards();
   Configuration wanted{.board = witness_.board(),
-                       .peripherals = list_of(whole(operation.values[2]))};
+                       .peripherals = kListed[whole(operation.values[2]) % kLists]};
   if (operation.values[1] >= 0.0) wanted.board = boards[whole(operation.values[1]) % boards.size()];
   const auto damage = static_cast<int>(operation.values[3]);
   if (damage == 2) wanted.board.left_encoder_a = wanted.board.left_encoder_b;

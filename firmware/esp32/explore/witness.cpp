@@ -50,13 +50,6 @@ bool is_of_sensors(uint8_t id) {
          id == SensorEvent::kId;
 }
 
-/// Whether it has a battery's levels: the board has to measure the battery.
-bool has_levels(const PeripheralList& list) {
-  return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
-    return entry.kind == PeripheralKind::kBattery;
-  });
-}
-
 /// Boards are written as shipped, or broken; boards for other chips are refused.
 bool can_be_used(const Configuration& configuration) {
   const auto is_same = [&](const BoardDescription& board) {
@@ -422,9 +415,7 @@ uint8_t Witness::triggered() const {
   const sim::Sensors& sensors = simulator_.board.sensors;
   // A pin that the board uses otherwise shows the sensor's input open, which is high.
   const auto is_open = [this](const Peripheral& entry) {
-    for (size_t i = 0; i < kBoardPinCount; ++i)
-      if (simulator_.board.wired().pin(static_cast<BoardPin>(i)) == entry.pin_a) return true;
-    return false;
+    return !simulator_.board.is_free(entry.pin_a);
   };
   uint8_t forbidden = 0;
   for (const Peripheral& entry : peripherals()) {

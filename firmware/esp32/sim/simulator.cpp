@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "own_board.hpp"
+#include "reset_reason.hpp"
 
 namespace wheelwire::sim {
 
@@ -22,13 +23,6 @@ Identity power_on_identity(uint64_t board_id) {
           .version_minor = WHEELWIRE_VERSION_MINOR,
           .version_patch = WHEELWIRE_VERSION_PATCH,
           .git_hash = WHEELWIRE_GIT_HASH};
-}
-
-/// Whether the memory that a reset of the processor leaves alone is lost: with the power, and with
-/// the reset pin, which resets the whole chip.
-bool loses_memory(ResetReason reason) {
-  return reason == ResetReason::kPowerOn || reason == ResetReason::kBrownout ||
-         reason == ResetReason::kExternal;
 }
 
 /// Like the text of the ESP32's ROM.
