@@ -1,4 +1,4 @@
-"""Checks of arguments: numbers within bounds, whole numbers, names, paths; of any type given."""
+"""Checks of arguments: setpoints, numbers within bounds, names, paths; of any type given."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from .errors import InvalidArgument, shown, with_point
+from .errors import InvalidArgument, InvalidCommand, shown, with_point
 
 LONGEST_WAIT_S = 3600.0
 """Longest time-out of any call, and longest time to live: every device shortens that further."""
@@ -42,6 +42,31 @@ def number(
     raise error(
         f"{name} = {shown(value)}: give a number from {low:g} to {high:g}{with_point(value)}"
     )
+
+
+def finite(name: str, value: float) -> float:
+    """Return a part of a setpoint as a float.
+
+    Raises:
+        InvalidCommand: It is not a finite number.
+    """
+    if type(value) is float and math.isfinite(value):  # what nearly every setpoint is made of
+        return value
+    if not is_number(value):
+        raise InvalidCommand(f"{name} = {shown(value)}: give a finite number")
+    return float(value)
+
+
+def ttl_s(ttl: float) -> float:
+    """Return a setpoint's time to live, of at most `LONGEST_WAIT_S`.
+
+    Raises:
+        InvalidCommand: It is not a number above 0.
+    """
+    if not (is_number(ttl) and ttl > 0):
+        raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
+    # Shortened and not refused: where its limit is not known the device shortens it in any case.
+    return min(float(ttl), LONGEST_WAIT_S)
 
 
 def whole(name: str, value: object, low: int, high: int) -> int:

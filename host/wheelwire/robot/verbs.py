@@ -41,7 +41,7 @@ from wheelwire_protocol.types import (
     UnsavedValue,
 )
 
-from ..arguments import LONGEST_WAIT_S, for_json, is_number, text
+from ..arguments import LONGEST_WAIT_S, finite, for_json, text, ttl_s
 from ..errors import (
     NO_FAULT,
     DriverUnavailable,
@@ -52,7 +52,6 @@ from ..errors import (
     LinkLost,
     WheelwireError,
     meant,
-    shown,
 )
 from ..holds import UNARMED, HeldBy, Holding, LastStop
 from ..link.info import DeviceInfo, LinkInfo
@@ -183,7 +182,7 @@ class Verbs:
         expiry_us = self._expiry_us(now_us, ttl, stamp, limits)
         # Nearly all are plain floats: a function for each would be two more calls.
         if not (type(linear) is type(angular) is float and isfinite(linear) and isfinite(angular)):
-            linear, angular = _finite("linear", linear), _finite("angular", angular)
+            linear, angular = finite("linear", linear), finite("angular", angular)
         wheels = (limits.geometry or self.geometry).limited_wheels(linear, angular)
         # Finite numbers can overflow in the conversion.
         if not (isfinite(wheels.left_mps) and isfinite(wheels.right_mps)):
@@ -203,7 +202,7 @@ class Verbs:
     ) -> None:
         """Drive each wheel at its own velocity, in m/s at the rim; otherwise as `set_velocity`."""
         expiry_us = self._expiry_us(self._now_us(), ttl, stamp, self._limits())
-        left, right = _finite("left", left), _finite("right", right)
+        left, right = finite("left", left), finite("right", right)
         self._drive_velocity(self.geometry.saturate(WheelVelocities(left, right)), expiry_us)
 
     def set_duty(
@@ -216,7 +215,7 @@ class Verbs:
     ) -> None:
         """Drive each wheel at a duty, -1..1, open loop; otherwise as `set_velocity`."""
         expiry_us = self._expiry_us(self._now_us(), ttl, stamp, self._limits())
-        left, right = _finite("left", left), _finite("right", right)
+        left, right = finite("left", left), finite("right", right)
         if max(abs(left), abs(right)) > 1:
             raise InvalidCommand(f"duty ({left:g}, {right:g}): give numbers from -1 to 1")
         self._drive_duty(left, right, expiry_us)
@@ -522,7 +521,7 @@ class Verbs:
         """When a command of `stamp` that is given `now_us` expires."""
         # Nearly every ttl is a plain float within the bounds, and needs no further check.
         if type(ttl) is not float or not 0.0 < ttl <= LONGEST_WAIT_S:
-            ttl = _checked_ttl(ttl)
+            ttl = ttl_s(ttl)
         # Without the device's geometry the driver has limits of its own, if any.
         limit_s = self.ttl_max_s if limits.geometry is None else limits.ttl_max_s
         if limit_s is not None and ttl > limit_s:
@@ -533,7 +532,7 @@ class Verbs:
         life_us = round(ttl * 1e6)
         if stamp is None:
             return now_us + life_us
-        age_us = now_us - _finite("stamp", stamp) * 1e6
+        age_us = now_us - finite("stamp", stamp) * 1e6
         # Rounding can put a stamp at most 1 us into the future; further means another clock.
         if age_us < -1:
             raise InvalidCommand(
@@ -657,18 +656,3 @@ class Questions:
     unsaved_parameters = blocking(WaitingVerbs.unsaved_parameters)
     control_counters = blocking(WaitingVerbs.control_counters)
     memory = blocking(WaitingVerbs.memory)
-
-
-def _finite(name: str, value: float) -> float:
-    if type(value) is float and isfinite(value):  # what nearly every setpoint is made of
-        return value
-    if not is_number(value):
-        raise InvalidCommand(f"{name} = {shown(value)}: give a finite number")
-    return float(value)
-
-
-def _checked_ttl(ttl: float) -> float:
-    if not (is_number(ttl) and ttl > 0):
-        raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
-    # Shortened and not refused: where its limit is not known the device shortens it in any case.
-    return min(float(ttl), LONGEST_WAIT_S)
