@@ -155,9 +155,8 @@ colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do
 CORES = $(shell nproc 2>/dev/null || echo 2)
 ONLY ?= tests
 # By files: the tests of one share a build folder, or a robot that goes through a tutorial. In the
-# order of tests/conftest.py. $(call pytest,more): so many processes more than cores, for tests that
-# wait for a robot.
-pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --no-loadscope-reorder --numprocesses $(or $(JOBS),$(shell expr $(CORES) + $(1))))
+# order of tests/conftest.py. Two processes more than cores, for tests that wait for a robot.
+pytest = $(BIN)/python -m pytest $(if $(filter %.py,$(ONLY)),,--dist loadfile --no-loadscope-reorder --numprocesses $(or $(JOBS),$(shell expr $(CORES) + 2)))
 
 # The ROS node's tests run where PyPI has ROS 2; elsewhere the summary says that they were skipped.
 ros-if-available: $(VENV)/installed
@@ -171,20 +170,20 @@ prepared: $(VENV)/installed sim
 	@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,--jobs 2) cpp-tests ros-if-available
 
 test: prepared  ### What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
-	$(call pytest,2) -m "not whole" --hypothesis-profile=quick $(ONLY)
+	$(pytest) -m "not whole" --hypothesis-profile=quick $(ONLY)
 
 # After them, `make test`: the two leave out nothing.
 ifeq ($(ONLY),tests)
 test-all: test-whole test  ### Every test, before a change lands: make test-all [ONLY=tests/ros] [JOBS=4]
 else
 test-all: prepared sanitized
-	$(call pytest,2) $(ONLY)
+	$(pytest) $(ONLY)
 endif
 
 test-whole: prepared sanitized  ## What make test leaves out, and each property again, with new examples
 	$(BIN)/python tests/explore/run.py 10 --quiet
 	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
-	$(call pytest,4) -m "whole or hypothesis"
+	$(pytest) -m "whole or hypothesis"
 
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/build_wheels.py
