@@ -140,7 +140,6 @@ class SensorPublisher:
         to_ros_ns: ToRosNs,
     ) -> None:
         self._sensors = sensors
-        self._get = get
         self._to_ros_ns = to_ros_ns
         self._imu: Any = None
         self._bumpers: Any = None
@@ -174,11 +173,14 @@ class SensorPublisher:
             self._power_samples = sensors.power.samples()
         if ranges := sensors.ranges.infos:
             self._ranges = {name: publisher(Range, f"range/{name}") for name in ranges}
+            self._range_frame = f"{frame_prefix(get)}range_"
             self._range_samples = sensors.ranges.samples()
         if sensors.inputs.info is not None:
             self._input_samples = sensors.inputs.samples()
         if any(status.info.kind in OBSTACLES for status in sensors.channels):
             self._bumpers = publisher(PointCloud2, "bumpers")
+            self._bumper_frame = frame("base_frame_id", get)
+            self._bumper_place_m = get("bumper_radius"), get("bumper_height")
 
     @property
     def has_battery(self) -> bool:
@@ -251,7 +253,7 @@ class SensorPublisher:
         publisher = self._ranges.get(sample.name)  # None: it was added to its board since
         if stamp_ns is not None and publisher is not None:
             message = ros_messages.range_(
-                f"{frame_prefix(self._get)}range_{sample.name}",
+                self._range_frame + sample.name,
                 sample.field_of_view_rad,
                 sample.min_m,
                 sample.max_m,
@@ -269,9 +271,8 @@ class SensorPublisher:
         stamp_ns = self._to_ros_ns(sample.stamp, "inputs")
         if stamp_ns is not None:
             infos = [status.info for status in self.channels]
-            radius_m, height_m = self._get("bumper_radius"), self._get("bumper_height")
-            points = obstacles(infos, sample, radius_m, height_m)
-            message = ros_messages.cloud(frame("base_frame_id", self._get), points)
+            points = obstacles(infos, sample, *self._bumper_place_m)
+            message = ros_messages.cloud(self._bumper_frame, points)
             self._bumpers.publish(message.fill(*ros_messages.stamp(stamp_ns)))
         return stamp_ns is not None
 
