@@ -39,17 +39,26 @@ from .questions import NO, READY, SKIP, YES, Person, Question, Say, yes_or_no
 
 Found = TypeVar("Found")
 
-REST, FRONT, LEFT, TURN = (
-    Question(f"imu_{key}", text, (READY, SKIP), READY)
-    for key, text in {
-        "rest": "Stand the robot on a level floor, and press Enter. Then leave it alone for three "
-        "seconds.",
-        "front": "Press Enter; then lift its front by about 30 degrees, and hold it until setup "
-        "goes on.",
-        "left": "Put the robot down, and press Enter; then lift its left side in the same way.",
-        "turn": "Put the robot down, and press Enter; then turn it to the left on the floor, by "
-        "about a quarter.",
-    }.items()
+
+def _step(key: str, text: str) -> Question:
+    return Question(key, text, (READY, SKIP), READY)
+
+
+REST = _step(
+    "imu_rest",
+    "Stand the robot on a level floor, and press Enter. Then leave it alone for three seconds.",
+)
+FRONT = _step(
+    "imu_front",
+    "Press Enter; then lift its front by about 30 degrees, and hold it until setup goes on.",
+)
+LEFT = _step(
+    "imu_left", "Put the robot down, and press Enter; then lift its left side in the same way."
+)
+TURN = _step(
+    "imu_turn",
+    "Put the robot down, and press Enter; then turn it to the left on the floor, by about a "
+    "quarter.",
 )
 SAVE = yes_or_no("save", "Save this on the robot? It restarts for that.")
 

@@ -139,8 +139,20 @@ WRONG_WHEEL = Defect(
     "{detail} when the {side} wheel was turned forward by hand: one of the two answers was wrong, "
     "or another wheel was turned, or backward; begin again",
 )
-DEFECTS = tuple(
-    each for each in list(vars().values()) if isinstance(each, Defect) and each.variables
+DEFECTS = (
+    NO_ENCODER,
+    NO_MOTOR,
+    CHANNEL_DEAD,
+    SAME_ENCODER,
+    CHANNELS_MIXED,
+    NO_SUPPLY,
+    LOW_BATTERY,
+    SAGS,
+    CONTACT_OPEN,
+    ON_THE_FLOOR,
+    WEAK,
+    BLOCKED,
+    MAGNET_MISSING,
 )
 """The defects that the simulated robot can have."""
 VOIDING = (NOT_CONFIRMED, WRONG_WHEEL)

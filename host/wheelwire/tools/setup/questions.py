@@ -114,10 +114,9 @@ def yes_or_no(key: str, text: str, default: str = NO) -> Question:
 
 def _forms() -> dict[str, Question]:
     """The questions that a file may answer, by key."""
-    yes_or_no = dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO))
     seen = (*WHEEL_AND_WAY, NONE, BOTH, AGAIN)
     choices = {
-        **yes_or_no,
+        **dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO)),
         "first": seen,
         "second": ("forward", "backward", *seen),
         "board": (*shipped_boards(), KEEP),
