@@ -172,7 +172,7 @@ def test_a_robot_that_never_names_its_board_opens_all_the_same(
     LostAnswers(monkeypatch, GroupInfo, 1_000_000)
     with wheelwire.open_driver("mock") as robot:
         assert robot.info.board is None
-        assert robot.read().state is SupervisorState.IDLE
+        wait_until(lambda: robot.read().state is SupervisorState.IDLE)  # the arming setpoint ends
 
 
 def test_a_lost_port_leaves_no_descriptor(device: PtyDevice) -> None:
