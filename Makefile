@@ -5,7 +5,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 HOST_BUILD := build/host
 ASAN_BUILD := build/asan
-FUZZ_BUILD := build/fuzz
 RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components web/wasm -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
 # MESSAGES.md is as its generator writes it.
@@ -17,7 +16,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
 
 # $(call targets,mark): the targets whose line has it, with what follows it.
 targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -121,8 +120,13 @@ sim: $(VENV)/sim-installed  ## Build the firmware for this computer, with its si
 cpp-tests: $(VENV)/installed  ## Build the C++ tests
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,$(SIM) tests)
 
-sanitized: $(VENV)/installed  ## Build the C++ tests under the address and undefined-behaviour sanitizers
-	@$(call cmake,$(ASAN_BUILD),-DWHEELWIRE_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1",sanitized-tests)
+# By clang, which compiles them in less time than gcc and has libFuzzer: one build serves the tests and
+# `make fuzz`. In a folder of another compiler, cmake would forget the options.
+CLANG := $(shell command -v clang++)
+sanitized: $(VENV)/installed  ## Build the C++ tests and fuzz targets under the address and undefined-behaviour sanitizers
+	@$(if $(CLANG),grep -qs 'CXX_COMPILER:.*clang' $(ASAN_BUILD)/CMakeCache.txt || rm -rf $(ASAN_BUILD))
+	@$(call cmake,$(ASAN_BUILD),$(if $(CLANG),-DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++) -DWHEELWIRE_SANITIZE=ON \
+		-DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1",sanitized-tests)
 
 rv32: $(VENV)/installed  ## Build the core for RV32IMC with Debian's compiler, to count its instructions
 	@$(BIN)/cmake -S firmware/esp32/rv32 -B $(RV32_BUILD) -G Ninja --log-level=WARNING >/dev/null
@@ -214,13 +218,9 @@ else
 	@$(BIN)/python tests/hardware/board.py --port $(PORT) $(if $(LOOP),--loop $(LOOP)) $(if $(LONG),--long)
 endif
 
-fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, under the sanitizers
-	@command -v clang++ >/dev/null || { echo "make fuzz needs clang++: sudo apt install clang" >&2; exit 1; }
-	@$(call cmake,$(FUZZ_BUILD),-DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo -DWHEELWIRE_SANITIZE=ON \
-		-DWHEELWIRE_FUZZER=ON,wheelwire-fuzz-decoder wheelwire-fuzz-session wheelwire-fuzz-parameters)
-
 SECONDS ?= 60
-fuzz: fuzzers cpp-tests sanitized  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
+fuzz: sanitized cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
+	@$(if $(CLANG),true,echo "make fuzz needs clang++: sudo apt install clang" >&2; exit 1)
 	@$(BIN)/python tools/install_extra.py fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
 

@@ -49,7 +49,7 @@ def fuzz(target: str, seconds: float) -> subprocess.CompletedProcess[str]:
     corpus.mkdir(parents=True, exist_ok=True)
     return subprocess.run(
         [
-            str(BUILD / f"wheelwire-fuzz-{target}"),
+            str(ROOT / "build" / "asan" / f"wheelwire-fuzz-{target}"),
             f"-max_total_time={seconds:g}",
             f"-max_len={LONGEST}",
             f"-artifact_prefix={BUILD}/{target}-",

@@ -293,7 +293,7 @@ TEST(a_torn_last_record_is_dropped_and_the_rest_re_runs) {
   Recorded robot;
   robot.bench.drive(0.2f, 0.2f, 50);
   const size_t whole = robot.entries().size();
-  for (size_t cut = 1; cut <= 3; ++cut) {
+  for (ptrdiff_t cut = 1; cut <= 3; ++cut) {  // the third word is before the payload
     // As a reset leaves it: some words of the newest record are there, the others are older.
     Recorded torn;
     torn.memory = robot.memory;
