@@ -58,15 +58,17 @@ def fit_first_order(edges: Sequence[Edge], ramp_s: float) -> FirstOrder:
         edges: What was measured.
         ramp_s: Length of the ramp that each step is, as the slew limit of the duty makes it.
     """
+    measured = [np.asarray(edge, float).T for edge in edges]
     delays = _DELAYS_S
     logs = _LOGS
     for _ in range(_ZOOMS):
-        grid = [(d, t) for d in np.linspace(*delays, _GRID) for t in np.linspace(*logs, _GRID)]
-        errors = [_residual(edges, ramp_s, d, float(np.exp(t))) for d, t in grid]
-        delay, log = grid[int(np.argmin(errors))]
+        rows, columns = np.linspace(*delays, _GRID), np.linspace(*logs, _GRID)
+        of_edges = [_residuals(edge, ramp_s, rows, np.exp(columns)) for edge in measured]
+        row, column = divmod(int(np.argmin(sum(of_edges))), _GRID)
+        delay, log = float(rows[row]), float(columns[column])
         delays = _zoomed(delays, delay, _DELAYS_S)
         logs = _zoomed(logs, log, _LOGS)
-    return FirstOrder(float(delay), float(np.exp(log)))
+    return FirstOrder(delay, math.exp(log))
 
 
 def _zoomed(
@@ -77,24 +79,23 @@ def _zoomed(
     return max(bounds[0], centre - half), min(bounds[1], centre + half)
 
 
-def _residual(
-    edges: Sequence[Edge], ramp_s: float, delay_s: float, time_constant_s: float
-) -> float:
-    """The sum of squares that the best speeds before and after each edge leave."""
-    total = 0.0
-    for edge in edges:
-        times, speeds = np.asarray(edge, float).T
-        # speed = a + b * shape has a closed form: without their means, the part of the speeds that
-        # is not along the shape remains.
-        shape = _ramp_response(times - delay_s, time_constant_s, ramp_s)
-        shape = shape - shape.mean()
-        speeds = speeds - speeds.mean()
-        power = float(shape @ shape)
-        total += float(speeds @ speeds) - (float(shape @ speeds) ** 2 / power if power else 0.0)
-    return total
+def _residuals(edge: Values, ramp_s: float, delays_s: Values, constants_s: Values) -> Values:
+    """The sums of squares that the best speeds before and after an edge leave.
+
+    A row for each delay, with a column for each time constant.
+    """
+    times, speeds = edge
+    # speed = a + b * shape has a closed form: without their means, the part of the speeds that is
+    # not along the shape remains.
+    shapes = _ramp_response(times - delays_s[:, None, None], constants_s[:, None], ramp_s)
+    shapes -= shapes.mean(axis=-1, keepdims=True)
+    speeds = speeds - speeds.mean()
+    powers = (shapes**2).sum(axis=-1)
+    along = np.divide((shapes @ speeds) ** 2, powers, out=np.zeros_like(powers), where=powers > 0)
+    return np.asarray(speeds @ speeds - along)
 
 
-def _ramp_response(times: Values, time_constant_s: float, ramp_s: float) -> Values:
+def _ramp_response(times: Values, time_constant_s: Values, ramp_s: float) -> Values:
     """Response of a lag to an input that rises from 0 to 1 within `ramp_s`."""
     # A step is a ramp of length 0; dividing by the length would fail.
     ramp_s = max(ramp_s, 1e-4)
