@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 from ...robot.robot import Robot
@@ -33,6 +34,7 @@ class Counted(NamedTuple):
     doubt: str = ""
 
 
+@cache
 def known_motors() -> dict[str, int]:
     """Counts per wheel turn of the motors that are known by name."""
     return {name: round(load_plant(name).values[COUNTS].value) for name in shipped_plants()}

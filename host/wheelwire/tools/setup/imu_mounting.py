@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from statistics import fmean, pstdev
 from typing import NamedTuple
 
@@ -257,8 +258,14 @@ def unit(axis: Axis) -> Vector:
 
 def in_chip(vector: Vector, forward: Axis, up: Axis) -> Vector:
     """A vector of the robot's axes in the chip's axes."""
+    return _vector(_dot(vector, along) for along in _chip_axes(forward, up))
+
+
+@cache  # the same for thousands of samples
+def _chip_axes(forward: Axis, up: Axis) -> tuple[Vector, ...]:
+    """The chip's axes in the robot's axes."""
     axes = [unit(axis) for axis in (forward, leftward_axis(forward, up), up)]
-    return _vector(_dot(vector, along) for along in map(_vector, zip(*axes, strict=True)))
+    return tuple(map(_vector, zip(*axes, strict=True)))
 
 
 def _across(vector: Vector, axis: Vector) -> Vector:
