@@ -141,7 +141,7 @@ class FwSim:
 
     def read(self) -> bytes:
         """Take all bytes that have reached the host."""
-        received = bytearray()
+        received = b""
         size = ctypes.c_size_t(READ_SIZE)
         # A buffer that was filled may have left something behind.
         while size.value == READ_SIZE:
@@ -149,8 +149,9 @@ class FwSim:
                 self._handle, self._buffer, READ_SIZE, ctypes.byref(size)
             )
             self._check(status, "read")
-            received += self._buffer.raw[: size.value]
-        return bytes(received)
+            # `raw` would copy all of the buffer, whatever is in it.
+            received += ctypes.string_at(self._buffer, size.value)
+        return received
 
     def black_box(self) -> bytes:
         """The device's black box: the last second or two, or those before a fault or an e-stop."""
