@@ -3,7 +3,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.core_device import CoreDevice
+from support.core_device import UNHURRIED, CoreDevice
 from support.examples import examples
 from support.messages import any_message_or_nan
 from support.virtual_line import VirtualLine
@@ -27,7 +27,7 @@ def test_random_bytes_never_raise_and_are_never_a_sample(chunks: list[bytes]) ->
 @examples(50)
 @given(messages=st.lists(any_message_or_nan, max_size=20), mine=st.booleans())
 def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: bool) -> None:
-    line = VirtualLine(watched=(1,)).open()
+    line = VirtualLine(watched=(1,), device=CoreDevice(**UNHURRIED)).open()
     encoder = Encoder()
     for message in messages:
         if mine:  # as if the device itself had gone mad
@@ -55,7 +55,7 @@ def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
     seed: int, loss: float, repeat: float, flip: float, jitter_us: int
 ) -> None:
     impairment = Impairment(loss=loss, repeat=repeat, flip=flip, delay_us=200, jitter_us=jitter_us)
-    device = CoreDevice(drift=100e-6)
+    device = CoreDevice(drift=100e-6, **UNHURRIED)
     line = VirtualLine(seed, to_device=impairment, to_host=impairment, device=device)
     line.session.connect(line.now_us)
     asked: list[float] = []

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.core_device import UNHURRIED, CoreDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.session import Phase, Session
@@ -22,6 +23,13 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import GroupGet, ParameterGet, ParameterSet, SensorStream
 
 BAD = Impairment(delay_us=300, jitter_us=4000, loss=0.05, flip=0.02, repeat=0.02, reorder=0.02)
+
+
+def on_a_bad_line(seed: int) -> VirtualLine:
+    device = CoreDevice(seed=seed + 1, **UNHURRIED)
+    return VirtualLine(
+        seed, to_device=BAD, to_host=BAD, device=device, stream_rate_hz=100, watched=(1, 2, 3)
+    )
 
 
 def listened(line: VirtualLine) -> TrafficReader:
@@ -95,7 +103,7 @@ def assert_same(again: Session, session: Session, now_us: int) -> None:
 @given(st.integers(0, 2**32))
 def test_the_same_samples_stamps_and_counters(seed: int) -> None:
     random = Random(seed)
-    line = VirtualLine(seed, to_device=BAD, to_host=BAD, stream_rate_hz=100, watched=(1, 2, 3))
+    line = on_a_bad_line(seed)
     reader = listened(line)
     line.open()
     a_day(line, random)
@@ -108,7 +116,7 @@ def test_the_same_samples_stamps_and_counters(seed: int) -> None:
 @given(st.integers(0, 2**32))
 def test_a_listener_that_comes_late_gets_the_same_from_there_on(seed: int) -> None:
     random = Random(seed)
-    line = VirtualLine(seed, to_device=BAD, to_host=BAD, stream_rate_hz=100, watched=(1, 2, 3))
+    line = on_a_bad_line(seed)
     line.session.connect(line.now_us)
     line.run(random.uniform(0, 1))
     reader = listened(line)

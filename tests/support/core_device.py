@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from random import Random
 from typing import Any, TypeVar
@@ -24,6 +25,8 @@ from wheelwire_protocol.types import (
 
 BOARD_ID = 0x240AC4123456
 SETPOINTS = message_id(SetWheelVelocity), message_id(SetDuty)
+UNHURRIED: dict[str, Any] = {"control_rate_hz": 100.0, "overrun_limit_us": 100_000.0}
+"""Parameters of a device with few control steps: most of what a test with many seconds computes."""
 Edits = dict[type[Any], dict[str, Any]]
 M = TypeVar("M")
 
@@ -131,6 +134,11 @@ class CoreDevice:
         """Its own time."""
         return round(now_us * (1 + self._drift)) + self.clock_offset_us
 
+    @property
+    def next_us(self) -> int:
+        """When its next control step is due, by the host's clock."""
+        return math.ceil((self._next_us - self.clock_offset_us) / (1 + self._drift))
+
     def value(self, name: str) -> float:
         """A parameter's value."""
         return self.core.value(PARAMETER_BY_NAME[name].id)
@@ -199,8 +207,11 @@ class CoreDevice:
 
     def _collect(self) -> set[int]:
         """Take what the core sends; the numbers of the setpoints that it refuses."""
-        refused = set()
-        for message in self._sent.feed(self.core.take()):
+        refused: set[int] = set()
+        sent = self.core.take()
+        if not sent:
+            return refused
+        for message in self._sent.feed(sent):
             if isinstance(message, Refuse) and message.message_id in SETPOINTS:
                 refused.add(message.reference)
             elif isinstance(message, WheelState):

@@ -14,8 +14,6 @@ from .host_samples import received
 from .virtual_host import VirtualHost
 
 M = TypeVar("M")
-STEP_US = 1_000
-"""The longest jump of time."""
 GOOD = Impairment(delay_us=200)
 
 
@@ -57,9 +55,10 @@ class VirtualLine(VirtualHost):
             self.to_device.next_us,
             self.to_host.next_us,
             self.session.next_deadline_us,
+            self.device.next_us,
         )
         coming = [event for event in events if event is not None and event > now]
-        self.now_us = now = min([now + STEP_US, *coming])
+        self.now_us = now = min(coming, default=now + 1)
         for piece in self.to_device.take(now):
             self.device.feed(piece, now)
         self.device.advance(now)
@@ -74,8 +73,9 @@ class VirtualLine(VirtualHost):
         """Put the output of both sides on the line, then a setpoint."""
         self.to_host.send(self.device.take_output(), self.now_us)
         output = self.session.take_output() + setpoint
-        self.sent += self._tap.feed(output)
-        self.to_device.send(output, self.now_us)
+        if output:  # at most moments there is none
+            self.sent += self._tap.feed(output)
+            self.to_device.send(output, self.now_us)
 
     def drive(self, left: float = 0.1, right: float = 0.1, ttl_s: float = 0.5) -> None:
         """One velocity setpoint."""
