@@ -15,12 +15,13 @@ import pytest
 
 from support.commissioning import (
     BATTERIES_V,
+    NOMINAL_V,
     PLANTS,
     Outcome,
     commission,
+    plant_line,
     plant_robot,
     true_breakaway,
-    true_line,
     true_time_constant_s,
 )
 from wheelwire.drivers.mock import MockDriver
@@ -74,8 +75,7 @@ def test_coarse_and_fine_encoders_give_the_same(counts: int) -> None:
 
 def test_a_loop_of_100_steps_a_second_does_as_well() -> None:
     slow = {"control_rate_hz": 100.0, "overrun_limit_us": 100_000.0}
-    with plant_robot("tt-1-48", raised=True) as ideal:
-        truth = true_line(ideal)
+    truth = plant_line("tt-1-48", NOMINAL_V)
     with plant_robot("tt-1-48", raised=False, parameters=slow) as robot:
         found, proof = tried(robot, on_the_floor=True)
     assert found.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.01)
@@ -106,8 +106,8 @@ def test_breakaway_and_time_constant_are_the_true_ones(plant: str) -> None:
 
 
 def test_a_magnet_that_is_missing_drops_out_over_whole_turns() -> None:
+    truth = plant_line("tt-1-48", NOMINAL_V)
     with plant_robot("tt-1-48", raised=True) as robot:
-        truth = true_line(robot)
         robot.simulator.set("left.magnet_missing", 1)
         found = identify(robot, quiet, on_the_floor=False)
     assert found.left.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.02)
@@ -199,8 +199,7 @@ def busy(robot: MockDriver, monkeypatch: pytest.MonkeyPatch, name: str, every: i
 def test_what_was_measured_while_a_setpoint_ran_out_is_measured_again(
     monkeypatch: pytest.MonkeyPatch, raised: bool
 ) -> None:
-    with plant_robot("25ga-1440", raised=True) as ideal:
-        truth = true_line(ideal)
+    truth = plant_line("25ga-1440", NOMINAL_V)
     with plant_robot("25ga-1440", raised=raised) as robot:
         busy(robot, monkeypatch, "set_duty", 400)
         found = identify(robot, quiet, on_the_floor=not raised)

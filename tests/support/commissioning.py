@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +80,13 @@ def true_line(robot: MockDriver) -> TrueLine:
     return TrueLine(1 / slope, -intercept / slope)
 
 
+@cache
+def plant_line(plant: str, battery_v: float) -> TrueLine:
+    """The same of a plant's robot, raised."""
+    with plant_robot(plant, battery_v, raised=True) as ideal:
+        return true_line(ideal)
+
+
 def true_breakaway(robot: MockDriver) -> float:
     """The duty at which the left wheel starts from rest."""
     duty = 0.0
@@ -117,11 +125,11 @@ def true_rms_mps(robot: MockDriver, values: Mapping[str, float], top_mps: float 
     course = there_and_back(top_mps, 1.0)
     robot.advance(1.0)
     errors = []
-    for step in range(round(course.seconds * 1000)):
-        if step % 10 == 0:  # active from about 1 ms later, for 10 ms
-            robot.set_wheel_velocity(*course.at(step * 1e-3 + 0.006), 0.3)
-        robot.advance(0.001)
-        goal = course.at((step + 1) * 1e-3)
+    for step in range(round(course.seconds * 200)):
+        if step % 2 == 0:  # active from about 1 ms later, for 10 ms
+            robot.set_wheel_velocity(*course.at(step * 5e-3 + 0.006), 0.3)
+        robot.advance(0.005)
+        goal = course.at((step + 1) * 5e-3)
         errors += [
             robot.simulator.get("true.left_mps") - goal.left,
             robot.simulator.get("true.right_mps") - goal.right,
@@ -169,8 +177,7 @@ class Outcome(NamedTuple):
 def commission(plant: str, battery_v: float, *, raised: bool, counts: int = 0) -> Outcome:
     """Identify, tune and prove a robot with its plant's encoders, or with `counts` a turn."""
     parameters = {"counts_per_revolution": counts} if counts else None
-    with plant_robot(plant, battery_v, raised=True) as ideal:
-        truth = true_line(ideal)
+    truth = plant_line(plant, battery_v)
     with plant_robot(plant, battery_v, raised=raised, parameters=parameters) as robot:
         found = identify(robot, lambda _: None, on_the_floor=not raised)
         values = tuned(found, robot)

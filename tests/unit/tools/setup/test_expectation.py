@@ -12,6 +12,15 @@ from wheelwire.tools.tune.before_after import Proof, Trace, there_and_back
 from wheelwire_protocol.codes import Fault
 
 COURSE = there_and_back(0.32, 1.0)
+ROBOTS = [
+    (plant, counts, (number + step) % 2 == 0)
+    for number, plant in enumerate(PLANTS)
+    for step, counts in enumerate((20, 48, 360))
+]
+"""Each plant with each count, some of them raised and the others on the floor.
+
+`bench/sound_robots.py` drives all of them.
+"""
 TICK_M = {48: 0.0042, 20: 0.0102}
 
 
@@ -72,18 +81,15 @@ def test_what_late_setpoints_may_have_caused_is_no_fault_of_an_encoder() -> None
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("raised", [True, False])
-@pytest.mark.parametrize("counts", [20, 48, 360])
-def test_a_sound_robot_of_any_count_is_within(plant: str, raised: bool, counts: int) -> None:
+@pytest.mark.parametrize(("plant", "counts", "raised"), ROBOTS)
+def test_a_sound_robot_of_any_count_is_within(plant: str, counts: int, raised: bool) -> None:
     found = tracking(plant, counts, raised=raised)
     assert max(found.rms_mps) < BEYOND * found.expected_mps
     assert max(found.rms_mps) > 0.4 * found.expected_mps
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("raised", [True, False])
+@pytest.mark.parametrize(("plant", "raised"), [*zip(PLANTS, (True, False, True), strict=True)])
 def test_at_48_ticks_a_missing_magnet_is_beyond(plant: str, raised: bool) -> None:
     found = tracking(plant, 48, raised=raised, settings={"right.magnet_missing": 1})
     left, right = (rms > BEYOND * found.expected_mps for rms in found.rms_mps)
