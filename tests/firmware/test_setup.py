@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
+from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from wheelwire.tools.files.parameters import load_parameter_file
 from wheelwire.tools.files.plant import load_plant, shipped_plants
 from wheelwire.tools.setup import problems, setup
 from wheelwire.tools.setup.driving import Pair, pulse
-from wheelwire.tools.setup.identification import identify
+from wheelwire.tools.setup.identification import Identification, identify
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
 from wheelwire.tools.setup.setup import CHANGED, TUNED, Findings, Options, Progress, set_up
 from wheelwire.tools.setup.wiring import Wiring, check_wheels
@@ -41,6 +42,8 @@ from wheelwire_protocol.codes import Fault
 
 WRONG = {"motors_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
 WIRING = Wiring(motors_swapped=True, left_motor_reversed=True, right_encoder_reversed=True)
+NO_IMU = {"imu": "no"}
+"""Answers, where the motors alone are set up."""
 SAMPLE = random.Random(7).sample(list(cases()), 12)
 
 
@@ -68,8 +71,8 @@ HARD = (
             for condition in HARD
             for reversed_ in ((1, 0), (0, 1))
         ),
-        *random.Random(8).sample(list(corners()), 20),
-        *between_corners(9, 15),
+        *random.Random(8).sample(list(corners()), 12),
+        *between_corners(9, 10),
     ],
     ids=str,
 )
@@ -158,17 +161,23 @@ def test_all_of_a_robot_is_found_by_hand_and_saved() -> None:
     assert values["proportional_gain"] != 1.2
 
 
+@cache
+def identified() -> Identification:
+    """The motors of a robot, for tests of what comes after their measurement."""
+    with raised_robot({}) as robot:
+        return identify(robot, lambda _: None, on_the_floor=False)
+
+
 BLOCKED = {"left.blocked": 1.0, "right.blocked": 1.0}
 
 
 def against_a_wall(robot: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its wheels are stuck from the test drives on."""
 
-    def measured(*given: object, **options: object) -> object:
-        found = identify(*given, **options)  # type: ignore[arg-type]
+    def measured(*_: object, **_options: object) -> Identification:
         for name, value in BLOCKED.items():
             robot.simulator.set(name, value)
-        return found
+        return identified()
 
     monkeypatch.setattr(setup, "identify", measured)
 
@@ -183,7 +192,7 @@ def test_test_drives_that_end_in_a_fault_are_no_success(
         against_a_wall(robot, monkeypatch)
         before = {name: robot.parameters[name] for name in CHANGED}
         options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append, options)
         robot.parameters.refresh()
         assert {name: robot.parameters[name] for name in CHANGED} == before
     assert not findings.is_complete
@@ -199,9 +208,10 @@ def test_a_fault_with_the_new_values_alone_is_no_success_either(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bad = {"velocity_feedforward": 0.0, "static_feedforward": 0.0, "plausibility_margin": 0.05}
+    monkeypatch.setattr(setup, "identify", lambda *_, **_options: identified())
     monkeypatch.setattr(setup, "tuned", lambda *_: bad)
     with raised_robot(load_plant("tt-1-48").settings) as robot:
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None)
     assert (findings.is_complete, findings.saved) == (False, False)
     assert "a drive ended in a fault: with the new values. " in findings.problems[-1]
 
@@ -211,7 +221,7 @@ def test_a_fault_with_the_previous_values_is_reported_and_corrected() -> None:
     said: list[str] = []
     with raised_robot({"left.motor_scale": 0.5, "right.motor_scale": 0.5}) as robot:
         robot.parameters.set("plausibility_margin", 0.1)
-        findings = set_up(robot, SimulatedPerson(robot), said.append)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append)
     assert findings.rms_before_mps is None
     assert findings.rms_after_mps is not None
     assert findings.saved
@@ -227,7 +237,9 @@ def test_a_fault_while_the_motors_are_measured_is_named(raised: int) -> None:
             if text.startswith("step response"):
                 robot.simulator.set("left.blocked", 1)
 
-        findings = set_up(robot, SimulatedPerson(robot), say, Options(on_the_floor=not raised))
+        findings = set_up(
+            robot, SimulatedPerson(robot, NO_IMU), say, Options(on_the_floor=not raised)
+        )
     assert (findings.is_complete, findings.saved) == (False, False)
     assert findings.problems[-1].startswith("a drive ended in a fault: LEFT_NOT_COUNTING: ")
 
@@ -247,12 +259,11 @@ def test_a_wheel_that_stops_while_both_are_compared_is_named(
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("plant", ["25ga-1440", "tt-1-48"])
-@pytest.mark.parametrize("raised", [1, 0])
+@pytest.mark.parametrize(("plant", "raised"), [("25ga-1440", 1), ("tt-1-48", 0)])
 def test_a_missing_magnet_is_named_once_wherever_the_robot_stands(plant: str, raised: int) -> None:
     with plant_robot(plant, raised=bool(raised), settings={"right.magnet_missing": 1}) as robot:
         options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None, options)
     named = [text for text in findings.problems if "misses a magnet" in text]
     assert len(named) == 1
     assert named[0].startswith("right encoder")
@@ -275,7 +286,7 @@ def test_an_empty_battery_is_no_weak_motor(plant: str, raised: int) -> None:
 def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
     with raised_robot({"supply_v": 3.3, "battery_v": 3.3, "motor.supply_v": 3.3}) as robot:
         robot.parameters.set("nominal_supply_v", 3.3)
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None)
     assert findings.saved
     assert findings.velocity_feedforward is not None
     assert not any("battery low" in text for text in findings.problems)
@@ -287,7 +298,7 @@ def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
     said: list[str] = []
     with raised_robot({"left.radius_scale": 1.1, "wheels_free": raised}) as robot:
         options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append, options)
     assert findings.problems == ()
     assert setup.UNEQUAL_WHEELS in said
     assert "cannot find unequal ones" in setup.UNEQUAL_WHEELS
@@ -302,6 +313,7 @@ def test_gains_that_are_no_better_are_not_saved(
     monkeypatch: pytest.MonkeyPatch, change: float, verdict: str
 ) -> None:
     said: list[str] = []
+    monkeypatch.setattr(setup, "identify", lambda *_, **_options: identified())
     with raised_robot({}) as robot:
         before = {name: robot.parameters[name] for name in TUNED}
         monkeypatch.setattr(
@@ -309,7 +321,7 @@ def test_gains_that_are_no_better_are_not_saved(
             "tuned",
             lambda *_: {**before, "velocity_feedforward": change * before["velocity_feedforward"]},
         )
-        findings = set_up(robot, SimulatedPerson(robot), said.append)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append)
         assert {name: robot.parameters[name] for name in TUNED} == before
     assert findings.rms_after_mps is not None, findings
     assert findings.saved  # the wiring
@@ -333,7 +345,7 @@ def test_late_setpoints_are_named_in_place_of_an_encoder(
         monkeypatch.setattr(robot, "read", late)
         before = {name: robot.parameters[name] for name in TUNED}
         options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None, options)
         assert {name: robot.parameters[name] for name in TUNED} == before
     (problem,) = findings.problems
     assert problem.startswith("setpoints came late: up to 70 ms apart, ")
@@ -427,11 +439,14 @@ def test_a_wrong_enter_forgets_nothing(tmp_path: Path, answers: dict[str, str]) 
 
 
 @pytest.mark.whole
-def test_a_picture_that_cannot_be_drawn_costs_no_tuning(tmp_path: Path) -> None:
+def test_a_picture_that_cannot_be_drawn_costs_no_tuning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said: list[str] = []
+    monkeypatch.setattr(setup, "identify", lambda *_, **_options: identified())
     with raised_robot({}) as robot:
         options = Options(plot=tmp_path / "drives.xyz")
-        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
+        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append, options)
     assert findings.saved
     assert findings.rms_after_mps is not None
     assert any(line.startswith(f"cannot draw {options.plot}") for line in said)
@@ -610,12 +625,13 @@ def test_interrupted_anywhere_it_leaves_a_robot_that_stands_and_is_as_it_was(
         assert {name: robot.parameters[name] for name in CHANGED} == before
 
 
-@pytest.mark.parametrize("reads", [30, 300, 1000, 9500])  # the last in its test drives
-def test_samples_that_are_held_up_cost_a_motion_and_not_the_set_up(reads: int) -> None:
+# The last in its test drives; before, nothing is tuned.
+@pytest.mark.parametrize(("reads", "tune"), [(30, "no"), (300, "no"), (1000, "no"), (9500, "yes")])
+def test_samples_that_are_held_up_cost_a_motion_and_not_the_set_up(reads: int, tune: str) -> None:
     """For longer than `read` waits by itself, and less than a link that counts as lost."""
     robot = InterruptedRobot("hold up", reads)
     with raised_robot({**WRONG, **load_plant("tt-1-48").settings}, robot):
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        findings = set_up(robot, SimulatedPerson(robot, {"tune": tune}), lambda _: None)
     assert robot.was_interrupted
     assert not findings.problems
     assert findings.wiring == WIRING
