@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import pytest
 
@@ -108,6 +108,7 @@ class PinBench(Bench):
 
     def __init__(self, stand_in: StandIn) -> None:
         self.stand_in = stand_in
+        self.is_whole = True
 
     def true_ticks(self) -> tuple[int, int]:
         left, right = self.stand_in.truth()["ticks"]
@@ -117,12 +118,15 @@ class PinBench(Bench):
         return bool(self.stand_in.truth()["driven"])
 
     def lose_link(self) -> None:
+        self.is_whole = False
         self.stand_in.command(self.loss[0])
 
     def restore_link(self) -> None:
         self.stand_in.command(self.loss[1])
+        self.is_whole = True
 
     def block_left_encoder(self) -> None:
+        self.is_whole = False
         self.stand_in.command("dead_left_encoder")
 
 
@@ -146,12 +150,54 @@ class PigpioBench(PinBench):
         return PigpioDriver("127.0.0.1", self.stand_in.port, **PINS)
 
 
+StandInT = TypeVar("StandInT", bound=StandIn)
+
+
+class Shared(Generic[StandInT]):
+    """A stand-in for all tests: a driver that is shut down leaves its robot at rest, pins free."""
+
+    def __init__(self, start: Callable[[], StandInT]) -> None:
+        self._start = start
+        self._running: StandInT | None = None
+
+    def stand_in(self) -> StandInT:
+        self._running = self._running or self._start()
+        return self._running
+
+    def bench(self, kind: Callable[[StandInT], PinBench]) -> Iterator[PinBench]:
+        """For one test. The next one does not get what it has broken."""
+        bench = kind(self.stand_in())
+        yield bench
+        assert not bench.is_driven()
+        if not bench.is_whole:
+            self.close()
+
+    def close(self) -> None:
+        if self._running:
+            self._running.close()
+            self._running = None
+
+
+@pytest.fixture(scope="module")
+def chips(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared[GpioChip]]:
+    chips = Shared(lambda: GpioChip(tmp_path_factory.mktemp("chip")))
+    yield chips
+    chips.close()
+
+
+@pytest.fixture(scope="module")
+def daemons() -> Iterator[Shared[PigpioProcess]]:
+    daemons = Shared(PigpioProcess)
+    yield daemons
+    daemons.close()
+
+
 @pytest.fixture
-def chip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[GpioChip]:
-    with GpioChip(tmp_path) as chip:
-        for name, value in chip.environment.items():
-            monkeypatch.setenv(name, value)
-        yield chip
+def chip(chips: Shared[GpioChip], monkeypatch: pytest.MonkeyPatch) -> GpioChip:
+    chip = chips.stand_in()
+    for name, value in chip.environment.items():
+        monkeypatch.setenv(name, value)
+    return chip
 
 
 class TestSerial(DriverConformance):
@@ -173,17 +219,17 @@ class TestRealtimeMock(DriverConformance):
         return MockBench(realtime=True)
 
 
+@pytest.mark.usefixtures("chip")
 class TestL298n(DriverConformance):
     @pytest.fixture
-    def bench(self, chip: GpioChip) -> Bench:
-        return GpioBench(chip)
+    def bench(self, chips: Shared[GpioChip]) -> Iterator[Bench]:
+        yield from chips.bench(GpioBench)
 
 
 class TestPigpio(DriverConformance):
     @pytest.fixture
-    def bench(self) -> Iterator[Bench]:
-        with PigpioProcess() as daemon:
-            yield PigpioBench(daemon)
+    def bench(self, daemons: Shared[PigpioProcess]) -> Iterator[Bench]:
+        yield from daemons.bench(PigpioBench)
 
 
 async def drive(robot: aio.Driver) -> None:

@@ -37,6 +37,8 @@ class World:
                 self.pwm.export()
                 self.apply_pins()
             edges = self.robot.advance()
+            if not edges.size:
+                continue
             for gpio in self._encoders:
                 levels = edges["level"][edges["gpio"] == gpio]
                 if levels.size:
