@@ -16,7 +16,7 @@ import typer
 
 import generated
 from wheelwire.cli.address import ROBOT_HELP
-from wheelwire.cli.app import app
+from wheelwire.cli.app import application
 
 PAGE = generated.ROOT / "docs" / "cli.md"
 HEAD = """\
@@ -33,7 +33,7 @@ SEVERAL = 4
 
 def page() -> str:
     """The whole page."""
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(application())
     every = [parameter for one in commands(command) for parameter in one.params]
     counts = Counter(map(line, every))
     common = [text for text, count in counts.most_common() if count >= SEVERAL]

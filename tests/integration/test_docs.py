@@ -23,7 +23,7 @@ from support.pages import PAGES, REASONS, ROOT, Block, blocks, code_in_rows, cou
 from support.typing_terminal import TypingTerminal
 from support.waiting import undisturbed
 from wheelwire import WheelwireError, open_driver
-from wheelwire.cli.app import app, run
+from wheelwire.cli.app import application, run
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -202,7 +202,7 @@ def test_commands_in_rows_exist(subtests: pytest.Subtests) -> None:
     found = [one for page in PAGES for one in code_in_rows(page)]
     commands = {code: place for place, code in found if code.startswith("wheelwire ")}
     assert len(commands) >= 40
-    root: Any = get_command(app)
+    root: Any = get_command(application())
     for line, place in commands.items():
         with subtests.test(f"{place} {line}"):
             command = root

@@ -15,7 +15,7 @@ from support.command import PROGRAM, run, run_json
 from support.processes import interruptible
 from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
-from wheelwire.cli.app import app
+from wheelwire.cli.app import application
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RecordingError
 from wheelwire.log.reader import is_complete, metadata
@@ -187,7 +187,9 @@ def test_firmware_without_sensors(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         ),
     )
     with Simulator(link=tmp_path / "port") as simulator:
-        app(("log", "record", simulator.port, str(path), "--seconds", "0.5"), standalone_mode=False)
+        application()(
+            ("log", "record", simulator.port, str(path), "--seconds", "0.5"), standalone_mode=False
+        )
     assert is_complete(path)
     assert len(messages(path, "WheelState")) > 20
     assert messages(path, "Inputs") == []

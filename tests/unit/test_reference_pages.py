@@ -16,7 +16,7 @@ import wheelwire
 import wheelwire.aio
 from support.cases import each
 from wheelwire import errors
-from wheelwire.cli.app import app
+from wheelwire.cli.app import application
 from wheelwire.pi.pins import Pins
 from wheelwire.tools.files import robot as config
 from wheelwire.tools.files import robot as robot_file
@@ -125,7 +125,7 @@ PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("*/*.md"), DOCS.parent / "README.
 
 @each("page", PAGES, ids=lambda page: page.name)
 def test_commands_on_a_page_exist(page: Path) -> None:
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(application())
     for line in re.findall(
         r"(?:^|[`$;&] ?|bin/)wheelwire ([a-z][^`\n#;&|]*)", page.read_text(), re.M
     ):

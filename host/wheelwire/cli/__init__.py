@@ -27,7 +27,9 @@ def main() -> None:
         # middle of an import; nothing is open yet, so the process may simply exit.
         signal.signal(signal.SIGINT, _exit_interrupted)
     from .app import run
+    from .registry import commands
 
+    commands(*sys.argv[1:2])  # imports their modules
     try:
         if default:
             signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -31,21 +31,25 @@ USAGE = 2
 _LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-app = typer.Typer(
-    name="wheelwire",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-_COMMANDS = commands()
-for _command in _COMMANDS:
-    if isinstance(_command.runs, typer.Typer):
-        app.add_typer(_command.runs, name=_command.name, rich_help_panel=_command.heading.value)
-    else:
-        app.command(_command.name, rich_help_panel=_command.heading.value)(_command.runs)
-lead_to_pages(app, {command.name: command.page for command in _COMMANDS})
+
+def application(word: str = "") -> typer.Typer:
+    """The application with all commands, or only with the one that `word` names."""
+    app = typer.Typer(
+        name="wheelwire",
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(invoke_without_command=True)(wheelwire)
+    added = commands(word)
+    for command in added:
+        if isinstance(command.runs, typer.Typer):
+            app.add_typer(command.runs, name=command.name, rich_help_panel=command.heading.value)
+        else:
+            app.command(command.name, rich_help_panel=command.heading.value)(command.runs)
+    lead_to_pages(app, {command.name: command.page for command in added})
+    return app
 
 
-@app.callback(invoke_without_command=True)
 def wheelwire(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
@@ -110,6 +114,7 @@ def _run_app(arguments: list[str]) -> int:
     try:
         # Not standalone: then Click would print errors in its own form, and exit.
         words = [_at_home(word) for word in arguments]
+        app = application(*words[:1])
         code = app(words, prog_name="wheelwire", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has made an exit of the interrupt, and said nothing
             raise KeyboardInterrupt

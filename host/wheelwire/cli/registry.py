@@ -1,4 +1,4 @@
-"""The commands: each module of this package registers its own, and `app` finds them all."""
+"""The commands: each module of this package registers its own, and `app` finds them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ from pkgutil import iter_modules
 from typing import Any, TypeVar
 
 import typer
+
+_MODULES = {
+    **dict.fromkeys(("clear", "drive", "estop", "info", "monitor", "restart", "stop"), "robot"),
+    **dict.fromkeys(("demo", "mcu", "ports"), "local"),
+    "params": "parameters",
+}
+"""Where the commands are whose module is not named after them."""
+_OF_ALL = "help"
+"""The command that tells of all others."""
 
 CommandT = TypeVar("CommandT", bound=Callable[..., Any] | typer.Typer)
 
@@ -58,9 +67,20 @@ def command(
     return register
 
 
-def commands() -> list[Command]:
-    """The commands of all other modules in this folder, as the help lists them."""
-    for module in iter_modules([str(Path(__file__).parent)]):
-        import_module(f"{__package__}.{module.name}")
+def commands(word: str = "") -> list[Command]:
+    """The commands of all other modules in this folder, as the help lists them.
+
+    Args:
+        word: If it names a command, only that one is returned: to import all takes longer than
+            many a command does.
+    """
+    modules = [module.name for module in iter_modules([str(Path(__file__).parent)])]
+    module = _MODULES.get(word, word)
+    if module in modules and word != _OF_ALL:
+        import_module(f"{__package__}.{module}")
+        if named := [one for one in _commands if one.name == word]:
+            return named
+    for module in modules:
+        import_module(f"{__package__}.{module}")
     headings = list(Heading)
     return sorted(_commands, key=lambda one: (headings.index(one.heading), one.place))

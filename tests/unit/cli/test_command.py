@@ -11,13 +11,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-import typer
 
 from support.command import PROGRAM, check_error, run, run_process
 from support.processes import captured
 from wheelwire import errors
 from wheelwire.cli import output
-from wheelwire.cli.app import app
+from wheelwire.cli.registry import commands
 
 
 @pytest.mark.parametrize("option", ["-h", "--help"])
@@ -41,8 +40,14 @@ def test_the_help_lists_every_command_in_four_groups() -> None:
     headings = re.findall(r"^╭─ (.*?) ─", groups, re.M)
     assert headings == ["Build a robot", "Drive", "Look, and find out why", "Without a robot"]
     shown = re.findall(r"^│ ([a-z]+)  ", groups, re.M)
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    assert sorted(shown) == sorted(commands)
+    assert sorted(shown) == sorted(command.name for command in commands())
+
+
+def test_each_command_is_found_by_its_first_word_alone() -> None:
+    found = {command.name: commands(command.name) for command in commands()}
+    # It tells of the others.
+    assert found.pop("help") == commands()
+    assert found == {command.name: [command] for command in commands() if command.name != "help"}
 
 
 def test_version() -> None:

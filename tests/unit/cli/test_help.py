@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from support.cases import each
 from support.command import run
 from wheelwire import errors
-from wheelwire.cli.app import app
+from wheelwire.cli.app import application
 from wheelwire.cli.help import PAGE_OF, help_page, pages
 
 ROOT = Path(__file__).parents[3]
@@ -73,7 +73,7 @@ def test_a_page_that_is_not_there_says_what_is(address: str, says: str) -> None:
 
 
 def found(*words: str) -> list[str]:
-    result = CliRunner().invoke(app, ["help", *words])
+    result = CliRunner().invoke(application(), ["help", *words])
     assert result.exit_code == 0, result.output
     return [line.rstrip() for line in result.output.splitlines()]
 
@@ -107,7 +107,7 @@ def test_what_is_a_page_or_a_command_is_not_searched(words: tuple[str, ...]) -> 
 
 
 def test_what_nothing_mentions_names_the_nearest_command() -> None:
-    result = CliRunner().invoke(app, ["help", "montor"])
+    result = CliRunner().invoke(application(), ["help", "montor"])
     assert result.exit_code == 2
     said = " ".join(re.sub("[│╭╮╰╯─]", " ", result.output).split())
     assert "no page or command is called 'montor' or mentions it; did you mean monitor?" in said
@@ -135,7 +135,9 @@ def commands(command: Any, path: str = "wheelwire") -> Iterator[tuple[str, Any]]
 def test_the_help_of_a_command_ends_with_a_page_that_is_there(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    ends = {path: command.epilog for path, command in commands(typer.main.get_command(app))}
+    ends = {
+        path: command.epilog for path, command in commands(typer.main.get_command(application()))
+    }
     assert ends.pop("wheelwire") == "More: wheelwire help"
     assert ends.pop("wheelwire help") is None
     assert ends["wheelwire params set"] == ends["wheelwire params"]

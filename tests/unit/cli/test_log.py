@@ -22,7 +22,7 @@ from support.processes import captured
 from support.recordings import OFFSET_NS, rewritten, traffic_of, write
 from wheelwire import errors
 from wheelwire.cli import log
-from wheelwire.cli.app import app
+from wheelwire.cli.app import application
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.reader import MAGIC, records
@@ -207,7 +207,7 @@ def wrong(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 def refused(*arguments: str) -> str:
     """What the command says; what is printed of it, and the exit code, are tested elsewhere."""
     with pytest.raises(errors.RecordingError) as error:
-        app(arguments, standalone_mode=False)
+        application()(arguments, standalone_mode=False)
     return str(error.value)
 
 
