@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from support.gpio_chip.factory import SOCKET
+from support.gpio_chip.chip import SOCKET
 from support.stand_in import TESTS, StandIn
 from wheelwire.board import Configuration
 from wheelwire.pi.pins import Pins

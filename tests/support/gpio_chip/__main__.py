@@ -6,7 +6,7 @@ import sys
 import threading
 from pathlib import Path
 
-from support.gpio_chip.factory import EVENT
+from support.gpio_chip.chip import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
 from support.gpio_chip.world import World
 from support.stand_in import serve

@@ -10,6 +10,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+SOCKET = "WHEELWIRE_TEST_CHIP"
+"""The environment's variable that has the path of the chip's socket."""
+EVENT = struct.Struct("<QII")
+"""Time in nanoseconds, GPIO, level."""
 BUSY = "busy"
 CREDENTIALS = struct.Struct("iII")
 """Process, user and group at the other end of a socket."""

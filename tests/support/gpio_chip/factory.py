@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import struct
 import threading
 import time
 from typing import Any
@@ -12,9 +11,8 @@ from typing import Any
 from gpiozero import PinFixedPull
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
-SOCKET = "WHEELWIRE_TEST_CHIP"
-EVENT = struct.Struct("<QII")
-"""Time in nanoseconds, GPIO, level."""
+from support.gpio_chip.chip import EVENT, SOCKET
+
 GATE = "WHEELWIRE_TEST_GATE"
 """A file that the guard of a pin process, which leads its session, waits for."""
 READ_SIZE = EVENT.size * 256

@@ -6,8 +6,7 @@ import time
 from pathlib import Path
 
 from support.bare_robot import BareRobot
-from support.gpio_chip.chip import Chip
-from support.gpio_chip.factory import EVENT
+from support.gpio_chip.chip import EVENT, Chip
 from support.gpio_chip.pwm_directory import PwmDirectory
 from wheelwire.board import Configuration
 from wheelwire.pi.gpio.base import PWM_CHANNEL, encoder_pins
