@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError, LinkLost, WheelwireError
 from . import guard
+from .gpio import import_library
 from .guard import Heartbeat, Phase
 from .settings import McuSettings
 
@@ -39,6 +40,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Before the fork: the application is the parent of this process, not of the core.
     parent = _pidfd_of_parent(settings.parent)
+    import_library(settings)
     heartbeat = Heartbeat()
     guard_pid = os.getpid()
     core_pid = os.fork()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 
 from ..settings import McuSettings
 from .base import Gpio, PinsBusy
@@ -42,6 +43,13 @@ def _open(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
     from .gpiozero import LibraryGpio
 
     return LibraryGpio(settings, parameters)
+
+
+def import_library(settings: McuSettings) -> None:
+    """Before the fork: core and guard need it, and it is slow to import. It starts no threads."""
+    if settings.backend == "l298n":
+        with suppress(ImportError):  # the core runs into it again, and reports it
+            import_module("gpiozero")
 
 
 def prepare_enable_low(settings: McuSettings) -> Callable[[], None]:
