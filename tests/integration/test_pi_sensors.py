@@ -59,16 +59,22 @@ class Scene:
         wait_until(lambda: robot.imu.state is state, WAIT_S, what=f"imu {state.name}")
 
 
+@pytest.fixture(scope="module")
+def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[GpioChip]:
+    with GpioChip(tmp_path_factory.mktemp("chip"), kernel_pwm=False) as chip:
+        yield chip
+
+
 @pytest.fixture
-def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
-    with GpioChip(tmp_path, kernel_pwm=False) as chip:
-        yield Scene(tmp_path, monkeypatch, chip)
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chip: GpioChip) -> Iterator[Scene]:
+    yield Scene(tmp_path, monkeypatch, chip)
+    assert not chip.truth()["driven"]
 
 
 @pytest.fixture
 def robot(scene: Scene) -> Iterator[Robot]:
     with scene.open() as robot:
-        scene.chip.command("level 8 0")
+        scene.chip.command(f"level {BUMPER_GPIO} 0")
         robot.imu.read(WAIT_S)
         yield robot
 
