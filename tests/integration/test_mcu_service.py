@@ -36,7 +36,7 @@ while True:
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def daemon() -> Iterator[PigpioProcess]:
     with PigpioProcess() as daemon:
         yield daemon

@@ -30,7 +30,7 @@ while True:
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def daemon() -> Iterator[PigpioProcess]:
     with PigpioProcess() as daemon:
         yield daemon
@@ -156,8 +156,9 @@ def test_a_daemon_that_hangs_is_a_lost_link() -> None:
 
 
 @pytest.mark.whole
-def test_edges_closer_than_a_sample_are_reported_as_lost(daemon: PigpioProcess) -> None:
-    with driver_at(daemon) as driver:
+def test_edges_closer_than_a_sample_are_reported_as_lost() -> None:
+    # Its own: after it the motors no longer turn the wheels.
+    with PigpioProcess() as daemon, driver_at(daemon) as driver:
         daemon.command("spin 250000")
         wait_until(lambda: driver.control_counters().left_illegal > 100, LONG_S)
         daemon.command("spin 0")
