@@ -175,7 +175,7 @@ DRIVERS: tuple[dict[str, Any], ...] = ({"driver_type": "mock"}, {"port": "/dev/n
 
 @pytest.mark.parametrize(("count", "delay_s"), list(enumerate(MOMENTS_S)))
 def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, delay_s: float) -> None:
-    node = RobotNode(graph, CODE.format(delay_s=delay_s), **DRIVERS[count % 2])
+    node = RobotNode(graph, CODE.format(delay_s=delay_s), fresh=True, **DRIVERS[count % 2])
     with node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "Traceback" not in node.errors_at_end
@@ -212,7 +212,7 @@ main()
 
 
 def test_it_ends_by_a_signal_whose_exception_python_ignores(graph: Graph) -> None:
-    with RobotNode(graph, IGNORED, driver_type="mock") as node:
+    with RobotNode(graph, IGNORED, fresh=True, driver_type="mock") as node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "interrupted" in node.errors_at_end
     assert "Traceback" not in node.errors_at_end

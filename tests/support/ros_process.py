@@ -14,6 +14,7 @@ from typing import Any
 
 from support.processes import interruptible
 from support.ros import TIMEOUT_S, Graph
+from support.ros_fork_server import RUN, TESTS, ForkedProcess, fork_server
 
 
 class RobotNode:
@@ -22,6 +23,7 @@ class RobotNode:
     Args:
         graph: The graph to join.
         code: Code to run in place of the executable, with the same arguments.
+        fresh: Whether it is a new interpreter, not a copy of the one in `support.ros_fork_server`.
         namespace: With its slash, such as `/left`; empty for none.
         remappings: From a topic's name to another.
         file: A parameter file.
@@ -33,13 +35,13 @@ class RobotNode:
         self,
         graph: Graph,
         code: str | None = None,
+        fresh: bool = False,
         namespace: str = "",
         remappings: Sequence[tuple[str, str]] = (),
         file: Path | None = None,
         home: Path | None = None,
         **parameters: Any,
     ) -> None:
-        program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
         arguments = ["--ros-args"]
         if file is not None:
             arguments += ["--params-file", str(file)]
@@ -49,23 +51,29 @@ class RobotNode:
             arguments += ["-r", f"__ns:={namespace}"]
         for name, other in remappings:
             arguments += ["-r", f"{name}:={other}"]
-        tests = str(Path(__file__).parents[1])
         self.errors_at_end = ""
         """All that it has written to standard error, once it is closed."""
         self._forgotten = 0
         self._home = tempfile.TemporaryDirectory()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
-        self.process = subprocess.Popen(
-            [sys.executable, *program, *arguments],
-            env={
-                **os.environ,
-                "ROS_DOMAIN_ID": str(graph.domain),
-                "ROS_HOME": str(home or self._home.name),
-                "PYTHONPATH": os.pathsep.join([tests, *_python_path(), *sys.path]),
-            },
-            stderr=self._errors,
-            preexec_fn=interruptible,
-        )
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(graph.domain),
+            "ROS_HOME": str(home or self._home.name),
+            "PYTHONPATH": os.pathsep.join([str(TESTS), *_python_path(), *sys.path]),
+        }
+        self.process: subprocess.Popen[bytes] | ForkedProcess
+        if fresh:
+            program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
+            self.process = subprocess.Popen(
+                [sys.executable, *program, *arguments],
+                env=environment,
+                stderr=self._errors,
+                preexec_fn=interruptible,
+            )
+        else:
+            errors = self._errors.fileno()
+            self.process = fork_server().start(code or RUN, arguments, environment, errors)
 
     def errors(self) -> str:
         """What it has written to standard error since `forget_errors`."""
