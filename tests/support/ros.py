@@ -32,6 +32,7 @@ from support.waiting import wait_until
 TIMEOUT_S = 90.0
 """On a busy computer, starting a node takes half a minute."""
 ASK_AGAIN_S = 5.0
+STATE_PERIOD_S = 0.02
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -154,18 +155,21 @@ class Graph:
     def _ask(self, type_: Any, name: str, **fields: Any) -> Any:
         """As `call`, for a question that changes nothing: it is asked again if it must be."""
         with self._new_client(type_, name) as client:
-            futures = []
-            again_s = 0.0
+            return self._answer(client, type_.Request(**fields))
 
-            def is_answered() -> bool:
-                nonlocal again_s
-                if time.monotonic() >= again_s:
-                    futures.append(client.call_async(type_.Request(**fields)))
-                    again_s = time.monotonic() + ASK_AGAIN_S
-                return any(future.done() for future in futures)
+    def _answer(self, client: Any, request: Any) -> Any:
+        futures = []
+        again_s = 0.0
 
-            wait(is_answered, f"the answer of {name}")
-            return next(future.result() for future in futures if future.done())
+        def is_answered() -> bool:
+            nonlocal again_s
+            if time.monotonic() >= again_s:
+                futures.append(client.call_async(request))
+                again_s = time.monotonic() + ASK_AGAIN_S
+            return any(future.done() for future in futures)
+
+        wait(is_answered, f"the answer of {client.srv_name}")
+        return next(future.result() for future in futures if future.done())
 
     @contextmanager
     def _new_client(self, type_: Any, name: str) -> Iterator[Any]:
@@ -216,7 +220,14 @@ class Graph:
 
     def wait_state(self, node: str, state: str) -> None:
         """Wait for a state of the lifecycle; a log line may come before its transition ends."""
-        wait(lambda: self.state(node) == state, f"{node} {state}")
+        with self._new_client(GetState, f"{node}/get_state") as client:
+
+            def is_in_state() -> bool:
+                time.sleep(STATE_PERIOD_S)
+                answer = self._answer(client, GetState.Request())
+                return bool(answer.current_state.label == state)
+
+            wait(is_in_state, f"{node} {state}")
 
     def wait_active(self, node: str = "/hardware_robot") -> None:
         """Wait until the node obeys commands."""

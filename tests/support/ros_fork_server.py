@@ -13,6 +13,7 @@ import atexit
 import ctypes
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -25,7 +26,6 @@ from typing import Any
 
 from support.forking import fork
 from support.processes import interruptible
-from support.waiting import wait_until
 
 TESTS = Path(__file__).parents[1]
 MESSAGE_BYTES = 100_000
@@ -50,10 +50,14 @@ class ForkedProcess:
 
     def wait(self, timeout: float | None = None) -> int:
         """The same, waiting for the end; raises `subprocess.TimeoutExpired`."""
-        try:
-            wait_until(lambda: self.poll() is not None, timeout or float("inf"))
-        except AssertionError:
-            raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0) from None
+        if self.poll() is None:
+            end = os.pidfd_open(self.pid)
+            try:
+                select.select([end], [], [], timeout)
+            finally:
+                os.close(end)
+            if self.poll() is None:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
         assert self.returncode is not None
         return self.returncode
 
