@@ -24,7 +24,7 @@ from support.ros_rig import NODE, SPEED_MPS, State, twist
 from wheelwire.simulation.simulator import Simulator
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
-CYCLES = 20
+CYCLES = 8
 LONG_S = 10.0
 
 
@@ -169,13 +169,18 @@ threading.Timer({delay_s}, os.kill, [os.getpid(), signal.SIGINT]).start()
 main()
 """
 """The moment counts from the beginning of the executable, whatever the computer is doing."""
-MOMENTS_S = [0.02 + 0.13 * count for count in range(16)]
+MOMENTS = [
+    *((0.02 + 0.2 * count, True) for count in range(6)),  # it reads its modules for about a second
+    *((0.02 + 0.06 * count, False) for count in range(8)),  # it has read them
+]
+"""When, and whether the node is fresh."""
 DRIVERS: tuple[dict[str, Any], ...] = ({"driver_type": "mock"}, {"port": "/dev/none"})
 
 
-@pytest.mark.parametrize(("count", "delay_s"), list(enumerate(MOMENTS_S)))
-def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, delay_s: float) -> None:
-    node = RobotNode(graph, CODE.format(delay_s=delay_s), fresh=True, **DRIVERS[count % 2])
+@pytest.mark.parametrize(("count", "moment"), list(enumerate(MOMENTS)))
+def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, moment: tuple[float, bool]) -> None:
+    delay_s, fresh = moment
+    node = RobotNode(graph, CODE.format(delay_s=delay_s), fresh=fresh, **DRIVERS[count % 2])
     with node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "Traceback" not in node.errors_at_end
