@@ -436,12 +436,13 @@ class LatestSample:
 
     def fail(self, error: WheelwireError) -> None:
         """No further sample will come: raise `error` in every call from now on."""
+        of_iterators = None if self._closed else error
+        # First: to whom `take` raises the error, the iterators have ended.
+        self._iterators.end(of_iterators)
+        self.sensors.end(of_iterators)
         self._failure = error
         self._unread.clear()
         self._current = False
-        of_iterators = None if self._closed else error
-        self._iterators.end(of_iterators)
-        self.sensors.end(of_iterators)
         self.changed.notify_all()
 
     def close(self) -> None:

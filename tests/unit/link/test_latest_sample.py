@@ -48,6 +48,17 @@ def test_after_a_failure_there_is_only_the_error(latest_sample: LatestSample) ->
         latest_sample.ticks(10)
 
 
+def test_to_whom_the_error_is_raised_the_iterators_have_ended(
+    latest_sample: LatestSample, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iterator = latest_sample.iterate()
+    monkeypatch.setattr(iterator, "end", lambda failure: latest_sample.poll())
+    latest_sample.close()
+    latest_sample.fail(LinkLost("gone"))  # which `poll` does not raise yet
+    with pytest.raises(LinkLost):
+        latest_sample.poll()
+
+
 def test_a_failure_ends_the_wait(latest_sample: LatestSample) -> None:
     threading.Timer(0.02, latest_sample.fail, [LinkLost("over")]).start()
     with pytest.raises(LinkLost, match="over"):
