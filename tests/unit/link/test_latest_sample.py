@@ -52,7 +52,7 @@ def test_to_whom_the_error_is_raised_the_iterators_have_ended(
     latest_sample: LatestSample, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     iterator = latest_sample.iterate()
-    monkeypatch.setattr(iterator, "end", lambda failure: latest_sample.poll())
+    monkeypatch.setattr(iterator, "end", lambda _: latest_sample.poll())
     latest_sample.close()
     latest_sample.fail(LinkLost("gone"))  # which `poll` does not raise yet
     with pytest.raises(LinkLost):
