@@ -223,8 +223,10 @@ class PigpioWatchdog:
         return True
 
     def close(self) -> None:
-        """Stop and delete the script."""
-        self._client.call("stop_script", self._id)
+        """Delete the script, which stops it.
+
+        In one call: between two, another program could take a stopped script's number for its own.
+        """
         self._client.call("delete_script", self._id)
 
     def _run(self) -> None:
