@@ -448,7 +448,8 @@ def test_demo_measures_what_it_claims(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_demo_shows_what_it_measured_though_the_picture_cannot_be_written(tmp_path: Path) -> None:
     """The disk is full by the end: no file may grow beyond 1000 bytes."""
     result = subprocess.run(
-        [sys.executable, "-c", SHORT_PROGRAM, "demo", "--output", str(tmp_path)],
+        # -B: Python would leave half of a compiled module, and read it next time.
+        [sys.executable, "-B", "-c", SHORT_PROGRAM, "demo", "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,
