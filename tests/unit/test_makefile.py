@@ -50,7 +50,7 @@ def test_the_demonstration_installs_no_tools_of_development() -> None:
 
 
 def test_each_long_step_of_the_demonstration_is_announced_with_how_long_it_takes() -> None:
-    lines = make("-n", "VENV=build/none", "HOST_BUILD=build/none", "demo").splitlines()
+    lines = make("-n", "UV=", "VENV=build/none", "HOST_BUILD=build/none", "demo").splitlines()
     steps = ("-m venv", "-m pip install", "cmake --build")
     for step, says in zip(steps, ("seconds", "half a minute, 200 MB", "a minute"), strict=True):
         at = next(number for number, line in enumerate(lines) if step in line)
