@@ -189,7 +189,7 @@ endif
 
 test-whole: prepared sanitized  ## What make test leaves out, and each property again, with new examples
 	$(BIN)/python tests/explore/run.py 10 --quiet
-	@if command -v clang++ >/dev/null; then $(MAKE) --no-print-directory fuzz SECONDS=5; fi
+	@$(if $(CLANG),$(MAKE) --no-print-directory fuzz SECONDS=5)
 	$(pytest) -m "whole or hypothesis"
 
 # Its own environment: zig is 400 MB, and only a release needs it.
@@ -222,7 +222,7 @@ else
 endif
 
 SECONDS ?= 60
-fuzz: sanitized cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
+fuzz: $(if $(CLANG),sanitized cpp-tests)  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
 	@$(if $(CLANG),true,echo "make fuzz needs clang++: sudo apt install clang" >&2; exit 1)
 	@$(BIN)/python tools/install_extra.py fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
