@@ -5,12 +5,20 @@ from __future__ import annotations
 import ctypes
 import mmap
 from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 from . import core_abi as abi
 from .board import BoardFault, BoardPin
-from .codes import Capability, Chip, Fault, RefusalCode, ResetReason, SupervisorState
+from .codes import (
+    Capability,
+    Chip,
+    Fault,
+    RefusalCode,
+    ResetReason,
+    SupervisorState,
+    fault_flags,
+    supervisor_state,
+)
 from .core_abi import RECORDER_SIZE as RECORDER_SIZE
 from .core_abi import TransferResult as TransferResult
 from .native import load
@@ -19,10 +27,6 @@ from .sensors import PeripheralFault
 # The capacity of the core's own buffer, so that one call empties it.
 _TAKE_SIZE = 4096
 _MOST_ISSUES = 100
-
-# A dictionary takes a seventh of the time, and this runs in each control step.
-_supervisor_state = cache(SupervisorState)
-_fault = cache(Fault)
 
 
 class Identity(NamedTuple):
@@ -264,8 +268,8 @@ class Core:
             _stage_inputs(outputs.right),
             outputs.deadline_us,
             outputs.period_us,
-            _supervisor_state(outputs.state),
-            _fault(outputs.faults),
+            supervisor_state(outputs.state),
+            fault_flags(outputs.faults),
         )
 
 

@@ -11,11 +11,10 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from functools import cache
 from typing import Any, Generic, NamedTuple, TypeVar
 from weakref import ref
 
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.codes import fault_flags, supervisor_state
 from wheelwire_protocol.types import WheelState
 
 from ..errors import RequestTimeout, WheelwireError, afresh
@@ -25,10 +24,6 @@ from .sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE, Sensed
 from .threads import Notifier
 
 DUTY_SCALE = 32767
-
-# A dictionary takes a seventh of the time, and this runs for each state frame.
-_supervisor_state = cache(SupervisorState)
-_fault = cache(Fault)
 
 
 class Measurement:
@@ -56,8 +51,8 @@ class Measurement:
         self.state = state
         self.t_us = t_us
         self.arrived_us = arrived_us
-        self.supervisor = _supervisor_state(state.supervisor)
-        self.faults = _fault(state.faults)
+        self.supervisor = supervisor_state(state.supervisor)
+        self.faults = fault_flags(state.faults)
         self._clock = clock
 
     def sample(self) -> WheelSample:
