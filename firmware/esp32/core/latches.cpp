@@ -6,7 +6,7 @@
 namespace wheelwire {
 namespace {
 
-constexpr uint16_t kMagic = 0x4c57;  // "WL"
+constexpr uint16_t kLatchMagic = 0x4c57;  // "WL"
 constexpr uint8_t kEstopFlag = 1;
 constexpr uint8_t kBatteryFlag = 4;
 constexpr uint8_t kHoldFlag = 8;
@@ -16,7 +16,7 @@ constexpr uint8_t kMovesFlag = 16;
 
 void Latches::encode(uint8_t* out, const LastStop& stop) const {
   uint8_t* at = out;
-  wire::put(at, kMagic);
+  wire::put(at, kLatchMagic);
   wire::put(at,
             static_cast<uint8_t>((estop ? kEstopFlag : 0) | (battery_at_stop ? kBatteryFlag : 0) |
                                  (holds ? kHoldFlag : 0) | (moves ? kMovesFlag : 0)));
@@ -36,7 +36,7 @@ bool Latches::decode(const uint8_t* data, size_t size, Latches& out, LastStop* s
   wire::get(data, magic);
   wire::get(data, flags);
   wire::get(data, source);
-  if (magic != kMagic) return false;
+  if (magic != kLatchMagic) return false;
   out.estop = (flags & kEstopFlag) != 0;
   out.holds = (flags & kHoldFlag) != 0;
   out.battery_at_stop = (flags & kBatteryFlag) != 0;

@@ -16,7 +16,7 @@ static_assert(ids_count_from_one(), "values are found by id - 1");
 // The block: magic, count, (id, value) for each. Keyed by id, so that releases with more and with
 // fewer parameters can read each other's blocks. The last entry has the board's checksum for its
 // value. The store has a checksum.
-constexpr uint32_t kMagic = 0x32505757;  // "WWP2"
+constexpr uint32_t kListMagic = 0x32505757;  // "WWP2"
 constexpr size_t kHead = 5;
 constexpr size_t kEntry = 5;
 constexpr size_t kSavedSize = kHead + (kParameterCount + 1) * kEntry;
@@ -60,7 +60,7 @@ Parameters::Load Parameters::load(BlockStore& store) {
   uint8_t count;
   wire::get(in, magic);
   wire::get(in, count);
-  if (magic != kMagic || size != kHead + count * kEntry) return Load::kDamaged;
+  if (magic != kListMagic || size != kHead + count * kEntry) return Load::kDamaged;
   if (count == 0) return Load::kEmpty;
 
   Parameters loaded(specs_, board_);
@@ -85,7 +85,7 @@ Parameters::Load Parameters::load(BlockStore& store) {
 bool Parameters::save(BlockStore& store) const {
   uint8_t block[kSavedSize];
   uint8_t* out = block;
-  wire::put(out, kMagic);
+  wire::put(out, kListMagic);
   wire::put(out, static_cast<uint8_t>(kParameterCount + 1));
   for (const ParameterSpec& spec : kParameters) {
     wire::put(out, spec.id);
@@ -99,7 +99,7 @@ bool Parameters::save(BlockStore& store) const {
 bool Parameters::save_none(BlockStore& store) {
   uint8_t block[kHead];
   uint8_t* out = block;
-  wire::put(out, kMagic);
+  wire::put(out, kListMagic);
   wire::put(out, uint8_t{0});
   return store.save(block, sizeof block);
 }

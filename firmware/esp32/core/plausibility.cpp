@@ -5,7 +5,7 @@ namespace {
 
 // A wheel without a tick for this long is at rest, which is for FaultMonitor to judge. The time
 // does not count here: a wheel that is blocked for a moment is not a fault.
-constexpr uint32_t kStandstill_us = 180'000;
+constexpr uint32_t kSilent_us = 180'000;
 
 // The low-pass filter that measures the growth of the speed has a quarter of ObstacleMemory's time.
 constexpr int32_t kFilter_bits = 2;
@@ -80,7 +80,7 @@ bool PlausibilityMonitor::lasts(int32_t excess_q15, int32_t gain_q4, int32_t spe
     excess_.refute(period_us, kRefuted_us);
     return false;
   }
-  if (silence_us_ >= kStandstill_us) {
+  if (silence_us_ >= kSilent_us) {
     begin_anew(0, time_us);
     return false;
   }

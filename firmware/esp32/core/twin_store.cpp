@@ -11,7 +11,7 @@ namespace {
 
 // After the block: this, the records, the number, the checksum. Earlier firmware left out the first
 // two.
-constexpr uint16_t kMagic = 0x3257;  // "W2"
+constexpr uint16_t kSlotMagic = 0x3257;  // "W2"
 constexpr int kAttempts = 2;
 
 }  // namespace
@@ -72,7 +72,7 @@ TwinStore::Copy TwinStore::read(int copy) {
   wire::get(at, magic);
   wire::get(at, found.records);
   wire::get(at, found.number);
-  found.state = magic == kMagic ? State::kWhole : State::kOutdated;
+  found.state = magic == kSlotMagic ? State::kWhole : State::kOutdated;
   return found;
 }
 
@@ -113,7 +113,7 @@ bool TwinStore::write(int copy, const Copy& content, const uint8_t* data) {
 
 bool TwinStore::write(int copy, const Copy& content) {
   uint8_t* at = buffer_ + content.size;
-  wire::put(at, kMagic);
+  wire::put(at, kSlotMagic);
   wire::put(at, content.records);
   wire::put(at, content.number);
   const uint32_t crc = crc32(buffer_, static_cast<size_t>(at - buffer_));

@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "configuration.hpp"
 #include "reset_reason.hpp"
 #include "shipped_boards.hpp"
 

@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kOpenUs = 3'000;
 constexpr uint64_t kArmingUs = 100'000;
-constexpr size_t kSides = 2;
 
 int16_t q15(double duty) {
   if (!std::isfinite(duty)) return INT16_MIN;
@@ -406,7 +405,7 @@ void Run::hold(const Operation& operation) {
 /// As hold(), with an encoder that loses all edges for a while, again and again.
 void Run::drive_with_gaps(const Operation& operation) {
   const auto& values = operation.values;
-  const size_t side = whole(values[3]) % kSides;
+  const size_t side = whole(values[3]) % sim::kSides.size();
   sim::EncoderModel& model = simulator_.board.encoders[side].model;
   const double of_us = std::clamp(values[5], 1e3, 1e6);
   const double lost_us = std::clamp(values[4], 0.0, of_us);
@@ -548,7 +547,7 @@ void Run::change_robot(const Operation& operation) {
       return;
     case "lost_edges"_op: {
       disturb();
-      sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
+      sim::EncoderModel& model = board.encoders[whole(values[0]) % sim::kSides.size()].model;
       model.lost = std::clamp(values[1], 0.0, 1.0);
       model.edge_error_ticks = std::clamp(values[2], 0.0, 0.45);
       return;
@@ -556,7 +555,7 @@ void Run::change_robot(const Operation& operation) {
     case "encoder"_op: {
       disturb();
       world_.changed_encoders = true;
-      sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
+      sim::EncoderModel& model = board.encoders[whole(values[0]) % sim::kSides.size()].model;
       model.dead = values[1] != 0.0;
       model.reversed = values[2] != 0.0;
       model.stuck = static_cast<int>(whole(values[3]) % 3);
@@ -600,7 +599,7 @@ void Run::change_plant(const Operation& operation) {
   const auto& values = operation.values;
   sim::Plant& plant = simulator_.board.plant;
   sim::PlantModel model = plant.model();
-  sim::WheelModel& wheel = model.wheels[whole(values[0]) % kSides];
+  sim::WheelModel& wheel = model.wheels[whole(values[0]) % sim::kSides.size()];
   switch (operation.kind) {
     case "supply"_op:
       model.bridge.supply_v = std::clamp(values[0], 0.0, 60.0);
@@ -617,7 +616,7 @@ void Run::change_plant(const Operation& operation) {
       wheel.load_nm = std::clamp(values[1], -1.0, 1.0);
       break;
     case "push"_op:
-      plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % kSides),
+      plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % sim::kSides.size()),
                          std::clamp(values[1], -100.0, 100.0) * 6.28318530717958647692);
       world_.turned_by_hand_us = world_.disturbed_us;
       return;

@@ -88,7 +88,6 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   bool dead_ = false;  ///< The power went in the middle of what the firmware was doing.
   bool started_ = false;
   uint32_t boot_id_;
-  uint64_t steps_ = 0;
 };
 
 }  // namespace wheelwire::explore

@@ -7,7 +7,7 @@ namespace {
 
 constexpr uint32_t kImageMagic = 0x49425757;  // "WWBI"
 constexpr uint32_t kFormat = 1;
-constexpr size_t kUsed = 13;
+constexpr size_t kUsedWords = 13;
 
 uint32_t crc32_of(const uint32_t* words, size_t count) {
   return crc32(reinterpret_cast<const uint8_t*>(words), count * sizeof *words);
@@ -16,7 +16,7 @@ uint32_t crc32_of(const uint32_t* words, size_t count) {
 }  // namespace
 
 void BoxHead::encode(uint32_t* out) const {
-  const uint32_t words[kUsed - 1] = {
+  const uint32_t words[kUsedWords - 1] = {
       kImageMagic,
       kFormat | static_cast<uint32_t>(cause) << 8 | static_cast<uint32_t>(reset_reason) << 16,
       number,
@@ -29,14 +29,15 @@ void BoxHead::encode(uint32_t* out) const {
       static_cast<uint32_t>(stored_us),
       static_cast<uint32_t>(stored_us >> 32),
       check};
-  for (size_t i = 0; i < kUsed - 1; ++i) out[i] = words[i];
-  out[kUsed - 1] = crc32_of(out, kUsed - 1);
-  for (size_t i = kUsed; i < kWords; ++i) out[i] = UINT32_MAX;  // As erased flash: room for more.
+  for (size_t i = 0; i < kUsedWords - 1; ++i) out[i] = words[i];
+  out[kUsedWords - 1] = crc32_of(out, kUsedWords - 1);
+  for (size_t i = kUsedWords; i < kWords; ++i)
+    out[i] = UINT32_MAX;  // As erased flash: room for more.
 }
 
 bool BoxHead::decode(const uint32_t* words, BoxHead& out) {
   if (words[0] != kImageMagic || (words[1] & 0xff) != kFormat) return false;
-  if (crc32_of(words, kUsed - 1) != words[kUsed - 1]) return false;
+  if (crc32_of(words, kUsedWords - 1) != words[kUsedWords - 1]) return false;
   out = {
       .cause = static_cast<BoxCause>(words[1] >> 8),
       .reset_reason = static_cast<ResetReason>(words[1] >> 16),

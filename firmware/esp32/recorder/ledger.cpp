@@ -9,8 +9,8 @@ namespace wheelwire {
 namespace {
 
 constexpr uint32_t kMagic = 0x4c425757;  // "WWBL"
-constexpr size_t kUsed = 12 + 4 * (kResetReasonCount + kEventCount) + 4;
-static_assert(kUsed <= LedgerCounts::kSize);
+constexpr size_t kUsedBytes = 12 + 4 * (kResetReasonCount + kEventCount) + 4;
+static_assert(kUsedBytes <= LedgerCounts::kSize);
 
 }  // namespace
 
@@ -26,7 +26,7 @@ void LedgerCounts::encode(uint8_t* out) const {
 }
 
 bool LedgerCounts::decode(const uint8_t* bytes, LedgerCounts& out) {
-  if (crc32(bytes, kUsed) != kCrcResidue) return false;
+  if (crc32(bytes, kUsedBytes) != kCrcResidue) return false;
   uint32_t magic;
   wire::get(bytes, magic);
   if (magic != kMagic) return false;

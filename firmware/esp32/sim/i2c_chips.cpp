@@ -9,7 +9,6 @@ namespace wheelwire::sim {
 
 namespace {
 
-constexpr double kGravity = 9.80665;       // [m/s^2]
 constexpr double kTemperatureCdeg = 3000;  // In a housing with motors.
 
 std::array<double, 3> unit_vector(Axis axis) {

@@ -7,7 +7,6 @@ namespace wheelwire::sim {
 
 namespace {
 
-constexpr double kGravity = 9.80665;  // [m/s^2]
 constexpr double kMostSlip = 0.9;
 
 double approached(double value, double target, double most) {

@@ -8,6 +8,8 @@
 
 namespace wheelwire::sim {
 
+constexpr double kGravity = 9.80665;  ///< [m/s^2]
+
 enum Side : unsigned { kLeft = 0, kRight = 1 };
 constexpr std::array<Side, 2> kSides = {kLeft, kRight};
 constexpr Side other(Side side) { return side == kLeft ? kRight : kLeft; }

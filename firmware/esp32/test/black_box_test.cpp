@@ -18,15 +18,16 @@ using box::Kind;
 
 namespace {
 
-const BoxOrigin kOrigin{.core = kCoreHash, .release = 0x000102, .git_hash = 7, .boot_id = 9};
+const BoxOrigin kRecordedOrigin{
+    .core = kCoreHash, .release = 0x000102, .git_hash = 7, .boot_id = 9};
 
 /// A robot that is recorded.
-struct Recorded {
+struct RecordedRobot {
   std::vector<uint32_t> memory = std::vector<uint32_t>(box::kWords);
-  BlackBox black_box{memory.data(), kOrigin};
+  BlackBox black_box{memory.data(), kRecordedOrigin};
   RobotBench bench;
 
-  Recorded() {
+  RecordedRobot() {
     bench.device.start(bench.now_us);
     bench.device.record(black_box);
     bench.step();
@@ -73,7 +74,7 @@ TEST(a_box_without_a_step_is_empty) {
 }
 
 TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.send(robot.bench.velocity(0.3f, 0.2f));
   for (int i = 0; i < 100; ++i) {
     robot.bench.turn(i % 3, -(i % 2));
@@ -100,7 +101,7 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
         {test::bumper(Place::kFront),
          Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 39}}));
     std::vector<uint32_t> memory(box::kWords);
-    BlackBox black_box(memory.data(), kOrigin);
+    BlackBox black_box(memory.data(), kRecordedOrigin);
     bench.device.start(bench.now_us);
     if (!begins_late) bench.device.record(black_box);
     bench.step();
@@ -146,7 +147,7 @@ TEST(what_the_platform_answers_re_runs_the_same) {
     }
   } memory;
   for (const bool has_platform : {false, true}) {
-    Recorded robot;
+    RecordedRobot robot;
     if (has_platform) robot.bench.device.offer(memory);
     robot.black_box.clear();
     robot.bench.step();
@@ -158,7 +159,7 @@ TEST(what_the_platform_answers_re_runs_the_same) {
 }
 
 TEST(what_does_not_fit_in_a_packed_step_is_recorded_in_full) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.turn(3000, -3000);
   robot.bench.step(20'000);
   robot.bench.encoders.counts.left_illegal = 5;
@@ -174,7 +175,7 @@ TEST(what_does_not_fit_in_a_packed_step_is_recorded_in_full) {
 
 TEST(a_fault_and_an_estop_end_the_box_with_the_step_in_which_they_came) {
   for (const bool contact : {false, true}) {
-    Recorded robot;
+    RecordedRobot robot;
     robot.bench.drive(0.2f, 0.2f);
     CHECK(robot.bench.driven() && !robot.black_box.is_closed());
     if (contact) {
@@ -203,7 +204,7 @@ TEST(a_fault_and_an_estop_end_the_box_with_the_step_in_which_they_came) {
 }
 
 TEST(a_message_between_two_steps_has_its_own_time) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.now_us += 400;
   robot.bench.send(robot.bench.velocity(0.1f, 0.1f));
   robot.bench.service();
@@ -219,7 +220,7 @@ TEST(a_message_between_two_steps_has_its_own_time) {
 }
 
 TEST(a_contact_that_opens_between_two_reads_re_runs_where_it_was_read) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.drive(0.2f, 0.2f, 3);
   // The clear reads the contact closed, the step that follows finds it open.
   robot.bench.send(ClearEstop{robot.bench.session_id(), ++robot.bench.request_id});
@@ -232,7 +233,7 @@ TEST(a_contact_that_opens_between_two_reads_re_runs_where_it_was_read) {
 }
 
 TEST(a_refusal_and_a_failed_write_are_recorded) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.store.failing = true;
   CHECK(robot.bench.refusal(ParameterSave{}) == RefusalCode::kStoreFailed);
   robot.bench.step();
@@ -241,7 +242,7 @@ TEST(a_refusal_and_a_failed_write_are_recorded) {
 }
 
 TEST(the_oldest_segment_is_dropped_for_a_new_one) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.run(20'000);
   const auto entries = robot.entries();
   CHECK(robot.count(Kind::kState) >= box::kSegments - 1);
@@ -251,7 +252,7 @@ TEST(the_oldest_segment_is_dropped_for_a_new_one) {
 }
 
 TEST(a_second_at_1_khz_with_100_setpoints_is_always_there) {
-  Recorded robot;
+  RecordedRobot robot;
   uint64_t shortest_us = UINT64_MAX;
   for (int i = 0; i < 20'000; ++i) {
     if (i % 10 == 0) robot.bench.send(robot.bench.duty(3000, 3000));
@@ -272,9 +273,9 @@ TEST(a_second_at_1_khz_with_100_setpoints_is_always_there) {
 }
 
 TEST(a_flood_of_messages_stays_within_the_memory) {
-  Recorded robot;
+  RecordedRobot robot;
   std::vector<uint32_t> guarded(box::kWords + 8, 0x5a5a5a5au);
-  BlackBox black_box(guarded.data(), kOrigin);
+  BlackBox black_box(guarded.data(), kRecordedOrigin);
   robot.bench.device.record(black_box);
   std::mt19937 random(1);
   for (int i = 0; i < 3000; ++i) {
@@ -290,12 +291,12 @@ TEST(a_flood_of_messages_stays_within_the_memory) {
 }
 
 TEST(a_torn_last_record_is_dropped_and_the_rest_re_runs) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.drive(0.2f, 0.2f, 50);
   const size_t whole = robot.entries().size();
   for (ptrdiff_t cut = 1; cut <= 3; ++cut) {  // the third word is before the payload
     // As a reset leaves it: some words of the newest record are there, the others are older.
-    Recorded torn;
+    RecordedRobot torn;
     torn.memory = robot.memory;
     auto* const payload = const_cast<uint32_t*>(torn.entries().back().payload);
     payload[2 - cut] ^= 0x10;
@@ -305,7 +306,7 @@ TEST(a_torn_last_record_is_dropped_and_the_rest_re_runs) {
 }
 
 TEST(what_an_earlier_use_left_behind_the_newest_record_is_not_read) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.run(9000);
   // A reset: the next use restarts in the same memory, whose segments are full.
   robot.black_box.clear();
@@ -317,7 +318,7 @@ TEST(what_an_earlier_use_left_behind_the_newest_record_is_not_read) {
 TEST(a_box_of_another_core_is_refused) {
   std::vector<uint32_t> memory(box::kWords);
   BlackBox other(memory.data(), {.core = kCoreHash + 1, .release = 0, .git_hash = 0, .boot_id = 0});
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.device.record(other);
   robot.bench.run(3);
   CHECK(Rerun(memory.data()).run() == Outcome::kOtherCore);
@@ -326,7 +327,7 @@ TEST(a_box_of_another_core_is_refused) {
 TEST(of_another_core_only_what_the_robot_did_is_compared) {
   std::vector<uint32_t> memory(box::kWords);
   BlackBox other(memory.data(), {.core = kCoreHash + 1, .release = 0, .git_hash = 0, .boot_id = 0});
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.device.record(other);
   robot.bench.drive(0.2f, 0.2f, 10);
   const uint64_t now_us = robot.bench.now_us + 1000;
@@ -343,10 +344,10 @@ TEST(of_another_core_only_what_the_robot_did_is_compared) {
 }
 
 TEST(a_difference_names_the_first_step_and_the_field) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.drive(0.2f, 0.2f, 30);
   // Another core would have driven otherwise in one step; so it is recorded.
-  Recorded changed;
+  RecordedRobot changed;
   changed.bench.drive(0.2f, 0.2f, 10);
   BlackBox& box = changed.black_box;
   box.note_pause();
@@ -359,7 +360,7 @@ TEST(a_difference_names_the_first_step_and_the_field) {
 }
 
 TEST(a_transition_that_the_re_run_does_not_make_is_a_difference) {
-  Recorded robot;
+  RecordedRobot robot;
   robot.bench.drive(0.2f, 0.2f, 10);
   robot.black_box.note_transition(SupervisorEvent::kDeadline, SupervisorState::kDriving,
                                   SupervisorState::kTimedOut, 0);
@@ -369,9 +370,9 @@ TEST(a_transition_that_the_re_run_does_not_make_is_a_difference) {
 }
 
 TEST(a_state_that_is_not_what_the_re_run_computes_names_its_field) {
-  Recorded robot;
+  RecordedRobot robot;
   // A request is served behind the recorder's back.
-  Recorded other;
+  RecordedRobot other;
   robot.bench.device.record(other.black_box);
   CHECK(robot.bench.refusal(ParameterGet{.parameter = 255}) == RefusalCode::kUnknownParameter);
   robot.bench.device.record(robot.black_box);
@@ -383,7 +384,7 @@ TEST(a_state_that_is_not_what_the_re_run_computes_names_its_field) {
 }
 
 TEST(what_a_reset_damaged_is_missing_with_all_before_it) {
-  Recorded robot;
+  RecordedRobot robot;
   CHECK(BoxReader(robot.memory.data()).missing() == 0);  // Of a box that is not full yet, too.
   for (int i = 0; i < 5000; ++i) {
     robot.bench.turn(i % 2, i % 2);
@@ -405,7 +406,7 @@ TEST(what_a_reset_damaged_is_missing_with_all_before_it) {
 }
 
 TEST(damaged_boxes_are_read_without_harm) {
-  Recorded robot;
+  RecordedRobot robot;
   for (int i = 0; i < 200; ++i) {
     if (i % 10 == 0) robot.bench.send(robot.bench.velocity(0.3f, 0.3f));
     robot.bench.step();
@@ -424,7 +425,7 @@ TEST(two_hundred_random_runs_re_run_bit_by_bit) {
   for (uint32_t seed = 0; seed < 200; ++seed) {
     std::mt19937 random(seed);
     const auto chance = [&](uint32_t one_in) { return random() % one_in == 0; };
-    Recorded robot;
+    RecordedRobot robot;
     RobotBench& bench = robot.bench;
     const auto speed = [&] {
       return static_cast<float>(static_cast<int>(random() % 121) - 60) / 100;

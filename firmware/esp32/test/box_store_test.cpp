@@ -53,11 +53,11 @@ Images images(BoxStore& boxes) {
 }
 
 /// A device with its recorder, at rest since long.
-struct Recorded {
+struct RobotWithBoxes {
   RecorderMemory memory{};
   CutFlash flash{RecorderKeeper::kFlashSize};
   RobotBench bench;
-  explicit Recorded(uint64_t start_us = 20'000'000) : bench(start_us) {}
+  explicit RobotWithBoxes(uint64_t start_us = 20'000'000) : bench(start_us) {}
   std::optional<RecorderKeeper> keeper;
 
   void start(ResetReason reason = ResetReason::kPowerOn) {
@@ -99,7 +99,7 @@ struct Recorded {
 };
 
 /// One that has stood since its start for so long that its recorder may write.
-struct RestingRobot : Recorded {
+struct RestingRobot : RobotWithBoxes {
   RestingRobot() {
     start();
     run(3000);
@@ -249,7 +249,7 @@ TEST(a_cut_while_a_robot_stores_a_box_leaves_its_parameters_and_its_counts) {
   size_t operations = SIZE_MAX;
   for (size_t cut = 0; cut <= operations; ++cut) {
     for (const CutFlash::Cut how : kCuts) {
-      Recorded robot;
+      RobotWithBoxes robot;
       robot.start();
       CHECK(robot.bench.set(ParameterId::kMaxDuty, 0.5f) == RefusalCode::kNone);
       CHECK(robot.bench.refusal(ParameterSave{}) == RefusalCode::kNone);
@@ -285,7 +285,7 @@ TEST(a_flash_that_takes_nothing_is_left_alone_until_the_next_start) {
 }
 
 TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
-  Recorded robot;
+  RobotWithBoxes robot;
   robot.start();
   robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
   for (int i = 0; i < 200; ++i) {
@@ -344,10 +344,10 @@ TEST(boxes_are_stored_three_at_once_and_then_one_in_ten_minutes) {
 
 TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
   for (const bool panics : {true, false}) {
-    Recorded first;
+    RobotWithBoxes first;
     first.start();
     first.bench.drive(0.2f, 0.2f, 30);
-    Recorded second(50'000);
+    RobotWithBoxes second(50'000);
     second.memory = first.memory;
     second.start(panics ? ResetReason::kPanic : ResetReason::kPowerOn);
     second.run(9900);
@@ -489,7 +489,7 @@ TEST(a_boot_loop_writes_nothing_and_is_counted) {
   CutFlash flash(RecorderKeeper::kFlashSize);
   RecorderMemory memory{};
   for (uint32_t boot = 0; boot < 50; ++boot) {
-    Recorded robot(50'000);
+    RobotWithBoxes robot(50'000);
     robot.flash = flash;
     robot.memory = memory;
     robot.start(boot % 2 == 0 ? ResetReason::kTaskWatchdog : ResetReason::kPanic);
@@ -530,7 +530,7 @@ TEST(a_host_reads_the_boxes_part_by_part) {
 }
 
 TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {
-  Recorded robot;
+  RobotWithBoxes robot;
   robot.start();
   robot.run(10);
   robot.bench.received.clear();
@@ -586,10 +586,10 @@ TEST(a_box_is_current_until_anything_happens_to_the_state) {
 }
 
 TEST(the_box_of_a_reset_is_current_all_of_the_boot) {
-  Recorded first;
+  RobotWithBoxes first;
   first.start();
   first.bench.drive(0.2f, 0.2f, 30);
-  Recorded second(50'000);
+  RobotWithBoxes second(50'000);
   second.memory = first.memory;
   second.start(ResetReason::kPanic);
   second.run(11'000);
@@ -597,7 +597,7 @@ TEST(the_box_of_a_reset_is_current_all_of_the_boot) {
   second.estop_and_clear(200);
   CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 1})->is_current == 1);
   CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 0})->is_current == 0);
-  Recorded third(50'000);
+  RobotWithBoxes third(50'000);
   third.flash = second.flash;
   third.start(ResetReason::kPowerOn);
   third.run(11'000);
@@ -616,7 +616,7 @@ TEST(a_box_that_is_overwritten_while_it_is_read_ends_in_no_mixture) {
 }
 
 TEST(a_host_reads_the_ledger) {
-  Recorded robot;
+  RobotWithBoxes robot;
   robot.start(ResetReason::kBrownout);
   robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
   robot.run(1000);

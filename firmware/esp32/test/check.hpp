@@ -30,6 +30,12 @@ inline void report(const char* file, int line, const char* expression) {
   std::printf("%s:%d: CHECK(%s) failed\n", file, line, expression);
 }
 
+/// Prints what was measured, for a comparison of two releases.
+inline double shown(const char* what, double value) {
+  std::printf("     %s: %.3f\n", what, value);
+  return value;
+}
+
 }  // namespace wheelwire::test
 
 #define TEST(name)                                                                     \

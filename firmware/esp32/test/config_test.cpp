@@ -8,7 +8,7 @@ using enum ParameterId;
 
 namespace {
 
-ControlConfig with(ParameterId id, float value) {
+ControlConfig config_with(ParameterId id, float value) {
   Parameters parameters;
   CHECK(parameters.set(id, value) == RefusalCode::kNone);
   return make_config(parameters);
@@ -17,20 +17,20 @@ ControlConfig with(ParameterId id, float value) {
 }  // namespace
 
 TEST(times_arrive_in_microseconds) {
-  CHECK(with(kControlRateHz, 500).period_us == 2000);
-  CHECK(with(kVelocityWindowUs, 12'345).velocity_window_us == 12'345);
-  CHECK(with(kBrakeTimeS, 0.25f).brake_time_us == 250'000);
-  CHECK(with(kTtlMaxS, 0.75f).ttl_max_us == 750'000);
-  CHECK(with(kOverrunLimitUs, 12'345).overrun_limit_us == 12'345);
-  CHECK(with(kStallTimeS, 1.5f).faults.stall_time_us == 1'500'000);
+  CHECK(config_with(kControlRateHz, 500).period_us == 2000);
+  CHECK(config_with(kVelocityWindowUs, 12'345).velocity_window_us == 12'345);
+  CHECK(config_with(kBrakeTimeS, 0.25f).brake_time_us == 250'000);
+  CHECK(config_with(kTtlMaxS, 0.75f).ttl_max_us == 750'000);
+  CHECK(config_with(kOverrunLimitUs, 12'345).overrun_limit_us == 12'345);
+  CHECK(config_with(kStallTimeS, 1.5f).faults.stall_time_us == 1'500'000);
 }
 
 TEST(limits_arrive_by_control_step) {
-  CHECK(with(kMaxVelocityMps, 0.25f).max_velocity_umps == 250'000);
-  CHECK(with(kMaxAccelerationMps2, 2).velocity_slew_umps == 2'000);
-  CHECK(magnitude(with(kMaxDutyRatePerS, 10).duty_slew_q15 - 328) <= 1);
-  CHECK(with(kMaxAccelerationMps2, 0.05f).velocity_slew_umps == 50);
-  CHECK(magnitude(with(kMaxDuty, 0.5f).gains.limit_q15 - 16'384) <= 1);
+  CHECK(config_with(kMaxVelocityMps, 0.25f).max_velocity_umps == 250'000);
+  CHECK(config_with(kMaxAccelerationMps2, 2).velocity_slew_umps == 2'000);
+  CHECK(magnitude(config_with(kMaxDutyRatePerS, 10).duty_slew_q15 - 328) <= 1);
+  CHECK(config_with(kMaxAccelerationMps2, 0.05f).velocity_slew_umps == 50);
+  CHECK(magnitude(config_with(kMaxDuty, 0.5f).gains.limit_q15 - 16'384) <= 1);
 }
 
 TEST(a_slew_limit_never_becomes_zero) {
@@ -41,9 +41,9 @@ TEST(a_slew_limit_never_becomes_zero) {
 }
 
 TEST(thresholds_arrive_as_duties_and_speeds) {
-  CHECK(magnitude(with(kStallDuty, 0.25f).faults.stall_duty_q15 - 8'192) <= 1);
-  CHECK(magnitude(with(kReversalDuty, 0.25f).faults.reversal_duty_q15 - 8'192) <= 1);
-  CHECK(with(kReversalVelocityMps, 0.25f).faults.reversal_umps == 250'000);
+  CHECK(magnitude(config_with(kStallDuty, 0.25f).faults.stall_duty_q15 - 8'192) <= 1);
+  CHECK(magnitude(config_with(kReversalDuty, 0.25f).faults.reversal_duty_q15 - 8'192) <= 1);
+  CHECK(config_with(kReversalVelocityMps, 0.25f).faults.reversal_umps == 250'000);
 }
 
 TEST(a_tick_is_the_rim_between_two_counts) {
@@ -54,17 +54,17 @@ TEST(a_tick_is_the_rim_between_two_counts) {
 }
 
 TEST(switches_arrive_each_at_its_place) {
-  CHECK(with(kLeftMotorInverted, 1).left_motor_inverted);
-  CHECK(!with(kLeftMotorInverted, 1).right_motor_inverted);
-  CHECK(with(kRightMotorInverted, 1).right_motor_inverted);
-  CHECK(with(kLeftEncoderInverted, 1).left_encoder_inverted);
-  CHECK(!with(kLeftEncoderInverted, 1).right_encoder_inverted);
-  CHECK(with(kRightEncoderInverted, 1).right_encoder_inverted);
-  CHECK(with(kMotorsSwapped, 1).motors_swapped);
-  CHECK(!with(kMotorsSwapped, 1).encoders_swapped);
-  CHECK(with(kEncodersSwapped, 1).encoders_swapped);
-  CHECK(with(kEstopInputEnabled, 1).estop_input_enabled);
-  CHECK(!with(kEstopInputEnabled, 0).estop_input_enabled);
-  CHECK(with(kStopMode, 1).stop_mode == StopMode::kCoast);
-  CHECK(with(kStopMode, 2).stop_mode == StopMode::kBrake);
+  CHECK(config_with(kLeftMotorInverted, 1).left_motor_inverted);
+  CHECK(!config_with(kLeftMotorInverted, 1).right_motor_inverted);
+  CHECK(config_with(kRightMotorInverted, 1).right_motor_inverted);
+  CHECK(config_with(kLeftEncoderInverted, 1).left_encoder_inverted);
+  CHECK(!config_with(kLeftEncoderInverted, 1).right_encoder_inverted);
+  CHECK(config_with(kRightEncoderInverted, 1).right_encoder_inverted);
+  CHECK(config_with(kMotorsSwapped, 1).motors_swapped);
+  CHECK(!config_with(kMotorsSwapped, 1).encoders_swapped);
+  CHECK(config_with(kEncodersSwapped, 1).encoders_swapped);
+  CHECK(config_with(kEstopInputEnabled, 1).estop_input_enabled);
+  CHECK(!config_with(kEstopInputEnabled, 0).estop_input_enabled);
+  CHECK(config_with(kStopMode, 1).stop_mode == StopMode::kCoast);
+  CHECK(config_with(kStopMode, 2).stop_mode == StopMode::kBrake);
 }

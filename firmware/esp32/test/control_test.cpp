@@ -1,12 +1,14 @@
 #include "check.hpp"
 #include "drive.hpp"
+#include "robot_bench.hpp"
 #include "slew.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
-constexpr ControllerGains kGains{
+constexpr ControllerGains kPlainGains{
     .proportional_q24 = 549'739,  // 1 duty per m/s
     .integral_q32 = 1'125'900,    // 8 duty per m, at 1 kHz
     .feedforward_q24 = 795'472,   // 1.447 duty per m/s
@@ -19,24 +21,22 @@ constexpr ControllerGains kGains{
     .memory_shift = 8,
 };
 
-/// Supply as the feed-forward was measured, x 4096.
-constexpr int32_t kNominal = 4096;
-
 }  // namespace
 
 TEST(feed_forward_alone_gives_the_duty_of_the_no_load_line) {
   Controller controller;
   controller.reset(400'000);
-  const int32_t duty = controller.update(400'000, 0, kNominal, kGains);
+  const int32_t duty = controller.update(400'000, 0, kNominal, kPlainGains);
   CHECK(magnitude(duty - 18'965) <= 2);  // 0.4 m/s x 1.447 = 0.5788
 }
 
 TEST(the_integral_does_not_wind_up_against_the_limit) {
   Controller controller;
   for (int i = 0; i < 10'000; ++i)
-    CHECK(controller.update(400'000, 400'000, kNominal, kGains) <= 32'767);
+    CHECK(controller.update(400'000, 400'000, kNominal, kPlainGains) <= 32'767);
   int steps = 0;
-  while (controller.update(400'000, -100'000, kNominal, kGains) > 18'965 && steps < 2000) ++steps;
+  while (controller.update(400'000, -100'000, kNominal, kPlainGains) > 18'965 && steps < 2000)
+    ++steps;
   CHECK(steps < 1000);
 }
 
@@ -44,7 +44,7 @@ TEST(extreme_inputs_stay_within_the_limit) {
   Controller controller;
   for (const int32_t target : {INT32_MAX, -INT32_MAX, 0}) {
     for (const int32_t error : {INT32_MAX, -INT32_MAX, 0}) {
-      CHECK(magnitude(controller.update(target, error, kNominal, kGains)) <= 32'767);
+      CHECK(magnitude(controller.update(target, error, kNominal, kPlainGains)) <= 32'767);
     }
   }
 }

@@ -5,17 +5,12 @@
 #include <utility>
 
 #include "check.hpp"
+#include "robot_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
-
-struct Motor final : MotorPort {
-  void drive(int16_t duty_q15) override { duty = duty_q15; }
-  void brake() override { duty = 0; }
-  void coast() override { duty = 0; }
-  int16_t duty = 0;
-};
 
 class DriveBench {
  public:
@@ -33,8 +28,8 @@ class DriveBench {
   }
 
   ControlConfig config = make_config(Parameters());
-  Motor left;
-  Motor right;
+  BenchMotor left;
+  BenchMotor right;
   Drive drive{left, right};
   EncoderCounts counts{};
 

@@ -83,11 +83,11 @@ void put_bytes(FakeChip& chip, uint8_t at, const std::vector<uint8_t>& bytes) {
 
 /// A robot's IMU from chip to hub, in steps of 100 us: the sensors' task each millisecond unless it
 /// is busy, the control task each millisecond.
-class Rig : public SensorPort, public SensorObserver {
+class I2cRig : public SensorPort, public SensorObserver {
  public:
   static constexpr uint8_t kAddress = 0x68;
 
-  explicit Rig(bool has_interrupt) {
+  explicit I2cRig(bool has_interrupt) {
     list_.count = 1;
     list_.entries[0] = {.kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050};
     FakeChip& chip = bus.chips[kAddress];
@@ -161,8 +161,8 @@ class Rig : public SensorPort, public SensorObserver {
 };
 
 /// One that has run for half a second.
-struct RunningRig : Rig {
-  explicit RunningRig(bool has_interrupt) : Rig(has_interrupt) { run(500'000); }
+struct RunningRig : I2cRig {
+  explicit RunningRig(bool has_interrupt) : I2cRig(has_interrupt) { run(500'000); }
 };
 
 void lose_settings(FakeChip& chip) {
@@ -283,7 +283,7 @@ TEST(an_ina226_measures_by_its_shunt) {
 
 TEST(each_sample_comes_once_stamped_within_its_bound) {
   for (const bool has_interrupt : {false, true}) {
-    Rig rig{has_interrupt};
+    I2cRig rig{has_interrupt};
     rig.run(2'000'000);
     CHECK(rig.readings.size() >= 375 && rig.readings.size() <= 381);
     CHECK(are_consecutive(rig.readings));
@@ -361,7 +361,7 @@ TEST(what_does_not_answer_is_absent_within_two_polls_and_comes_back) {
 
 TEST(a_chip_that_never_answers_and_another_one_at_its_address_are_absent_at_once) {
   for (const bool is_another : {false, true}) {
-    Rig rig{!kInterrupt};
+    I2cRig rig{!kInterrupt};
     rig.chip().is_absent = !is_another;
     if (is_another) rig.chip().bytes[0x75] = 0x19;
     CHECK(rig.until(SensorState::kAbsent) <= 2'000);
@@ -379,7 +379,7 @@ TEST(a_chip_that_is_sold_for_another_works_by_its_own_table) {
     int16_t temperature_cdeg;
   } chips[] = {{0x68, 6, 3653}, {0x72, 6, 3653}, {0x70, 7, 2100}, {0x98, 7, 2100}};
   for (const auto& chip : chips) {
-    Rig rig{!kInterrupt};
+    I2cRig rig{!kInterrupt};
     rig.chip().bytes[0x75] = chip.identity;
     rig.run(500'000);
     CHECK(rig.chip().writes == chip.writes);
@@ -390,7 +390,7 @@ TEST(a_chip_that_is_sold_for_another_works_by_its_own_table) {
 
 /// It gets the settings of its own table, although nothing shows that the earlier ones were lost.
 TEST(a_chip_that_takes_the_place_of_another_is_set_up_anew) {
-  Rig rig{!kInterrupt};
+  I2cRig rig{!kInterrupt};
   rig.chip().bytes[0x75] = 0x70;
   rig.run(500'000);
   rig.chip().is_absent = true;

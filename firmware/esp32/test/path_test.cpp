@@ -2,14 +2,15 @@
 
 #include "check.hpp"
 #include "following_error.hpp"
+#include "robot_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
-constexpr PathGains kGains{
+constexpr PathGains kPathGains{
     .path_q16 = 2 * 65'536, .heading_q16 = 10 * 65'536, .catch_up_q15 = 983, .limit_um = 50'000};
-constexpr uint32_t kPeriod_us = 1000;
 constexpr int32_t kTick_q10 = 576 * 1024;
 
 /// The error of a wheel that is asked for this speed from its second step on.
@@ -30,26 +31,26 @@ struct Follower : FollowingError {
 }  // namespace
 
 TEST(the_wheel_ahead_waits_and_the_one_behind_hurries_a_little) {
-  const WheelPair command = correct_setpoint({200'000, 200'000}, {10'000, 0}, kGains);
+  const WheelPair command = correct_setpoint({200'000, 200'000}, {10'000, 0}, kPathGains);
   CHECK(command.left == 200'000 + 5999);  // 3 %
   CHECK(command.right == 100'000);
 }
 
 TEST(no_correction_turns_a_wheel_back) {
-  const WheelPair forward = correct_setpoint({200'000, 200'000}, {50'000, 0}, kGains);
+  const WheelPair forward = correct_setpoint({200'000, 200'000}, {50'000, 0}, kPathGains);
   CHECK(forward.right == 0);
-  const WheelPair backward = correct_setpoint({-200'000, -200'000}, {-50'000, 0}, kGains);
+  const WheelPair backward = correct_setpoint({-200'000, -200'000}, {-50'000, 0}, kPathGains);
   CHECK(backward.right == 0 && backward.left < -200'000);
-  const WheelPair standing = correct_setpoint({0, 100'000}, {20'000, 20'000}, kGains);
+  const WheelPair standing = correct_setpoint({0, 100'000}, {20'000, 20'000}, kPathGains);
   CHECK(standing.left == 0);
 }
 
 TEST(a_reversed_setpoint_forgets_and_a_saturated_wheel_keeps_the_heading_only) {
-  const WheelPair reversed = trim_errors({10'000, 4000}, {1, 1}, false, false, kGains);
+  const WheelPair reversed = trim_errors({10'000, 4000}, {1, 1}, false, false, kPathGains);
   CHECK(reversed.left == 0 && reversed.right == 0);
-  const WheelPair saturated = trim_errors({10'000, 4000}, {1, 1}, true, true, kGains);
+  const WheelPair saturated = trim_errors({10'000, 4000}, {1, 1}, true, true, kPathGains);
   CHECK(saturated.left == 3000 && saturated.right == -3000);
-  const WheelPair bounded = trim_errors({900'000, -900'000}, {1, 1}, true, false, kGains);
+  const WheelPair bounded = trim_errors({900'000, -900'000}, {1, 1}, true, false, kPathGains);
   CHECK(bounded.left == 50'000 && bounded.right == -50'000);
 }
 
@@ -58,13 +59,14 @@ TEST(a_saturated_wheel_makes_the_robot_late_on_the_same_curve) {
   for (const int direction : {1, -1}) {
     const WheelPair curve{100'000 * direction, 300'000 * direction};
     const WheelPair late =
-        trim_errors({5000 * direction, 15'000 * direction}, curve, true, true, kGains);
+        trim_errors({5000 * direction, 15'000 * direction}, curve, true, true, kPathGains);
     CHECK(magnitude(late.left) <= 100 && magnitude(late.right) <= 100);
-    const WheelPair ahead = trim_errors({0, 15'000 * direction}, curve, true, true, kGains);
+    const WheelPair ahead = trim_errors({0, 15'000 * direction}, curve, true, true, kPathGains);
     CHECK(ahead.left * direction < -3000 && ahead.right == -ahead.left);
   }
   // A turn on the spot has no way that it could be late on.
-  const WheelPair spin = trim_errors({-10'000, 10'000}, {-300'000, 100'000}, true, true, kGains);
+  const WheelPair spin =
+      trim_errors({-10'000, 10'000}, {-300'000, 100'000}, true, true, kPathGains);
   CHECK(spin.left == -10'000 && spin.right == 10'000);
 }
 

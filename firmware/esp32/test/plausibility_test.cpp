@@ -1,13 +1,15 @@
 #include "plausibility.hpp"
 
 #include "check.hpp"
+#include "robot_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
 /// The defaults, at 1 kHz.
-constexpr ControllerGains kGains{
+constexpr ControllerGains kDefaultGains{
     .proportional_q24 = 659'687,
     .integral_q32 = 2'251'731,
     .feedforward_q24 = 750'394,      // 1.365 duty per m/s
@@ -20,25 +22,23 @@ constexpr ControllerGains kGains{
     .memory_shift = 8,
 };
 constexpr Supply kSupply{.nominal_mv = 6100, .drop_mv = 1300, .unmeasured_mv = 6200};
-constexpr int32_t kNominal = 4096;
-constexpr uint32_t kPeriod_us = 1000;
 constexpr uint32_t kTime_us = 300'000;
 
 /// Whether a step at this duty and speed trips.
 bool trips(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps, bool ticks = true) {
-  return monitor.update(duty_q15, umps, ticks, kNominal, kPeriod_us, kTime_us, kGains);
+  return monitor.update(duty_q15, umps, ticks, kNominal, kPeriod_us, kTime_us, kDefaultGains);
 }
 
 /// Steps until it trips at this duty and speed, ticking; 0: never.
-int steps_to_trip(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps,
-                  int tick_every = 1) {
+int steps_to_implausible(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps,
+                         int tick_every = 1) {
   for (int step = 1; step <= 5000; ++step)
     if (trips(monitor, duty_q15, umps, step % tick_every == 0)) return step;
   return 0;
 }
-int steps_to_trip(int32_t duty_q15, int32_t umps, int tick_every = 1) {
+int steps_to_implausible(int32_t duty_q15, int32_t umps, int tick_every = 1) {
   PlausibilityMonitor monitor;
-  return steps_to_trip(monitor, duty_q15, umps, tick_every);
+  return steps_to_implausible(monitor, duty_q15, umps, tick_every);
 }
 
 }  // namespace
@@ -53,17 +53,17 @@ TEST(a_lower_battery_allows_more_duty) {
 }
 
 TEST(duty_beyond_feed_forward_and_margin_trips_after_its_time) {
-  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
+  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
   CHECK(magnitude(needed - to_q15(0.1365f + 0.055f + 0.38f)) < 10);
-  CHECK(steps_to_trip(needed, 100'000) == 0);
-  CHECK(steps_to_trip(-needed, -100'000) == 0);
-  const int tripped = steps_to_trip(needed + 3000, 100'000);
+  CHECK(steps_to_implausible(needed, 100'000) == 0);
+  CHECK(steps_to_implausible(-needed, -100'000) == 0);
+  const int tripped = steps_to_implausible(needed + 3000, 100'000);
   CHECK(tripped >= 300 && tripped < 450);
 }
 
 TEST(a_wheel_that_stands_is_left_to_the_other_monitor) {
-  CHECK(steps_to_trip(32'767, 0, 10'000) == 0);
-  CHECK(steps_to_trip(32'767, 0, 160) >= 300);
+  CHECK(steps_to_implausible(32'767, 0, 10'000) == 0);
+  CHECK(steps_to_implausible(32'767, 0, 160) >= 300);
 }
 
 TEST(a_wheel_that_gains_speed_explains_its_duty) {
@@ -72,23 +72,23 @@ TEST(a_wheel_that_gains_speed_explains_its_duty) {
   for (int step = 0; step < 250; ++step) {
     speed += 1500;  // 1.5 m/s^2
     const int32_t duty =
-        duty_for(speed, kGains.margin_q15, kNominal, kGains) + to_q15(0.143f * 1.2f);
-    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kGains));
+        duty_for(speed, kDefaultGains.margin_q15, kNominal, kDefaultGains) + to_q15(0.143f * 1.2f);
+    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kDefaultGains));
   }
 }
 
 TEST(a_wheel_that_a_load_slows_down_needs_no_less_duty) {
   PlausibilityMonitor monitor;
   for (int step = 0; step < 400; ++step)
-    CHECK(!monitor.update(0, 400'000, true, kNominal, kPeriod_us, 150'000, kGains));
+    CHECK(!monitor.update(0, 400'000, true, kNominal, kPeriod_us, 150'000, kDefaultGains));
   for (int32_t speed = 400'000; speed > 50'000; speed -= 1500) {
-    const int32_t duty = duty_for(speed, kGains.margin_q15, kNominal, kGains);
-    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kGains));
+    const int32_t duty = duty_for(speed, kDefaultGains.margin_q15, kNominal, kDefaultGains);
+    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kDefaultGains));
   }
 }
 
 TEST(excess_adds_up_across_short_gaps) {
-  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
+  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
   struct Share {
     int excessive;
     int of;
@@ -109,20 +109,21 @@ TEST(excess_adds_up_across_short_gaps) {
 }
 
 TEST(backwards_is_judged_as_forwards_is) {
-  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
-  CHECK(steps_to_trip(-needed - 3000, -100'000) == steps_to_trip(needed + 3000, 100'000));
+  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
+  CHECK(steps_to_implausible(-needed - 3000, -100'000) ==
+        steps_to_implausible(needed + 3000, 100'000));
 }
 
 TEST(a_stop_does_not_end_the_excess_and_a_clear_does) {
   PlausibilityMonitor monitor;
-  const int first = steps_to_trip(monitor, 32'767, 100'000);
+  const int first = steps_to_implausible(monitor, 32'767, 100'000);
   CHECK(first > 0 && first <= 600);
   for (int step = 0; step < 1000; ++step) monitor.rest(kPeriod_us);
   // A tenth of the time has leaked.
-  const int again = steps_to_trip(monitor, 32'767, 100'000);
+  const int again = steps_to_implausible(monitor, 32'767, 100'000);
   CHECK(again >= 100 && again < 300);
   monitor.end_evidence();
-  CHECK(steps_to_trip(monitor, 32'767, 100'000) >= 300);
+  CHECK(steps_to_implausible(monitor, 32'767, 100'000) >= 300);
 }
 
 TEST(an_impossible_speed_does_not_blind_the_check) {
@@ -130,19 +131,20 @@ TEST(an_impossible_speed_does_not_blind_the_check) {
   for (const int32_t speed : {200'000'000, INT32_MAX, INT32_MIN + 1})
     for (int step = 0; step < 500; ++step) CHECK(!trips(monitor, 32'767, speed));
   for (int step = 0; step < 500; ++step) trips(monitor, 0, 200'000'000);
-  const int32_t excessive = duty_for(100'000, kGains.margin_q15, kNominal, kGains) + 3000;
-  const int steps = steps_to_trip(monitor, excessive, 100'000);
+  const int32_t excessive =
+      duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains) + 3000;
+  const int steps = steps_to_implausible(monitor, excessive, 100'000);
   CHECK(steps > 0 && steps <= 450);
 }
 
 TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
-  const int32_t limit = duty_limit(100'000, kNominal, kGains);
+  const int32_t limit = duty_limit(100'000, kNominal, kDefaultGains);
   CHECK(magnitude(limit - to_q15(0.1365f + 0.055f + 0.475f)) < 10);
-  CHECK(duty_limit(-100'000, kNominal, kGains) == limit);
-  CHECK(while_accelerating(limit, -1500, kGains) > limit + 7000);
-  CHECK(while_accelerating(limit, 0, kGains) == limit);
-  CHECK(duty_limit(400'000, 3 * kNominal, kGains) == 32'767);
-  CHECK(while_accelerating(30'000, INT32_MAX, kGains) == 32'767);
+  CHECK(duty_limit(-100'000, kNominal, kDefaultGains) == limit);
+  CHECK(while_accelerating(limit, -1500, kDefaultGains) > limit + 7000);
+  CHECK(while_accelerating(limit, 0, kDefaultGains) == limit);
+  CHECK(duty_limit(400'000, 3 * kNominal, kDefaultGains) == 32'767);
+  CHECK(while_accelerating(30'000, INT32_MAX, kDefaultGains) == 32'767);
 }
 
 namespace {

@@ -35,7 +35,7 @@ StageOutputs after(Stage stage, Act act) {
 }
 
 constexpr int16_t kDuty = 1000;
-void forward(PowerStage& motor) { motor.drive(kDuty); }
+void drive_forward(PowerStage& motor) { motor.drive(kDuty); }
 void reverse(PowerStage& motor) { motor.drive(-kDuty); }
 void brake(PowerStage& motor) { motor.brake(); }
 void coast(PowerStage& motor) { motor.coast(); }
@@ -61,7 +61,7 @@ TEST(stage_truth_tables_are_those_of_the_data_sheets) {
   };
   static_assert(sizeof rows / sizeof rows[0] == kStages);
   for (const Row& row : rows) {
-    CHECK(after(row.stage, forward) == row.forward);
+    CHECK(after(row.stage, drive_forward) == row.forward);
     CHECK(after(row.stage, reverse) == row.reverse);
     CHECK(after(row.stage, brake) == row.brake);
     CHECK(after(row.stage, coast) == row.coast);
@@ -70,7 +70,7 @@ TEST(stage_truth_tables_are_those_of_the_data_sheets) {
 
 TEST(stages_coast_for_one_period_between_two_actions) {
   using Act = void (*)(PowerStage&);
-  const Act actions[] = {forward, reverse, brake};
+  const Act actions[] = {drive_forward, reverse, brake};
   for (size_t i = 0; i < kStages; ++i) {
     for (const Act first : actions) {
       for (const Act then : actions) {

@@ -55,9 +55,9 @@ class Echo final : public EchoPins {
 };
 
 /// Some sensors, the sensors' task each millisecond, and the control task as often.
-class Rig final : public SensorPort, public SensorObserver {
+class RangeRig final : public SensorPort, public SensorObserver {
  public:
-  explicit Rig(size_t count = 1) {
+  explicit RangeRig(size_t count = 1) {
     for (size_t i = 0; i < count; ++i) {
       list_.entries[i] = {.kind = PeripheralKind::kRange,
                           .chip = SensorChip::kHcSr04,
@@ -123,7 +123,7 @@ class Rig final : public SensorPort, public SensorObserver {
 // --- what it measures ----------------------------------------------------------------------------
 
 TEST(the_length_of_a_pulse_is_a_distance_and_its_middle_the_time) {
-  Rig rig;
+  RangeRig rig;
   rig.run(kPeriodUs + 20'000);
   CHECK(rig.readings.size() == 1);
   const RangeReading found = rig.readings.at(0).second;
@@ -147,7 +147,7 @@ TEST(what_cannot_be_measured_is_no_distance) {
       {200'000, RangeQuality::kFar, 0},
   };
   for (const Case& one : cases) {
-    Rig rig;
+    RangeRig rig;
     rig.echoes[0].length_us = one.length_us;
     const RangeReading found = rig.newest();
     CHECK(found.state == SensorState::kOk);
@@ -156,7 +156,7 @@ TEST(what_cannot_be_measured_is_no_distance) {
 }
 
 TEST(each_measurement_is_handed_on_once) {
-  Rig rig;
+  RangeRig rig;
   rig.run(20 * kPeriodUs);
   CHECK(rig.readings.size() >= 17 && rig.readings.size() <= 19);
   for (size_t i = 1; i < rig.samples.size(); ++i) {
@@ -166,7 +166,7 @@ TEST(each_measurement_is_handed_on_once) {
 }
 
 TEST(a_trigger_is_as_long_as_the_part_needs) {
-  Rig rig;
+  RangeRig rig;
   rig.run(5 * kPeriodUs);
   CHECK(!rig.echoes[0].pulses_us.empty());
   for (const uint32_t us : rig.echoes[0].pulses_us) CHECK(us == kTable.trigger_us);
@@ -174,7 +174,7 @@ TEST(a_trigger_is_as_long_as_the_part_needs) {
 
 /// A pin that becomes an output may start a measurement by itself.
 TEST(the_first_trigger_comes_when_every_sound_of_the_start_has_faded) {
-  Rig rig;
+  RangeRig rig;
   rig.run(kPeriodUs);
   CHECK(rig.echoes[0].triggered_us.empty());
   rig.run(2 * kPollUs);
@@ -184,7 +184,7 @@ TEST(the_first_trigger_comes_when_every_sound_of_the_start_has_faded) {
 // --- in turn -------------------------------------------------------------------------------------
 
 TEST(sensors_measure_in_turn_a_period_apart) {
-  Rig rig(3);
+  RangeRig rig(3);
   CHECK(rig.round_us() == 3 * kPeriodUs);
   for (size_t i = 0; i < 3; ++i) rig.echoes[i].length_us = static_cast<uint32_t>(1000 + 1000 * i);
   rig.run(4 * rig.round_us());
@@ -201,7 +201,7 @@ TEST(sensors_measure_in_turn_a_period_apart) {
 
 TEST(one_without_its_plug_or_whose_output_stays_high_takes_nothing_from_the_others) {
   for (const size_t failing : {1u, 2u}) {
-    Rig rig(3);
+    RangeRig rig(3);
     rig.run(2 * rig.round_us());
     const bool is_absent = failing == 1;
     (is_absent ? rig.echoes[failing].is_absent : rig.echoes[failing].is_stuck) = true;
@@ -218,7 +218,7 @@ TEST(one_without_its_plug_or_whose_output_stays_high_takes_nothing_from_the_othe
 
 TEST(a_sensor_that_does_not_answer_is_absent_within_two_rounds) {
   for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
-    Rig rig;
+    RangeRig rig;
     rig.run(5 * kPeriodUs + phase_us);
     CHECK(rig.state() == SensorState::kOk);
     rig.echoes[0].is_absent = true;
@@ -232,14 +232,14 @@ TEST(a_sensor_that_does_not_answer_is_absent_within_two_rounds) {
 }
 
 TEST(a_sensor_that_was_never_there_is_absent) {
-  Rig rig;
+  RangeRig rig;
   rig.echoes[0].is_absent = true;
   CHECK(rig.until(SensorState::kAbsent) <= 2 * kPeriodUs);
 }
 
 TEST(an_output_that_stays_high_is_hung_and_is_not_triggered) {
   for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
-    Rig rig;
+    RangeRig rig;
     rig.run(5 * kPeriodUs + phase_us);
     rig.echoes[0].is_stuck = true;
     const size_t triggers = rig.echoes[0].triggered_us.size();
@@ -252,7 +252,7 @@ TEST(an_output_that_stays_high_is_hung_and_is_not_triggered) {
 
 /// Some parts keep the output high for long where nothing reflects the sound: they are busy.
 TEST(an_output_that_falls_late_is_not_hung) {
-  Rig rig;
+  RangeRig rig;
   rig.echoes[0].length_us = 200'000;
   for (int i = 0; i < 100; ++i) {
     rig.run(20'000);
@@ -265,7 +265,7 @@ TEST(an_output_that_falls_late_is_not_hung) {
 
 /// It would be the nearest thing in the way.
 TEST(a_pulse_that_began_before_the_trigger_is_no_echo) {
-  Rig rig;
+  RangeRig rig;
   rig.echoes[0].is_absent = true;
   rig.run(5 * kPeriodUs);
   for (const uint32_t early_us : {200u, 5000u}) {
@@ -283,7 +283,7 @@ TEST(a_pulse_that_began_before_the_trigger_is_no_echo) {
 
 TEST(a_task_that_no_longer_runs_is_missed_after_two_rounds) {
   for (const size_t count : {1u, 3u}) {
-    Rig rig(count);
+    RangeRig rig(count);
     rig.run(3 * rig.round_us());
     rig.is_polled = false;
     const uint64_t took_us = rig.until(SensorState::kMissed);
@@ -295,7 +295,7 @@ TEST(a_task_that_no_longer_runs_is_missed_after_two_rounds) {
 
 /// Buses that hang keep the task for a while at each poll.
 TEST(a_task_that_comes_late_measures_as_well) {
-  Rig rig;
+  RangeRig rig;
   rig.is_polled = false;
   for (int i = 0; i < 200; ++i) {
     rig.run(7'000);

@@ -535,21 +535,21 @@ TEST(charge_is_counted_while_the_current_is_measured) {
     return hub.used_mah();
   };
   constexpr uint64_t kHourUs = 3'600'000'000;
-  constexpr uint64_t kPeriodUs = SensorHub::kPowerPeriodUs;
+  constexpr uint64_t kReadingUs = SensorHub::kPowerPeriodUs;
   // The sensors' task was there before the control task's first step.
-  hub.update(0, kPeriodUs);
+  hub.update(0, kReadingUs);
   CHECK(measure(10, 36'000) == 0.0f);
-  CHECK(std::abs(measure(10 + kPeriodUs, 36'000) - 1.0f) < 1e-5f);
+  CHECK(std::abs(measure(10 + kReadingUs, 36'000) - 1.0f) < 1e-5f);
   // It flows back while a motor brakes.
-  CHECK(std::abs(measure(10 + 2 * kPeriodUs, -36'000)) < 1e-5f);
+  CHECK(std::abs(measure(10 + 2 * kReadingUs, -36'000)) < 1e-5f);
   // The charge drawn in an hour of steps without a reading is unknown.
   hub.update(0, kHourUs - 1000);
   hub.update(0, kHourUs);
   CHECK(hub.state(0) == SensorState::kMissed);
   CHECK(std::abs(measure(kHourUs, 36'000)) < 1e-5f);
   // A day at 10 mA.
-  for (uint64_t t_us = kHourUs; t_us < 25 * kHourUs; t_us += kPeriodUs)
-    measure(t_us + kPeriodUs, 10);
+  for (uint64_t t_us = kHourUs; t_us < 25 * kHourUs; t_us += kReadingUs)
+    measure(t_us + kReadingUs, 10);
   CHECK(std::abs(hub.used_mah() - 240.0f) < 0.1f);
 }
 

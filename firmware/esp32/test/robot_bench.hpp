@@ -12,6 +12,17 @@
 
 namespace wheelwire::test {
 
+constexpr uint32_t kPeriod_us = 1000;  ///< Of the control loop, by default.
+constexpr int32_t kNominal = 4096;     ///< The supply that the feed-forward was measured at.
+
+/// Shows its duty.
+struct BenchMotor final : MotorPort {
+  void drive(int16_t duty_q15) override { duty = duty_q15; }
+  void brake() override { duty = 0; }
+  void coast() override { duty = 0; }
+  int16_t duty = 0;
+};
+
 /// One half of a bridge. Records for how long EN was low when the inputs switched.
 class BenchBridge final : public StagePort {
  public:

@@ -221,7 +221,7 @@ TEST(what_earlier_firmware_wrote_is_named) {
 
 namespace {
 
-struct Recorded {
+struct RecordedStores {
   Slots configuration;
   Slots other;
   Slots latches;
@@ -258,7 +258,7 @@ struct Recorded {
 
 TEST(a_block_that_is_gone_is_damaged_and_not_one_that_never_was) {
   for (const bool has_configuration : {false, true}) {
-    Recorded flash;
+    RecordedStores flash;
     CHECK(flash.start().faults == 0 && flash.start(true).faults == 0);
     if (has_configuration) CHECK(flash.save_configuration(kOld));
     CHECK(flash.start().faults == 0);
@@ -272,7 +272,7 @@ TEST(a_block_that_is_gone_is_damaged_and_not_one_that_never_was) {
 }
 
 TEST(a_configuration_that_is_gone_is_damaged_where_another_block_is_left) {
-  Recorded flash;
+  RecordedStores flash;
   CHECK(flash.save_configuration(kOld) && flash.save(kNew));
   flash.clear(flash.configuration);
   CHECK(flash.start(true).faults == fault::kStoreUnreadable);
@@ -287,7 +287,7 @@ TEST(a_configuration_that_is_gone_is_damaged_where_another_block_is_left) {
 TEST(a_first_save_that_is_cut_at_any_write_leaves_no_block_or_the_new_one) {
   for (const bool has_configuration : {false, true}) {
     for (int writes = 0;; ++writes) {
-      Recorded flash;
+      RecordedStores flash;
       if (has_configuration) CHECK(flash.save_configuration(kOld));
       int left = writes;
       flash.configuration.cut_after(left);
@@ -321,7 +321,7 @@ TEST(a_first_save_that_is_cut_at_any_write_leaves_no_block_or_the_new_one) {
 }
 
 TEST(an_estop_is_stored_though_the_configuration_cannot_be_written) {
-  Recorded flash;
+  RecordedStores flash;
   flash.is_of_latches = true;
   int none = 0;
   flash.configuration.cut_after(none);

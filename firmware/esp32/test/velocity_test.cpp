@@ -5,12 +5,13 @@
 
 #include "check.hpp"
 #include "fixed.hpp"
+#include "robot_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
-constexpr uint32_t kPeriod_us = 1000;
 constexpr uint32_t kWindow_us = 20'000;
 
 /// Feeds a wheel turning at `ticks_per_s` for `seconds`; returns the extremes of the last half.

@@ -2,20 +2,13 @@
 #include "wheel.hpp"
 
 #include "check.hpp"
+#include "robot_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 using enum ParameterId;
 
 namespace {
-
-constexpr int32_t kNominal = 4096;
-
-struct Motor final : MotorPort {
-  void drive(int16_t duty_q15) override { duty = duty_q15; }
-  void brake() override { duty = 0; }
-  void coast() override { duty = 0; }
-  int16_t duty = 0;
-};
 
 /// A wheel whose encoder counts what the test says.
 class WheelBench {
@@ -47,7 +40,7 @@ class WheelBench {
 
   static constexpr int32_t kSetpoint_umps = 300'000;
   ControlConfig config = make_config(Parameters());
-  Motor motor;
+  BenchMotor motor;
   Wheel wheel{motor};
 
  private:

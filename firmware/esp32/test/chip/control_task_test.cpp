@@ -34,8 +34,6 @@ struct SilentLine final : Line {
   uint32_t bytes_per_second() const override { return 92'160; }
 };
 
-struct End {};
-
 /// A robot at rest, with all that a task needs.
 struct Rig {
   const BoardDescription board = board_of(Stage::kEnableIn1In2);
@@ -84,12 +82,12 @@ int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
     const int64_t timeout_us = int64_t{1000} * ticks;
     fake_time_us += std::min(timeout_us, bytes_every_us);
     longest_us = std::max(longest_us, fake_time_us - fed_us);
-    if (fake_time_us > start_us + 1'000'000) throw End{};
+    if (fake_time_us > start_us + 1'000'000) throw EndOfTask{};
     return bytes_every_us <= timeout_us ? kBytesCame : 0;
   };
   try {
     task.start();
-  } catch (const End&) {
+  } catch (const EndOfTask&) {
   }
   return longest_us;
 }
@@ -133,12 +131,12 @@ struct StartedChip {
     fake_wait = [&](TickType_t) -> uint32_t {
       fake_time_us += 1'000;
       each_ms();
-      if (fake_time_us > end_us) throw End{};
+      if (fake_time_us > end_us) throw EndOfTask{};
       return 1;
     };
     try {
       task.start();
-    } catch (const End&) {
+    } catch (const EndOfTask&) {
     }
   }
 
@@ -294,7 +292,7 @@ TEST(a_restart_that_is_asked_for_leaves_no_box_to_a_boot_that_crashes_at_once) {
   bool restarted = false;
   fake_restart = [&] {
     restarted = true;
-    throw End{};
+    throw EndOfTask{};
   };
   chip.run_until(20'000'000, [&] { line.advance(); });
   fake_restart = [] {};

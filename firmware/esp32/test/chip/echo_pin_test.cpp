@@ -15,17 +15,17 @@ constexpr int8_t kEcho = 34;
 constexpr uint32_t kTicksPerUs = 80;
 
 /// A sensor, started, and what happens at its echo.
-class World {
+class EchoWorld {
  public:
-  explicit World(int8_t echo = kEcho) : echo_pin_(echo) {
+  explicit EchoWorld(int8_t echo = kEcho) : echo_pin_(echo) {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
     CHECK(timer.start());
     CHECK(echo_.start(timer, {.kind = PeripheralKind::kRange, .pin_a = kTrigger, .pin_b = echo}));
   }
-  World(const World&) = delete;
-  World& operator=(const World&) = delete;
+  EchoWorld(const EchoWorld&) = delete;
+  EchoWorld& operator=(const EchoWorld&) = delete;
 
   CaptureTimer timer;
 
@@ -61,7 +61,7 @@ class World {
 }  // namespace
 
 TEST(a_pulse_has_its_length_from_the_counter_and_its_time_from_the_clock) {
-  World world;
+  EchoWorld world;
   world.edge(true, 450);
   const auto rise_us = static_cast<uint64_t>(fake_time_us);
   CHECK(world.has_none());
@@ -73,7 +73,7 @@ TEST(a_pulse_has_its_length_from_the_counter_and_its_time_from_the_clock) {
 }
 
 TEST(an_interrupt_that_comes_late_changes_no_length) {
-  World world;
+  EchoWorld world;
   world.edge(true, 450, 90);
   world.edge(false, 5831, 200);
   EchoPulse pulse;
@@ -82,21 +82,21 @@ TEST(an_interrupt_that_comes_late_changes_no_length) {
 }
 
 TEST(the_counter_wraps_within_a_pulse) {
-  World world;
+  EchoWorld world;
   fake_time_us = (int64_t{1} << 32) / kTicksPerUs - 1000;
   world.pulse(0, 9000);
   CHECK(world.has_pulse_of(9000));
 }
 
 TEST(the_newest_pulse_replaces_one_that_was_not_taken) {
-  World world;
+  EchoWorld world;
   world.pulse(450, 3000);
   world.pulse(60'000, 4000);
   CHECK(world.has_pulse_of(4000) && world.has_none());
 }
 
 TEST(a_spike_is_no_pulse_and_takes_none_away) {
-  World world;
+  EchoWorld world;
   world.pulse(450, EchoPin::kSpikeUs - 1);
   CHECK(world.has_none());
   world.pulse(450, 3000);
@@ -106,7 +106,7 @@ TEST(a_spike_is_no_pulse_and_takes_none_away) {
 }
 
 TEST(a_pulse_goes_on_after_a_spike_downwards) {
-  World world;
+  EchoWorld world;
   world.pulse(450, 1000);
   world.pulse(EchoPin::kSpikeUs - 1, 2000);
   CHECK(world.has_pulse_of(1000 + EchoPin::kSpikeUs - 1 + 2000));
@@ -118,7 +118,7 @@ TEST(a_pulse_goes_on_after_a_spike_downwards) {
 }
 
 TEST(a_level_that_was_high_at_the_start_is_no_pulse) {
-  World world;
+  EchoWorld world;
   world.edge(false, 5000);
   CHECK(world.has_none());
   world.pulse(450, 3000);
@@ -126,7 +126,7 @@ TEST(a_level_that_was_high_at_the_start_is_no_pulse) {
 }
 
 TEST(the_trigger_is_low_until_it_is_fired_and_for_so_long) {
-  World world;
+  EchoWorld world;
   CHECK(fake_matrix.enabled[kTrigger] && !fake_matrix.enabled[kEcho]);
   CHECK(!fake_matrix.ever_high.contains(kTrigger));
   uint32_t high_us = 0;
@@ -140,15 +140,15 @@ TEST(the_trigger_is_low_until_it_is_fired_and_for_so_long) {
 }
 
 TEST(an_echo_without_its_wire_is_low_where_the_chip_can_pull_it) {
-  World input_only;
+  EchoWorld input_only;
   CHECK(!fake_matrix.pulled_down[kEcho]);
-  World world(16);
+  EchoWorld world(16);
   CHECK(fake_matrix.pulled_down[16]);
 }
 
 /// The motors' PWM has the other one.
 TEST(the_capture_unit_is_of_the_last_group) {
-  World world;
+  EchoWorld world;
   CHECK(fake_capture.group == 1 && fake_capture.timers == 1);
 }
 

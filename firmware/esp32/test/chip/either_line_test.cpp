@@ -41,7 +41,7 @@ class MemoryLine final : public Line {
 
 constexpr uint32_t kUartRate = 92'160;
 
-struct Bench {
+struct LinesBench {
   MemoryLine uart{true, kUartRate};
   MemoryLine usb;
   EitherLine line{uart, usb};
@@ -59,7 +59,7 @@ using Bytes = std::vector<uint8_t>;
 }  // namespace
 
 TEST(it_speaks_on_the_line_that_was_heard_last) {
-  Bench bench;
+  LinesBench bench;
   bench.say(1);
   CHECK(bench.uart.written == Bytes{1} && bench.line.bytes_per_second() == kUartRate);
   bench.usb.arrived = {7, 8};
@@ -76,7 +76,7 @@ TEST(it_speaks_on_the_line_that_was_heard_last) {
 }
 
 TEST(bytes_of_two_lines_are_not_mixed_in_one_read) {
-  Bench bench;
+  LinesBench bench;
   bench.uart.arrived = {1, 2};
   bench.usb.arrived = {3};
   CHECK(bench.hear() == Bytes({1, 2}));
@@ -94,7 +94,7 @@ TEST(both_lines_are_started_and_one_is_enough) {
 }
 
 TEST(both_lines_wake_the_task_and_are_pushed) {
-  Bench bench;
+  LinesBench bench;
   bench.line.notify(nullptr, 2);
   bench.line.push();
   CHECK(bench.uart.notified == 2 && bench.usb.notified == 2);

@@ -9,12 +9,6 @@
 
 using namespace wheelwire;
 
-namespace {
-
-struct End {};
-
-}  // namespace
-
 TEST(one_measurement_that_fails_is_no_broken_wire) {
   fake_adc = {};
   fake_adc.millivolts = {{34, 1850}};
@@ -29,7 +23,7 @@ TEST(one_measurement_that_fails_is_no_broken_wire) {
   int reads = 0;
   fake_sleep = [&](TickType_t ticks) {
     slept_ms += ticks;
-    if (slept_ms > 2000) throw End{};
+    if (slept_ms > 2000) throw EndOfTask{};
     if (slept_ms > 500 && state.battery_mv == 0) zero_ms += ticks;
     if (slept_ms > 1000 && zero_ms == 0) {
       fake_adc.fails = true;
@@ -41,7 +35,7 @@ TEST(one_measurement_that_fails_is_no_broken_wire) {
   try {
     housekeeping.start(true, -1);
     CHECK(false);  // Its task never ends.
-  } catch (const End&) {
+  } catch (const EndOfTask&) {
   }
   fake_sleep = nullptr;
   CHECK(zero_ms > 0 && zero_ms * 1000 < SensorHub::kZeroUs / 2);
@@ -66,11 +60,11 @@ TEST(a_host_is_told_how_much_memory_is_left) {
   fake_sleep = [&](TickType_t ticks) {
     slept_ms += ticks;
     if (slept_ms == 500) fake_stack_left["control"] = 4000;
-    if (slept_ms > 1500) throw End{};
+    if (slept_ms > 1500) throw EndOfTask{};
   };
   try {
     housekeeping.start(false, -1);
-  } catch (const End&) {
+  } catch (const EndOfTask&) {
   }
   fake_sleep = nullptr;
   fake_stack_left.clear();

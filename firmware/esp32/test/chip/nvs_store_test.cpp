@@ -10,7 +10,7 @@ namespace {
 
 const std::vector<uint8_t> kSaved{1, 2, 3};
 
-NvsStore started(const char* key = "parameters") {
+NvsStore started_store(const char* key = "parameters") {
   NvsStore store{key};
   store.start();
   return store;
@@ -18,14 +18,14 @@ NvsStore started(const char* key = "parameters") {
 
 uint32_t fault_at_start(esp_err_t found) {
   fake_nvs = {.init_result = found, .read_result = ESP_OK, .blob = kSaved};
-  return started().faults();
+  return started_store().faults();
 }
 
 }  // namespace
 
 TEST(a_saved_block_is_read_back) {
   fake_nvs = {};
-  NvsStore store = started();
+  NvsStore store = started_store();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()));
@@ -46,7 +46,7 @@ TEST(storage_that_cannot_be_opened_is_told_apart_and_left_alone) {
 
 TEST(storage_that_cannot_be_opened_is_not_written) {
   fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES);
-  NvsStore store = started();
+  NvsStore store = started_store();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(!store.save(block, sizeof block));
@@ -55,7 +55,7 @@ TEST(storage_that_cannot_be_opened_is_not_written) {
 
 TEST(what_cannot_be_opened_is_formatted) {
   fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
-  NvsStore store = started();
+  NvsStore store = started_store();
   CHECK(store.format());
   CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
@@ -63,7 +63,7 @@ TEST(what_cannot_be_opened_is_formatted) {
 
 TEST(a_block_that_cannot_be_read_is_a_fault) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
-  NvsStore store = started();
+  NvsStore store = started_store();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
   CHECK(store.faults() == fault::kStoreUnreadable);
@@ -72,14 +72,14 @@ TEST(a_block_that_cannot_be_read_is_a_fault) {
 
 TEST(one_format_is_enough_for_two_blocks) {
   fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore first = started("parameters.0"), second = started("parameters.1");
+  NvsStore first = started_store("parameters.0"), second = started_store("parameters.1");
   CHECK(first.format() && second.format());
   CHECK(fake_nvs.erasures == 1 && first.faults() == 0 && second.faults() == 0);
 }
 
 TEST(a_block_can_be_saved_after_another_one_has_formatted) {
   fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore parameters = started("parameters.0"), latch = started("latch.0");
+  NvsStore parameters = started_store("parameters.0"), latch = started_store("latch.0");
   CHECK(!latch.save(kSaved.data(), kSaved.size()));
   CHECK(parameters.format());
   CHECK(latch.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
@@ -88,7 +88,7 @@ TEST(a_block_can_be_saved_after_another_one_has_formatted) {
 
 TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
-  NvsStore store = started();
+  NvsStore store = started_store();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 9);
   CHECK(store.faults() == 0);

@@ -13,17 +13,17 @@ constexpr int kPin = 18;
 constexpr int kLevelPin = 19;
 constexpr uint32_t kPeriod = 4000;
 
-class World {
+class PulseWorld {
  public:
-  World() {
+  PulseWorld() {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
     set_level(true);
     CHECK(watch.start(kPin, kLevelPin, true));
   }
-  World(const World&) = delete;
-  World& operator=(const World&) = delete;
+  PulseWorld(const PulseWorld&) = delete;
+  PulseWorld& operator=(const PulseWorld&) = delete;
 
   void set_level(bool level) {
     fake_matrix.registers[GPIO_IN_REG] = static_cast<uint32_t>(level) << kLevelPin;
@@ -51,7 +51,7 @@ class World {
 
 TEST(a_pulse_has_its_length_whichever_edge_is_reported_first) {
   for (const bool fall_first : {false, true}) {
-    World world;
+    PulseWorld world;
     for (int i = 0; i < 5; ++i) world.period(10, fall_first);
     const Pulses seen = world.watch.take();
     CHECK(seen.rises == 5 && seen.falls == 5);
@@ -62,7 +62,7 @@ TEST(a_pulse_has_its_length_whichever_edge_is_reported_first) {
 }
 
 TEST(the_order_of_reports_may_change_at_any_pulse) {
-  World world;
+  PulseWorld world;
   for (int i = 0; i < 20; ++i) world.period(10, i % 3 == 0);
   const Pulses seen = world.watch.take();
   CHECK(seen.least_high == 10 && seen.most_high == 10);
@@ -70,7 +70,7 @@ TEST(the_order_of_reports_may_change_at_any_pulse) {
 }
 
 TEST(each_look_tells_of_the_time_since_the_one_before) {
-  World world;
+  PulseWorld world;
   world.period(3000);
   world.watch.take();
   world.period(10);
@@ -81,7 +81,7 @@ TEST(each_look_tells_of_the_time_since_the_one_before) {
 }
 
 TEST(pulses_of_the_other_direction_are_told_apart) {
-  World world;
+  PulseWorld world;
   world.period(3000);
   world.set_level(false);
   world.period(20);
@@ -90,7 +90,7 @@ TEST(pulses_of_the_other_direction_are_told_apart) {
 }
 
 TEST(the_last_fall_has_the_time_of_the_device) {
-  World world;
+  PulseWorld world;
   CHECK(PulseWatch::last_fall_us() == 0);
   world.period(10);
   const auto fall_us = static_cast<uint64_t>(fake_time_us) - 50;
@@ -99,7 +99,7 @@ TEST(the_last_fall_has_the_time_of_the_device) {
 }
 
 TEST(the_encoder_keeps_its_pull_up) {
-  World world;
+  PulseWorld world;
   CHECK(fake_matrix.pulled_up[kPin]);
   CHECK(fake_capture.channels.size() == 2);
 }

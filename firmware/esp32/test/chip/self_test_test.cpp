@@ -21,7 +21,6 @@ constexpr uint8_t kIn1 = 26;
 constexpr uint8_t kA = 18;
 constexpr uint8_t kB = 19;
 
-struct End {};
 /// What was done to a core.
 std::vector<std::pair<int, Failure>> failures;
 
@@ -50,10 +49,10 @@ int any_body_size(uint8_t id) {
 }
 
 /// A device with the self-test image, and its host.
-class World {
+class SelfTestWorld {
  public:
-  World() : World(own_store_) {}
-  explicit World(BlockStore& parameters) : store_(parameters) {
+  SelfTestWorld() : SelfTestWorld(own_store_) {}
+  explicit SelfTestWorld(BlockStore& parameters) : store_(parameters) {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
@@ -64,9 +63,9 @@ class World {
     send(Ping{kSession, ++request_id_, 0});
     step();
   }
-  ~World() { fake_sleep = nullptr; }
-  World(const World&) = delete;
-  World& operator=(const World&) = delete;
+  ~SelfTestWorld() { fake_sleep = nullptr; }
+  SelfTestWorld(const SelfTestWorld&) = delete;
+  SelfTestWorld& operator=(const SelfTestWorld&) = delete;
 
   template <typename Message>
   void send(const Message& message) {
@@ -223,7 +222,7 @@ TEST(an_ordinary_device_has_no_self_test) {
 }
 
 TEST(a_host_finds_the_self_test_by_its_group_and_the_others_as_they_were) {
-  World world;
+  SelfTestWorld world;
   CHECK(world.ask<GroupInfo>(GroupGet{.group = static_cast<Group>(kSelfTestGroup)})->hash ==
         kSelfTestHash);
   CHECK(world.ask<GroupInfo>(GroupGet{.group = Group::kBase})->hash == schema::kHash);
@@ -231,7 +230,7 @@ TEST(a_host_finds_the_self_test_by_its_group_and_the_others_as_they_were) {
 }
 
 TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
-  World world;
+  SelfTestWorld world;
   std::vector<uint8_t> passed;
   std::vector<uint8_t> wanted;
   uint32_t random = 1;
@@ -248,7 +247,7 @@ TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
     switch (random >> 29) {
       case 0:
       case 1:
-        world.send(Ping{World::kSession, static_cast<uint16_t>(i), random});
+        world.send(Ping{SelfTestWorld::kSession, static_cast<uint16_t>(i), random});
         break;
       case 2:  // A line with nothing but noise on it, longer than any frame.
         for (uint32_t byte = 0; byte < 200; ++byte)
@@ -258,13 +257,13 @@ TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
         to_device.push_back(0);
         break;
       case 4:
-        world.send(GroupGet{World::kSession, static_cast<uint16_t>(i), Group::kStore});
+        world.send(GroupGet{SelfTestWorld::kSession, static_cast<uint16_t>(i), Group::kStore});
         break;
       default:
         // A delimiter ends what is in front of the frame, and is passed on, as the one before it.
         to_device.push_back(0);
         wanted.push_back(0);
-        world.send(SelfTestAllow{World::kSession, static_cast<uint16_t>(i), 0});
+        world.send(SelfTestAllow{SelfTestWorld::kSession, static_cast<uint16_t>(i), 0});
         wanted.push_back(0);
         while (read(1 + random % 90) > 0) {
         }
@@ -283,11 +282,11 @@ TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
 }
 
 TEST(a_question_that_is_repeated_is_answered_again_and_carried_out_once) {
-  World world;
+  SelfTestWorld world;
   world.allow();
   for (int i = 0; i < 3; ++i) {
     world.received.clear();
-    world.send(SelfTestFail{World::kSession, 77, Failure::kHang, 0, 0});
+    world.send(SelfTestFail{SelfTestWorld::kSession, 77, Failure::kHang, 0, 0});
     world.service();
     CHECK(world.received.size() == 1 && world.received[0].first == Ack::kId);
     world.work();
@@ -296,7 +295,7 @@ TEST(a_question_that_is_repeated_is_answered_again_and_carried_out_once) {
 }
 
 TEST(nothing_is_driven_before_the_user_has_said_that_the_supply_is_off) {
-  World world;
+  SelfTestWorld world;
   world.drive(0, 0);
   world.drive(3000, -3000);
   CHECK(world.device.state() == SupervisorState::kDriving);
@@ -326,7 +325,7 @@ TEST(the_ordinary_image_has_the_same_settings_and_drives_without_a_permission) {
   MemoryStore store;
   const auto parameter = [](ParameterId id) { return static_cast<uint8_t>(id); };
   {
-    World world{store};
+    SelfTestWorld world{store};
     world.allow();
     CHECK(world.refusal(ParameterSet{.parameter = parameter(ParameterId::kPwmFrequencyHz),
                                      .value = 500}) == RefusalCode::kNone);
@@ -337,7 +336,7 @@ TEST(the_ordinary_image_has_the_same_settings_and_drives_without_a_permission) {
                                      .value = 0.25f}) == RefusalCode::kNone);
   }
   {  // A reset, still with the self-test image: it needs a new permission.
-    World world{store};
+    SelfTestWorld world{store};
     CHECK(world.device.parameter(ParameterId::kPwmFrequencyHz) == 500);
     world.drive(0, 0);
     world.drive(3000, 3000);
@@ -357,7 +356,7 @@ TEST(the_ordinary_image_has_the_same_settings_and_drives_without_a_permission) {
 TEST(each_core_fails_as_it_is_asked_to_and_no_other) {
   for (const uint8_t core : {uint8_t{0}, uint8_t{1}}) {
     for (const Failure failure : {Failure::kCrash, Failure::kHang, Failure::kFreeze}) {
-      World world;
+      SelfTestWorld world;
       CHECK(world.allow() == RefusalCode::kNone);
       CHECK(world.fail(failure, core) == RefusalCode::kNone);
       CHECK(failures.empty());  // The Ack first.
@@ -365,7 +364,7 @@ TEST(each_core_fails_as_it_is_asked_to_and_no_other) {
       CHECK(failures.size() == 1 && failures[0] == std::pair(int{core}, failure));
     }
   }
-  World world;
+  SelfTestWorld world;
   world.allow();
   CHECK(world.fail(Failure::kCrash, 2) == RefusalCode::kOutOfRange);
   CHECK(world.fail(Failure::kNone, 0) == RefusalCode::kOutOfRange);
@@ -374,17 +373,17 @@ TEST(each_core_fails_as_it_is_asked_to_and_no_other) {
 
 TEST(after_the_reset_it_tells_what_failed_and_when) {
   {
-    World world;
+    SelfTestWorld world;
     world.allow();
     world.fail(Failure::kFreeze, 1);
     fake_time_us = 5'000'000;
     world.work();
   }
-  World world;
-  fake_sleep = [](TickType_t) { throw End{}; };
+  SelfTestWorld world;
+  fake_sleep = [](TickType_t) { throw EndOfTask{}; };
   try {
     world.test.start();
-  } catch (const End&) {
+  } catch (const EndOfTask&) {
   }
   world.allow();
   const auto last = world.ask<SelfTestLast>(SelfTestLastGet{});
@@ -392,13 +391,13 @@ TEST(after_the_reset_it_tells_what_failed_and_when) {
   // Once: the next reset is another one's.
   try {
     world.test.start();
-  } catch (const End&) {
+  } catch (const EndOfTask&) {
   }
   CHECK(world.ask<SelfTestLast>(SelfTestLastGet{})->failure == Failure::kNone);
 }
 
 TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage) {
-  World world;
+  SelfTestWorld world;
   Loop loop;
   world.allow();
   for (const int32_t edges : {40'000, -80'000, 40'000}) {
@@ -413,7 +412,7 @@ TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage) {
 }
 
 TEST(edges_in_spikes_count_once) {
-  World world;
+  SelfTestWorld world;
   Loop loop;
   world.allow();
   world.refusal(
@@ -423,7 +422,7 @@ TEST(edges_in_spikes_count_once) {
 }
 
 TEST(it_takes_no_pins_but_those_of_the_power_stage_and_not_while_it_drives) {
-  World world;
+  SelfTestWorld world;
   world.allow();
   const SelfTestTurn turn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5};
   SelfTestTurn other_pin = turn, no_pin = turn, too_fast = turn;
@@ -437,7 +436,7 @@ TEST(it_takes_no_pins_but_those_of_the_power_stage_and_not_while_it_drives) {
 }
 
 TEST(nothing_drives_while_the_pins_play_an_encoder) {
-  World world;
+  SelfTestWorld world;
   world.allow();
   world.refusal(SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = 4, .edge_us = 5});
   world.test.left_motor.drive(1000);
@@ -448,7 +447,7 @@ TEST(nothing_drives_while_the_pins_play_an_encoder) {
 }
 
 TEST(it_reports_the_pulses_at_an_encoders_input) {
-  World world;
+  SelfTestWorld world;
   world.allow();
   CHECK(world.refusal(SelfTestWatch{.edge_pin = kEnable, .level_pin = kB}) ==
         RefusalCode::kOutOfRange);

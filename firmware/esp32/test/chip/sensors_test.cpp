@@ -17,8 +17,6 @@ constexpr int kClock = 17;
 constexpr int kInterrupt = 35;
 constexpr UBaseType_t kControlPriority = configMAX_PRIORITIES - 1;
 
-struct End {};
-
 PeripheralList list_of(std::initializer_list<Peripheral> entries) {
   PeripheralList list;
   for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
@@ -32,9 +30,9 @@ constexpr Peripheral kImu{.kind = PeripheralKind::kImu,
                           .pin_c = kInterrupt};
 
 /// Levels of the pins; a chip on two of them.
-class World {
+class SensorWorld {
  public:
-  World() {
+  SensorWorld() {
     fake_matrix = {};
     fake_gpio_interrupts.clear();
     fake_isr_services = 0;
@@ -54,9 +52,9 @@ class World {
     };
     chip.registers[0x75] = 0x68;
   }
-  World(const World&) = delete;
-  World& operator=(const World&) = delete;
-  ~World() {
+  SensorWorld(const SensorWorld&) = delete;
+  SensorWorld& operator=(const SensorWorld&) = delete;
+  ~SensorWorld() {
     fake_level = nullptr;
     fake_on_set = nullptr;
     fake_sleep = nullptr;
@@ -73,7 +71,7 @@ class World {
                 const std::function<void()>& each_ms) {
     fake_sleep = [&, milliseconds](TickType_t ticks) {
       CHECK(ticks == 1);
-      if (++sleeps > milliseconds) throw End{};
+      if (++sleeps > milliseconds) throw EndOfTask{};
       fake_time_us = (fake_time_us / 1000 + 1) * 1000;
       if (sleeps % 5 == 0) measure();
       each_ms();
@@ -81,7 +79,7 @@ class World {
     try {
       sensors.start(list);
       CHECK(false);  // Its task never ends.
-    } catch (const End&) {
+    } catch (const EndOfTask&) {
     }
   }
 
@@ -101,7 +99,7 @@ class World {
 }  // namespace
 
 TEST(inputs_have_the_pulls_of_their_entries_and_no_task) {
-  World world;
+  SensorWorld world;
   world.levels = {{34, 1}, {13, 0}, {14, 1}};
   Sensors sensors;
   CHECK(sensors.start(list_of(
@@ -117,7 +115,7 @@ TEST(inputs_have_the_pulls_of_their_entries_and_no_task) {
 }
 
 TEST(a_level_has_changed_when_two_samples_say_so) {
-  World world;
+  SensorWorld world;
   world.levels[34] = 0;
   Sensors sensors;
   CHECK(sensors.start(list_of({{.kind = PeripheralKind::kBumper, .pin_a = 34}})));
@@ -140,7 +138,7 @@ TEST(a_level_has_changed_when_two_samples_say_so) {
 }
 
 TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   world.run_task(sensors, list_of({kImu}), 300, [] {});
   CHECK(fake_matrix.open_drain[kData] && fake_matrix.open_drain[kClock]);
@@ -150,7 +148,7 @@ TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {
 }
 
 TEST(the_task_reads_an_imu_at_its_interrupt_s_time) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   std::vector<ImuReading> readings;
   int64_t edge_us = 0;
@@ -169,7 +167,7 @@ TEST(the_task_reads_an_imu_at_its_interrupt_s_time) {
 }
 
 TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   Peripheral second = kImu;
   second.chip = SensorChip::kLsm6ds3;
@@ -188,7 +186,7 @@ TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
 }
 
 TEST(a_short_of_the_bus_costs_its_task_little_and_ends_with_the_short) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   std::vector<SensorState> states;
   int64_t busy_since_us = fake_time_us;
@@ -208,7 +206,7 @@ TEST(a_short_of_the_bus_costs_its_task_little_and_ends_with_the_short) {
 }
 
 TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   PeripheralList list = list_of({kImu});
   for (const int8_t pin : std::initializer_list<int8_t>{13, 21, 26})
@@ -249,7 +247,7 @@ TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
 }
 
 TEST(range_sensors_alone_have_the_task_too) {
-  World world;
+  SensorWorld world;
   Sensors sensors;
   std::vector<SensorState> states;
   const Peripheral range{
@@ -266,7 +264,7 @@ TEST(a_pin_that_cannot_be_set_up_is_reported) {
   for (const Peripheral& entry :
        {kImu, Peripheral{.kind = PeripheralKind::kCliff, .pin_a = 34},
         Peripheral{.kind = PeripheralKind::kRange, .chip = SensorChip::kHcSr04, .pin_a = 21}}) {
-    World world;
+    SensorWorld world;
     Sensors sensors;
     fake_gpio_result = ESP_FAIL;
     CHECK(!sensors.start(list_of({entry})));

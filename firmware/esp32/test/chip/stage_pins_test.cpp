@@ -22,8 +22,8 @@ constexpr int16_t duty(double fraction) { return static_cast<int16_t>(fraction *
 /// What the left stage's inputs ask of it at one time.
 enum class Asks { kNothing, kForward, kReverse, kBrake };
 
-struct Bench {
-  Bench(Stage stage, uint32_t frequency_hz) : board(board_of(stage)), table(*table_of(stage)) {
+struct StageBench {
+  StageBench(Stage stage, uint32_t frequency_hz) : board(board_of(stage)), table(*table_of(stage)) {
     fake_matrix = {};
     fake_time_us += 1'000'000;
     Parameters parameters;
@@ -105,7 +105,7 @@ TEST(a_reversal_shows_the_new_direction_with_the_new_duty_only) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
     // The first reversal finds a comparator that never had a duty, on a stage with one for each
     // direction; the short ones are too soon for a slow PWM.
-    Bench bench(stage, frequency_hz);
+    StageBench bench(stage, frequency_hz);
     bench.drive(kLong, 0.9);
     for (const int steps : {kLong, kLong, 3, 3, kLong}) {
       for (const double fraction : {-0.1, 0.6}) {
@@ -124,7 +124,7 @@ TEST(a_reversal_shows_the_new_direction_with_the_new_duty_only) {
 TEST(a_drive_after_a_brake_or_a_full_drive_shows_its_own_duty_only) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const bool brakes : {false, true}) {
-      Bench bench(stage, frequency_hz);
+      StageBench bench(stage, frequency_hz);
       if (brakes) bench.steps(kLong, [](MotorPort& motor) { motor.brake(); });
       if (!brakes) bench.drive(kLong, 1.0);
       bench.seen.clear();
@@ -139,7 +139,7 @@ TEST(a_drive_after_a_brake_or_a_full_drive_shows_its_own_duty_only) {
 TEST(a_coast_acts_at_once) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const double fraction : {0.5, 1.0, -1.0}) {
-      Bench bench(stage, frequency_hz);
+      StageBench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
       bench.seen.clear();
       bench.steps(kLong, [](MotorPort& motor) { motor.coast(); });
@@ -150,7 +150,7 @@ TEST(a_coast_acts_at_once) {
 
 TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
-    Bench bench(stage, frequency_hz);
+    StageBench bench(stage, frequency_hz);
     bench.drive(kLong, 0.5);
     bench.drive(3, -0.5);
     bench.steps(1, [](MotorPort& motor) { motor.brake(); });
@@ -163,7 +163,7 @@ TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
 TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
     for (const double fraction : {0.1, 0.5, 0.99}) {
-      Bench bench(stage, frequency_hz);
+      StageBench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
       bench.seen.clear();
       bench.drive(60, fraction);
@@ -176,7 +176,7 @@ TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
 
 TEST(at_full_duty_there_is_no_edge) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
-    Bench bench(stage, frequency_hz);
+    StageBench bench(stage, frequency_hz);
     bench.drive(kLong, 0.3);
     bench.seen.clear();
     bench.drive(kLong, 1.0);
@@ -192,7 +192,7 @@ TEST(at_full_duty_there_is_no_edge) {
 TEST(the_smallest_duties_are_a_tick_and_no_level) {
   for (const uint32_t frequency_hz : {20'000u, 40'000u}) {
     for (int16_t duty_q15 = 1; duty_q15 <= 20; ++duty_q15) {
-      Bench bench(Stage::kEnableIn1In2, frequency_hz);
+      StageBench bench(Stage::kEnableIn1In2, frequency_hz);
       for (int i = 0; i < 2; ++i) bench.robot.left_motor.drive(duty_q15);
       fake_time_us += kStepUs;
       const int enable = bench.board.left_enable;

@@ -9,7 +9,7 @@ namespace {
 
 constexpr uint32_t kReceive = UART_INTR_RXFIFO_FULL | UART_INTR_RXFIFO_TOUT;
 
-UartLine started() {
+UartLine started_line() {
   fake_uart = {};
   UartLine line;
   CHECK(line.start());
@@ -20,7 +20,7 @@ UartLine started() {
 
 TEST(a_line_whose_driver_left_reception_off_receives_again) {
   for (const uint32_t lost : {kReceive, UART_INTR_RXFIFO_FULL, UART_INTR_RXFIFO_TOUT}) {
-    UartLine line = started();
+    UartLine line = started_line();
     fake_uart.enabled = UART_INTR_TXFIFO_EMPTY | (kReceive & ~lost);
     uint8_t byte = 0;
     CHECK(line.read(&byte, 1) == 0);
@@ -29,7 +29,7 @@ TEST(a_line_whose_driver_left_reception_off_receives_again) {
 }
 
 TEST(a_line_leaves_reception_off_while_its_buffer_is_full) {
-  UartLine line = started();
+  UartLine line = started_line();
   fake_uart.received = {1, 2};
   fake_uart.enabled = 0;
   uint8_t byte = 0;
@@ -38,7 +38,7 @@ TEST(a_line_leaves_reception_off_while_its_buffer_is_full) {
 }
 
 TEST(a_line_that_receives_forgets_no_interrupt) {
-  UartLine line = started();
+  UartLine line = started_line();
   uint8_t byte = 0;
   CHECK(line.read(&byte, 1) == 0);
   CHECK(fake_uart.switched_on == 0);

@@ -6,11 +6,9 @@
 namespace wheelwire::hil {
 namespace {
 
-constexpr int64_t kDriveUs = 200'000;    ///< After a start: from here on it drives.
 constexpr int64_t kEventUs = 500'000;    ///< Then this happens.
 constexpr int64_t kRestUs = 20'000'000;  ///< Until the black box is in flash.
 constexpr int64_t kPhaseUs = 100;        ///< Not at the same time of a control period each time.
-constexpr int16_t kDuty_q15 = 3000;
 
 const char* name_of(ResetReason reason) {
   switch (reason) {

@@ -2,9 +2,13 @@
 // its results as a JSON object; what passes is decided by tests/support/hil.py.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 namespace wheelwire::hil {
+
+constexpr int64_t kDriveUs = 200'000;  ///< After a start: from here on the chip drives.
+constexpr int16_t kDuty_q15 = 3000;    ///< So much.
 
 /// `times`: 1, or 10 for a long run.
 std::string measure_crashes(int times);

@@ -8,9 +8,7 @@
 namespace wheelwire::hil {
 namespace {
 
-constexpr int64_t kDriveUs = 200'000;
 constexpr int64_t kIntervalUs = 300'000;
-constexpr int16_t kDuty_q15 = 3000;
 
 double ms(int64_t us) { return static_cast<double>(us) / 1e3; }
 

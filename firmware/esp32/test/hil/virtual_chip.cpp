@@ -30,7 +30,7 @@ namespace wheelwire::hil {
 namespace {
 
 constexpr int64_t kTickUs = 100;
-constexpr int64_t kStepUs = 1000;
+constexpr int64_t kControlPeriodUs = 1000;
 constexpr int64_t kBootUs = 300'000;
 constexpr int64_t kDumpUs = 600'000;
 /// A core that executes nothing is noticed by the slower watchdogs.
@@ -69,7 +69,7 @@ VirtualChip::VirtualChip() : board_(test::board_of(Stage::kEnableIn1In2)) {
 
 End VirtualChip::run(const std::function<void()>& plan) {
   plan_ = plan;
-  fake_time_us = (fake_time_us + kBootUs) / kStepUs * kStepUs;
+  fake_time_us = (fake_time_us + kBootUs) / kControlPeriodUs * kControlPeriodUs;
   start_us_ = fed_us_ = fake_time_us;
   stopped_core_ = -1;
   is_locked_ = false;
@@ -162,7 +162,7 @@ uint32_t VirtualChip::wait() {
   const size_t waiting = fake_uart.received.size();
   do {
     tick();
-    if (fake_time_us % kStepUs == 0) {
+    if (fake_time_us % kControlPeriodUs == 0) {
       stepped_us_ = fake_time_us;
       return kStepDue;
     }
@@ -181,7 +181,7 @@ void VirtualChip::tick() {
 
 void VirtualChip::ring(int core) {
   if (core == stopped_core_ || timers_[core] == nullptr) return;
-  if (fake_time_us % kStepUs != kDeadManUs[core]) return;
+  if (fake_time_us % kControlPeriodUs != kDeadManUs[core]) return;
   const int here = fake_core;
   fake_core = core;
   timers_[core]->ring();
@@ -254,7 +254,7 @@ void VirtualChip::handle_panic() {
   if (!is_locked_ && __wrap_esp_panic_handler != nullptr) __wrap_esp_panic_handler(nullptr);
   const bool ends = !is_locked_ && how_ != Panic::kDumpHangs;
   for (const int64_t dump_us = fake_time_us + kDumpUs; !ends || fake_time_us < dump_us;) {
-    fake_time_us += kStepUs;
+    fake_time_us += kControlPeriodUs;
     note_release();
     check_rwdt();
     if (!ends && !fake_rwdt.is_enabled) throw Dead{};

@@ -1,21 +1,15 @@
 // The simulated robot at a front bumper: whether it stays there, and what happens once it is free.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "check.hpp"
 #include "sim_robot.hpp"
 
 using namespace wheelwire;
 using test::SimRobot;
+using wheelwire::test::shown;
 
 namespace {
-
-/// Prints what was measured, for a comparison of two releases.
-double shown(const char* what, double value) {
-  std::printf("     %s: %.3f\n", what, value);
-  return value;
-}
 
 void press(SimRobot& robot, bool pressed) {
   robot.simulator.board.sensors.bumpers[static_cast<size_t>(Place::kFrontLeft)] = pressed;

@@ -14,7 +14,7 @@ namespace {
 constexpr int kCountsPerRevolution = 360;
 
 /// An encoder wired to a counter.
-struct Wheel {
+struct EncoderAtCounter {
   Quadrature encoder{7};
   PulseCounter counter{false, false};
 
@@ -39,7 +39,7 @@ TEST(counter_counts_each_edge_by_the_input_that_leads) {
 }
 
 TEST(counter_returns_to_zero_at_both_limits) {
-  Wheel wheel;
+  EncoderAtCounter wheel;
   wheel.turn_ticks(kCounterLimit - 1);
   CHECK(wheel.counter.value() == kCounterLimit - 1);
   wheel.turn_ticks(1);
@@ -53,8 +53,8 @@ TEST(counter_returns_to_zero_at_both_limits) {
 }
 
 TEST(quadrature_edge_errors_move_edges_and_lose_none) {
-  Wheel ideal;
-  Wheel uneven;
+  EncoderAtCounter ideal;
+  EncoderAtCounter uneven;
   uneven.encoder.model.edge_error_ticks = 0.45;
   int differing = 0;
   for (int step = 0; step < 10'000; ++step) {
@@ -68,11 +68,11 @@ TEST(quadrature_edge_errors_move_edges_and_lose_none) {
 }
 
 TEST(quadrature_faults) {
-  Wheel dead;
+  EncoderAtCounter dead;
   dead.encoder.model.dead = true;
   dead.turn_ticks(100);
   CHECK(dead.counter.value() == 0 && dead.encoder.ticks() == 100);
-  Wheel reversed;
+  EncoderAtCounter reversed;
   reversed.encoder.model.reversed = true;
   reversed.turn_ticks(100);
   CHECK(reversed.counter.value() == -100);

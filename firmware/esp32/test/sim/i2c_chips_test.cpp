@@ -14,8 +14,8 @@ using namespace wheelwire::sim;
 namespace {
 
 /// A board with these peripherals, whose readings are taken each millisecond.
-struct Bench {
-  explicit Bench(const std::vector<Peripheral>& entries, uint64_t seed = 1) : board(seed) {
+struct ChipsBench {
+  explicit ChipsBench(const std::vector<Peripheral>& entries, uint64_t seed = 1) : board(seed) {
     board.take_up(kBoardL298n);
     for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
     board.sensors.take_up(list);
@@ -79,7 +79,7 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
   for (const ImuTable& table : kImuTables) {
     // Forward is -z, up is x: left is y, which is x cross -z.
     for (const int8_t interrupt : {int8_t{-1}, int8_t{35}}) {
-      Bench bench{{imu_entry(table.chip, Axis::kMinusZ, Axis::kX, interrupt)}};
+      ChipsBench bench{{imu_entry(table.chip, Axis::kMinusZ, Axis::kX, interrupt)}};
       PlantModel model = bench.board.plant.model();
       model.slope_rad = 0.1;
       model.wheels[kLeft].blocked = model.wheels[kRight].blocked = true;
@@ -101,7 +101,7 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
 }
 
 TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
-  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
   const double g = 9.80665 / imu_table_of(SensorChip::kMpu6050)->accelerometer_mps2;
   ImuFaults& imu = bench.board.sensors.chips.imu;
   bench.run(300);
@@ -121,7 +121,7 @@ TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
 
 TEST(a_power_sensor_measures_the_motors_supply) {
   for (const SensorChip chip : {SensorChip::kIna219, SensorChip::kIna226}) {
-    Bench bench{{power_entry(chip, 500)}};
+    ChipsBench bench{{power_entry(chip, 500)}};
     PlantModel model = bench.board.plant.model();
     model.supply_ohm = 0.2;
     bench.board.plant.configure(model);
@@ -140,8 +140,8 @@ TEST(a_power_sensor_measures_the_motors_supply) {
 }
 
 TEST(a_hung_bus_takes_all_that_is_on_it_and_lets_go_of_it) {
-  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
-               power_entry(SensorChip::kIna219, 1000)}};
+  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
+                    power_entry(SensorChip::kIna219, 1000)}};
   bench.run(500);
   bench.board.sensors.chips.imu.bus_hung = true;
   bench.run_afresh(500);
@@ -154,7 +154,7 @@ TEST(a_hung_bus_takes_all_that_is_on_it_and_lets_go_of_it) {
 }
 
 TEST(a_power_sensor_that_lost_its_settings_gets_them_again) {
-  Bench bench{{power_entry(SensorChip::kIna219, 1000)}};
+  ChipsBench bench{{power_entry(SensorChip::kIna219, 1000)}};
   bench.run(500);
   bench.board.sensors.chips.reset_power_sensors();
   bench.run_afresh(350);
@@ -163,8 +163,8 @@ TEST(a_power_sensor_that_lost_its_settings_gets_them_again) {
 }
 
 TEST(one_chip_is_absent_and_the_other_on_its_bus_is_not) {
-  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
-               power_entry(SensorChip::kIna219, 1000)}};
+  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
+                    power_entry(SensorChip::kIna219, 1000)}};
   bench.board.sensors.chips.power_absent = true;
   bench.run(500);
   CHECK(bench.imus.back().state == SensorState::kOk);
@@ -172,7 +172,7 @@ TEST(one_chip_is_absent_and_the_other_on_its_bus_is_not) {
 }
 
 TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
-  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
   BoardDescription wired = kBoardL298n;
   wired.left_encoder_a = 17;
   bench.board.wire(wired);
@@ -181,7 +181,7 @@ TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
 }
 
 TEST(samples_go_on_after_a_reset_of_the_processor) {
-  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ, 35)}};
+  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ, 35)}};
   bench.run(500);
   bench.board.reset();
   bench.board.take_up(kBoardL298n);
@@ -222,7 +222,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
        {g * std::sin(0.3), g * std::cos(0.3) * std::sin(0.4), g * std::cos(0.3) * std::cos(0.4)}},
   };
   for (const Case& one : cases) {
-    Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     bench.run(300);
     bench.board.plant.held() = one.tilt;
@@ -251,7 +251,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
 
 TEST(an_imu_feels_hands_that_push_and_turn) {
   for (const bool is_raised : {false, true}) {
-    Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     PlantModel model = bench.board.plant.model();
     model.wheels_free = is_raised;

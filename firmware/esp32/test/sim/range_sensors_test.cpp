@@ -31,8 +31,8 @@ constexpr Peripheral kImu{
     .kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050, .pin_a = 16, .pin_b = 17};
 
 /// A board with these peripherals, whose readings are taken each millisecond.
-struct Bench {
-  explicit Bench(std::initializer_list<Peripheral> entries) {
+struct RangeBench {
+  explicit RangeBench(std::initializer_list<Peripheral> entries) {
     board.take_up(kBoardL298n);
     for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
     board.sensors.take_up(list);
@@ -64,8 +64,8 @@ struct Bench {
 }  // namespace
 
 TEST(each_range_sensor_measures_what_is_on_its_side) {
-  Bench bench({range_entry(Place::kFront, 21, 34), range_entry(Place::kLeft, 5, 35),
-               range_entry(Place::kRight, 12, 36)});
+  RangeBench bench({range_entry(Place::kFront, 21, 34), range_entry(Place::kLeft, 5, 35),
+                    range_entry(Place::kRight, 12, 36)});
   bench.distance_m(Place::kFront) = 0.5;
   bench.distance_m(Place::kLeft) = 3.0;
   bench.distance_m(Place::kRight) = 10.0;
@@ -82,7 +82,7 @@ TEST(each_range_sensor_measures_what_is_on_its_side) {
 }
 
 TEST(a_bus_that_hangs_keeps_the_task_and_the_ranges_are_measured_all_the_same) {
-  Bench bench({kImu, range_entry(Place::kFront, 21, 34)});
+  RangeBench bench({kImu, range_entry(Place::kFront, 21, 34)});
   bench.board.sensors.chips.imu.bus_hung = true;
   bench.run(2000);
   CHECK(bench.ranges[1].size() >= 28);
@@ -91,7 +91,7 @@ TEST(a_bus_that_hangs_keeps_the_task_and_the_ranges_are_measured_all_the_same) {
 
 /// Its wires lead to where the other board has a motor.
 TEST(a_range_sensor_on_the_pins_of_another_board_is_absent) {
-  Bench bench({range_entry(Place::kFront, 21, 34)});
+  RangeBench bench({range_entry(Place::kFront, 21, 34)});
   bench.board.wire(kBoardDrv8833);  // Its standby is at GPIO 21.
   bench.run(300);
   CHECK(!bench.ranges[0].empty());
@@ -99,7 +99,7 @@ TEST(a_range_sensor_on_the_pins_of_another_board_is_absent) {
 }
 
 TEST(a_start_of_the_firmware_begins_anew) {
-  Bench bench({range_entry(Place::kFront, 21, 34)});
+  RangeBench bench({range_entry(Place::kFront, 21, 34)});
   bench.run(63);  // It listens now.
   bench.board.reset();
   bench.board.take_up(kBoardL298n);
@@ -113,7 +113,7 @@ TEST(a_start_of_the_firmware_begins_anew) {
 }
 
 TEST(an_analogue_input_reads_its_own_voltage_behind_its_divider) {
-  Bench bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
+  RangeBench bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
   bench.board.sensors.analog_v = {2.0, 9.0, 6.0, 9.0};
   bench.run(1000);
   CHECK(bench.analogs[0].size() == 10 && bench.analogs[1].size() == 10);

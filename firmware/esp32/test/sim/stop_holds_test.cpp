@@ -1,22 +1,16 @@
 // A stop holds, whatever came before: how far and how fast the simulated robot still rolls.
 #include <cmath>
-#include <cstdio>
 
 #include "check.hpp"
 #include "sim_robot.hpp"
 
 using namespace wheelwire;
 using test::SimRobot;
+using wheelwire::test::shown;
 
 namespace {
 
 constexpr double kDownhill = -0.15;
-
-/// Prints what was measured, for a comparison of two releases.
-double shown(const char* what, double value) {
-  std::printf("     %s: %.3f\n", what, value);
-  return value;
-}
 
 /// How far it rolls until it stands, at most for some seconds.
 double rolls_out_m(SimRobot& robot, int seconds = 10) {

@@ -15,6 +15,8 @@ inline std::function<uint32_t(TickType_t)> fake_wait;
 
 /// A task sleeps for so many ticks.
 inline std::function<void(TickType_t)> fake_sleep;
+/// What it throws to end a task, which would never return.
+struct EndOfTask {};
 /// Of the task that was created last.
 inline UBaseType_t fake_priority = 0;
 
