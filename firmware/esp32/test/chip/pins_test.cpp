@@ -176,4 +176,5 @@ TEST(a_contact_is_open_when_two_samples_say_so) {
     fake_samples = {1 - stop};
     CHECK(!contact.is_open());
   }
+  fake_samples = {0};
 }

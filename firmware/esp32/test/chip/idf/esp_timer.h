@@ -3,7 +3,7 @@
 
 #include "esp_err.h"
 
-inline int64_t fake_time_us = 0;
+inline int64_t fake_time_us = 1'000'000;
 inline esp_err_t fake_timer_creation = ESP_OK;
 inline esp_err_t fake_timer_start = ESP_OK;
 
