@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from svg import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Picture, svg
 from wheelwire.board import Configuration
-from wheelwire_protocol.board import OUTPUTS, STAGES, Stage
 from wheelwire_protocol.codes import Chip
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Stage
 
 FILL, EDGE = "#f4f6f8", "#333"
 IN_THE_DARK = (

@@ -13,20 +13,11 @@ from board_picture import Wiring
 from generated import ROOT
 from wheelwire.board import Configuration
 from wheelwire.tools.files.board import load_board, shipped_boards
-from wheelwire_protocol.board import (
-    CHIPS,
-    OUTPUTS,
-    STAGES,
-    Action,
-    BoardPin,
-    ChipTable,
-    Level,
-    Stage,
-    StageTable,
-)
+from wheelwire_protocol.board import CHIPS, BoardPin, ChipTable
 from wheelwire_protocol.board import MODULES as CHIP_MODULES
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.generate.text import constant_name
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Action, Level, Stage, StageTable
 
 PAGE = ROOT / "docs" / "boards.md"
 PICTURES = ROOT / "docs" / "boards"

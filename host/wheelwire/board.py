@@ -29,11 +29,11 @@ from wheelwire_protocol.board import (
     ContactKind,
     EncoderPulls,
     Module,
-    Stage,
 )
 from wheelwire_protocol.codec import BOARD, ENTRY, assembled, fingerprint_of
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.core import BoardIssue, PeripheralIssue, check_board, check_peripherals
+from wheelwire_protocol.power_stages import Stage
 from wheelwire_protocol.sensors import (
     IMUS,
     MOST_PERIPHERALS,

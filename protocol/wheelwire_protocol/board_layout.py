@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from construct import Struct
 
-from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Module, Stage
+from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Module
 from .codes import Chip, Unit
 from .message import Field, chars, i8, u8, u16, u64
+from .power_stages import Stage
 from .sensors import Axis, PeripheralFlag, PeripheralKind, Place, SensorChip
 
 

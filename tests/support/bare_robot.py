@@ -14,8 +14,8 @@ from wheelwire.board import Configuration
 from wheelwire.pi.gpio.base import HIGH_Q15
 from wheelwire.simulation import fwsim_abi as abi
 from wheelwire.simulation.libfwsim import library_path
-from wheelwire_protocol.board import OUTPUTS
 from wheelwire_protocol.native import declare
+from wheelwire_protocol.power_stages import OUTPUTS
 
 EDGE = np.dtype(abi.Edge)
 CATCH_UP_US = 100_000

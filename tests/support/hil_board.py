@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol, TypeVar, cast
 
-from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import (
     BoxCause,
@@ -22,6 +21,7 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.power_stages import Stage
 from wheelwire_protocol.self_test import GROUP, PERMISSION
 from wheelwire_protocol.types import (
     Ack,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from wheelwire.board import Configuration, WheelPins
 from wheelwire.tools.files.board import load_board
-from wheelwire_protocol.board import STAGES, Stage
+from wheelwire_protocol.power_stages import STAGES, Stage
 
 PI = load_board("pi4b")
 PINS = {"enable": (12, 13), "in1": (23, 20), "in2": (24, 21), "pwm": (18, 19), "dir": (23, 20)}

@@ -25,19 +25,16 @@ from wheelwire.tools.files.board import (
 )
 from wheelwire_protocol.board import (
     CHIPS,
-    STAGES,
-    Action,
     BoardFault,
     BoardLine,
     BoardPin,
     ContactKind,
     EncoderPulls,
-    Level,
     Module,
-    Stage,
 )
 from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
 from wheelwire_protocol.codes import Chip
+from wheelwire_protocol.power_stages import STAGES, Action, Level, Stage
 from wheelwire_protocol.sensors import PeripheralKind, Place, channel_name
 
 PINS = st.none() | st.integers(0, 127)

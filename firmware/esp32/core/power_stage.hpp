@@ -1,5 +1,5 @@
 // One wheel's power stage as a motor port. Its truth table is data: a stage is added to `STAGES` in
-// protocol/wheelwire_protocol/board.py.
+// protocol/wheelwire_protocol/power_stages.py.
 #pragma once
 
 #include "board_tables.hpp"

@@ -28,19 +28,15 @@ from wheelwire.tools.files.peripherals import peripheral_sections
 from wheelwire_protocol.board import (
     CHIPS,
     MODULES,
-    OUTPUTS,
-    STAGES,
     WARNINGS,
-    Action,
     BoardFault,
     BoardLine,
     BoardPin,
     EncoderPulls,
-    Level,
-    Stage,
 )
 from wheelwire_protocol.codes import ConfigurationState, RefusalCode
 from wheelwire_protocol.core import check_board
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Action, Level, Stage
 
 from .address import (
     BaudRateOption,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from inspect import signature
 
-from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codes import Chip
+from wheelwire_protocol.power_stages import Stage
 
 from ..board import Configuration, WheelPins
 from ..errors import ConfigurationError, shown

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import cast
 
-from wheelwire_protocol.board import STAGES
 from wheelwire_protocol.codec import BOARD, BY_TYPE, ENTRY, assembled, fingerprint_of
 from wheelwire_protocol.codes import ConfigurationState, Contradiction, Group
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.power_stages import STAGES
 from wheelwire_protocol.types import (
     BoardSet,
     ConfigurationConfirm,

@@ -8,16 +8,11 @@ from ..board import (
     MAX_FILTER_NS,
     MIN_FREQUENCY_HZ,
     MODULES,
-    OUTPUTS,
-    STAGES,
     WARNINGS,
-    Action,
     BoardPin,
-    Level,
-    Stage,
-    StageTable,
 )
 from ..board_layout import BOARD_SIZE, board_fields
+from ..power_stages import OUTPUTS, STAGES, Action, Level, Stage, StageTable
 from .cpp import cpp_enum, cpp_header, cpp_struct, cpp_switch
 from .cpp_tables import cpp_literal, cpp_table
 from .text import constant_name, lines

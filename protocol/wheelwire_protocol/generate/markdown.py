@@ -9,7 +9,7 @@ from itertools import chain, groupby
 from typing import NamedTuple
 
 from ..board import CODES as BOARD_CODES
-from ..board import BoardFault, BoardPin, Stage
+from ..board import BoardFault, BoardPin
 from ..board_layout import board_fields, peripheral_fields
 from ..codes import (
     ENUMERATIONS,
@@ -38,6 +38,7 @@ from ..messages import (
     SET_DUTY,
 )
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..power_stages import Stage
 from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from ..sensors import CODES as SENSOR_CODES
 from ..sensors import FLAGS as SENSOR_FLAGS

@@ -26,7 +26,6 @@ from support.self_test_types import (
     SelfTestWatch,
 )
 from support.self_test_wire import Encoder, decoder
-from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codec import BY_TYPE, schema_hash
 from wheelwire_protocol.codes import (
     BoxCause,
@@ -39,6 +38,7 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.power_stages import Stage
 from wheelwire_protocol.self_test import GROUP, PERMISSION
 from wheelwire_protocol.types import (
     Ack,

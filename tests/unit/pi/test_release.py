@@ -14,9 +14,9 @@ from wheelwire.pi.gpio.base import HIGH_Q15, Gpio, pwm_pins, release_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
 from wheelwire.pi.settings import McuSettings
 from wheelwire.tools.files.board import load_board, shipped_boards
-from wheelwire_protocol.board import OUTPUTS, Stage
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.core import Outputs, StageInputs
+from wheelwire_protocol.power_stages import OUTPUTS, Stage
 
 SCRIPT = 7
 LOW = StageInputs(0, 0, 0, 0, 0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from wheelwire.pi.gpio.base import HIGH_Q15, StagePins
-from wheelwire_protocol.board import OUTPUTS, STAGES, Stage
 from wheelwire_protocol.core import StageInputs
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Stage
 
 LOW = StageInputs(0, 0, 0, 0, 0)
 HIGH = StageInputs(*[HIGH_Q15] * len(OUTPUTS))

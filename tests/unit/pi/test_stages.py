@@ -23,7 +23,8 @@ from wheelwire.errors import LinkLost
 from wheelwire.pi.gpio.base import encoder_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
 from wheelwire.robot.robot import Robot
-from wheelwire_protocol.board import EncoderPulls, Stage
+from wheelwire_protocol.board import EncoderPulls
+from wheelwire_protocol.power_stages import Stage
 
 PATIENT = {"overrun_limit_us": 1e6, "ttl_max_s": 5}
 CORE_TIMEOUT_MS = 5000

@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from wheelwire_protocol.board import OUTPUTS, STAGES, Action, ContactKind, Level
+from wheelwire_protocol.board import ContactKind
 from wheelwire_protocol.core import Outputs, StageInputs
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Action, Level
 
 from ...board import Configuration, DigitalInput, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable

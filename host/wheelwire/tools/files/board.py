@@ -15,9 +15,9 @@ from wheelwire_protocol.board import (
     ContactKind,
     EncoderPulls,
     Module,
-    Stage,
 )
 from wheelwire_protocol.codes import ConfigurationState
+from wheelwire_protocol.power_stages import Stage
 
 from ...board import Configuration, WheelPins
 from ...errors import ConfigurationError

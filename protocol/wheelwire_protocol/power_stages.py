@@ -1,0 +1,197 @@
+"""The power stages, each with its truth table: what a wheel's motor gets from its inputs.
+
+A new one is a row of `STAGES`, and a board's file in `boards/`. The core's tables are generated.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from .codes import DocumentedEnum
+
+OUTPUTS = ("enable", "in1", "in2", "pwm", "dir")
+"""What a wheel's power stage may have for inputs."""
+
+
+class Stage(DocumentedEnum):
+    """What stands between the chip's pins and a motor."""
+
+    ENABLE_IN1_IN2 = 0, "An enable with the PWM and two direction inputs: L298N, L293D."
+    PWM_IN1_IN2 = 1, "A PWM input, whose low level brakes, and two direction inputs: TB6612FNG."
+    IN_IN = 2, "Two inputs, the PWM on one of them: DRV8833, DRV8871, MX1508."
+    HALF_BRIDGES = 3, "Two half bridges with a common enable: BTS7960 (IBT-2)."
+    PWM_DIR = 4, "A PWM and a direction input: Cytron MD10C, MDD10A."
+
+
+class Level(enum.Enum):
+    """What an input of a power stage gets."""
+
+    LOW = "low"
+    HIGH = "high"
+    PWM = "PWM"
+    KEEP = "as before"
+
+
+class Action(enum.Enum):
+    """What a wheel is to do: a row of a truth table."""
+
+    COAST = "coast"
+    FORWARD = "forward"
+    REVERSE = "reverse"
+    BRAKE = "brake"
+
+
+@dataclass(frozen=True)
+class StageTable:
+    """A power stage as data.
+
+    Attributes:
+        parts: Integrated circuits and modules with such inputs.
+        rows: The level of each input for each action.
+        pull_downs: Inputs that nothing in the stage holds low.
+        max_frequency_hz: Highest frequency of the PWM.
+        frequency_source: Where that limit is from.
+        pwm_outputs: The chip's PWM outputs that each wheel takes.
+        can_coast: Whether the motor can turn freely while the stage is supplied.
+        has_standby: Whether one more input switches both wheels' outputs off. It may be left
+            unconnected to the chip, tied high.
+        coast, brake, release, dead_time: What these mean on it, in sentences.
+        floating: What the motors do while no input is driven, in sentences.
+    """
+
+    parts: str
+    rows: Mapping[Action, Mapping[str, Level]]
+    pull_downs: tuple[str, ...]
+    max_frequency_hz: int
+    frequency_source: str
+    pwm_outputs: int
+    can_coast: bool
+    coast: str
+    brake: str
+    release: str
+    dead_time: str
+    floating: str
+    has_standby: bool = False
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs of each wheel: each row has them all."""
+        return tuple(self.rows[Action.COAST])
+
+
+def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, Level]]:
+    # One letter an input, so that a row can be compared with a data sheet's table at a glance.
+    letters = {"0": Level.LOW, "1": Level.HIGH, "p": Level.PWM, "-": Level.KEEP}
+    return MappingProxyType(
+        {
+            Action(name): MappingProxyType(
+                {pin: letters[letter] for pin, letter in zip(inputs, row, strict=True)}
+            )
+            for name, row in rows.items()
+        }
+    )
+
+
+_ONE_PERIOD = "One control period in coast, between two directions, and before a brake."
+_BUILT_IN = "The part keeps its two switches apart by itself. "
+
+STAGES: Mapping[Stage, StageTable] = MappingProxyType(
+    {
+        Stage.ENABLE_IN1_IN2: StageTable(
+            parts="L298N, L293D",
+            rows=_rows(
+                ("enable", "in1", "in2"), coast="0--", forward="p10", reverse="p01", brake="100"
+            ),
+            pull_downs=("enable",),
+            max_frequency_hz=40_000,
+            frequency_source="L298 data sheet, commutation frequency",
+            pwm_outputs=1,
+            can_coast=True,
+            coast="EN low: all four switches are off. So is the off time of the PWM.",
+            brake="EN high, both inputs low: the motor is shorted through the lower switches.",
+            release="EN low.",
+            dead_time=_ONE_PERIOD,
+            floating=(
+                "With the resistors they coast. Without them its inputs float high, which brakes; "
+                "a disturbed one drives at full duty."
+            ),
+        ),
+        Stage.PWM_IN1_IN2: StageTable(
+            parts="TB6612FNG",
+            rows=_rows(
+                ("pwm", "in1", "in2"), coast="000", forward="p10", reverse="p01", brake="011"
+            ),
+            pull_downs=(),
+            max_frequency_hz=100_000,
+            frequency_source="TB6612FNG data sheet, switching frequency",
+            pwm_outputs=1,
+            can_coast=True,
+            coast="Both inputs low. PWM low alone brakes.",
+            brake="Both inputs high, or PWM low, as in the PWM's off time.",
+            release="Both inputs low, and standby if it is connected.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "They coast, also with standby tied high: the part holds its inputs low, with "
+                "200 kΩ each."
+            ),
+            has_standby=True,
+        ),
+        Stage.IN_IN: StageTable(
+            parts="DRV8833, DRV8871, MX1508",
+            rows=_rows(("in1", "in2"), coast="00", forward="p0", reverse="0p", brake="11"),
+            pull_downs=(),
+            max_frequency_hz=50_000,
+            frequency_source="our limit, below the 200 kHz of the DRV8871's data sheet",
+            pwm_outputs=2,
+            can_coast=True,
+            coast="Both inputs low. So is the off time of the PWM.",
+            brake="Both inputs high.",
+            release="Both inputs low, and nSLEEP (standby) if it is connected.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "They coast, also with nSLEEP tied high: the part holds its inputs low, a DRV8833 "
+                "with 150 kΩ."
+            ),
+            has_standby=True,
+        ),
+        Stage.HALF_BRIDGES: StageTable(
+            parts="BTS7960 (IBT-2)",
+            rows=_rows(
+                ("enable", "in1", "in2"), coast="000", forward="1p0", reverse="10p", brake="100"
+            ),
+            pull_downs=("enable",),
+            max_frequency_hz=25_000,
+            frequency_source="BTS7960 data sheet, up to 25 kHz",
+            pwm_outputs=2,
+            can_coast=True,
+            coast="Enable (R_EN and L_EN together) low: both half bridges are off.",
+            brake="Enable high, both inputs low: so the off time of the PWM brakes.",
+            release="Enable low.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "With the resistors they coast. Without them the motors may drive at full duty, "
+                "either way."
+            ),
+        ),
+        Stage.PWM_DIR: StageTable(
+            parts="Cytron MD10C, MDD10A",
+            rows=_rows(("pwm", "dir"), coast="0-", forward="p1", reverse="p0", brake="00"),
+            pull_downs=("pwm",),
+            max_frequency_hz=20_000,
+            frequency_source="Cytron MDD10A user's manual",
+            pwm_outputs=1,
+            can_coast=False,
+            coast="There is none: PWM low shorts the motor.",
+            brake="PWM low.",
+            release="PWM low, which brakes.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "With the resistors they brake. Without them the motors may drive at full duty, "
+                "either way."
+            ),
+        ),
+    }
+)
