@@ -190,8 +190,8 @@ test-all: prepared sanitized
 endif
 
 test-whole: prepared sanitized  ## What make test leaves out, and each property again, with new examples
-	$(BIN)/python tests/explore/run.py 10 --quiet
-	@$(if $(CLANG),$(MAKE) --no-print-directory fuzz SECONDS=5)
+	$(BIN)/python tests/explore/run.py 5 --quiet
+	@$(if $(CLANG),$(MAKE) --no-print-directory fuzz SECONDS=3)
 	$(pytest) -m "whole or hypothesis"
 
 # Its own environment: zig is 400 MB, and only a release needs it.
