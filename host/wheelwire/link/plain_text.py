@@ -66,11 +66,16 @@ class PlainText:
         """Look at what has arrived; returns whether `sentence` has changed."""
         before = self.sentence
         # Latin-1 maps each byte to a character, so noise cannot fail to decode and matches nothing.
-        self._tail = (self._tail + data.decode("latin-1"))[-TAIL:]
-        for found in _KNOWN.finditer(self._tail):
+        new = data.decode("latin-1")[-TAIL:]
+        self._tail = (self._tail + new)[-TAIL:]
+        # Only from where the line begins that the new bytes continue: earlier ones are done.
+        begin = len(self._tail) - len(new)
+        while begin > 0 and (self._tail[begin - 1].isprintable() or self._tail[begin - 1] == "\t"):
+            begin -= 1
+        for found in _KNOWN.finditer(self._tail, begin):
             self.sentence = _KINDS[(found.lastindex or 1) - 1].sentence
             self.quote = self._line_at(found.start(), found.end())
-        if not self.sentence and (lines := _LINE.findall(self._tail)):
+        if not self.sentence and (lines := _LINE.findall(self._tail, begin)):
             self.quote = lines[-1].strip()[:80]
         return self.sentence != before
 
