@@ -40,6 +40,22 @@ class PinFlags {
   std::array<bool, 64> flags_{};
 };
 
+/// The registers as a reset leaves them: each pin shows its plain output. No map, either.
+class GpioRegisters {
+ public:
+  GpioRegisters() {
+    for (int pin = 0; pin < 64; ++pin) route(pin) = SIG_GPIO_OUT_IDX;
+  }
+  uint32_t& operator[](uint32_t address) { return words_.at(address / 4); }
+  /// Which signal the pin shows.
+  uint32_t& route(int pin) {
+    return (*this)[GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin)];
+  }
+
+ private:
+  std::array<uint32_t, GPIO_FUNC0_OUT_SEL_CFG_REG / 4 + 64> words_{};
+};
+
 struct FakeMatrix {
   /// One output of the PWM, as far as it is set up: high from the start of a period until the
   /// counter reaches the active compare value.
@@ -69,7 +85,7 @@ struct FakeMatrix {
     }
   };
 
-  std::map<uint32_t, uint32_t> registers;
+  GpioRegisters registers;
   // What a reset of the CPU leaves as it was.
   PinFlags levels;      // of plain outputs
   PinFlags enabled;     // which pins the chip drives
@@ -108,10 +124,9 @@ struct FakeMatrix {
 
   /// Whether the pin is high at some time of a PWM period.
   bool can_be_high(int pin) {
-    const auto route = registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
     if (!enabled[pin]) return false;
-    if (route == registers.end() || route->second == SIG_GPIO_OUT_IDX) return levels[pin];
-    return is_high(route->second);
+    const uint32_t signal = registers.route(pin);
+    return signal == SIG_GPIO_OUT_IDX ? levels[pin] : is_high(signal);
   }
 
   /// Whether the output is high at some time of this period or of the next one. One that rises
@@ -126,9 +141,9 @@ struct FakeMatrix {
   /// What the pin shows at a time that is not before the last write, in nanoseconds.
   bool level_at(int pin, int64_t t_ns) {
     if (!enabled[pin]) return false;
-    const auto route = registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
-    if (route == registers.end() || route->second == SIG_GPIO_OUT_IDX) return levels[pin];
-    const auto found = outputs.find(route->second);
+    const uint32_t signal = registers.route(pin);
+    if (signal == SIG_GPIO_OUT_IDX) return levels[pin];
+    const auto found = outputs.find(signal);
     return found != outputs.end() && found->second.level_at(t_ns);
   }
 };
