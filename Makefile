@@ -16,7 +16,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon compiled test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
 
 # $(call targets,mark): the targets whose line has it, with what follows it.
 targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -177,6 +177,11 @@ endif
 # which needs it, too, two would write one build folder.
 prepared: $(VENV)/installed sim
 	@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,--jobs 2) cpp-tests ros-if-available
+
+# Otherwise the tests' processes, which start at once, compile each module at the same time. What
+# cannot be collected, they tell.
+compiled: $(VENV)/installed
+	@$(BIN)/python -m pytest --collect-only -qq >/dev/null || true
 
 test: prepared  ### What to run after each change, in minutes; make test [ONLY=tests/unit/link] [JOBS=4]
 	$(pytest) -m "not whole" --hypothesis-profile=quick $(ONLY)
