@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -123,9 +124,14 @@ def test_troubleshooting_names_every_fault() -> None:
 PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("*/*.md"), DOCS.parent / "README.md"})
 
 
+@cache
+def command_line() -> Any:
+    return typer.main.get_command(application())
+
+
 @each("page", PAGES, ids=lambda page: page.name)
 def test_commands_on_a_page_exist(page: Path) -> None:
-    command = typer.main.get_command(application())
+    command = command_line()
     for line in re.findall(
         r"(?:^|[`$;&] ?|bin/)wheelwire ([a-z][^`\n#;&|]*)", page.read_text(), re.M
     ):
