@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from support.core_device import UNHURRIED
 from support.virtual import VirtualRobot
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 MINUTE_US = 60_000_000
 
@@ -12,7 +14,11 @@ MINUTE_US = 60_000_000
 @pytest.mark.parametrize("minutes", [37, pytest.param(70, marks=pytest.mark.whole)])
 def test_a_program_that_was_stopped_has_fresh_samples_at_once(minutes: int) -> None:
     """Ctrl-Z: the host's clock goes on, and the line keeps what came at first."""
-    robot = VirtualRobot(1).open()
+    robot = VirtualRobot(1)
+    for name, value in UNHURRIED.items():
+        robot.sim.preset(PARAMETER_BY_NAME[name].id, value)
+    robot.sim.reset()
+    robot.open()
     robot.run(1.0)
     robot.sim.advance_us(minutes * MINUTE_US)
     robot.now_us += minutes * MINUTE_US
