@@ -89,7 +89,7 @@ class BoardReset(CommissioningFailed):
 
 
 class Record:
-    """The samples of a motion, counted from its first one.
+    """The samples of a motion, counted from its first one: all of one boot.
 
     Attributes:
         samples: All of them.
@@ -113,12 +113,12 @@ class Record:
         if SupervisorState.TIMED_OUT in states[first:]:
             return True
         # In a gap between two samples it may have run out and driven again, unseen.
-        return any(b.since(a).dt_s > LAPSE_S for a, b in pairwise(self.samples))
+        return any(b.t_us - a.t_us > 1e6 * LAPSE_S for a, b in pairwise(self.samples))
 
     @property
     def seconds(self) -> float:
         """Time from the first sample to the last one."""
-        return self.samples[-1].since(self.samples[0]).dt_s
+        return (self.samples[-1].t_us - self.samples[0].t_us) / 1e6
 
     @property
     def ticks(self) -> tuple[int, int]:
@@ -140,7 +140,8 @@ class Record:
 
     def times_s(self) -> list[float]:
         """The time of each sample, from the first one."""
-        return [sample.since(self.samples[0]).dt_s for sample in self.samples]
+        begin_us = self.samples[0].t_us
+        return [(sample.t_us - begin_us) / 1e6 for sample in self.samples]
 
     def travel(self, wheel: int) -> list[int]:
         """Ticks of a wheel at each sample, from the first one."""
