@@ -422,7 +422,7 @@ TEST(damaged_boxes_are_read_without_harm) {
 }
 
 TEST(two_hundred_random_runs_re_run_bit_by_bit) {
-  for (uint32_t seed = 0; seed < 200; ++seed) {
+  for (uint32_t seed = 0; seed < test::draws(200u); ++seed) {
     std::mt19937 random(seed);
     const auto chance = [&](uint32_t one_in) { return random() % one_in == 0; };
     RecordedRobot robot;
