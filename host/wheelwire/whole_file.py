@@ -27,8 +27,9 @@ def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return
-    # In the same folder: only within one file system is a rename atomic.
-    new = path.with_name(path.name + ".new")
+    # In the same folder: only within one file system is a rename atomic. Another program may be
+    # writing the same file.
+    new = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         with new.open("wb") as file:
             file.write(content)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.cases import each
+from support.forking import forked
 from support.full_disk import full_disk
 from wheelwire.cli.output import check_writable, write_new
 from wheelwire.cli.why import _write_box
@@ -95,3 +96,17 @@ def test_a_pipe_stays_one(tmp_path: Path) -> None:
     assert os.read(descriptor, 9) == b"all"
     assert pipe.is_fifo()
     os.close(descriptor)
+
+
+def test_two_programs_may_write_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+
+    def another_writes(_descriptor: int) -> None:
+        monkeypatch.undo()
+        with forked(lambda: write_whole(path, b"another's")):
+            assert path.read_bytes() == b"another's"
+
+    monkeypatch.setattr(os, "fsync", another_writes)
+    write_whole(path, CONTENT)
+    assert path.read_bytes() == CONTENT
+    assert list(tmp_path.iterdir()) == [path]
