@@ -7,6 +7,7 @@ from collections import deque
 
 from wheelwire.link.traffic import Traffic, TrafficReader
 
+from .core_device import UNHURRIED, CoreDevice
 from .virtual_line import VirtualLine
 
 
@@ -19,7 +20,11 @@ class TappedLine:
     """
 
     def __init__(self) -> None:
-        self.line = VirtualLine(stream_rate_hz=100, watched=(1, 2, 3, 4, 5, 6, 7, 8))
+        self.line = VirtualLine(
+            device=CoreDevice(seed=2, **UNHURRIED),
+            stream_rate_hz=100,
+            watched=(1, 2, 3, 4, 5, 6, 7, 8),
+        )
         self.has_ended = False
         self._thread = threading.get_ident()
         self._joining: deque[TrafficReader] = deque()
