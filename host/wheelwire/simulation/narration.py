@@ -44,17 +44,16 @@ class Narrator:
 
     counts: float
     say: Callable[[str], None]
-    _before: TrueState | None = None
+    _before: tuple[int, int] = (0, 0)
+    """The ticks by then. A wheel may turn before the first state comes."""
     _wheels: tuple[_Wheel, _Wheel] = field(default_factory=lambda: (_Wheel(), _Wheel()))
     _moved_us: int | None = None
     """When they last turned; None: there is nothing to say."""
 
     def watch(self, state: TrueState) -> None:
         """Take the next true state, some twenty a second."""
-        before, self._before = self._before, state
-        if before is None:
-            return
-        ticks = state.left_ticks - before.left_ticks, state.right_ticks - before.right_ticks
+        (left, right), self._before = self._before, (state.left_ticks, state.right_ticks)
+        ticks = state.left_ticks - left, state.right_ticks - right
         if ticks != (0, 0):
             self._moved_us = state.t_us
             for wheel, count in zip(self._wheels, ticks, strict=True):

@@ -19,12 +19,17 @@ def state(number: int, left: int, right: int) -> TrueState:
     return parse_true_state({**rest, **line, "left_ticks": left, "right_ticks": right})
 
 
-def said(steps: Iterable[tuple[int, int]]) -> list[str]:
-    """What the narrator reports when wheels make these steps, one a period, and then rest."""
+def said(steps: Iterable[tuple[int, int]], first: tuple[int, int] = (0, 0)) -> list[str]:
+    """What the narrator reports when wheels make these steps, one a period, and then rest.
+
+    Args:
+        steps: Of both wheels.
+        first: The step before the first state.
+    """
     told: list[str] = []
     narrator = Narrator(COUNTS, told.append)
     left = right = 0
-    for number, (of_left, of_right) in enumerate([(0, 0), *steps, *[(0, 0)] * 10]):
+    for number, (of_left, of_right) in enumerate([first, *steps, *[(0, 0)] * 10]):
         left, right = left + of_left, right + of_right
         narrator.watch(state(number, left, right))
     return told
@@ -48,6 +53,10 @@ def said(steps: Iterable[tuple[int, int]]) -> list[str]:
 )
 def test_a_motion_is_one_sentence(steps: list[tuple[int, int]], sentence: str) -> None:
     assert said(steps) == [sentence]
+
+
+def test_a_motion_that_has_begun_before_the_first_state_is_told_whole() -> None:
+    assert said([(100, 0)], first=(20, 0)) == ["the left wheel turned forward 0.12 turns"]
 
 
 def test_invisible_movements_are_not_mentioned() -> None:
