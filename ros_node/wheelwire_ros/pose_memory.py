@@ -21,6 +21,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from wheelwire import DifferentialDrive, Pose, WheelSample
+from wheelwire.whole_file import write_whole
 
 from .motion_estimator import MotionEstimator, PoseRecord
 from .publishers import PLANAR
@@ -78,17 +79,9 @@ def write(path: Path, record: PoseRecord) -> None:
     Raises:
         PoseFileError: It cannot be written.
     """
-    beside = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with beside.open("w", encoding="utf-8") as file:
-                json.dump({"format": FORMAT, **asdict(record)}, file)
-                file.flush()
-                os.fsync(file.fileno())
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
+        write_whole(path, json.dumps({"format": FORMAT, **asdict(record)}).encode())
     except OSError as error:
         raise PoseFileError(f"{path}: {error}") from error
 
