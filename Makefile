@@ -112,9 +112,7 @@ docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the
 QUIETLY := $(if $(MAKE_TERMOUT),,-- --quiet)
 # $(call cmake,folder,options,targets). Without make's flags: ninja looks for make's job server in them,
 # whose pipe make closes for a recipe.
-# Several sources together, as CMake's unity builds have them, compile in two thirds of the time.
-TOGETHER := -G Ninja -DCMAKE_UNITY_BUILD=ON --log-level=WARNING
-cmake = env -u MAKEFLAGS $(BIN)/cmake -S firmware/esp32/sim -B $(1) $(TOGETHER) $(2) >/dev/null && \
+cmake = env -u MAKEFLAGS $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
 	env -u MAKEFLAGS $(BIN)/cmake --build $(1) --target $(3) $(QUIETLY)
 
 SIM := wheelwire-fwsim fwsim wheelwire_capi
@@ -178,8 +176,8 @@ endif
 prepared: $(VENV)/installed sim
 	@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,--jobs 2) cpp-tests ros-if-available
 
-# Otherwise the tests' processes, which start at once, compile each module at the same time. What
-# cannot be collected, they tell.
+# Otherwise each of the tests' processes, which start at once, compiles all modules. Errors are left to
+# the tests, which report them.
 compiled: $(VENV)/installed
 	@$(BIN)/python -m pytest --collect-only -qq >/dev/null || true
 
@@ -292,7 +290,7 @@ web/node_modules/installed: web/package.json web/package-lock.json | build/web-e
 
 # $(call zig,target,folder): the page's robot, or what repeats a page's run on this computer.
 zig = WHEELWIRE_ZIG="$$(build/web-env/bin/python -c 'import ziglang; print(*ziglang.__path__)')" WHEELWIRE_ZIG_TARGET=$(1) \
-	env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B $(2) $(TOGETHER) --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" >/dev/null && \
+	env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B $(2) -G Ninja --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" --log-level=WARNING >/dev/null && \
 	env -u MAKEFLAGS $(BIN)/cmake --build $(2) $(QUIETLY)
 
 web: build/web-env/installed web/node_modules/installed  ## The page in which one breaks a simulated robot, to build/web; needs npm's registry

@@ -243,6 +243,7 @@ class Workspace:
         source = self.folder / "firmware" / "esp32" / "sim"
         # A mutation may leave something unused, which a warning would tell instead of a test.
         options = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS=-w"]
+        options.append("-DCMAKE_UNITY_BUILD=OFF")  # a mutation changes one source
         commands = [["cmake", "--build", str(folder), "--target", *targets, "--parallel", "1"]]
         if not (folder / "build.ninja").exists():
             commands.insert(0, ["cmake", "-S", str(source), "-B", str(folder), *options])

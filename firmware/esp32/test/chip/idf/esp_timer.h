@@ -3,6 +3,7 @@
 
 #include "esp_err.h"
 
+/// Not 0: a power stage that is driven then would still wait for its pause.
 inline int64_t fake_time_us = 1'000'000;
 inline esp_err_t fake_timer_creation = ESP_OK;
 inline esp_err_t fake_timer_start = ESP_OK;
