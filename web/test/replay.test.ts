@@ -55,7 +55,7 @@ async function record(one: Fault, seed: number): Promise<readonly string[]> {
 describe.each([...BREAKS, ...CUTS].map((one, number) => ({ name: one.name, one, seed: number + 1 })))(
   "$name",
   ({ one, seed }) => {
-    test("is the same step by step in the native program", async () => {
+    test("is the same step by step in the simulator of a computer", async () => {
       const page = await record(one, seed);
       expect(page.filter((line) => line.includes('"read"')).length).toBeGreaterThan(7000);
       expect(difference(page, replay(page))).toBeUndefined();
@@ -123,8 +123,9 @@ test("the robot is within its budget, and asks little of a system", async () => 
   console.log(`the robot: ${size} bytes gzipped`);
   expect(size).toBeLessThanOrEqual(BUDGET);
   const imports = WebAssembly.Module.imports(await WebAssembly.compile(WASM));
-  // Of the C++ library, for what it says when it fails.
-  expect(imports.map((one) => one.name).sort()).toEqual(["fd_close", "fd_seek", "fd_write"]);
+  // Of some C++ libraries, for what they say when they fail.
+  const ofLibraries = new Set(["fd_close", "fd_seek", "fd_write"]);
+  expect(imports.map((one) => one.name).filter((name) => !ofLibraries.has(name))).toEqual([]);
 });
 
 test("a second of a driving robot costs little of a second's processor time", async () => {

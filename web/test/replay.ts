@@ -1,13 +1,14 @@
-// What a page recorded, repeated by the same sources in a program for this computer.
+// What a page recorded, repeated by this computer's simulator.
 import { spawnSync } from "node:child_process";
 import { fileURLToPath } from "node:url";
 
-const REPLAY = fileURLToPath(new URL("../../build/web-native/replay", import.meta.url));
+const PYTHON = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
+const REPLAY = fileURLToPath(new URL("replay.py", import.meta.url));
 
-/** The log that the native program makes of these calls: a line for each, with its own answers. */
+/** The log that this computer's simulator makes of these calls: a line for each, with its own answers. */
 export function replay(lines: readonly string[]): string[] {
   const input = `${lines.join("\n")}\n`;
-  const { status, stdout, stderr, error } = spawnSync(REPLAY, { input, maxBuffer: 1 << 30 });
+  const { status, stdout, stderr, error } = spawnSync(PYTHON, [REPLAY], { input, maxBuffer: 1 << 30 });
   if (error !== undefined) throw error;
   if (status !== 0) throw new Error(stderr.toString());
   return stdout.toString().trimEnd().split("\n");

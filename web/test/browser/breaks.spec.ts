@@ -1,5 +1,5 @@
 // Each button in the page itself: what it should do, it does, and a second press repairs it. The run
-// is the same step by step in a native program.
+// is the same step by step in the simulator of a computer.
 import { BREAKS } from "../../src/breaks.js";
 import { difference, replay } from "../replay.js";
 import { IGNORES_TTL, wasmWith } from "../wasm.js";
