@@ -452,12 +452,13 @@ async def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> N
 
     async with place.opening() as robot:
         await robot.parameters.list()
-        iterations = 0
-        while await cancelled_after(iterations, attempt(robot)):
+        cancelled = 0
+        # All of them: on a busy computer the answers to a whole trial can come within one.
+        for iterations in range(MOST_ITERATIONS):
+            cancelled += await cancelled_after(iterations, attempt(robot))
             await robot.parameters.refresh("integral_gain")  # comes after what it has sent
             assert robot.parameters["integral_gain"] == 16.0
-            iterations += 1
-        assert iterations > 3
+        assert cancelled > 3
         assert robot.sessions == 1
         await attempt(robot)  # the next one is not refused
 
