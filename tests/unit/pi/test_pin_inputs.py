@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,6 +15,7 @@ import pigpio
 import pytest
 
 from support.gpio_chip_process import GpioChip
+from support.i2c_bus import I2cBuses
 from support.pi_robot import IMU, POWER, board_with
 from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
@@ -33,7 +36,8 @@ BOARD = board_with(
 )
 FREE = {BUMPER: 0, CLIFF: 0, STAGE: 1}
 OPTIONS: dict[str, Any] = {
-    "pins": BOARD,
+    # What comes first is no input: their channels do not begin at 0.
+    "pins": replace(BOARD, peripherals=(POWER, *BOARD.peripherals)),
     "parameters": {"overrun_limit_us": 1e6},
     "core_timeout_ms": 5000,
 }
@@ -49,8 +53,9 @@ def on_l298n(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
         for gpio, level in FREE.items():
             set_level(gpio, level)
+        bus = I2cBuses(directory / "i2c", 1).environment(chip.environment["PYTHONPATH"])
         with pytest.MonkeyPatch.context() as patch:
-            for name, value in chip.environment.items():
+            for name, value in (chip.environment | bus).items():
                 patch.setenv(name, value)
             robot = L298NDriver(**OPTIONS)
         with robot:
@@ -60,7 +65,7 @@ def on_l298n(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
 
 @contextmanager
-def on_pigpio(_: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
+def on_pigpio(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
     with PigpioProcess() as daemon:
         client = pigpio.pi("127.0.0.1", daemon.port)
         thread = client._notify  # `stop` forgets it without waiting for its end
@@ -71,7 +76,12 @@ def on_pigpio(_: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
         for gpio, level in FREE.items():
             set_level(gpio, level)
-        with PigpioDriver("127.0.0.1", daemon.port, **OPTIONS) as robot:
+        bus = I2cBuses(directory / "i2c", 1).environment(os.pathsep.join(sys.path))
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in bus.items():
+                patch.setenv(name, value)
+            robot = PigpioDriver("127.0.0.1", daemon.port, **OPTIONS)
+        with robot:
             yield robot, set_level, daemon.truth()["pulls"]
         client.stop()
         thread.join()
