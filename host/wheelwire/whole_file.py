@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -11,9 +12,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LONGEST_WRITE_S = 60
+
 
 def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Replace the content of `path`. If that fails, nothing else stays behind.
+
+    What a program left that was killed meanwhile, the next call removes.
 
     Args:
         path: May be a link, or no regular file, such as /dev/stdout.
@@ -30,6 +35,7 @@ def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     # In the same folder: only within one file system is a rename atomic. Another program may be
     # writing the same file.
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
+    _remove_old(path.parent, f"{path.name}.")
     try:
         with new.open("wb") as file:
             file.write(content)
@@ -42,6 +48,15 @@ def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
         with suppress(OSError):  # on a file system that is read-only by now it stays
             new.unlink(missing_ok=True)
         raise
+
+
+def _remove_old(folder: Path, begin: str) -> None:
+    oldest = time.time() - LONGEST_WRITE_S
+    with suppress(OSError), os.scandir(folder) as entries:  # another one may remove it, too
+        for entry in entries:
+            left = entry.name.startswith(begin) and entry.name.endswith(".new")
+            if left and entry.stat().st_mtime < oldest:
+                Path(entry).unlink()
 
 
 def save_figure(figure: Figure, path: Path, *, dpi: int) -> None:

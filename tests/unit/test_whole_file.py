@@ -110,3 +110,16 @@ def test_two_programs_may_write_one_file(tmp_path: Path, monkeypatch: pytest.Mon
     write_whole(path, CONTENT)
     assert path.read_bytes() == CONTENT
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_program_left_is_removed_later(tmp_path: Path) -> None:
+    path, left = tmp_path / "file[1]", tmp_path / "file[1].4711.new"
+    other = tmp_path / "file1.4711.new"
+    for stays in (left, other):
+        stays.write_bytes(b"half")
+    write_whole(path, CONTENT)
+    assert left.exists()  # another program may be writing it
+    for old in (left, other):
+        os.utime(old, (0, 0))
+    write_whole(path, CONTENT)
+    assert sorted(tmp_path.iterdir()) == [other, path]
