@@ -26,6 +26,18 @@ def keep_driving(robot: Robot) -> None:
         robot.read()
 
 
+def stop_and_stand(robot: Robot) -> None:
+    """Stop, and wait until the wheels stand: some parameters change only then."""
+    robot.stop()
+    stopped = time.monotonic()
+
+    def stands() -> bool:
+        sample = robot.read()
+        return sample.stamp > stopped and sample.left_mps == sample.right_mps == 0
+
+    wait_until(stands, what="standing")
+
+
 def wait_until(
     condition: Callable[[], object], timeout_s: float = TIMEOUT_S, what: str = "the condition"
 ) -> None:

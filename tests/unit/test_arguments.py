@@ -10,6 +10,7 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.pty_device import PtyDevice
+from support.waiting import stop_and_stand
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import shown
@@ -156,7 +157,7 @@ def test_a_driver_that_has_no_name(bad: Any) -> None:
 
 def test_numbers_of_other_types_are_numbers(driver: SerialDriver) -> None:
     driver.set_velocity(np.float32(0.1), 0, ttl=np.int64(1))
-    driver.stop()
+    stop_and_stand(driver)
     assert driver.parameters.set("counts_per_revolution", np.int32(360)) == 360
     assert driver.parameters.set("estop_input_enabled", False) == 0
 

@@ -15,7 +15,7 @@ from support.core_device import BOARD_ID, CoreDevice
 from support.processes import interruptible, open_files
 from support.pty_device import PtyDevice
 from support.threads import link_threads
-from support.waiting import measures, wait_until
+from support.waiting import measures, stop_and_stand, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -142,7 +142,7 @@ def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
         wait_until(lambda: bool(device.obeyed))
         assert isinstance(device.obeyed[0], SetWheelVelocity)
         assert device.obeyed[0].left_mps == pytest.approx(0.15)
-        driver.stop()
+        stop_and_stand(driver)
         driver.parameters.reset()
         assert driver.geometry.wheel_separation == 0.3
         assert driver.geometry.max_velocity_mps == 0.4

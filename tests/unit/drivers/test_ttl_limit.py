@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import wait_until
+from support.waiting import stop_and_stand, wait_until
 from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -31,7 +31,7 @@ def test_the_limit_is_the_devices_and_follows_it(device: PtyDevice, robot: Seria
     robot.set_duty(0.1, 0.1, ttl=0.7)
     with pytest.raises(errors.InvalidCommand, match=r"0\.7 s"):
         robot.set_duty(0.1, 0.1, ttl=0.71)
-    robot.stop()  # it changes only then
+    stop_and_stand(robot)  # it changes only then
     robot.parameters.set("ttl_max_s", 4.0)
     robot.set_duty(0.1, 0.1, ttl=4.0)
     # Another program has changed it: the next session reads it.
