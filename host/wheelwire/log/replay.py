@@ -258,9 +258,9 @@ class ReplayLink(RerunLink, InlineLink):
                 return
         self._began = self._played_us, time.monotonic()
         try:
-            while self._next is not None and not self._ending.is_set():
+            while self._next is not None:
                 ahead_s = (self._next.host_us - self.now_us) / 1e6 / self._speed
-                if ahead_s > 0 and self._ending.wait(ahead_s):
+                if self._ending.is_set() or (ahead_s > 0 and self._ending.wait(ahead_s)):
                     return
                 self._play(self._next)
             self._finish(LinkClosed(ENDED))
