@@ -18,7 +18,7 @@ LONGEST_WRITE_S = 60
 def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Replace the content of `path`. If that fails, nothing else stays behind.
 
-    What a program left that was killed meanwhile, the next call removes.
+    A program that is killed meanwhile leaves a file beside it, which a call removes a minute later.
 
     Args:
         path: May be a link, or no regular file, such as /dev/stdout.

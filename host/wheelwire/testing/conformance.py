@@ -125,11 +125,13 @@ class SamplingTests:
         harness.drive(-SPEED_MPS, 0.0, 1.0)
         harness.rest()
 
-        def all_are_counted(_: WheelSample) -> bool:
+        def lost() -> list[int]:
             end, true_end = harness.driver.get_encoder_ticks(), bench.true_ticks()
-            return all(end[n] - start[n] == true_end[n] - true_start[n] for n in range(len(start)))
+            return [true_end[n] - true_start[n] - (end[n] - start[n]) for n in (0, 1)]
 
-        harness.wait(all_are_counted)  # the last edges may still be on their way
+        harness.wait(lambda _: lost() == [0, 0])  # the last edges may still be on their way
+        harness.watch(0.2)
+        assert lost() == [0, 0]  # nor does one come twice
 
     def test_a_stamp_is_the_hosts_time(self, harness: DriveHarness) -> None:
         samples = harness.watch(1.0)
