@@ -4,7 +4,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from itertools import count
 from typing import Any
 
 import pigpio
@@ -14,11 +16,13 @@ from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import ConfigurationError, DriverUnavailable
-from wheelwire.pi.gpio.pigpiod import MAX_SCRIPTS
+from wheelwire.pi.gpio.base import PinsBusy
+from wheelwire.pi.gpio.pigpiod import MAX_SCRIPTS, REFRESH_US, PigpioClient, PigpioWatchdog
 from wheelwire.tools.files.robot import parse_config
 
 HOST = "127.0.0.1"
 LONG_S = 30.0
+MOTOR_PINS = (18, 19)
 DRIVING = """
 import sys, time, wheelwire
 robot = wheelwire.open_driver("pigpio", host="127.0.0.1", port=int(sys.argv[1]),
@@ -125,6 +129,38 @@ def stored_scripts(client: Any) -> list[int]:
 def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:
     with driver_at(daemon), pytest.raises(DriverUnavailable, match="another program"):
         driver_at(daemon)
+
+
+class ClientThatIsCalled(PigpioClient):
+    """Calls `before` before each request to the daemon."""
+
+    before: Callable[[], object] = staticmethod(lambda: None)
+
+    def call(self, method: str, *arguments: object) -> Any:
+        self.before()
+        return super().call(method, *arguments)
+
+
+def test_a_program_that_was_delayed_keeps_its_motors(daemon: PigpioProcess, client: Any) -> None:
+    with (
+        closing(ClientThatIsCalled(HOST, daemon.port)) as first_client,
+        closing(ClientThatIsCalled(HOST, daemon.port)) as second_client,
+    ):
+        first = PigpioWatchdog(first_client, MOTOR_PINS)
+        (script,) = stored_scripts(client)
+        wait_until(lambda: client.script_status(script)[0] == pigpio.PI_SCRIPT_HALTED)
+        requests = count()
+
+        def go_on_later() -> None:
+            if (request := next(requests)) > MAX_SCRIPTS + 10:
+                first.keep_alive(request * REFRESH_US)
+
+        second_client.before = go_on_later
+        with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
+            PigpioWatchdog(second_client, MOTOR_PINS)
+        first.close()
+        second_client.before = lambda: None
+        PigpioWatchdog(second_client, MOTOR_PINS).close()
 
 
 @pytest.mark.whole

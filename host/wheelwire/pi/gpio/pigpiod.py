@@ -180,6 +180,8 @@ SCRIPT_MARK = 0x57574C01
 """Marks Wheelwire's scripts, in their last parameter."""
 MAX_SCRIPTS = 32
 FIRST_START_S = 1.0
+LONGEST_DELAY_S = 1.0
+"""A program that the computer delays longer is taken for killed by the next one that opens."""
 
 
 class PigpioWatchdog:
@@ -235,16 +237,12 @@ class PigpioWatchdog:
         self._client.call("run_script", self._id, self._parameters)
 
     def _claim(self) -> None:
-        """Delete the script of a killed program; refuse if a running program refreshes it."""
+        """Delete the script of a killed program; refuse if a program is there that refreshes it."""
         for script_id in range(MAX_SCRIPTS):
             _, parameters = self._status(script_id)
             if not parameters or parameters[1:] != tuple(self._parameters[1:]):
                 continue
-            # A script that is not refreshed ends within its countdown. If it still runs after twice
-            # that time, a program is refreshing it.
-            longest_s = 2 * CHECKS * CHECK_MS / 1000
-            running = self._library.PI_SCRIPT_RUNNING
-            if not self._wait_while(script_id, running, longest_s):
+            if self._is_refreshed(script_id):
                 gpios = " and ".join(map(str, self._pins))
                 raise PinsBusy(
                     f"another program drives GPIO {gpios} through the pigpiod at "
@@ -253,6 +251,16 @@ class PigpioWatchdog:
             # Its owner may have just deleted it.
             with suppress(self._library.error):
                 self._client.call("delete_script", script_id)
+
+    def _is_refreshed(self, script_id: int) -> bool:
+        running, ended = self._library.PI_SCRIPT_RUNNING, self._library.PI_SCRIPT_HALTED
+        # A script that is not refreshed ends within its countdown. If it still runs after twice
+        # that time, a program is refreshing it.
+        if not self._wait_while(script_id, running, 2 * CHECKS * CHECK_MS / 1000):
+            return True
+        # A program that the computer has delayed starts it again; one that was killed never does.
+        self._wait_while(script_id, ended, LONGEST_DELAY_S)
+        return bool(self._status(script_id)[0] == running)
 
     def _wait_while(self, script_id: int, status: int, longest_s: float) -> bool:
         end = time.monotonic() + longest_s
