@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
-from .options import MockOptions, ReplayOptions, SerialDriverOptions
+from .mock import MockOptions
+from .options import SerialDriverOptions
 from .pin_options import L298NOptions, PigpioDriverOptions
+from .replay import ReplayOptions
 
 P = ParamSpec("P")
 _Name = TypeVar("_Name")

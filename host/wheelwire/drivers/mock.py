@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import socket
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -26,12 +28,21 @@ from ..robot.verbs import WATCHED
 from ..simulation.libfwsim import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
-from .options import MockOptions, takes
+from .options import takes
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""
 
 _Driver = TypeVar("_Driver", bound="MockDriver")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MockOptions:
+    """The options of `MockDriver`."""
+
+    realtime: bool = True
+    parameters: Mapping[str, float] | None = None
+    store: Path | None = None
 
 
 class MockDriver(Robot):

@@ -1,4 +1,4 @@
-"""The options of the built-in drivers, each spelled once; those of pins are in `pin_options`.
+"""The options of every link, and of a serial port; those of pins are in `pin_options`.
 
 Sections of a robot's file are `SerialOptions`, `GpioOptions` and `PigpioOptions`; each driver takes
 one of them as its arguments, and the file's keys outside the section.
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from ..arguments import flag, is_number, path, text, timeout_s, whole
+from ..arguments import flag, text, timeout_s, whole
 from ..errors import InvalidArgument, shown
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
@@ -32,7 +32,6 @@ MAX_BAUD_RATE = 20_000_000
 """No adapter is faster."""
 MAX_STREAM_RATE_HZ = 65_535
 """The largest value of the field. Each device has a lower limit, which its line sets."""
-MAX_REPLAY_SPEED = 1000
 
 P = ParamSpec("P")
 _Options = TypeVar("_Options")
@@ -107,19 +106,6 @@ class DeviceOptions:
 
 
 @dataclass(frozen=True)
-class TransportOptions(DeviceOptions):
-    """The options of `TransportDriver`."""
-
-    name: str
-    open_transport: OpenPort | None = None
-    parameters: Mapping[str, float] | None = field(default=None, kw_only=True)
-
-    def checked(self) -> LinkOptions:
-        """The link, with these options, checked."""
-        return self.link_to(self.name, self.open_transport, parameters=self.parameters)
-
-
-@dataclass(frozen=True)
 class SerialOptions(DeviceOptions):
     """The section `serial` of a robot's file."""
 
@@ -140,32 +126,6 @@ class SerialDriverOptions(SerialOptions):
         whole("baud_rate", self.baud_rate, 1, MAX_BAUD_RATE)
         port = port_name(text("port", self.port, "/dev/ttyUSB0"))
         return self.link_to(port, board=self.board, parameters=self.parameters)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MockOptions:
-    """The options of `MockDriver`."""
-
-    realtime: bool = True
-    parameters: Mapping[str, float] | None = None
-    store: Path | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayOptions:
-    """The options of `ReplayDriver`."""
-
-    file: str | Path
-    speed: float = 1.0
-
-    def checked(self) -> tuple[Path, float]:
-        """File and speed, checked."""
-        if not (is_number(self.speed) and 0 <= self.speed <= MAX_REPLAY_SPEED):
-            raise InvalidArgument(
-                f"speed = {shown(self.speed)}: give a number from 0 (step by step) to "
-                f"{MAX_REPLAY_SPEED}"
-            )
-        return path("file", self.file), float(self.speed)
 
 
 def _settings(parameters: Mapping[str, float]) -> dict[int, float]:

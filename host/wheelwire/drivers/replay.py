@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from ..arguments import timeout_s
+from ..arguments import is_number, path, timeout_s
+from ..errors import InvalidArgument, shown
 from ..link.clock import host_clock_us
 from ..log.reader import check_cut_off, records
 from ..log.replay import Comparison, ReplayLink
 from ..robot.robot import Robot
-from .options import ReplayOptions, takes
+from .options import takes
+
+MAX_SPEED = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """The options of `ReplayDriver`."""
+
+    file: str | Path
+    speed: float = 1.0
+
+    def checked(self) -> tuple[Path, float]:
+        """File and speed, checked."""
+        if not (is_number(self.speed) and 0 <= self.speed <= MAX_SPEED):
+            raise InvalidArgument(
+                f"speed = {shown(self.speed)}: give a number from 0 (step by step) to {MAX_SPEED}"
+            )
+        return path("file", self.file), float(self.speed)
 
 
 class ReplayDriver(Robot):

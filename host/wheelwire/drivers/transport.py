@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
-from ..link.connection import Link
+from ..link.connection import Link, LinkOptions
+from ..link.port_loop import OpenPort
 from ..robot.robot import Robot
-from .options import TransportOptions, takes
+from .options import DeviceOptions, takes
+
+
+@dataclass(frozen=True)
+class TransportOptions(DeviceOptions):
+    """The options of `TransportDriver`."""
+
+    name: str
+    open_transport: OpenPort | None = None
+    parameters: Mapping[str, float] | None = field(default=None, kw_only=True)
+
+    def checked(self) -> LinkOptions:
+        """The link, with these options, checked."""
+        return self.link_to(self.name, self.open_transport, parameters=self.parameters)
 
 
 class TransportDriver(Robot):
