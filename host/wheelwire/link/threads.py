@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import _thread
 import os
-import socket
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from io import FileIO
 from typing import Protocol
 from weakref import WeakSet
 
@@ -95,16 +95,15 @@ def start_without_waiting(thread: threading.Thread, fail: Callable[[RuntimeError
 
 
 class WakeUp:
-    """Ends the wait of a thread that polls, which polls this along with its ports.
-
-    A socket and not a pipe: systems on which only sockets can be polled have it, too.
-    """
+    """Ends the wait of a thread that polls, which polls this along with its ports."""
 
     def __init__(self) -> None:
-        self._reader, self._writer = socket.socketpair()
+        reader, writer = os.pipe()
+        # As files, for these know that they were closed: another file may have their number then.
+        self._reader, self._writer = FileIO(reader), FileIO(writer, "w")
         # A full buffer must not block the caller of `wake`, nor an empty one the thread.
-        self._reader.setblocking(False)
-        self._writer.setblocking(False)
+        os.set_blocking(reader, False)
+        os.set_blocking(writer, False)
 
     def fileno(self) -> int:
         """The descriptor that is readable once `wake` was called."""
@@ -112,15 +111,13 @@ class WakeUp:
 
     def wake(self) -> None:
         """Wake the thread; from any thread, and from a signal handler. Never waits."""
-        try:
-            self._writer.send(b"\0")
-        except OSError:  # full: it is awake already; closed: it has ended
-            return
+        # Full: it is awake already, and this writes nothing; closed: it has ended.
+        with suppress(ValueError, OSError):
+            self._writer.write(b"\0")
 
     def drain(self) -> None:
         """Have it no longer readable: one pass of the thread does for all calls of `wake`."""
-        with suppress(BlockingIOError):
-            self._reader.recv(4096)
+        self._reader.read(4096)
 
     def close(self) -> None:
         """Free the descriptors. Safe to call more than once, and concurrently with `wake`."""
