@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from enum import Enum
@@ -139,6 +138,8 @@ def for_json(name: str, value: object) -> Any:
     Raises:
         InvalidArgument: JSON cannot hold it.
     """
+    import json  # here, as in `_plain`: most programs note nothing
+
     try:
         return json.loads(json.dumps(value, default=_plain))
     except (TypeError, ValueError, RecursionError) as error:
@@ -152,7 +153,7 @@ def _plain(value: object) -> object:
     """What `json` does not know, as something that it does."""
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    from datetime import date, time  # here, for most programs note none
+    from datetime import date, time
 
     if isinstance(value, (date, time)):  # and datetime
         return value.isoformat()

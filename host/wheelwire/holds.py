@@ -124,8 +124,7 @@ def start_of(pid: int) -> int | None:
         return None
 
 
-@dataclass(frozen=True)
-class LastStop:
+class LastStop(NamedTuple):
     """What ended a robot's last motion. `str` says it in words.
 
     Attributes:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
@@ -35,12 +34,12 @@ from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo
 from .requests import REPEAT_US, Answer, Done, RequestMessage
 from .sample_stream import DUTY_SCALE
-from .sensor_stream import SensorStream
 from .session import Phase, Session
 from .setpoints import SetpointSender
 from .traffic import Reporter, Traffic, TrafficReader
 
 if TYPE_CHECKING:
+    from .sensor_stream import SensorStream
     from .statistics import LinkStatistics
 
 Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
@@ -146,7 +145,7 @@ class DeviceLink(Reporter, ABC):
             return stop
         from .programs import driver_of  # here, for most programs never ask
 
-        return replace(stop, program=driver_of(self._device.board_id, stop.session_id))
+        return stop._replace(program=driver_of(self._device.board_id, stop.session_id))
 
     @property
     def sensors(self) -> SensorStream:

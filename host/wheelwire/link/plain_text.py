@@ -46,8 +46,9 @@ _KINDS = (
         "the board runs Python, not the firmware: run `wheelwire flash`",
     ),
 )
-_KNOWN = re.compile("|".join(f"({kind.pattern})" for kind in _KINDS), re.ASCII)
-_LINE = re.compile(rf"[ -~\t]{{{LEAST},}}")
+# `re` compiles them once, at the first text: most devices answer before they send any.
+_KNOWN = "|".join(f"({kind.pattern})" for kind in _KINDS)
+_LINE = rf"[ -~\t]{{{LEAST},}}"
 
 
 class PlainText:
@@ -72,10 +73,10 @@ class PlainText:
         begin = len(self._tail) - len(new)
         while begin > 0 and (self._tail[begin - 1].isprintable() or self._tail[begin - 1] == "\t"):
             begin -= 1
-        for found in _KNOWN.finditer(self._tail, begin):
+        for found in re.finditer(_KNOWN, self._tail[begin:], re.ASCII):
             self.sentence = _KINDS[(found.lastindex or 1) - 1].sentence
-            self.quote = self._line_at(found.start(), found.end())
-        if not self.sentence and (lines := _LINE.findall(self._tail, begin)):
+            self.quote = self._line_at(begin + found.start(), begin + found.end())
+        if not self.sentence and (lines := re.findall(_LINE, self._tail[begin:])):
             self.quote = lines[-1].strip()[:80]
         return self.sentence != before
 

@@ -12,7 +12,6 @@ locks or writes, so a slow listener costs the link nothing.
 from __future__ import annotations
 
 import enum
-import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from itertools import count
@@ -159,17 +158,23 @@ class Traffic:
         reader.append(Record(number, Kind.START, self.host_us, start))
         self.readers = (*self.readers, reader)
         if self._said:
-            self.put(Kind.NOTE, self.host_us, json.dumps(self._said).encode())
+            self.put(Kind.NOTE, self.host_us, _as_json(self._said))
 
     def note(self, what: Mapping[str, Any], host_us: int) -> None:
         """Pass on an application's note; later readers get the newest of each name."""
-        data = json.dumps(what).encode()  # first: what cannot be written is not kept either
+        data = _as_json(what)  # first: what cannot be written is not kept either
         self._said = {**self._said, **what}
         self.put(Kind.NOTE, host_us, data)
 
     def remove(self, reader: TrafficReader) -> None:
         """`reader` gets nothing more. Harmless when repeated."""
         self.readers = tuple(one for one in self.readers if one is not reader)
+
+
+def _as_json(what: Mapping[str, Any]) -> bytes:
+    import json  # here, for most programs note nothing
+
+    return json.dumps(what).encode()
 
 
 # --- what happens -------------------------------------------------------------------------------
