@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 from .arguments import timeout_s
 from .errors import DriverUnavailable
 from .link.sample_stream import SampleIterator as _SampleQueue
-from .link.sensor_stream import EVENTS, RANGE
 from .link.traffic import Happening
 from .motion.kinematics import WheelVelocities
 from .robot.black_boxes import AwaitableRecorder as DeviceRecorder
@@ -45,6 +44,8 @@ from .robot.sensors import (
 )
 from .robot.verbs import Verbs, WaitingVerbs
 from .samples import (
+    EVENTS,
+    RANGE,
     ImuSample,
     InputsSample,
     PowerSample,

@@ -7,7 +7,7 @@ import enum
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.sensors import (
@@ -15,12 +15,16 @@ from wheelwire_protocol.sensors import (
     PeripheralKind,
     Place,
     Reflex,
-    SensorChip,
     SensorEventCode,
     SensorState,
 )
 
+if TYPE_CHECKING:
+    from wheelwire_protocol.peripherals import SensorChip
+
 TICK_MODULUS = 1 << 32
+IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
+"""What a robot's sensors pass on; INPUTS: all of them together."""
 
 Vector = tuple[float, float, float]
 """x forward, y left, z up."""

@@ -22,7 +22,7 @@ from .codes import (
 from .core_abi import RECORDER_SIZE as RECORDER_SIZE
 from .core_abi import TransferResult as TransferResult
 from .native import load
-from .sensors import PeripheralFault
+from .peripherals import PeripheralFault
 
 # The capacity of the core's own buffer, so that one call empties it.
 _TAKE_SIZE = 4096

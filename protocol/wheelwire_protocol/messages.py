@@ -27,16 +27,14 @@ from .codes import (
     Unit,
 )
 from .message import Field, Message, chars, f32, i16, i32, message, u8, u16, u32, u64
+from .peripherals import MOST_ANALOG, Axis, SensorChip
 from .sensors import (
-    MOST_ANALOG,
     MOST_PERIPHERALS,
-    Axis,
     BatteryLevel,
     PeripheralKind,
     Place,
     RangeQuality,
     Reflex,
-    SensorChip,
     SensorEventCode,
     SensorState,
 )

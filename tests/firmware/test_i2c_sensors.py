@@ -10,7 +10,8 @@ from support.raw import RawHost
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import SensorStale
 from wheelwire_protocol.codes import SupervisorState
-from wheelwire_protocol.sensors import IMUS, SensorChip, SensorEventCode, SensorState
+from wheelwire_protocol.peripherals import IMUS, SensorChip
+from wheelwire_protocol.sensors import SensorEventCode, SensorState
 from wheelwire_protocol.types import (
     Imu,
     SensorEvent,

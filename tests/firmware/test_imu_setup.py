@@ -22,7 +22,7 @@ from wheelwire.tools.setup.imu import set_up_imu
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
 from wheelwire.tools.setup.setup import Options, set_up
 from wheelwire_protocol.codes import ConfigurationState
-from wheelwire_protocol.sensors import Axis, SensorChip
+from wheelwire_protocol.peripherals import Axis, SensorChip
 
 BIAS_RADPS = 0.02
 COUNT_RADPS = 0.0003

@@ -8,12 +8,11 @@ from support.cases import each
 from support.peripheral_lists import entry, write_list
 from support.raw import RawHost
 from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.peripherals import RANGES, SensorChip
 from wheelwire_protocol.sensors import (
-    RANGES,
     PeripheralKind,
     Place,
     RangeQuality,
-    SensorChip,
     SensorEventCode,
     SensorState,
 )

@@ -19,7 +19,7 @@ from wheelwire.board import ImuSensor
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ConfigurationState
-from wheelwire_protocol.sensors import Axis
+from wheelwire_protocol.peripherals import Axis
 
 pytestmark = pytest.mark.early
 

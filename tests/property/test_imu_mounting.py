@@ -19,7 +19,7 @@ from wheelwire.tools.setup.imu_mounting import (
     raised_axis,
     upward_axis,
 )
-from wheelwire_protocol.sensors import Axis
+from wheelwire_protocol.peripherals import Axis
 
 MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
 ASKEW_DEG = st.floats(-6, 6)

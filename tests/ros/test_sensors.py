@@ -30,7 +30,7 @@ from wheelwire.board import BatteryLevels, Peripheral, PowerSensor
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
-from wheelwire_protocol.sensors import IMUS, SensorChip
+from wheelwire_protocol.peripherals import IMUS, SensorChip
 
 TABLE = IMUS[SensorChip.MPU6050]
 GRAVITY_MPS2 = 9.8

@@ -12,7 +12,8 @@ from wheelwire.pi.pins import Pins
 from wheelwire_protocol.codes import Chip, ResetReason
 from wheelwire_protocol.core import Core, Identity, Outputs, Sensors, TransferResult
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.sensors import Axis, PeripheralFault, SensorChip, SensorState
+from wheelwire_protocol.peripherals import Axis, PeripheralFault, SensorChip
+from wheelwire_protocol.sensors import SensorState
 from wheelwire_protocol.types import AnyMessage, SensorEvent
 
 from .host_samples import received

@@ -5,13 +5,12 @@ from __future__ import annotations
 from wheelwire.link.clock import ClockEstimator, Exchange
 from wheelwire.link.sensor_stream import SensorStream
 from wheelwire.samples import SensorEvent
+from wheelwire_protocol.peripherals import Axis, SensorChip
 from wheelwire_protocol.sensors import (
-    Axis,
     BatteryLevel,
     PeripheralKind,
     Place,
     RangeQuality,
-    SensorChip,
     SensorState,
 )
 from wheelwire_protocol.types import Imu, Inputs, Power, Range, SensorInfo

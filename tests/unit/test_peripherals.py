@@ -36,18 +36,20 @@ from wheelwire.tools.files.peripherals import without_none
 from wheelwire.tools.files.robot import parse_config
 from wheelwire_protocol.board_layout import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
 from wheelwire_protocol.core import check_peripherals
-from wheelwire_protocol.sensors import (
-    DIGITAL_INPUTS,
+from wheelwire_protocol.peripherals import (
     IMUS,
-    MOST_PERIPHERALS,
     MOST_RANGES,
     POWERS,
     RANGES,
     Axis,
     PeripheralFault,
+    SensorChip,
+)
+from wheelwire_protocol.sensors import (
+    DIGITAL_INPUTS,
+    MOST_PERIPHERALS,
     PeripheralKind,
     Place,
-    SensorChip,
     channel_name,
 )
 

@@ -177,7 +177,7 @@ WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* packed, size_t size
                                               wheelwire_board_issue* issues, size_t capacity);
 
 /* What is wrong with a list of peripherals; the codes are those of
- * protocol/wheelwire_protocol/sensors.py. */
+ * protocol/wheelwire_protocol/peripherals.py. */
 typedef struct wheelwire_peripheral_issue {
   uint32_t value;
   uint32_t limit;

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from wheelwire_protocol.codes import ConfigurationState, EventCode, Fault, Held, SupervisorState
 from wheelwire_protocol.types import ConfigurationValue, Event, Hold
@@ -15,7 +17,10 @@ from .info import ActiveBoard, ExpectedBoard
 from .requests import Answer
 from .sample_stream import Measurement
 from .setpoints import REARM_GAP, TTL_MAX, SetpointSender
-from .traffic import Happening, Notice
+from .traffic import Happening, Notice, StandingNotice
+
+if TYPE_CHECKING:
+    from .sensor_stream import SensorStream
 
 _COPIES = (
     EventCode.CONFIGURATION_COPY_LOST,
@@ -45,6 +50,7 @@ class DeviceReports:
         hold: The device's last report of what holds it and of its last stop; None before the first.
         latched: Faults that the device has reported to be latched. They outlast sessions and
             resets.
+        sensors_if_asked: `sensors`; None before that was asked for.
     """
 
     def __init__(
@@ -62,9 +68,11 @@ class DeviceReports:
         self.rolling_mps: float | None = None
         self.hold: Hold | None = None
         self.latched = NO_FAULT
+        self.sensors_if_asked: SensorStream | None = None
         self._setpoints = setpoints
         self._notices = notices
         self._warn = warn
+        self._making = threading.Lock()
         self._told_held = HeldBy()
         """What was last reported to the listener; outlasts sessions, too."""
 
@@ -83,6 +91,26 @@ class DeviceReports:
         self.watched_values = None
         self.rolling_mps = None
         self.hold = None
+        if self.sensors_if_asked is not None:
+            self.sensors_if_asked.forget()
+
+    @property
+    def sensors(self) -> SensorStream:
+        """What the sensors measure. It is made when it is asked for: many programs only drive."""
+        if self.sensors_if_asked is None:
+            from .sensor_stream import SensorStream
+
+            with self._making:  # any thread may ask
+                self.sensors_if_asked = self.sensors_if_asked or SensorStream()
+        return self.sensors_if_asked
+
+    def standing_notice(self, happening: Happening) -> StandingNotice | None:
+        """What to tell a new listener of what holds the device; None if nothing does."""
+        if happening is Happening.FAULT and self.latched:
+            return StandingNotice(happening, self.latched)
+        if happening is Happening.HELD and self.hold is not None and self.hold.held:
+            return StandingNotice(happening, self.held_by(self.hold))
+        return None
 
     # --- parameters and board --------------------------------------------------------------------
 

@@ -424,8 +424,9 @@ class PortLoop(Reporter):
             for measurement in measured:
                 latest.put(measurement)
                 self._has_sample = True
-            if session.sensors.sensed:
-                latest.sensors.take(self.port, session.sensors.sensed)
+            sensors = session.reported.sensors_if_asked
+            if sensors is not None and sensors.sensed:
+                latest.sensors.take(self.port, sensors.sensed)
                 self._has_sample = True
             self._coalescing.note_read(session.frames_received, now_us, has_state=bool(measured))
         if self._calls:

@@ -7,6 +7,7 @@ compared with the expected one, if there is one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import Capability, Group
@@ -24,7 +25,9 @@ from ..errors import WheelwireError
 from .device_reports import DeviceReports
 from .info import DeviceInfo, ExpectedBoard
 from .requests import Answer, Done, RequestMessage, RequestQueue
-from .sensor_stream import SensorStream as Sensors
+
+if TYPE_CHECKING:
+    from .sensor_stream import SensorStream as Sensors
 
 
 class Preparation:
@@ -32,8 +35,7 @@ class Preparation:
 
     Args:
         requests: Where they go.
-        reported: Has the watched parameters, and the board.
-        sensors: Have the rate that the application asked for.
+        reported: Has the watched parameters, the board, and the sensors' rate.
         settings: Parameter id -> the value that the device is given whenever a session opens.
         stream_rate_hz: Rate of the state frames; None keeps the device's own.
         expected_board: The board that the device has to be on; on another one no session opens.
@@ -47,7 +49,6 @@ class Preparation:
         self,
         requests: RequestQueue,
         reported: DeviceReports,
-        sensors: Sensors,
         settings: Mapping[int, float],
         stream_rate_hz: int | None,
         expected_board: ExpectedBoard | None,
@@ -59,7 +60,6 @@ class Preparation:
         self.expected_board = expected_board
         self._requests = requests
         self._reported = reported
-        self._sensors = sensors
         self._needed = 0
         """Requests without which the session cannot open, and that are not answered yet."""
         self._asks_for_board = False
@@ -99,16 +99,19 @@ class Preparation:
             self._asks_for_board = False
 
         # If the board stays the same, only a program that uses the sensors needs it.
-        if self._asks_for_board or self._sensors.rate_hz:
+        sensors = self._reported.sensors_if_asked
+        if sensors is not None and not sensors.rate_hz:
+            sensors = None
+        if self._asks_for_board or sensors is not None:
             # The answer is recorded like every other one.
             self._ask_for_group(Group.CONFIGURATION, ConfigurationGet(session_id, 0), end, now_us)
-        if self._sensors.rate_hz:
-            question = self._sensor_request(session_id)
+        if sensors is not None:
+            question = _sensor_request(sensors, session_id)
             self._ask_for_group(Group.SENSOR, question, lambda _: None, now_us)
 
-    def ask_for_sensors(self, session_id: int, now_us: int) -> None:
+    def ask_for_sensors(self, sensors: Sensors, session_id: int, now_us: int) -> None:
         """Ask again what the sensors are."""
-        self._ask(self._sensor_request(session_id), lambda _: None, now_us)
+        self._ask(_sensor_request(sensors, session_id), lambda _: None, now_us)
 
     def _ask_for_group(
         self, group: Group, question: RequestMessage, done: Done, now_us: int
@@ -134,7 +137,8 @@ class Preparation:
 
         self._requests.submit(message, take, now_us)
 
-    def _sensor_request(self, session_id: int) -> SensorStream:
-        """As the application asked before, in this session or in an earlier one."""
-        self._sensors.due_us = None
-        return SensorStream(session_id, 0, self._sensors.rate_hz)
+
+def _sensor_request(sensors: Sensors, session_id: int) -> SensorStream:
+    """As the application asked before, in this session or in an earlier one."""
+    sensors.due_us = None
+    return SensorStream(session_id, 0, sensors.rate_hz)

@@ -11,17 +11,28 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 from weakref import ref
 
 from wheelwire_protocol.codes import fault_flags, supervisor_state
 from wheelwire_protocol.types import WheelState
 
 from ..errors import RequestTimeout, WheelwireError, afresh
-from ..samples import TICK_MODULUS, SensorEvent, WheelSample
+from ..samples import (
+    EVENTS,
+    IMU,
+    INPUTS,
+    POWER,
+    RANGE,
+    TICK_MODULUS,
+    SensorEvent,
+    WheelSample,
+)
 from .clock import ClockEstimator, Conversion, DeviceTime, host_clock_us
-from .sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE, Sensed
 from .threads import Notifier
+
+if TYPE_CHECKING:
+    from .sensor_stream import Sensed
 
 DUTY_SCALE = 32767
 

@@ -9,23 +9,25 @@ from functools import cache
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from wheelwire_protocol import types as wire
+from wheelwire_protocol.peripherals import MOST_ANALOG, RANGES, Axis, SensorChip
 from wheelwire_protocol.sensors import (
     DIGITAL_INPUTS,
-    MOST_ANALOG,
-    RANGES,
-    Axis,
     BatteryLevel,
     PeripheralKind,
     Place,
     RangeQuality,
     Reflex,
-    SensorChip,
     SensorEventCode,
     SensorState,
     channel_name,
 )
 
 from ..samples import (
+    EVENTS,
+    IMU,
+    INPUTS,
+    POWER,
+    RANGE,
     ImuSample,
     InputReading,
     InputsSample,
@@ -47,8 +49,6 @@ EARLY_EVENTS = 32
 """Most events that wait until their channel has been identified, as they do on a slow line."""
 IMU_PERIOD_US = 5_000
 """Period at which the firmware sets up each chip."""
-IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
-"""What a robot's sensors pass on; INPUTS: all of them together."""
 
 Message = TypeVar("Message", wire.Imu, wire.Power, wire.Range)
 
@@ -198,8 +198,6 @@ SensorMeasurement: TypeAlias = (
 
 
 SensorMessage: TypeAlias = wire.Imu | wire.Power | wire.Range | wire.Inputs | wire.SensorEvent
-Taker: TypeAlias = Callable[[Any, ClockEstimator, int], None]
-"""Takes a message by the session's clock, at the host's time."""
 
 
 class Sensed(NamedTuple):
@@ -226,7 +224,6 @@ class SensorStream:
         stopped: The newest inputs that reported that a sensor stops the robot; None before the
             first.
         due_us: When to ask again what the channels are; None: no need.
-        takers: What takes the messages of each class.
     """
 
     def __init__(self) -> None:
@@ -238,7 +235,7 @@ class SensorStream:
         self.sensed: deque[Sensed] = deque(maxlen=WAITING)
         self.stopped: InputsMeasurement | None = None
         self.due_us: int | None = None
-        self.takers: Mapping[type[SensorMessage], Taker] = {
+        self._takers: Mapping[type[SensorMessage], Callable[[Any, ClockEstimator, int], None]] = {
             wire.Imu: self.take_imu,
             wire.Power: self.take_power,
             wire.Range: self.take_range,
@@ -322,6 +319,14 @@ class SensorStream:
             early, self._early = self._early, None
             if early is not None:
                 self.take_inputs(*early)
+
+    def take(self, message: SensorMessage, clock: ClockEstimator, now_us: int) -> None:
+        """Take a sample or an event by the session's clock, at the host's time.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        self._takers[type(message)](message, clock, now_us)
 
     def take_imu(self, message: wire.Imu, clock: ClockEstimator, now_us: int) -> None:
         """Take a sample."""

@@ -24,7 +24,6 @@ import os
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -60,7 +59,6 @@ from .requests import (
     subject,
 )
 from .sample_stream import Measurement, StateStream
-from .sensor_stream import SensorMessage, SensorStream, Taker
 from .setpoints import SETPOINT_IDS, OpenSession, SetpointSender
 from .traffic import (
     ATTACHED,
@@ -74,6 +72,7 @@ from .traffic import (
 )
 
 if TYPE_CHECKING:
+    from .sensor_stream import SensorMessage, SensorStream
     from .statistics import LinkStatistics
 
 NO_SESSION = 0
@@ -86,6 +85,7 @@ _CHANGES = (wire.ParameterSet, wire.ParameterSave, wire.ParameterReset, wire.Par
 """Requests that an application sends for the values that are on trial."""
 _CONSEQUENTIAL = (wire.ParameterTrial, wire.ClearEstop, wire.ClearFault)
 """Requests that change what the session knows before they are answered."""
+_SENSED = (wire.Imu, wire.Power, wire.Range, wire.Inputs, wire.SensorEvent)
 _CLEARS = (message_id(wire.ClearEstop), message_id(wire.ClearFault))
 _LOG = logging.getLogger("wheelwire")
 _LINK_LOG = logging.getLogger("wheelwire.link")
@@ -136,7 +136,6 @@ class Session:
         bytes_received: Since the start.
         plain_text: Text that came in place of frames since the device last answered.
         frames_received: Good frames of known messages, since the start.
-        sensors: What the sensors measure, once the application asked for it.
         setpoints: Makes the frames of setpoints, for any thread.
         output: Bytes that `take_output` would return.
         notices: What has happened, in order; the thread that serves the session removes it.
@@ -210,10 +209,8 @@ class Session:
             watched, self.setpoints, self.notices, lambda *words: self.warn(*words)
         )
         self._state_stream = StateStream()
-        self.sensors = SensorStream()
         self._preparation = Preparation(
-            *(self._requests, self.reported, self.sensors),
-            *(settings or {}, stream_rate_hz, expected_board),
+            self._requests, self.reported, settings or {}, stream_rate_hz, expected_board
         )
         # It belongs to no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
@@ -226,8 +223,13 @@ class Session:
             **dict.fromkeys((wire.Ack, *ANSWERS.values()), self._on_answer),
             wire.Hold: self._on_hold,
             wire.SensorInfo: self._on_sensor_info,
-            **{kind: partial(self._on_sensed, take) for kind, take in self.sensors.takers.items()},
+            **dict.fromkeys(_SENSED, self._on_sensed),
         }
+
+    @property
+    def sensors(self) -> SensorStream:
+        """What the sensors measure."""
+        return self.reported.sensors
 
     def statistics(self, now_us: int, reconnects: int = 0) -> LinkStatistics:
         """A snapshot of all counters."""
@@ -345,9 +347,9 @@ class Session:
             self.setpoints.advance(now_us)
             if now_us >= self._ping_due_us:
                 self._synchroniser.ping(now_us)
-            sensors_due_us = self.sensors.due_us
-            if sensors_due_us is not None and now_us >= sensors_due_us:
-                self._preparation.ask_for_sensors(self.id, now_us)
+            sensors = self.reported.sensors_if_asked
+            if sensors is not None and sensors.due_us is not None and now_us >= sensors.due_us:
+                self._preparation.ask_for_sensors(sensors, self.id, now_us)
             renewal = self._trial.renewal(now_us)
             if renewal is not None:
                 renewal = renewal._replace(session_id=self.id)
@@ -364,11 +366,12 @@ class Session:
             return None
         if self.phase is Phase.HELLO:
             return self._hello_due_us
+        sensors = self.reported.sensors_if_asked
         others = (
             self._requests.next_deadline_us,
             self.setpoints.repeat_due_us,
             self._trial.due_us,
-            self.sensors.due_us,
+            None if sensors is None else sensors.due_us,
         )
         due_us = min(self._liveness.silent_us, self._ping_due_us)
         for other_us in others:
@@ -508,12 +511,7 @@ class Session:
         """What to tell a new listener of the present state; None if there is nothing."""
         if happening is Happening.LOST and self.phase is not Phase.OPEN:
             return StandingNotice(happening, afresh(self.error))
-        reported = self.reported
-        if happening is Happening.FAULT and reported.latched:
-            return StandingNotice(happening, reported.latched)
-        if happening is Happening.HELD and reported.hold is not None and reported.hold.held:
-            return StandingNotice(happening, reported.held_by(reported.hold))
-        return None
+        return self.reported.standing_notice(happening)
 
     def watch(self, parameters: Sequence[int]) -> None:
         """Watch these parameters, from the next session on."""
@@ -569,7 +567,6 @@ class Session:
         self.phase = Phase.CLOSED
         self.reported.end_session()
         self.setpoints.end_session()
-        self.sensors.forget()
         self.id, self._boot_id = 0, None
         self.unanswered_since_us = None
         self._trial.lose()  # first: a caller that learns of the end may drive again at once
@@ -748,11 +745,11 @@ class Session:
             except ValueError:
                 self._invalid += 1
 
-    def _on_sensed(self, take: Taker, message: SensorMessage, now_us: int) -> None:
+    def _on_sensed(self, message: SensorMessage, now_us: int) -> None:
         """Take a sample or an event of a sensor; before the session is open it has no stamp."""
         if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
             try:
-                take(message, self._synchroniser.clock, now_us)
+                self.sensors.take(message, self._synchroniser.clock, now_us)
             except ValueError:
                 self._invalid += 1
 

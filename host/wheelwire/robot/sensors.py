@@ -18,8 +18,12 @@ from wheelwire_protocol.types import ConfigurationGet, SensorStream
 from ..arguments import timeout_s, whole
 from ..errors import InvalidCommand, SensorMissing, SensorStale, shown
 from ..link.sample_stream import LatestSample, SampleIterator
-from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
 from ..samples import (
+    EVENTS,
+    IMU,
+    INPUTS,
+    POWER,
+    RANGE,
     ImuSample,
     InputsSample,
     PowerSample,

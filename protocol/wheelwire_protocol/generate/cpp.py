@@ -21,11 +21,11 @@ from ..codes import (
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..peripherals import CODES as SENSOR_CODES
+from ..peripherals import FLAGS as SENSOR_FLAGS
 from ..self_test import GROUP as SELF_TEST
 from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from ..self_test import PERMISSION
-from ..sensors import CODES as SENSOR_CODES
-from ..sensors import FLAGS as SENSOR_FLAGS
 from .text import banner, blocks, constant_name, field_note, lines, unit_note
 from .wire_layout import layout_hash, self_test_hash
 

@@ -38,11 +38,12 @@ from ..messages import (
     SET_DUTY,
 )
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..peripherals import CODES as SENSOR_CODES
+from ..peripherals import FLAGS as SENSOR_FLAGS
+from ..peripherals import Axis, PeripheralFault, SensorChip
 from ..power_stages import Stage
 from ..self_test import MESSAGES as SELF_TEST_MESSAGES
-from ..sensors import CODES as SENSOR_CODES
-from ..sensors import FLAGS as SENSOR_FLAGS
-from ..sensors import Axis, BatteryLevel, PeripheralFault, Place, SensorChip, SensorEventCode
+from ..sensors import BatteryLevel, Place, SensorEventCode
 from .text import banner, lines, unit_note
 from .wire_layout import layout_hash, self_test_hash
 

@@ -6,7 +6,7 @@ import enum
 import hashlib
 from collections.abc import Iterable
 
-from .. import board, self_test, sensors
+from .. import board, peripherals, self_test
 from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Chip, Failure, Group
 from ..message import Message
 from ..messages import MESSAGES
@@ -14,9 +14,13 @@ from ..parameters import PARAMETERS
 
 CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
-    Group.CONFIGURATION: (*board.CODES, *sensors.PERIPHERAL_CODES, sensors.PeripheralFlag),
+    Group.CONFIGURATION: (
+        *board.CODES,
+        *peripherals.PERIPHERAL_CODES,
+        peripherals.PeripheralFlag,
+    ),
     Group.RECORDER: RECORDER_CODES,
-    Group.SENSOR: (*sensors.CODES, *sensors.FLAGS),
+    Group.SENSOR: (*peripherals.CODES, *peripherals.FLAGS),
 }
 # A new group leaves the hash of BASE as it is: older devices must still be usable.
 _GROUPS_OF_BASE = (Group.BASE, Group.CONFIGURATION)

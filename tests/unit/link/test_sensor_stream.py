@@ -11,26 +11,25 @@ import pytest
 
 from support.cases import each
 from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, distance, imu, info, inputs
-from wheelwire.link.sensor_stream import (
-    EARLY_EVENTS,
+from wheelwire.link.sensor_stream import EARLY_EVENTS, INFO_ATTEMPTS, INFO_US, SensorStream, _turn
+from wheelwire.samples import (
     EVENTS,
     IMU,
-    INFO_ATTEMPTS,
-    INFO_US,
     INPUTS,
     POWER,
     RANGE,
-    SensorStream,
-    _turn,
+    ImuSample,
+    InputsSample,
+    PowerSample,
+    RangeSample,
+    Vector,
 )
-from wheelwire.samples import ImuSample, InputsSample, PowerSample, RangeSample, Vector
+from wheelwire_protocol.peripherals import Axis, SensorChip
 from wheelwire_protocol.sensors import (
-    Axis,
     BatteryLevel,
     PeripheralKind,
     RangeQuality,
     Reflex,
-    SensorChip,
     SensorState,
 )
 from wheelwire_protocol.sensors import SensorEventCode as Code

@@ -16,7 +16,7 @@ from support.cases import each
 from support.nav2 import Command, Smoother, shipped
 from wheelwire import Pins, load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.sensors import IMUS, SensorChip
+from wheelwire_protocol.peripherals import IMUS, SensorChip
 
 PACKAGE = Path(__file__).parents[3] / "ros_node"
 CONFIG = PACKAGE / "config"

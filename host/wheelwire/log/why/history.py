@@ -14,10 +14,10 @@ from wheelwire_protocol.types import AnyMessage, Refuse
 
 from ...link.requests import COPY_ID
 from ...link.sample_stream import Measurement
-from ...link.sensor_stream import INPUTS, InputsMeasurement, SensorMeasurement, SensorStream
+from ...link.sensor_stream import InputsMeasurement, SensorMeasurement, SensorStream
 from ...link.setpoints import ASKED
 from ...link.traffic import STOP_ASKED, Kind, Record
-from ...samples import tick_difference
+from ...samples import INPUTS, tick_difference
 from ..share.wire import decoded_json
 from .causes import sensor_causes
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any
 
-from wheelwire_protocol import sensors
+from wheelwire_protocol import peripherals, sensors
 from wheelwire_protocol.sensors import PeripheralKind, Place
 
 from ...arguments import is_number
@@ -27,11 +27,11 @@ from .reading import Section
 
 SECTIONS = ("imu", "power", "inputs", "ranges")
 
-_CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in sensors.SensorChip}
-_IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.IMUS}
-_POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.POWERS}
-_RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in sensors.RANGES}
-_AXES = {axis_name(axis): axis for axis in sensors.Axis}
+_CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in peripherals.SensorChip}
+_IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in peripherals.IMUS}
+_POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in peripherals.POWERS}
+_RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in peripherals.RANGES}
+_AXES = {axis_name(axis): axis for axis in peripherals.Axis}
 _PULLS = {pull.value: pull for pull in Pull}
 _LEVELS = {"low": True, "high": False}
 # The defaults. A bumper is a normally closed switch to ground.
@@ -49,10 +49,10 @@ _INPUTS = {
 }
 _ANALOG = {
     sensors.channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
-    for number in range(1, sensors.MOST_ANALOG + 1)
+    for number in range(1, peripherals.MOST_ANALOG + 1)
 }
 _PLACES = {place.name.lower(): place for place in Place if place is not Place.NONE}
-_SHUNTS_MOHM = 0.1, sensors.MAX_SHUNT_UOHM / 1000
+_SHUNTS_MOHM = 0.1, peripherals.MAX_SHUNT_UOHM / 1000
 _MAX_V = 65.0
 """A level travels as millivolts in 16 bits."""
 _DIVIDERS = 1.0, 20.0
@@ -162,7 +162,7 @@ def _levels(power: Section) -> BatteryLevels:
     )
 
 
-def _bias(imu: Section, chip: sensors.SensorChip) -> tuple[float, float, float]:
+def _bias(imu: Section, chip: peripherals.SensorChip) -> tuple[float, float, float]:
     value, most = imu.get("bias", None), most_bias_radps(chip)
     if value is None:
         return (0.0, 0.0, 0.0)

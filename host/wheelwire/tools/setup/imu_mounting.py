@@ -13,7 +13,7 @@ from functools import cache
 from statistics import fmean, pstdev
 from typing import NamedTuple
 
-from wheelwire_protocol.sensors import Axis
+from wheelwire_protocol.peripherals import Axis
 
 from ...board import axis_name
 from ...errors import CommissioningFailed

@@ -30,7 +30,7 @@ from wheelwire.tools.setup.imu_mounting import (
     unit,
     upward_axis,
 )
-from wheelwire_protocol.sensors import Axis
+from wheelwire_protocol.peripherals import Axis
 
 MOUNTINGS = [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
 NOISE = 0.001, 0.02
