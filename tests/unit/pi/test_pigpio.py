@@ -132,12 +132,12 @@ def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:
 
 
 class ClientThatIsCalled(PigpioClient):
-    """Calls `before` before each request to the daemon."""
+    """Calls `before` with the name of each request to the daemon that follows."""
 
-    before: Callable[[], object] = staticmethod(lambda: None)
+    before: Callable[[str], object] = staticmethod(lambda _: None)
 
     def call(self, method: str, *arguments: object) -> Any:
-        self.before()
+        self.before(method)
         return super().call(method, *arguments)
 
 
@@ -151,7 +151,7 @@ def test_a_program_that_was_delayed_keeps_its_motors(daemon: PigpioProcess, clie
         wait_until(lambda: client.script_status(script)[0] == pigpio.PI_SCRIPT_HALTED)
         requests = count()
 
-        def go_on_later() -> None:
+        def go_on_later(_: str) -> None:
             if (request := next(requests)) > MAX_SCRIPTS + 10:
                 first.keep_alive(request * REFRESH_US)
 
@@ -159,8 +159,30 @@ def test_a_program_that_was_delayed_keeps_its_motors(daemon: PigpioProcess, clie
         with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
             PigpioWatchdog(second_client, MOTOR_PINS)
         first.close()
-        second_client.before = lambda: None
+        second_client.before = lambda _: None
         PigpioWatchdog(second_client, MOTOR_PINS).close()
+
+
+def test_of_two_programs_that_start_at_once_only_one_drives(
+    daemon: PigpioProcess, client: Any
+) -> None:
+    with (
+        closing(ClientThatIsCalled(HOST, daemon.port)) as first_client,
+        closing(ClientThatIsCalled(HOST, daemon.port)) as second_client,
+    ):
+        started: list[PigpioWatchdog] = []
+
+        def start_first(method: str) -> None:
+            if method == "store_script":  # the second one has looked for others
+                started.append(PigpioWatchdog(first_client, MOTOR_PINS))
+
+        second_client.before = start_first
+        with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
+            PigpioWatchdog(second_client, MOTOR_PINS)
+        assert len(stored_scripts(client)) == 1
+        (first,) = started
+        assert first.keep_alive(REFRESH_US)
+        first.close()
 
 
 @pytest.mark.whole

@@ -210,6 +210,10 @@ class PigpioWatchdog:
         script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
         self._id: int = client.call("store_script", script.encode())
         self._run()
+        # Another program may have started at the same time. If both see it, neither drives.
+        if any(other != self._id for other in self._scripts()):
+            self.close()
+            raise self._busy()
 
     def keep_alive(self, now_us: int) -> bool:
         """Refresh the script from time to time. False if it had ended: EN is low then."""
@@ -238,19 +242,19 @@ class PigpioWatchdog:
 
     def _claim(self) -> None:
         """Delete the script of a killed program; refuse if a program is there that refreshes it."""
-        for script_id in range(MAX_SCRIPTS):
-            _, parameters = self._status(script_id)
-            if not parameters or parameters[1:] != tuple(self._parameters[1:]):
-                continue
+        for script_id in self._scripts():
             if self._is_refreshed(script_id):
-                gpios = " and ".join(map(str, self._pins))
-                raise PinsBusy(
-                    f"another program drives GPIO {gpios} through the pigpiod at "
-                    f"{self._client.address}: end it first"
-                )
+                raise self._busy()
             # Its owner may have just deleted it.
             with suppress(self._library.error):
                 self._client.call("delete_script", script_id)
+
+    def _scripts(self) -> Iterator[int]:
+        """Those for these pins."""
+        for script_id in range(MAX_SCRIPTS):
+            _, parameters = self._status(script_id)
+            if parameters and parameters[1:] == tuple(self._parameters[1:]):
+                yield script_id
 
     def _is_refreshed(self, script_id: int) -> bool:
         running, ended = self._library.PI_SCRIPT_RUNNING, self._library.PI_SCRIPT_HALTED
@@ -261,6 +265,13 @@ class PigpioWatchdog:
         # A program that the computer has delayed starts it again; one that was killed never does.
         self._wait_while(script_id, ended, LONGEST_DELAY_S)
         return bool(self._status(script_id)[0] == running)
+
+    def _busy(self) -> PinsBusy:
+        gpios = " and ".join(map(str, self._pins))
+        return PinsBusy(
+            f"another program drives GPIO {gpios} through the pigpiod at "
+            f"{self._client.address}: end it first"
+        )
 
     def _wait_while(self, script_id: int, status: int, longest_s: float) -> bool:
         end = time.monotonic() + longest_s
