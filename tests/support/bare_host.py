@@ -80,6 +80,10 @@ class BareHost:
 
     def _exchange(self, answer_size: int) -> float:
         ping = self._encoder.encode(Ping(self._session_id, REQUEST_ID, 0))
+        # What the device reports each second would be taken for the answer, and the answer for the
+        # next one's.
+        while self._poller.poll(0):
+            self._transport.read()
         begin = time.perf_counter()
         self._transport.write(ping)
         size = 0
