@@ -425,10 +425,13 @@ class PortLoop(Reporter):
                 latest.put(measurement)
                 self._has_sample = True
             sensors = session.reported.sensors_if_asked
-            if sensors is not None and sensors.sensed:
+            has_sensed = sensors is not None and bool(sensors.sensed)
+            if sensors is not None and has_sensed:
                 latest.sensors.take(self.port, sensors.sensed)
                 self._has_sample = True
-            self._coalescing.note_read(session.frames_received, now_us, has_state=bool(measured))
+            self._coalescing.note_read(
+                session.frames_received, now_us, has_state=bool(measured), has_sensed=has_sensed
+            )
         if self._calls:
             self._do_calls(now_us)
         # A setpoint sent since the wait began is to be repeated later than now, or has woken this.

@@ -256,19 +256,23 @@ class Coalescing:
         self._read_us = 0
         self._state_us = 0
 
-    def note_read(self, frames: int, now_us: int, *, has_state: bool = True) -> None:
-        """Something was read.
+    def note_read(
+        self, frames: int, now_us: int, *, has_state: bool = True, has_sensed: bool = False
+    ) -> None:
+        """Something was read. Answers alone say nothing of what comes next.
 
         Args:
             frames: How many since the start.
             now_us: The host's clock.
-            has_state: It contained a state. Answers do not count: many may come in a row, so they
-                do not say when the next one comes.
+            has_state: It contained a state.
+            has_sensed: It contained a sensor's sample.
         """
-        # Several frames in a read, or reads in quick succession: a rest would gather several.
-        fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
-        self._frames, self._read_us = frames, now_us
-        self.rest_until_us = now_us + REST_US if fast else 0
+        if has_state or has_sensed:
+            # Several frames in a read, or reads in quick succession: a rest would gather several.
+            fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
+            self.rest_until_us = now_us + REST_US if fast else 0
+            self._read_us = now_us
+        self._frames = frames
         if has_state:
             gap_us = now_us - self._state_us
             # Of two, because a delayed state arrives together with the next.

@@ -25,3 +25,17 @@ def test_a_rest_that_brought_one_frame_is_the_last() -> None:
     now_us = coalescing.rest_until_us
     coalescing.note_read(3, now_us)
     assert coalescing.rest_until_us <= now_us
+
+
+def test_answers_in_quick_succession_are_no_stream() -> None:
+    coalescing = Coalescing()
+    for number in range(1, 20):
+        coalescing.note_read(number, 1000 * number, has_state=False)
+    assert coalescing.rest_until_us == 0
+
+
+def test_samples_of_sensors_in_quick_succession_are_a_stream() -> None:
+    coalescing = Coalescing()
+    coalescing.note_read(1, 100_000, has_state=False, has_sensed=True)
+    coalescing.note_read(2, 101_000, has_state=False, has_sensed=True)
+    assert coalescing.rest_until_us == 101_000 + REST_US
