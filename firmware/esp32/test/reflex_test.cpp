@@ -209,7 +209,8 @@ TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
     }
     for (int i = 0; i <= reversed_for; ++i) {
       bench.send(bench.velocity(-0.2f, -0.2f));
-      if (i == reversed_for) bench.touch(0);
+      if (i == reversed_for) bench.set_level(0, true);
+      bench.step();
     }
     const WheelPair commanded = bench.device.commanded();
     CHECK(commanded.left + commanded.right <= 0);

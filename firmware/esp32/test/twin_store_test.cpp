@@ -24,7 +24,7 @@ class BadSlot final : public BlockStore {
     if (left != nullptr && (*left)-- <= 0) return false;
     if (lost > 0) {
       --lost;
-      memory.block.clear();
+      if (!keeps_old) memory.block.clear();
       return true;
     }
     return memory.save(data, size);
@@ -32,7 +32,8 @@ class BadSlot final : public BlockStore {
   uint32_t faults() override { return found; }
 
   MemoryStore memory;
-  int lost = 0;  ///< So many saves are taken, and lost.
+  int lost = 0;            ///< So many saves are taken, and lost,
+  bool keeps_old = false;  ///< with what was there before, or without.
   int saves = 0;
   int* left = nullptr;  ///< So many more before the power fails.
   uint32_t found = 0;
@@ -156,12 +157,16 @@ TEST(a_power_cut_at_any_write_leaves_the_old_block_or_the_new_one) {
 }
 
 TEST(a_save_that_was_lost_without_a_word_is_repeated) {
-  Slots slots;
-  CHECK(slots.save(kOld));
-  slots.slots[1].lost = 1;
-  slots.slots[1].saves = 0;
-  CHECK(slots.save(kNew));
-  CHECK(slots.slots[1].saves == 2 && slots.start().block == kNew);
+  for (const bool keeps_old : {false, true}) {
+    Slots slots;
+    CHECK(slots.save({8, 9}));  // as long as the new one
+    slots.slots[1].lost = 1;
+    slots.slots[1].keeps_old = keeps_old;
+    slots.slots[1].saves = 0;
+    CHECK(slots.save(kNew));
+    CHECK(slots.slots[1].saves == 2 && slots.start().block == kNew);
+    CHECK(!slots.start().is_incomplete);
+  }
 }
 
 TEST(a_slot_that_keeps_nothing_is_reported) {
