@@ -41,6 +41,18 @@ def cpu_s(pids: list[int]) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def open_files() -> int:
-    """The descriptors of this process."""
-    return len(list(Path("/proc/self/fd").iterdir()))
+def open_files() -> frozenset[tuple[str, str]]:
+    """The descriptors of this process: the number of each, and what it leads to."""
+    found = set()
+    for file in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # the listing's own
+            found.add((file.name, str(file.readlink())))
+    return frozenset(found)
+
+
+def opened_since(before: frozenset[tuple[str, str]]) -> frozenset[tuple[str, str]]:
+    """The descriptors that were opened since, and are open still.
+
+    To count them would not do: meanwhile what another test has left behind may be collected.
+    """
+    return open_files() - before

@@ -12,7 +12,7 @@ from typing import Any, cast, get_args, get_origin, get_type_hints
 import pytest
 
 from support.core_device import BOARD_ID, CoreDevice
-from support.processes import interruptible, open_files
+from support.processes import interruptible, open_files, opened_since
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import measures, stop_and_stand, wait_until
@@ -96,7 +96,7 @@ def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(device: PtyD
         wait_until(lambda: device.device.supervisor is SupervisorState.DRIVING)
     assert device.device.supervisor is SupervisorState.IDLE
     assert link_threads() == []
-    assert open_files() == before
+    assert not opened_since(before)
     driver.shutdown()
     with pytest.raises(errors.LinkClosed, match="closed"):
         driver.set_velocity(0.1, 0.0)

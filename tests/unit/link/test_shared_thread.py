@@ -18,7 +18,7 @@ import pytest
 from support.answering_port import Port
 from support.core_device import CoreDevice
 from support.forking import forked
-from support.processes import open_files
+from support.processes import open_files, opened_since
 from support.waiting import wait_until
 from wheelwire.errors import DriverUnavailable, LinkClosed, LinkLost, WheelwireError
 from wheelwire.link.connection import Link, LinkOptions
@@ -182,7 +182,7 @@ def test_the_thread_ends_with_the_last_port_and_begins_with_the_next(thread: Sha
         robot.link.close()
         wait_until(lambda: not serving_threads())
         del robot
-        wait_until(lambda: open_files() == files)
+        wait_until(lambda: not opened_since(files))
 
 
 def no_thread(patch: pytest.MonkeyPatch) -> None:
@@ -214,7 +214,7 @@ def test_without_a_thread_the_link_does_not_open(
     ports = robot.ports
     wait_until(lambda: all(port.fileno() < 0 for port in ports))
     del robot
-    wait_until(lambda: open_files() == files)
+    wait_until(lambda: not opened_since(files))
 
 
 @pytest.mark.parametrize("refuse", [no_thread, no_descriptor])
