@@ -425,10 +425,10 @@ class PortLoop(Reporter):
                 latest.put(measurement)
                 self._has_sample = True
             sensors = session.reported.sensors_if_asked
-            has_sensed = sensors is not None and bool(sensors.sensed)
-            if sensors is not None and has_sensed:
+            has_sensed = False
+            if sensors is not None and sensors.sensed:
                 latest.sensors.take(self.port, sensors.sensed)
-                self._has_sample = True
+                has_sensed = self._has_sample = True
             self._coalescing.note_read(
                 session.frames_received, now_us, has_state=bool(measured), has_sensed=has_sensed
             )

@@ -16,7 +16,6 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from io import FileIO
 from typing import Protocol
 from weakref import WeakSet
@@ -111,9 +110,10 @@ class WakeUp:
 
     def wake(self) -> None:
         """Wake the thread; from any thread, and from a signal handler. Never waits."""
-        # Full: it is awake already, and this writes nothing; closed: it has ended.
-        with suppress(ValueError, OSError):
-            self._writer.write(b"\0")
+        try:  # not `suppress`, which is three calls of Python
+            self._writer.write(b"\0")  # full: it is awake already, and this writes nothing
+        except (ValueError, OSError):  # closed: it has ended
+            return
 
     def drain(self) -> None:
         """Have it no longer readable: one pass of the thread does for all calls of `wake`."""
@@ -121,8 +121,10 @@ class WakeUp:
 
     def close(self) -> None:
         """Free the descriptors. Safe to call more than once, and concurrently with `wake`."""
-        self._reader.close()
+        # In this order: who still writes finds a closed file, and not a pipe that nobody reads, for
+        # which a program may have a signal end it.
         self._writer.close()
+        self._reader.close()
 
 
 this_thread = threading.local()
