@@ -141,48 +141,65 @@ class ClientThatIsCalled(PigpioClient):
         return super().call(method, *arguments)
 
 
-def test_a_program_that_was_delayed_keeps_its_motors(daemon: PigpioProcess, client: Any) -> None:
+MANY = MAX_SCRIPTS + 10
+"""Requests after which a program that looks for scripts waits for one."""
+Clients = tuple[ClientThatIsCalled, ClientThatIsCalled]
+
+
+@pytest.fixture
+def clients(daemon: PigpioProcess) -> Iterator[Clients]:
+    """Of two programs."""
     with (
-        closing(ClientThatIsCalled(HOST, daemon.port)) as first_client,
-        closing(ClientThatIsCalled(HOST, daemon.port)) as second_client,
+        closing(ClientThatIsCalled(HOST, daemon.port)) as first,
+        closing(ClientThatIsCalled(HOST, daemon.port)) as second,
     ):
-        first = PigpioWatchdog(first_client, MOTOR_PINS)
-        (script,) = stored_scripts(client)
-        wait_until(lambda: client.script_status(script)[0] == pigpio.PI_SCRIPT_HALTED)
-        requests = count()
-
-        def go_on_later(_: str) -> None:
-            if (request := next(requests)) > MAX_SCRIPTS + 10:
-                first.keep_alive(request * REFRESH_US)
-
-        second_client.before = go_on_later
-        with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
-            PigpioWatchdog(second_client, MOTOR_PINS)
-        first.close()
-        second_client.before = lambda _: None
-        PigpioWatchdog(second_client, MOTOR_PINS).close()
+        yield first, second
 
 
+def test_a_program_that_was_delayed_keeps_its_motors(clients: Clients, client: Any) -> None:
+    first = PigpioWatchdog(clients[0], MOTOR_PINS)
+    (script,) = stored_scripts(client)
+    wait_until(lambda: client.script_status(script)[0] == pigpio.PI_SCRIPT_HALTED)
+    requests = count()
+
+    def go_on_later(_: str) -> None:
+        if (request := next(requests)) > MANY:
+            first.keep_alive(request * REFRESH_US)
+
+    clients[1].before = go_on_later
+    with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
+        PigpioWatchdog(clients[1], MOTOR_PINS)
+    first.close()
+    clients[1].before = lambda _: None
+    PigpioWatchdog(clients[1], MOTOR_PINS).close()
+
+
+@pytest.mark.parametrize("was_killed", [False, True])
 def test_of_two_programs_that_start_at_once_only_one_drives(
-    daemon: PigpioProcess, client: Any
+    clients: Clients, client: Any, *, was_killed: bool
 ) -> None:
-    with (
-        closing(ClientThatIsCalled(HOST, daemon.port)) as first_client,
-        closing(ClientThatIsCalled(HOST, daemon.port)) as second_client,
-    ):
-        started: list[PigpioWatchdog] = []
+    """Also where both have waited for the same program that was killed."""
+    started: list[PigpioWatchdog] = []
+    requests = count()
+    if was_killed:
+        PigpioWatchdog(clients[0], MOTOR_PINS)  # nobody refreshes it
+        wait_until(
+            lambda: client.script_status(stored_scripts(client)[0])[0] == pigpio.PI_SCRIPT_HALTED
+        )
 
-        def start_first(method: str) -> None:
-            if method == "store_script":  # the second one has looked for others
-                started.append(PigpioWatchdog(first_client, MOTOR_PINS))
+    def start_first(method: str) -> None:
+        # The second one waits for the killed one's script, or has looked for others.
+        is_time = next(requests) > MANY if was_killed else method == "store_script"
+        if is_time and not started:
+            started.append(PigpioWatchdog(clients[0], MOTOR_PINS))
 
-        second_client.before = start_first
-        with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
-            PigpioWatchdog(second_client, MOTOR_PINS)
-        assert len(stored_scripts(client)) == 1
-        (first,) = started
-        assert first.keep_alive(REFRESH_US)
-        first.close()
+    clients[1].before = start_first
+    with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
+        PigpioWatchdog(clients[1], MOTOR_PINS)
+    assert len(stored_scripts(client)) == 1
+    (first,) = started
+    assert first.keep_alive(REFRESH_US)
+    first.close()
 
 
 @pytest.mark.whole

@@ -198,7 +198,7 @@ class PigpioWatchdog:
     def __init__(self, client: PigpioClient, pins: tuple[int, ...]) -> None:
         self._client = client
         self._library = client.library
-        # Sorted, so that `_claim` recognises a script for the same pins.
+        # Sorted, so that `_scripts` recognises a script for the same pins.
         self._pins = sorted(pins)
         # The ten that a script has: the counter, up to eight pins, the mark.
         self._parameters = [CHECKS, *self._pins, *[0] * (8 - len(pins)), SCRIPT_MARK]
@@ -242,12 +242,18 @@ class PigpioWatchdog:
 
     def _claim(self) -> None:
         """Delete the script of a killed program; refuse if a program is there that refreshes it."""
+        running, ended = self._library.PI_SCRIPT_RUNNING, self._library.PI_SCRIPT_HALTED
         for script_id in self._scripts():
-            if self._is_refreshed(script_id):
+            # A script that is not refreshed ends within its countdown. If it still runs after twice
+            # that time, a program is refreshing it.
+            self._wait_while(script_id, running, 2 * CHECKS * CHECK_MS / 1000)
+            # A program that the computer has delayed starts it again; one that was killed never
+            # does. Another program may have deleted it meanwhile, or put its own in its place.
+            if not self._wait_while(script_id, ended, LONGEST_DELAY_S):
+                with suppress(self._library.error):
+                    self._client.call("delete_script", script_id)
+            elif self._status(script_id)[0] == running:
                 raise self._busy()
-            # Its owner may have just deleted it.
-            with suppress(self._library.error):
-                self._client.call("delete_script", script_id)
 
     def _scripts(self) -> Iterator[int]:
         """Those for these pins."""
@@ -255,16 +261,6 @@ class PigpioWatchdog:
             _, parameters = self._status(script_id)
             if parameters and parameters[1:] == tuple(self._parameters[1:]):
                 yield script_id
-
-    def _is_refreshed(self, script_id: int) -> bool:
-        running, ended = self._library.PI_SCRIPT_RUNNING, self._library.PI_SCRIPT_HALTED
-        # A script that is not refreshed ends within its countdown. If it still runs after twice
-        # that time, a program is refreshing it.
-        if not self._wait_while(script_id, running, 2 * CHECKS * CHECK_MS / 1000):
-            return True
-        # A program that the computer has delayed starts it again; one that was killed never does.
-        self._wait_while(script_id, ended, LONGEST_DELAY_S)
-        return bool(self._status(script_id)[0] == running)
 
     def _busy(self) -> PinsBusy:
         gpios = " and ".join(map(str, self._pins))
