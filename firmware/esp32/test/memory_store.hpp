@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "crc32.hpp"
 #include "hal.hpp"
 
 namespace wheelwire {
@@ -24,6 +25,16 @@ class MemoryStore final : public BlockStore {
   int saves = 0;
   bool failing = false;  ///< Saving fails, and changes nothing.
 };
+
+/// A block as earlier firmware wrote it: behind it a number and the checksum over both.
+inline std::vector<uint8_t> sealed(std::vector<uint8_t> block, uint32_t number) {
+  const auto append = [&block](uint32_t value) {
+    for (int i = 0; i < 4; ++i) block.push_back(static_cast<uint8_t>(value >> 8 * i));
+  };
+  append(number);
+  append(crc32(block.data(), block.size()));
+  return block;
+}
 
 /// Survives a reset, as long as its owner does.
 class MemoryLatches final : public LatchMemory {

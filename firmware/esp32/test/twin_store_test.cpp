@@ -1,7 +1,6 @@
 #include "twin_store.hpp"
 
 #include "check.hpp"
-#include "crc32.hpp"
 #include "memory_store.hpp"
 #include "protocol.hpp"
 #include "wire.hpp"
@@ -72,16 +71,6 @@ struct Slots {
     for (BadSlot& slot : slots) slot.left = &writes;
   }
 };
-
-/// By hand: the block, a number and the checksum over both, as a slot ends.
-Block sealed(Block block, uint32_t number) {
-  const auto append = [&block](uint32_t value) {
-    for (int i = 0; i < 4; ++i) block.push_back(static_cast<uint8_t>(value >> 8 * i));
-  };
-  append(number);
-  append(crc32(block.data(), block.size()));
-  return block;
-}
 
 }  // namespace
 
