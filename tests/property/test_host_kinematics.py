@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from wheelwire.motion.kinematics import DifferentialDrive, Twist, WheelVelocities
 from wheelwire.motion.odometry import Pose
+from wheelwire.robot.verbs import wheels_of
 
 speeds = st.floats(-100, 100)
 drives = st.builds(
@@ -44,7 +45,7 @@ def test_saturation_keeps_the_ratio_and_the_limit(
 @given(drive=drives, v=speeds, w=speeds)
 def test_both_steps_of_a_setpoint_in_one_call(drive: DifferentialDrive, v: float, w: float) -> None:
     in_two = drive.saturate(drive.wheel_velocities(Twist(v, w)))
-    assert drive.limited_wheels(v, w) == pytest.approx(in_two)
+    assert wheels_of(drive, v, w) == pytest.approx(in_two)
 
 
 @given(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
@@ -114,6 +114,8 @@ class Link(DeviceLink):
         self._sharing_server: SharingServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Requests whose callers have given up. Each change is one call into C, without a lock."""
+        self.reported, setpoints = self._session.reported, self._session.setpoints
+        self.drive_velocity, self.drive_duty = setpoints.drive_velocity, setpoints.drive_duty
         # Weakly: the port's thread alone must not keep the owner alive.
         this = weakref.ref(self)
         self._loop = PortLoop(
@@ -124,6 +126,7 @@ class Link(DeviceLink):
             latest_sample,
             is_wanted=lambda: this() is not None,
         )
+        setpoints.port = self._loop
         self._thread = threading.Thread(
             target=self._loop.run, name=f"wheelwire {options.port}", daemon=True
         )
@@ -228,15 +231,15 @@ class Link(DeviceLink):
     @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        loop, session = self._loop, self._session
+        loop = self._loop
         return LinkInfo(
             loop.port,
             # Not the port's own rate: during a search that is one of the rates tried.
             loop.policy.search.rate,
             loop.low_latency,
             self._device,
-            session.reported.board,
-            session.reported.copies_lost,
+            self.reported.board,
+            self.reported.copies_lost,
         )
 
     @property
@@ -244,32 +247,9 @@ class Link(DeviceLink):
         """What was counted since the link was opened."""
         return self._session.statistics(host_clock_us(), self._loop.policy.reconnects)
 
-    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
-        self._drive(self._session.setpoints.velocity_frame, left_mps, right_mps, expiry_us)
-
-    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Write one duty setpoint; otherwise as `drive_velocity`."""
-        self._drive(self._session.setpoints.duty_frame, left, right, expiry_us)
-
-    def _drive(
-        self,
-        make_frame: Callable[[float, float, int, int], bytes],
-        left: float,
-        right: float,
-        expiry_us: int,
-    ) -> None:
-        now_us = host_clock_us()
-        # Before a frame is made, which would be recorded for a repeat and so be sent after all.
-        self._loop.check_room()
-        frame = make_frame(left, right, expiry_us, now_us)
-        try:
-            self._loop.send(frame, now_us)
-        except LinkLost:
-            # Raise only after the port's thread has noticed: it may know a better reason, and a
-            # caller that reads next must get no sample of a link that was reported lost.
-            self._result(partial(self._begin, lambda done, _: done(None)))
-            raise
+    def settle(self) -> None:
+        """Wait until the port's thread has noticed a loss, and raise the reason that it knows."""
+        self._result(partial(self._begin, lambda done, _: done(None)))
 
     # --- what is answered ----------------------------------------------------------------------
 

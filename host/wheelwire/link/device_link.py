@@ -39,6 +39,7 @@ from .setpoints import SetpointSender
 from .traffic import Reporter, Traffic, TrafficReader
 
 if TYPE_CHECKING:
+    from .device_reports import DeviceReports
     from .sensor_stream import SensorStream
     from .statistics import LinkStatistics
 
@@ -61,6 +62,13 @@ class DeviceLink(Reporter, ABC):
     arms: bool = False
     """Whether opening it sends a zero setpoint, so that the robot obeys the program's first one.
     A link that drives nothing, such as a recording, sends none."""
+    reported: DeviceReports
+    """What the device has reported."""
+    drive_velocity: Callable[[float, float, int], None]
+    """Writes one setpoint at once: the wheels' velocities [m/s], and when it expires on the host's
+    clock [us]. It and `drive_duty` lead to the sender of the setpoints without a call between."""
+    drive_duty: Callable[[float, float, int], None]
+    """The same for duties, -1..1."""
 
     # --- opening and closing -------------------------------------------------------------------
 
@@ -122,7 +130,7 @@ class DeviceLink(Reporter, ABC):
     @property
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
-        return self._session.reported.rolling_mps
+        return self.reported.rolling_mps
 
     @property
     def session_id(self) -> int:
@@ -132,11 +140,11 @@ class DeviceLink(Reporter, ABC):
     @property
     def hold(self) -> Hold | None:
         """As `Session.hold`."""
-        return self._session.reported.hold
+        return self.reported.hold
 
     def held_by(self, hold: Hold) -> HeldBy:
         """As `Session.held_by`."""
-        return self._session.reported.held_by(hold)
+        return self.reported.held_by(hold)
 
     def last_stop(self, hold: Hold) -> LastStop:
         """As `Session.last_stop`, with the program that drove."""
@@ -160,12 +168,12 @@ class DeviceLink(Reporter, ABC):
     @property
     def knows_list(self) -> bool:
         """Whether the device has said how many channels it has."""
-        return self._session.reported.board is not None
+        return self.reported.board is not None
 
     @property
     def knows_sensors(self) -> bool:
         """Whether samples were asked for, and each channel has said what it is."""
-        board = self._session.reported.board
+        board = self.reported.board
         return self.sensors.is_complete(None if board is None else board.peripheral_count)
 
     def why_no_sensors(self, waited_s: float) -> WheelwireError:
@@ -190,32 +198,26 @@ class DeviceLink(Reporter, ABC):
     @property
     def watched_values(self) -> Mapping[int, float]:
         """The newest values of the watched parameters, by id: the same object until one changes."""
-        values = self._session.reported.watched_values
+        values = self.reported.watched_values
         # The end of a link ends the session as well, so there is nothing else to look at.
         if values is None:
             self._check_alive()
             raise afresh(self._session.error)
         return values
 
-    @property
-    def watched_if_open(self) -> Mapping[int, float] | None:
-        """As `watched_values`; None while no session is open."""
-        return self._session.reported.watched_values
-
     def known(self, parameter: int) -> float | None:
         """The newest value of a parameter that was reported in this session, if there is one."""
         self.check()
-        return self._session.reported.values.get(parameter)
+        return self.reported.values.get(parameter)
 
     # --- what is asked for -----------------------------------------------------------------------
 
-    @abstractmethod
-    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
+    def settle(self) -> None:
+        """A setpoint could not be sent: where a thread serves the port, wait for what it knows.
 
-    @abstractmethod
-    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Write one duty setpoint; otherwise as `drive_velocity`."""
+        Raises:
+            LinkLost: The reason, if it is another one.
+        """
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.
@@ -343,7 +345,7 @@ class InlineLink(DeviceLink):
     @property
     def info(self) -> LinkInfo:
         """The name and the device."""
-        told = self._session.reported
+        told = self.reported
         return LinkInfo(self.name, None, None, self._device, told.board, told.copies_lost)
 
     @property

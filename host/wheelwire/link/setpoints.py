@@ -10,7 +10,7 @@ import math
 import struct
 from collections.abc import Callable
 from itertools import count
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Held, RefusalCode, StopMode, SupervisorState
@@ -69,8 +69,21 @@ class OpenSession(NamedTuple):
     encoder: Encoder
 
 
+class SetpointPort(Protocol):
+    """Where a link writes setpoints."""
+
+    def clock_us(self) -> int:
+        """The host's time of the link."""
+
+    def check_room(self) -> None:
+        """Raise `LinkLost` if a setpoint could not be written soon."""
+
+    def send(self, frame: bytes, now_us: int) -> None:
+        """Write a frame in the calling thread; `LinkLost` if the port is gone."""
+
+
 class SetpointSender:
-    """Makes the frames of a link's setpoints, and repeats them. The latest wins.
+    """Sends a link's setpoints, and repeats them. The latest wins.
 
     Args:
         send: Takes a message for the line: the repeats.
@@ -91,7 +104,10 @@ class SetpointSender:
         zero_seq: Number of the newest setpoint of this session that asked for standstill.
         unseen: The newest setpoint, until a state frame shows what became of it.
         awaits_fate: Whether somebody waits for what becomes of a setpoint.
+        port: Set by a link that drives.
     """
+
+    port: SetpointPort
 
     def __init__(
         self,
@@ -203,6 +219,28 @@ class SetpointSender:
         """
         self.void()
         self._refusal = None
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
+        """Write one velocity setpoint at once; it expires at the host's `expiry_us`.
+
+        From any thread.
+
+        Raises:
+            LinkLost: The session is not open, or the port takes nothing.
+            WheelwireError: As `velocity_frame`.
+        """
+        port = self.port
+        now_us = port.clock_us()
+        # Before a frame is made, which would be recorded for a repeat and so be sent after all.
+        port.check_room()
+        port.send(self.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Write one duty setpoint; otherwise as `drive_velocity`."""
+        port = self.port
+        now_us = port.clock_us()
+        port.check_room()
+        port.send(self.duty_frame(left, right, expiry_us, now_us), now_us)
 
     def velocity_frame(
         self, left_mps: float, right_mps: float, expiry_us: int, now_us: int

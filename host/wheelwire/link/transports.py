@@ -60,9 +60,12 @@ class Transport(ABC):
     baud_rate: int | None = None
     low_latency: bool | None = None
 
-    @abstractmethod
+    _fd: int
+    """Its descriptor; -1 once it has none."""
+
     def fileno(self) -> int:
         """For `poll`."""
+        return self._fd
 
     @abstractmethod
     def read(self) -> bytes:
@@ -79,7 +82,7 @@ class Transport(ABC):
             LinkLost: The other end is gone.
         """
         try:
-            return os.write(self.fileno(), data)
+            return os.write(self._fd, data)
         except BlockingIOError:
             return 0
         except OSError as error:
@@ -118,10 +121,11 @@ class Transport(ABC):
             nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
             try:
                 # In one step, so that the number is never free. It also closes the port itself.
-                os.dup2(nowhere, self.fileno(), inheritable=False)
+                os.dup2(nowhere, self._fd, inheritable=False)
             finally:
                 os.close(nowhere)
         except OSError:  # no descriptor is left to do it with, or it is closed already
+            self._fd = -1
             close()
         else:
             # `close` is a method of what is wrapped: one of this object would keep it alive.
@@ -179,10 +183,6 @@ class SerialTransport(Transport):
             self._serial.baudrate = baud_rate  # one that termios cannot tell, too
         # Read back, because a driver need not take every flag that it was given.
         self._settings = termios.tcgetattr(self._fd)
-
-    def fileno(self) -> int:
-        """For `poll`."""
-        return self._fd
 
     def read(self) -> bytes:
         """What has arrived, possibly nothing."""
@@ -253,11 +253,8 @@ class SocketTransport(Transport):
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         self._socket = connection
+        self._fd = connection.fileno()
         abandon_in_child(self)
-
-    def fileno(self) -> int:
-        """For `poll`."""
-        return self._socket.fileno()
 
     def read(self) -> bytes:
         """What has arrived, possibly nothing."""
@@ -279,6 +276,7 @@ class SocketTransport(Transport):
     def abandon(self) -> None:
         """Close the descriptor: the connection stays, as long as the parent has it."""
         self._socket.close()
+        self._fd = -1
 
 
 class UnixTransport(SocketTransport):

@@ -400,7 +400,7 @@ class ReplayLink(RerunLink, InlineLink):
         An `InvalidCommand` if that is not known, or if the request would change something.
         """
         self.check()
-        known = self._session.reported.values
+        known = self.reported.values
         if isinstance(message, wire.SensorStream):
             self._is_used = True
             done(wire.Ack(0, 0, message_id(wire.SensorStream)))  # they come as on that day

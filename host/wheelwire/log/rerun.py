@@ -16,6 +16,7 @@ from wheelwire_protocol.types import Hold
 
 from ..errors import LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
+from ..link.device_reports import DeviceReports
 from ..link.handover import resumed
 from ..link.requests import Answer
 from ..link.sample_stream import LatestSample, Measurement
@@ -191,6 +192,11 @@ class RerunLink(DeviceLink):
             self._check_alive()
             raise LinkLost(f"{self.name}: its session is not known yet; wait a moment")
         return session
+
+    @property
+    def reported(self) -> DeviceReports:  # type: ignore[override]
+        """What the device has reported, as far as the records go."""
+        return self._session.reported
 
     @property
     def _is_open(self) -> bool:

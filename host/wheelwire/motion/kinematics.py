@@ -86,20 +86,6 @@ class DifferentialDrive:
             (twist.linear_mps + difference) / self.right_radius_multiplier,
         )
 
-    def limited_wheels(self, linear_mps: float, angular_radps: float) -> WheelVelocities:
-        """`saturate(wheel_velocities(...))` in one call, for each setpoint of a program.
-
-        Numbers that are too large for a float give wheels that are not finite.
-        """
-        limit = self.max_velocity_mps
-        difference = angular_radps * self.wheel_separation / 2
-        left = (linear_mps - difference) / self.left_radius_multiplier
-        right = (linear_mps + difference) / self.right_radius_multiplier
-        if not (-limit <= left <= limit and -limit <= right <= limit):
-            factor = limit / max(abs(left), abs(right))
-            left, right = left * factor, right * factor
-        return WheelVelocities(left, right)
-
     def twist(self, wheels: WheelVelocities) -> Twist:
         """The body's velocity for velocities of wheels with `wheel_radius`."""
         left = wheels.left_mps * self.left_radius_multiplier

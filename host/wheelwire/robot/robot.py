@@ -9,6 +9,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, NoReturn, TypeVar, cast
 
 from ..arguments import timeout_s
@@ -326,7 +327,7 @@ class _NoDevice:
     name = "robot"
     hold = None
     rolling_mps = None
-    watched_if_open = None
+    reported = SimpleNamespace(watched_values=None)
 
     def open(self) -> None:
         """There is nothing to open."""

@@ -105,6 +105,22 @@ class Limits(NamedTuple):
     ttl_max_s: float | None
 
 
+def wheels_of(drive: DifferentialDrive, linear: float, angular: float) -> tuple[float, float]:
+    """The wheels' velocities [m/s] for a body velocity, within the limit of `drive`.
+
+    `drive.saturate(drive.wheel_velocities(...))`, which is three calls more for each setpoint.
+    Numbers that are too large for a float give wheels that are not finite.
+    """
+    limit = drive.max_velocity_mps
+    difference = angular * drive.wheel_separation / 2
+    left = (linear - difference) / drive.left_radius_multiplier
+    right = (linear + difference) / drive.right_radius_multiplier
+    if -limit <= left <= limit and -limit <= right <= limit:
+        return left, right
+    factor = limit / max(abs(left), abs(right))
+    return left * factor, right * factor
+
+
 class _Newest(Generic[AnswerT]):
     """The newest answer of one kind. The link's thread notes it."""
 
@@ -177,20 +193,20 @@ class Verbs:
         now_us = self._now_us()  # first: the call's own time counts, too
         # Asked for once: a parameter may change between two uses.
         limits = self._known_limits
-        if limits.values is not self._link.watched_if_open:
+        if limits.values is not self._link.reported.watched_values:
             limits = self._limits()
         expiry_us = self._expiry_us(now_us, ttl, stamp, limits)
         # Nearly all are plain floats: a function for each would be two more calls.
         if not (type(linear) is type(angular) is float and isfinite(linear) and isfinite(angular)):
             linear, angular = finite("linear", linear), finite("angular", angular)
-        wheels = (limits.geometry or self.geometry).limited_wheels(linear, angular)
+        left, right = wheels_of(limits.geometry or self.geometry, linear, angular)
         # Finite numbers can overflow in the conversion.
-        if not (isfinite(wheels.left_mps) and isfinite(wheels.right_mps)):
+        if not (isfinite(left) and isfinite(right)):
             raise InvalidCommand(
                 f"linear = {linear:g}, angular = {angular:g}: no wheel can turn that fast; "
                 "give smaller numbers"
             )
-        self._drive_velocity(wheels, expiry_us)
+        self._drive_velocity(WheelVelocities(left, right), expiry_us)
 
     def set_wheel_velocity(
         self,
@@ -484,15 +500,25 @@ class Verbs:
         It expires at `expiry_us`, on the clock of `_now_us`.
         """
         try:  # with `_explanations` it would take two more calls for each setpoint
-            self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
+            self._link.drive_velocity(wheels[0], wheels[1], expiry_us)
         except WheelwireError as error:
-            self._explanations.explain(error)
-            raise
+            self._fail_setpoint(error)
 
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Send a setpoint, each -1..1, without waiting; otherwise as `_drive_velocity`."""
-        with self._explanations:
+        try:
             self._link.drive_duty(left, right, expiry_us)
+        except WheelwireError as error:
+            self._fail_setpoint(error)
+
+    def _fail_setpoint(self, error: WheelwireError) -> NoReturn:
+        """Raise why a setpoint was not sent."""
+        with self._explanations:
+            if isinstance(error, LinkLost):
+                # The port's thread may know a better reason; and a caller that reads next must get
+                # no sample of a link that was reported lost.
+                self._link.settle()
+            raise error
 
     def _check_link(self) -> None:
         """Raise `LinkLost` if the robot is out of reach."""
@@ -506,7 +532,7 @@ class Verbs:
 
     def _limits(self) -> Limits:
         """The device's limits, read again once the parameters have changed."""
-        values, known = self._link.watched_if_open, self._known_limits
+        values, known = self._link.reported.watched_values, self._known_limits
         # Comparing identity is enough: the link replaces the values as a whole.
         if values is not known.values:
             known = Limits(None, None, None)

@@ -44,6 +44,9 @@ class VirtualLink(InlineLink):
         latest_sample.wait_for = self.wait_for
         self._sim = sim
         self._session = Session(random_nonce, None, watched)
+        self.reported, setpoints = self._session.reported, self._session.setpoints
+        self.drive_velocity, self.drive_duty = setpoints.drive_velocity, setpoints.drive_duty
+        setpoints.port = self
         self._plugged = False
         # The first connection, in `plug` below, is not a reconnection.
         self._reconnects = -1
@@ -104,17 +107,13 @@ class VirtualLink(InlineLink):
         # It begins once the session knows its board; until then virtual time has to pass.
         self.wait_for(lambda: reader in self.traffic.readers, OPEN_S)
 
-    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Send one velocity setpoint that expires at `expiry_us`."""
+    def check_room(self) -> None:
+        """The line takes any setpoint while the link is open."""
         self.check()
-        self._flush(
-            self._session.setpoints.velocity_frame(left_mps, right_mps, expiry_us, self.now_us)
-        )
 
-    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Send one duty setpoint that expires at `expiry_us`."""
-        self.check()
-        self._flush(self._session.setpoints.duty_frame(left, right, expiry_us, self.now_us))
+    def send(self, frame: bytes, now_us: int) -> None:  # noqa: ARG002 - that of the link
+        """Write a setpoint's frame, behind what waits."""
+        self._flush(frame)
 
     def post(self, message: RequestMessage, done: Done) -> None:
         """Send a request without waiting; `done` is called with the result."""

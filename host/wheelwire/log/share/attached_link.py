@@ -299,14 +299,14 @@ class AttachedLink(RerunLink):
     @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        device, session, status = self._device, self._session, self._status or {}
+        device, status = self._device, self._status or {}
         return LinkInfo(
             status.get("port", self.name),
             status.get("baud_rate"),
             status.get("low_latency"),
             device,
-            session.reported.board,
-            session.reported.copies_lost,
+            self.reported.board,
+            self.reported.copies_lost,
         )
 
     @property
