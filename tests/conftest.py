@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from wheelwire.aio import Driver
-from wheelwire.link.programs import DIRECTORY_VARIABLE as TAP_DIRECTORY
-from wheelwire.link.programs import GROUP_VARIABLE
+from wheelwire.link.sharing_folder import DIRECTORY_VARIABLE as TAP_DIRECTORY
+from wheelwire.link.sharing_folder import GROUP_VARIABLE
 from wheelwire.pi.storage import DIRECTORY_VARIABLE
 from wheelwire.robot.robot import Robot
 

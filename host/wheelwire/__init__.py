@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any
 from .connect import connect as connect  # now: its module of the same name would hide it later
 
 if TYPE_CHECKING:
+    from wheelwire_protocol.codes import BatteryLevel as BatteryLevel
     from wheelwire_protocol.codes import EstopSource as EstopSource
     from wheelwire_protocol.codes import Fault as Fault
     from wheelwire_protocol.codes import Held as Held
+    from wheelwire_protocol.codes import Reflex as Reflex
     from wheelwire_protocol.codes import RefusalCode as RefusalCode
+    from wheelwire_protocol.codes import SensorEventCode as SensorEventCode
+    from wheelwire_protocol.codes import SensorState as SensorState
     from wheelwire_protocol.codes import StopCause as StopCause
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
-    from wheelwire_protocol.sensors import BatteryLevel as BatteryLevel
-    from wheelwire_protocol.sensors import Reflex as Reflex
-    from wheelwire_protocol.sensors import SensorEventCode as SensorEventCode
-    from wheelwire_protocol.sensors import SensorState as SensorState
 
     from . import aio as aio
     from .connect import driver_names as driver_names
@@ -91,8 +91,8 @@ if TYPE_CHECKING:
     from .tools.files.robot import load_config as load_config
 
 _MODULES = {
-    "wheelwire_protocol.codes": "EstopSource Fault Held RefusalCode StopCause SupervisorState",
-    "wheelwire_protocol.sensors": "BatteryLevel Reflex SensorEventCode SensorState",
+    "wheelwire_protocol.codes": "BatteryLevel EstopSource Fault Held Reflex RefusalCode "
+    "SensorEventCode SensorState StopCause SupervisorState",
     ".motion.covariance": "PoseCovariance",
     ".connect": "driver_names open_driver open_robot",
     ".tools.files.robot": "load_config RobotConfig",

@@ -31,11 +31,10 @@ from wheelwire_protocol.board import (
     Module,
 )
 from wheelwire_protocol.codec import BOARD, ENTRY, assembled, fingerprint_of
-from wheelwire_protocol.codes import Chip
+from wheelwire_protocol.codes import MOST_PERIPHERALS, Chip, PeripheralKind, Place, channel_name
 from wheelwire_protocol.core import BoardIssue, PeripheralIssue, check_board, check_peripherals
 from wheelwire_protocol.peripherals import IMUS, Axis, PeripheralFault, PeripheralFlag, SensorChip
 from wheelwire_protocol.power_stages import Stage
-from wheelwire_protocol.sensors import MOST_PERIPHERALS, PeripheralKind, Place, channel_name
 from wheelwire_protocol.types import BOARD_LAYOUT, PERIPHERAL_LAYOUT
 
 from .errors import ConfigurationError, shown

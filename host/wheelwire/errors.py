@@ -14,8 +14,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import ClassVar, NamedTuple, TypeVar
 
-from wheelwire_protocol.codes import Fault, RefusalCode
-from wheelwire_protocol.sensors import SensorState
+from wheelwire_protocol.codes import Fault, RefusalCode, SensorState
 
 NO_FAULT = Fault(0)
 _MAX_SHOWN_LENGTH = 60

@@ -9,14 +9,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from wheelwire_protocol.codes import Fault, SupervisorState
-from wheelwire_protocol.sensors import (
+from wheelwire_protocol.codes import (
     BatteryLevel,
+    Fault,
     PeripheralKind,
     Place,
     Reflex,
     SensorEventCode,
     SensorState,
+    SupervisorState,
 )
 
 if TYPE_CHECKING:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from construct import Struct
 
 from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Module
-from .codes import Chip, Unit
+from .codes import Chip, PeripheralKind, Place, Unit
 from .message import Field, chars, i8, u8, u16, u64
 from .peripherals import Axis, PeripheralFlag, SensorChip
 from .power_stages import Stage
-from .sensors import PeripheralKind, Place
 
 
 def _pin(name: str) -> Field:

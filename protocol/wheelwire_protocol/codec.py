@@ -13,8 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from . import types
-from .codes import Group
-from .sensors import MOST_PERIPHERALS
+from .codes import MOST_PERIPHERALS, Group
 from .types import CRC_SIZE as CRC_SIZE
 from .types import HEADER_SIZE as HEADER_SIZE
 from .types import PROTOCOL_VERSION as PROTOCOL_VERSION

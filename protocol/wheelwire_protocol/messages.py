@@ -6,6 +6,8 @@ from typing import Any
 
 from .board_layout import board_fields, peripheral_fields
 from .codes import (
+    MOST_PERIPHERALS,
+    BatteryLevel,
     BoxCause,
     Capability,
     Chip,
@@ -16,8 +18,14 @@ from .codes import (
     Fault,
     Group,
     Held,
+    PeripheralKind,
+    Place,
+    RangeQuality,
+    Reflex,
     RefusalCode,
     ResetReason,
+    SensorEventCode,
+    SensorState,
     StopCause,
     StopFlag,
     StopMode,
@@ -28,16 +36,6 @@ from .codes import (
 )
 from .message import Field, Message, chars, f32, i16, i32, message, u8, u16, u32, u64
 from .peripherals import MOST_ANALOG, Axis, SensorChip
-from .sensors import (
-    MOST_PERIPHERALS,
-    BatteryLevel,
-    PeripheralKind,
-    Place,
-    RangeQuality,
-    Reflex,
-    SensorEventCode,
-    SensorState,
-)
 
 PROTOCOL_VERSION = 2
 

@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from .codes import DocumentedEnum, DocumentedFlag
-from .sensors import (
+from .codes import (
     BatteryLevel,
+    DocumentedEnum,
+    DocumentedFlag,
     PeripheralKind,
     Place,
     RangeQuality,

@@ -38,8 +38,8 @@ from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.log import ros_messages
 from wheelwire.log.ros_messages import OBSTACLES, obstacles
 from wheelwire.samples import sentence_of_event
+from wheelwire_protocol.codes import REAR_PLACES, PeripheralKind
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.sensors import REAR_PLACES, PeripheralKind
 
 from .gyro_bias import GyroBias, Vector
 from .parameter_values import Get

@@ -17,6 +17,7 @@ from wheelwire.link.session import Phase, Session
 from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.codec import BOARD, ENTRY, schema_hash
 from wheelwire_protocol.codes import (
+    MOST_PERIPHERALS,
     Chip,
     ConfigurationState,
     Group,
@@ -25,7 +26,6 @@ from wheelwire_protocol.codes import (
     StopMode,
     SupervisorState,
 )
-from wheelwire_protocol.sensors import MOST_PERIPHERALS
 from wheelwire_protocol.types import (
     BoardSet,
     ClearEstop,

@@ -21,12 +21,13 @@ from wheelwire_protocol.codes import (
     EstopSource,
     Fault,
     Held,
+    PeripheralKind,
+    Place,
     ResetReason,
     StopCause,
     StopMode,
 )
 from wheelwire_protocol.framing import encode_frame
-from wheelwire_protocol.sensors import PeripheralKind, Place
 from wheelwire_protocol.types import Estop, Stop
 
 REPORTED_S = 0.2

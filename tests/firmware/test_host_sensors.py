@@ -18,10 +18,19 @@ from wheelwire.board import (
 )
 from wheelwire.errors import DeviceRefused
 from wheelwire.pi.i2c import BusReader
-from wheelwire_protocol.codes import Chip, ConfigurationState, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import (
+    Chip,
+    ConfigurationState,
+    Fault,
+    PeripheralKind,
+    Place,
+    Reflex,
+    RefusalCode,
+    SensorState,
+    SupervisorState,
+)
 from wheelwire_protocol.core import Core, Identity, Sensors, TransferResult
 from wheelwire_protocol.peripherals import PeripheralFault, SensorChip
-from wheelwire_protocol.sensors import PeripheralKind, Place, Reflex, SensorState
 from wheelwire_protocol.types import (
     ClearFault,
     ConfigurationConfirm,

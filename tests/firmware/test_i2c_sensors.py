@@ -9,9 +9,8 @@ import pytest
 from support.raw import RawHost
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import SensorStale
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import SensorEventCode, SensorState, SupervisorState
 from wheelwire_protocol.peripherals import IMUS, SensorChip
-from wheelwire_protocol.sensors import SensorEventCode, SensorState
 from wheelwire_protocol.types import (
     Imu,
     SensorEvent,

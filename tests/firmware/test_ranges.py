@@ -7,15 +7,15 @@ import pytest
 from support.cases import each
 from support.peripheral_lists import entry, write_list
 from support.raw import RawHost
-from wheelwire_protocol.codes import SupervisorState
-from wheelwire_protocol.peripherals import RANGES, SensorChip
-from wheelwire_protocol.sensors import (
+from wheelwire_protocol.codes import (
     PeripheralKind,
     Place,
     RangeQuality,
     SensorEventCode,
     SensorState,
+    SupervisorState,
 )
+from wheelwire_protocol.peripherals import RANGES, SensorChip
 from wheelwire_protocol.types import (
     Inputs,
     Range,

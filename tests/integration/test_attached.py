@@ -23,7 +23,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.connect import open_driver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.programs import DIRECTORY_VARIABLE
+from wheelwire.link.sharing_folder import DIRECTORY_VARIABLE
 from wheelwire.log.reader import is_complete, messages, metadata
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState

@@ -30,9 +30,10 @@ from wheelwire_protocol.codes import (
     Contradiction,
     Fault,
     Group,
+    PeripheralKind,
+    Place,
     RefusalCode,
 )
-from wheelwire_protocol.sensors import PeripheralKind, Place
 from wheelwire_protocol.types import GROUP_HASHES, Contradictions, ContradictionsGet, GroupGet
 
 WITH_BUMPERS = replace(

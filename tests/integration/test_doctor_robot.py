@@ -25,9 +25,8 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.doctor import Finding, examine_robot, robot
 from wheelwire.tools.files.bad_line import load_profile
 from wheelwire.tools.files.board import load_board
-from wheelwire_protocol.codes import Fault, Group, ResetReason
+from wheelwire_protocol.codes import Fault, Group, PeripheralKind, Place, ResetReason
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.sensors import PeripheralKind, Place
 from wheelwire_protocol.types import GROUP_HASHES
 
 BUMPER = DigitalInput(PeripheralKind.BUMPER, Place.REAR, 39, pull=Pull.EXTERNAL)

@@ -19,8 +19,7 @@ from wheelwire import errors, open_driver
 from wheelwire.pi.pins import Pins
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
-from wheelwire_protocol.codes import SupervisorState
-from wheelwire_protocol.sensors import Reflex, SensorState
+from wheelwire_protocol.codes import Reflex, SensorState, SupervisorState
 
 FILE = """\
 driver: l298n

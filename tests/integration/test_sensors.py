@@ -27,9 +27,15 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
-from wheelwire_protocol.codes import Group
+from wheelwire_protocol.codes import (
+    Group,
+    PeripheralKind,
+    Place,
+    Reflex,
+    SensorEventCode,
+    SensorState,
+)
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.sensors import PeripheralKind, Place, Reflex, SensorEventCode, SensorState
 from wheelwire_protocol.types import GroupGet
 
 NAMES = ["imu", "battery", "bumper.front_left", "bumper.front_right"]

@@ -9,11 +9,10 @@ from typing import TypeVar
 from wheelwire.board import BatteryLevels, Configuration, ImuSensor, Peripheral, PowerSensor
 from wheelwire.pi.i2c import BusReader
 from wheelwire.pi.pins import Pins
-from wheelwire_protocol.codes import Chip, ResetReason
+from wheelwire_protocol.codes import Chip, ResetReason, SensorState
 from wheelwire_protocol.core import Core, Identity, Outputs, Sensors, TransferResult
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.peripherals import Axis, PeripheralFault, SensorChip
-from wheelwire_protocol.sensors import SensorState
 from wheelwire_protocol.types import AnyMessage, SensorEvent
 
 from .host_samples import received

@@ -12,8 +12,8 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.board import Module
+from wheelwire_protocol.codes import Place
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.sensors import Place
 
 BIAS_RADPS = (0.1, -0.2, 0.05)
 BOARD = replace(

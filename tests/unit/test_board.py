@@ -33,9 +33,8 @@ from wheelwire_protocol.board import (
     Module,
 )
 from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
-from wheelwire_protocol.codes import Chip
+from wheelwire_protocol.codes import Chip, PeripheralKind, Place, channel_name
 from wheelwire_protocol.power_stages import STAGES, Action, Level, Stage
-from wheelwire_protocol.sensors import PeripheralKind, Place, channel_name
 
 PINS = st.none() | st.integers(0, 127)
 WHEELS = st.builds(WheelPins, PINS, PINS, PINS, PINS, PINS, PINS, PINS)

@@ -11,8 +11,7 @@ import pytest
 from support.cases import each
 from wheelwire import errors
 from wheelwire.errors import Release
-from wheelwire_protocol.codes import Fault, RefusalCode
-from wheelwire_protocol.sensors import SensorState
+from wheelwire_protocol.codes import Fault, RefusalCode, SensorState
 
 OURS, THEIRS = Release(1, 2, "0.1.0"), Release(3, 4, "0.2.0")
 WITH_ARGUMENTS: dict[type[errors.WheelwireError], errors.WheelwireError] = {

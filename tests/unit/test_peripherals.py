@@ -35,6 +35,13 @@ from wheelwire.tools.files.board import load_board, parse_board, to_yaml
 from wheelwire.tools.files.peripherals import without_none
 from wheelwire.tools.files.robot import parse_config
 from wheelwire_protocol.board_layout import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
+from wheelwire_protocol.codes import (
+    DIGITAL_INPUTS,
+    MOST_PERIPHERALS,
+    PeripheralKind,
+    Place,
+    channel_name,
+)
 from wheelwire_protocol.core import check_peripherals
 from wheelwire_protocol.peripherals import (
     IMUS,
@@ -44,13 +51,6 @@ from wheelwire_protocol.peripherals import (
     Axis,
     PeripheralFault,
     SensorChip,
-)
-from wheelwire_protocol.sensors import (
-    DIGITAL_INPUTS,
-    MOST_PERIPHERALS,
-    PeripheralKind,
-    Place,
-    channel_name,
 )
 
 BOARD = """\

@@ -14,7 +14,7 @@ from support.full_disk import full_disk
 from wheelwire.cli.output import check_writable, write_new
 from wheelwire.cli.why import _write_box
 from wheelwire.errors import OutputFailed
-from wheelwire.link.programs import SharingFolder, note_driver
+from wheelwire.link.sharing_folder import SharingFolder, note_driver
 from wheelwire.log.plot import Trace
 from wheelwire.log.plot import draw as draw_recording
 from wheelwire.log.recorder import RecordingFile

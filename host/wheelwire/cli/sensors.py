@@ -14,7 +14,7 @@ from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.robot.robot import Robot
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
-from wheelwire_protocol.sensors import (
+from wheelwire_protocol.codes import (
     INPUTS,
     BatteryLevel,
     PeripheralKind,

@@ -15,5 +15,6 @@ device_link.py  what every link offers, in virtual time, too, and how it arms th
 info.py         the device; statistics.py: the counters, health;
                 plain_text.py: what a chip says that does not run
 transports.py   a tty, a socket or a child process; ports.py and discovery.py find boards
-traffic.py      what crosses the link, for recorder, view and other programs; programs.py: these
+traffic.py      what crosses the link, for recorder, view and other programs;
+                sharing.py: offers it to these, in sharing_folder.py; program_names.py: their names
 """

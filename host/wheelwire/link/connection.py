@@ -187,7 +187,7 @@ class Link(DeviceLink):
 
     def watch(self, parameters: Sequence[int]) -> None:
         """Read the values of these parameters in each session. Call it before `open`."""
-        self._session.watch(parameters)
+        self.reported.watched = tuple(parameters)
 
     def serve_by(self, thread: SharedThread) -> None:
         """Have `thread` serve the port, along with others. Call it before `open`."""

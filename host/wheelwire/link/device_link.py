@@ -151,7 +151,7 @@ class DeviceLink(Reporter, ABC):
         stop = self._session.last_stop(hold)
         if not stop.session_id:
             return stop
-        from .programs import driver_of  # here, for most programs never ask
+        from .sharing_folder import driver_of  # here, for most programs never ask
 
         return stop._replace(program=driver_of(self._device.board_id, stop.session_id))
 

@@ -80,10 +80,6 @@ class PlainText:
             self.quote = lines[-1].strip()[:80]
         return self.sentence != before
 
-    def forget(self) -> None:
-        """The device answers."""
-        self.sentence = self.quote = self._tail = ""
-
     def _line_at(self, begin: int, end: int) -> str:
         text = self._tail
         while begin > 0 and text[begin - 1].isprintable():

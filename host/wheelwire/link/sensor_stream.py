@@ -9,8 +9,7 @@ from functools import cache
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from wheelwire_protocol import types as wire
-from wheelwire_protocol.peripherals import MOST_ANALOG, RANGES, Axis, SensorChip
-from wheelwire_protocol.sensors import (
+from wheelwire_protocol.codes import (
     DIGITAL_INPUTS,
     BatteryLevel,
     PeripheralKind,
@@ -21,6 +20,7 @@ from wheelwire_protocol.sensors import (
     SensorState,
     channel_name,
 )
+from wheelwire_protocol.peripherals import MOST_ANALOG, RANGES, Axis, SensorChip
 
 from ..samples import (
     EVENTS,

@@ -46,7 +46,6 @@ from .info import (
     RoundTrips,
     device_of_session,
 )
-from .plain_text import PlainText
 from .preparation import Preparation
 from .requests import (
     COPY_ID,
@@ -72,6 +71,7 @@ from .traffic import (
 )
 
 if TYPE_CHECKING:
+    from .plain_text import PlainText
     from .sensor_stream import SensorMessage, SensorStream
     from .statistics import LinkStatistics
 
@@ -134,7 +134,6 @@ class Session:
             without a port.
         reported: What the device has reported, such as its board.
         bytes_received: Since the start.
-        plain_text: Text that came in place of frames since the device last answered.
         frames_received: Good frames of known messages, since the start.
         setpoints: Makes the frames of setpoints, for any thread.
         output: Bytes that `take_output` would return.
@@ -162,7 +161,7 @@ class Session:
         self.answers = 0
         self.unanswered_since_us: int | None = None
         self.bytes_received = 0
-        self.plain_text = PlainText()
+        self._plain_text: PlainText | None = None
         self.frames_received = 0
         self.notices: deque[Notice] = deque()
         self.traffic = Traffic()
@@ -225,6 +224,15 @@ class Session:
             wire.SensorInfo: self._on_sensor_info,
             **dict.fromkeys(_SENSED, self._on_sensed),
         }
+
+    @property
+    def plain_text(self) -> PlainText:
+        """Text that came in place of frames since the device last answered."""
+        if self._plain_text is None:
+            from .plain_text import PlainText  # here, for most devices answer at once
+
+            self._plain_text = PlainText()
+        return self._plain_text
 
     @property
     def sensors(self) -> SensorStream:
@@ -322,8 +330,7 @@ class Session:
 
     def _text_in(self, data: bytes) -> list[AnyMessage]:
         """Read the text of a chip that does not run and may say why; no message is in it."""
-        text = self.plain_text
-        if self.phase is Phase.HELLO and text.feed(data):
+        if self.phase is Phase.HELLO and (text := self.plain_text).feed(data):
             said = f"the device does not answer, and sends {text.quote!r}: {text.sentence}"
             self.error = LinkLost(said)
             if self.count:  # else opening it raises this
@@ -513,10 +520,6 @@ class Session:
             return StandingNotice(happening, afresh(self.error))
         return self.reported.standing_notice(happening)
 
-    def watch(self, parameters: Sequence[int]) -> None:
-        """Watch these parameters, from the next session on."""
-        self.reported.watched = tuple(parameters)
-
     def withdraw(self, done: Done) -> None:
         """The caller has given up: the session sends no more copies of the request."""
         if self.traffic.readers:
@@ -578,7 +581,7 @@ class Session:
             self._foreign += 1
             return
         self.answers += 1
-        self.plain_text.forget()
+        self._plain_text = None
         if self._in_session:  # the answer to a repeated hello
             self._begin_anew_if_reset(hello.boot_id, now_us)
             return

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import WheelwireError
-from .programs import SUFFIX, SharingFolder, note_driver, sharing_folder
+from .sharing_folder import SUFFIX, SharingFolder, note_driver, sharing_folder
 from .threads import Notifier, WakeUp, abandon_in_child, start_without_waiting
 
 if TYPE_CHECKING:

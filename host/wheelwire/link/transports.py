@@ -20,7 +20,6 @@ import serial
 
 from ..errors import LinkLost, PortUnavailable
 from .ports import PSEUDO_TERMINALS, UNIX, final_name, lock_holder, meant_port
-from .programs import process_name
 from .threads import abandon_in_child
 
 READ_SIZE = 4096
@@ -366,7 +365,11 @@ def _in_use(port: str) -> str:
             "this program has it open already, and only one robot object can: use that one, or "
             "close it first (`robot.close()`; in a notebook it may be of an earlier cell)"
         )
-    named = f" ({process_name(holder)})" if holder is not None else ""
+    named = ""
+    if holder is not None:
+        from .program_names import process_name  # here, for most ports are free
+
+        named = f" ({process_name(holder)})"
     return (
         f"another program uses it{named}, and only one can: end that "
         "one with Ctrl-C (a Wheelwire program stops the robot as it ends), or use the robot's "

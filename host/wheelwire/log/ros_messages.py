@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from wheelwire_protocol.sensors import PeripheralKind, Place
+from wheelwire_protocol.codes import PeripheralKind, Place
 
 from ..samples import InputsSample, SensorInfo
 

@@ -10,9 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
-from wheelwire_protocol.codes import Group
-from wheelwire_protocol.sensors import INPUTS as INPUT_KINDS
-from wheelwire_protocol.sensors import PeripheralKind, SensorState
+from wheelwire_protocol.codes import INPUTS as INPUT_KINDS
+from wheelwire_protocol.codes import Group, PeripheralKind, SensorState
 from wheelwire_protocol.types import ConfigurationGet, SensorStream
 
 from ..arguments import timeout_s, whole

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import WheelwireError
-from ..link.programs import sharing_folder
+from ..link.sharing_folder import sharing_folder
 
 _PREFIX, _SUFFIX = "sim-", ".sock"
 _ANSWER_S = 5.0

@@ -15,6 +15,7 @@ from ..codes import (
     ENUMERATIONS,
     FLAGS,
     RECORDER_CODES,
+    BatteryLevel,
     BoxCause,
     Chip,
     ConfigurationState,
@@ -23,7 +24,9 @@ from ..codes import (
     Failure,
     Group,
     Held,
+    Place,
     ResetReason,
+    SensorEventCode,
     SupervisorEvent,
     SupervisorState,
     TrialAction,
@@ -43,7 +46,6 @@ from ..peripherals import FLAGS as SENSOR_FLAGS
 from ..peripherals import Axis, PeripheralFault, SensorChip
 from ..power_stages import Stage
 from ..self_test import MESSAGES as SELF_TEST_MESSAGES
-from ..sensors import BatteryLevel, Place, SensorEventCode
 from .text import banner, lines, unit_note
 from .wire_layout import layout_hash, self_test_hash
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..board_layout import PERIPHERAL_SIZE, peripheral_fields
+from ..codes import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES, Place
 from ..peripherals import IMUS, MAX_SHUNT_UOHM, MOST_ANALOG, MOST_RANGES, POWERS, RANGES, Order
-from ..sensors import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES, Place
 from .cpp import cpp_header, cpp_struct
 from .cpp_tables import cpp_table
 from .text import constant_name, lines

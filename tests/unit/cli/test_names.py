@@ -17,7 +17,7 @@ from wheelwire import connect, errors, open_driver
 from wheelwire.cli import local
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.ports import SerialPort
-from wheelwire.link.programs import DIRECTORY_VARIABLE
+from wheelwire.link.sharing_folder import DIRECTORY_VARIABLE
 from wheelwire_protocol.codes import SupervisorState
 
 NAMES = ("s1", "./s1", "DEVICE", "ABSOLUTE", "~/s1", "other/link", "robot.yaml", "BOARD")

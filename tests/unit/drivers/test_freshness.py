@@ -14,9 +14,8 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.robot.sensors import READ_WITHIN_S, Sensors, SensorStatus, wait_until_read
 from wheelwire.samples import SensorInfo
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import PeripheralKind, Place, SensorState, SupervisorState
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.sensors import PeripheralKind, Place, SensorState
 from wheelwire_protocol.types import WheelState
 
 pytestmark = pytest.mark.timeout(60)

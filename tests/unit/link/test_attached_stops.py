@@ -20,7 +20,7 @@ from support.waiting import wait_until
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, WheelwireError
-from wheelwire.link import programs
+from wheelwire.link import sharing_folder
 from wheelwire.link.requests import Answer, Done
 from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.traffic import STOP_ASKED, Kind, TrafficReader
@@ -322,19 +322,19 @@ def test_a_holder_in_another_environment_is_found(
         (tmp_path / name).mkdir()
     user = os.getuid()
     (tmp_path / "run" / str(user)).mkdir()
-    monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
-    monkeypatch.setattr(programs, "SESSIONS", str(tmp_path / "run"))
-    monkeypatch.setattr(programs, "TEMPORARY", str(tmp_path / "tmp2"))
+    monkeypatch.delenv(sharing_folder.DIRECTORY_VARIABLE)
+    monkeypatch.setattr(sharing_folder, "SESSIONS", str(tmp_path / "run"))
+    monkeypatch.setattr(sharing_folder, "TEMPORARY", str(tmp_path / "tmp2"))
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     theirs = {
         "session": tmp_path / "run" / str(user) / "wheelwire",
         "temporary": tmp_path / "tmp" / f"wheelwire-{user}",
         "other temporary": tmp_path / "tmp2" / f"wheelwire-{user}",
     }[offered_in]
-    monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(theirs))
+    monkeypatch.setenv(sharing_folder.DIRECTORY_VARIABLE, str(theirs))
     with SerialDriver(str(device.path)):
         holder_of(str(device.path)).connection.close()
-        monkeypatch.delenv(programs.DIRECTORY_VARIABLE)
+        monkeypatch.delenv(sharing_folder.DIRECTORY_VARIABLE)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "mine"))
         (tmp_path / "mine" / "wheelwire").mkdir(mode=0o700)
         holder = find_holder(str(device.path))
@@ -348,5 +348,5 @@ def test_a_holder_in_another_environment_is_found(
 
 def test_a_named_folder_is_the_only_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "named").mkdir(mode=0o700)
-    monkeypatch.setenv(programs.DIRECTORY_VARIABLE, str(tmp_path / "named"))
-    assert [one.path for one in programs.sharing_folders()] == [tmp_path / "named"]
+    monkeypatch.setenv(sharing_folder.DIRECTORY_VARIABLE, str(tmp_path / "named"))
+    assert [one.path for one in sharing_folder.sharing_folders()] == [tmp_path / "named"]

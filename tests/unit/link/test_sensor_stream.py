@@ -24,15 +24,15 @@ from wheelwire.samples import (
     RangeSample,
     Vector,
 )
-from wheelwire_protocol.peripherals import Axis, SensorChip
-from wheelwire_protocol.sensors import (
+from wheelwire_protocol.codes import (
     BatteryLevel,
     PeripheralKind,
     RangeQuality,
     Reflex,
     SensorState,
 )
-from wheelwire_protocol.sensors import SensorEventCode as Code
+from wheelwire_protocol.codes import SensorEventCode as Code
+from wheelwire_protocol.peripherals import Axis, SensorChip
 from wheelwire_protocol.types import SensorEvent as EventMessage
 
 SampleT = TypeVar("SampleT", ImuSample, InputsSample, PowerSample, RangeSample)

@@ -31,9 +31,9 @@ from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import sharing
 from wheelwire.link.connection import Link
-from wheelwire.link.programs import DIRECTORY_VARIABLE, GROUP_VARIABLE
 from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.sharing import SharingServer
+from wheelwire.link.sharing_folder import DIRECTORY_VARIABLE, GROUP_VARIABLE
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.share import attached_link as attached_module
 from wheelwire.log.share import server as serving

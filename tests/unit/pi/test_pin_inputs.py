@@ -26,7 +26,7 @@ from wheelwire.drivers.pin_options import PigpioDriverOptions
 from wheelwire.errors import ConfigurationError
 from wheelwire.pi.settings import McuSettings
 from wheelwire.robot.robot import Robot
-from wheelwire_protocol.sensors import PeripheralKind, Place, Reflex
+from wheelwire_protocol.codes import PeripheralKind, Place, Reflex
 
 BUMPER, CLIFF, STAGE = 8, 7, 25
 BOARD = board_with(

@@ -20,8 +20,8 @@ from wheelwire.pi.guard import Heartbeat, Phase
 from wheelwire.pi.line import Line
 from wheelwire.pi.pins import Pins
 from wheelwire.pi.settings import McuSettings
+from wheelwire_protocol.codes import PeripheralKind, Place
 from wheelwire_protocol.peripherals import Axis, SensorChip
-from wheelwire_protocol.sensors import PeripheralKind, Place
 
 
 class Scene:

@@ -8,9 +8,8 @@ import pytest
 
 import wheelwire
 from wheelwire import Fault, Health, HeldBy, SensorEvent, SensorEventCode, SupervisorState
-from wheelwire_protocol.codes import Capability, DocumentedFlag
+from wheelwire_protocol.codes import Capability, DocumentedFlag, Reflex
 from wheelwire_protocol.peripherals import PeripheralFlag
-from wheelwire_protocol.sensors import Reflex
 
 
 def test_a_code_prints_as_its_name_and_counts_as_its_number() -> None:

@@ -20,8 +20,8 @@ from wheelwire import (
     SensorStatus,
 )
 from wheelwire.log.ros_messages import obstacles
+from wheelwire_protocol.codes import PeripheralKind, Place, channel_name
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.sensors import PeripheralKind, Place, channel_name
 from wheelwire_ros.sensors import Limits, channel_words, limits_of
 
 BUMPER, CLIFF, STAGE = PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT

@@ -28,9 +28,9 @@ from ...link.connection import CONNECT_TIMEOUT_S
 from ...link.device_link import CALL_TIMEOUT_S
 from ...link.info import LinkInfo
 from ...link.ports import device_of
-from ...link.programs import SUFFIX, sharing_folders
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.sample_stream import LatestSample
+from ...link.sharing_folder import SUFFIX, sharing_folders
 from ...link.statistics import LinkStatistics
 from ...link.traffic import Kind, Record, Traffic, TrafficReader
 from ..rerun import RerunLink

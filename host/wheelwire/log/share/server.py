@@ -27,7 +27,7 @@ from wheelwire_protocol.types import READ_ONLY, AnyMessage, Estop, SensorStream,
 from ...errors import InvalidCommand, LinkLost, WheelwireError
 from ...link.clock import host_clock_us
 from ...link.ports import device_of
-from ...link.programs import process_name, program_name
+from ...link.program_names import process_name, program_name
 from ...link.requests import Answer, Done, RequestMessage
 from ...link.sharing import COPY_S, MAX_PROGRAMS, credentials
 from ...link.traffic import STOP_ASKED, TrafficReader

@@ -9,8 +9,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from wheelwire_protocol.codes import EstopSource, Fault, Held, RefusalCode, ResetReason
-from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Reflex, SensorState
+from wheelwire_protocol.codes import (
+    BatteryLevel,
+    EstopSource,
+    Fault,
+    Held,
+    PeripheralKind,
+    Reflex,
+    RefusalCode,
+    ResetReason,
+    SensorState,
+)
 
 if TYPE_CHECKING:
     from ...link.sensor_stream import InputsMeasurement

@@ -6,14 +6,16 @@ import time
 from collections.abc import Collection, Iterator
 
 from wheelwire_protocol.codes import (
+    BatteryLevel,
     Capability,
     Contradiction,
     Fault,
     Held,
+    SensorEventCode,
+    SensorState,
     SupervisorEvent,
     SupervisorState,
 )
-from wheelwire_protocol.sensors import BatteryLevel, SensorEventCode, SensorState
 from wheelwire_protocol.types import MemoryValue
 
 from ...errors import DeviceRefused, GroupUnavailable, InvalidCommand

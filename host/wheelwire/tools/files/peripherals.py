@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any
 
-from wheelwire_protocol import peripherals, sensors
-from wheelwire_protocol.sensors import PeripheralKind, Place
+from wheelwire_protocol import codes, peripherals
+from wheelwire_protocol.codes import PeripheralKind, Place
 
 from ...arguments import is_number
 from ...board import (
@@ -42,13 +42,13 @@ _TRIGGERED = {
 }
 _NOT_OF_BUMPERS = (Place.NONE, Place.LEFT, Place.RIGHT)
 _INPUTS = {
-    sensors.channel_name(kind, place).replace(".", "_"): (kind, place)
-    for kind in sensors.DIGITAL_INPUTS
+    codes.channel_name(kind, place).replace(".", "_"): (kind, place)
+    for kind in codes.DIGITAL_INPUTS
     for place in Place
     if kind is not PeripheralKind.BUMPER or place not in _NOT_OF_BUMPERS
 }
 _ANALOG = {
-    sensors.channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
+    codes.channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
     for number in range(1, peripherals.MOST_ANALOG + 1)
 }
 _PLACES = {place.name.lower(): place for place in Place if place is not Place.NONE}

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, TypeVar, cast
 
-from wheelwire_protocol.codes import Capability, ConfigurationState
+from wheelwire_protocol.codes import Capability, ConfigurationState, SensorState
 from wheelwire_protocol.peripherals import Axis
-from wheelwire_protocol.sensors import SensorState
 
 from ... import errors
 from ...board import Configuration, ImuSensor, axis_name, packed_entry, unpacked_entry

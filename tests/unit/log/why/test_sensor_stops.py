@@ -20,9 +20,8 @@ from wheelwire.log.why.diagnosis import Diagnosis
 from wheelwire.log.why.explanation import explain
 from wheelwire.log.why.history import History
 from wheelwire.tools.files.board import load_board
-from wheelwire_protocol.codes import Fault, RefusalCode
+from wheelwire_protocol.codes import BatteryLevel, Fault, PeripheralKind, Place, Reflex, RefusalCode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Place, Reflex
 from wheelwire_protocol.types import Inputs
 
 BATTERY, BUMPER, CLIFF = 0b0010, 0b0100, 0b1000

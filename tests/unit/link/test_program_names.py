@@ -11,7 +11,7 @@ import pytest
 
 from support.cases import each
 from support.waiting import wait_until
-from wheelwire.link.programs import LONGEST, process_name, program_name
+from wheelwire.link.program_names import LONGEST, process_name, program_name
 
 
 @each(

@@ -1,7 +1,6 @@
-"""The programs of this computer that use a robot.
+"""The folder in which a program that holds a port offers it to others of this computer.
 
-Where those that hold a port offer it to others, which have driven a robot, so that one that died
-can be named, and how it is named.
+Also which programs have driven a robot, so that one that died can be named.
 """
 
 from __future__ import annotations
@@ -21,54 +20,6 @@ from typing import NamedTuple
 from ..errors import ConfigurationError
 from ..holds import Program, start_of
 from ..whole_file import write_whole
-
-KEPT = 8
-"""Sessions of one board that are remembered."""
-LONGEST_COMMAND = 200
-_SUFFIX = ".programs"
-
-
-def note_driver(directory: SharingFolder, board_id: str, session_id: int) -> None:
-    """Remember that this program drives in a session.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    path = directory.path / f"{board_id}{_SUFFIX}"
-    with directory.locked():
-        known = [one for one in _read(path) if one[0] != session_id]
-        known.append((session_id, this_program()))
-        write_whole(path, json.dumps(known[-KEPT:]).encode(), sync=False)
-
-
-def driver_of(board_id: str, session_id: int) -> Program | None:
-    """The program that drove in a session; None unless it is this user's, on this computer."""
-    for directory in sharing_folders():
-        for known_id, program in _read(directory.path / f"{board_id}{_SUFFIX}"):
-            if known_id == session_id:
-                return program
-    return None
-
-
-def this_program() -> Program:
-    """The program that calls this."""
-    try:
-        words = Path("/proc/self/cmdline").read_bytes().decode("utf-8", "replace").split("\0")
-    except OSError:
-        words = ["?"]
-    command = shlex.join(word for word in words if word)
-    pid = os.getpid()
-    return Program(pid, start_of(pid) or 0, command[:LONGEST_COMMAND])
-
-
-def _read(path: Path) -> list[tuple[int, Program]]:
-    try:
-        return [(int(known), Program(*one)) for known, one in json.loads(path.read_text("utf-8"))]
-    except (OSError, ValueError, TypeError):
-        return []  # it is missing, or holds something else
-
-
-# --- the folder in which programs that hold a port offer it to others -----------------------------
 
 DIRECTORY_VARIABLE = "WHEELWIRE_TAP_DIR"
 GROUP_VARIABLE = "WHEELWIRE_TAP_GROUP"
@@ -167,45 +118,49 @@ def _group() -> int | None:
         ) from None
 
 
-# --- how a program is named in messages -----------------------------------------------------------
+# --- the programs that drove ------------------------------------------------------------------
 
-LONGEST = 80
-_PROC = Path("/proc")
+KEPT = 8
+"""Sessions of one board that are remembered."""
+LONGEST_COMMAND = 200
+_SUFFIX = ".programs"
 
 
-def program_name(pid: int, proc: Path = _PROC) -> str:
-    """The command line of a process, shortened: `python3 follow_line.py`, `wheelwire monitor`.
+def note_driver(directory: SharingFolder, board_id: str, session_id: int) -> None:
+    """Remember that this program drives in a session.
 
-    Leaves out the folders of files and programs, because the name may get into a recording. If the
-    system does not give the command line: the program's name, or "a program".
+    Raises:
+        OSError: The file cannot be written.
     """
-    with suppress(OSError):
-        data = (proc / str(pid) / "cmdline").read_bytes()
-        words = data.decode("utf-8", "replace").rstrip("\0").split("\0")
-        if words[0]:
-            return _shortened(_without_interpreter(words))
-    with suppress(OSError):
-        return (proc / str(pid) / "comm").read_text("utf-8", "replace").strip()
-    return "a program"
+    path = directory.path / f"{board_id}{_SUFFIX}"
+    with directory.locked():
+        known = [one for one in _read(path) if one[0] != session_id]
+        known.append((session_id, this_program()))
+        write_whole(path, json.dumps(known[-KEPT:]).encode(), sync=False)
 
 
-def process_name(pid: int) -> str:
-    """As `program_name`, with its number: `python3 follow_line.py, process 4711`."""
-    return f"{program_name(pid)}, process {pid}"
+def driver_of(board_id: str, session_id: int) -> Program | None:
+    """The program that drove in a session; None unless it is this user's, on this computer."""
+    for directory in sharing_folders():
+        for known_id, program in _read(directory.path / f"{board_id}{_SUFFIX}"):
+            if known_id == session_id:
+                return program
+    return None
 
 
-def _without_interpreter(words: list[str]) -> list[str]:
-    """Leave out the Python that runs an installed command, whose script has no suffix."""
-    is_python = Path(words[0]).name.startswith("python")
-    if is_python and words[1:2] == ["-m"] and len(words) > 2:
-        return words[2:]
-    if is_python and len(words) > 1 and not words[1].startswith("-") and "." not in words[1][1:]:
-        return words[1:]
-    return words
+def this_program() -> Program:
+    """The program that calls this."""
+    try:
+        words = Path("/proc/self/cmdline").read_bytes().decode("utf-8", "replace").split("\0")
+    except OSError:
+        words = ["?"]
+    command = shlex.join(word for word in words if word)
+    pid = os.getpid()
+    return Program(pid, start_of(pid) or 0, command[:LONGEST_COMMAND])
 
 
-def _shortened(words: list[str]) -> str:
-    # A port is named in full: it is not a person's.
-    names = [one if one.startswith("/dev/") else one.rpartition("/")[2] or one for one in words]
-    text = "".join(sign if sign.isprintable() else "?" for sign in shlex.join(names))
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+def _read(path: Path) -> list[tuple[int, Program]]:
+    try:
+        return [(int(known), Program(*one)) for known, one in json.loads(path.read_text("utf-8"))]
+    except (OSError, ValueError, TypeError):
+        return []  # it is missing, or holds something else

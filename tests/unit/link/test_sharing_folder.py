@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.link.programs import (
+from wheelwire.link.sharing_folder import (
     DIRECTORY_VARIABLE,
     KEPT,
     LONGEST_COMMAND,
