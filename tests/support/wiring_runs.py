@@ -191,7 +191,7 @@ class InterruptedRobot(VirtualMockDriver):
 
     def _hold_up(self) -> None:
         """For a while nothing comes, and then all of it."""
-        read, end_us = self._sim.read, self._link.now_us + round(HELD_UP_S * 1e6)
+        read, end_us = self.simulator.read, self._link.now_us + round(HELD_UP_S * 1e6)
         held = bytearray()
 
         def read_late() -> bytes:
@@ -200,7 +200,7 @@ class InterruptedRobot(VirtualMockDriver):
             del held[: len(late)]
             return late
 
-        self._sim.read = read_late  # type: ignore[method-assign]
+        self.simulator.read = read_late  # type: ignore[method-assign]
 
 
 def raised_robot(settings: Mapping[str, float], robot: MockDriver | None = None) -> MockDriver:

@@ -62,6 +62,7 @@ class MockDriver(Robot):
     """
 
     __signature__ = signature(MockOptions)
+    _device: MockProcess | VirtualLink
 
     def __new__(cls: type[_Driver], *_args: Any, realtime: bool = True, **_options: Any) -> _Driver:
         """Make a `VirtualMockDriver` for virtual time."""
@@ -74,14 +75,14 @@ class MockDriver(Robot):
             raise InvalidArgument(
                 "this class runs in real time: derive one for virtual time from VirtualMockDriver"
             )
-        self._process = MockProcess(options)
-        link = LinkOptions("mock", watched=WATCHED, open_port=self._process.open)
+        self._device = process = MockProcess(options)
+        link = LinkOptions("mock", watched=WATCHED, open_port=process.open)
         super().__init__(partial(Link, link))
 
     @property
     def simulator(self) -> Simulator | FwSim:
         """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
-        return self._process.simulator
+        return self._device.simulator
 
     def advance(self, seconds: float) -> None:
         """Let virtual time pass.
@@ -93,35 +94,24 @@ class MockDriver(Robot):
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
-        self._process.unplug()
+        self._device.unplug()
 
     def plug(self) -> None:
         """The robot is back in reach, in real time a moment later."""
-        self._process.plug()
+        self._device.plug()
 
 
 class VirtualMockDriver(MockDriver):
     """A simulated robot in virtual time, which passes in `advance` and while a call waits."""
 
     _link: VirtualLink
+    simulator: FwSim
 
     @takes(MockOptions)
     def __init__(self, options: MockOptions) -> None:
-        self._sim = _powered_on(checked_values(options.parameters), _converted(options.store))
-        Robot.__init__(self, partial(VirtualLink, sim=self._sim, watched=WATCHED))
-
-    @property
-    def simulator(self) -> FwSim:
-        """As every mock driver's."""
-        return self._sim
-
-    def unplug(self) -> None:
-        """The robot is out of reach from now on."""
-        self._link.unplug()
-
-    def plug(self) -> None:
-        """The robot is back in reach."""
-        self._link.plug()
+        sim = _powered_on(checked_values(options.parameters), _converted(options.store))
+        Robot.__init__(self, partial(VirtualLink, sim=sim, watched=WATCHED))
+        self._device = self._link
 
 
 class _Transport(SocketTransport):

@@ -42,7 +42,7 @@ class VirtualLink(InlineLink):
         self._latest_sample = latest_sample
         latest_sample.now_us = lambda: self.now_us
         latest_sample.wait_for = self.wait_for
-        self._sim = sim
+        self.simulator = sim
         self._session = Session(random_nonce, None, watched)
         self.reported, setpoints = self._session.reported, self._session.setpoints
         self.drive_velocity, self.drive_duty = setpoints.drive_velocity, setpoints.drive_duty
@@ -142,7 +142,7 @@ class VirtualLink(InlineLink):
         self._end = LinkClosed("the link is closed; open it again")
         self._session.disconnect(self._end)
         self._latest_sample.fail(self._end)
-        self._sim.close()
+        self.simulator.close()
 
     # -------------------------------------------------------------------------------------------
 
@@ -156,9 +156,9 @@ class VirtualLink(InlineLink):
         self._flush()
         if due_us is not None:
             most_us = min(most_us, due_us - self.now_us)
-        self.now_us += self._sim.advance_to_bytes(STEP_US, most_us)
+        self.now_us += self.simulator.advance_to_bytes(STEP_US, most_us)
         # Taken while the cable is unplugged, too: what the device sends then is lost.
-        arrived = self._sim.read()
+        arrived = self.simulator.read()
         if self._plugged:
             if arrived:
                 for measurement in self._session.receive(arrived, self.now_us):
@@ -174,5 +174,5 @@ class VirtualLink(InlineLink):
         """Write what waits, and a setpoint behind it."""
         output = self._session.take_output()
         if self._plugged and (output or setpoint):
-            self._sim.write(output + setpoint)
+            self.simulator.write(output + setpoint)
             self.traffic.put(Kind.SENT, self.now_us, output + setpoint)
