@@ -171,13 +171,15 @@ class SampleIterator(Generic[Sample]):
         """Add a sample, which `make` makes when it is taken. Only one thread calls this."""
         queue = self._queue
         queue.append([(make, arrived_us)])
-        with suppress(IndexError):  # the reader was quicker
+        try:  # not `suppress`, which is three calls of Python
             # By time, not by number: the stream rate is the device's.
             while (oldest := queue[0])[0][1] < arrived_us - self._queue_us:
                 oldest.pop()
                 self.dropped += 1
                 with suppress(ValueError):  # the reader has just skipped it
                     queue.remove(oldest)
+        except IndexError:  # the reader was quicker
+            return
 
     def end(self, failure: WheelwireError | None) -> None:
         """No sample will come any more: because the driver is closed, or for `failure`."""
@@ -205,9 +207,11 @@ class SampleIterator(Generic[Sample]):
         """As `next`, without waiting: None when there is no sample yet."""
         over = self._over  # first: what came before the end is still handed out
         while self._queue:
-            with suppress(IndexError):  # it was just dropped
+            try:
                 make, _ = self._queue.popleft().pop()
-                return make()
+            except IndexError:  # it was just dropped
+                continue
+            return make()
         if not over:
             return None
         if self._failure is not None:

@@ -64,13 +64,13 @@ class Notifier:
             woken = threading.Lock()
             # Held from the start: acquiring it again waits until `notify_all` releases it.
             woken.acquire(blocking=False)
-            self.add(woken)
+            self.waiting.add(woken)
             try:
                 # A change before we were in the set did not wake us.
                 if not ready():
                     woken.acquire(timeout=left_s)
             finally:
-                self.discard(woken)
+                self.waiting.discard(woken)
         return True
 
 
