@@ -11,7 +11,7 @@ import subprocess
 import termios
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 
 from .command import PROGRAM, TIMEOUT_S
@@ -37,6 +37,7 @@ class TypingTerminal:
 
     Args:
         arguments: Of the command.
+        program: Is run in place of it.
         kitty: The terminal has the kitty keyboard protocol; its flags are in `flags`.
         size: Columns and rows; None: not known to the terminal itself.
         environment: Added to this process's.
@@ -45,6 +46,7 @@ class TypingTerminal:
     def __init__(
         self,
         *arguments: str,
+        program: Sequence[str] = PROGRAM,
         kitty: bool = False,
         size: tuple[int, int] | None = None,
         environment: Mapping[str, str] | None = None,
@@ -59,7 +61,7 @@ class TypingTerminal:
             self.resize(*size)
         columns = {"COLUMNS": "100"} if size is None else {}
         self.process = subprocess.Popen(
-            [*PROGRAM, *arguments],
+            [*program, *arguments],
             stdin=self._slave,
             stdout=self._slave,
             stderr=self._slave,
