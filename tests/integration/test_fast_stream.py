@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -53,6 +54,24 @@ def test_a_stream_that_nobody_asks_for_is_read_in_groups(
             return reads.count - count < FRAMES / 4 and robot.statistics.frames_lost == lost
 
         wait_until(is_whole_in_few_reads)
+
+
+def test_a_program_that_reads_now_and_then_waits_for_no_rest(
+    simulator: Simulator, reads: Reads
+) -> None:
+    with SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+
+        def is_read_in_pairs() -> bool:
+            """Not where the computer was too busy, as above."""
+            count, frames = reads.count, robot.statistics.frames_received
+            ages_s = []
+            for _ in range(20):
+                time.sleep(0.02)
+                ages_s.append(time.monotonic() - robot.read().stamp)
+            frames = robot.statistics.frames_received - frames
+            return reads.count - count < 0.75 * frames and median(ages_s) < REST_US / 2e6
+
+        wait_until(is_read_in_pairs)
 
 
 def test_read_returns_samples_as_they_come() -> None:

@@ -112,6 +112,8 @@ class PortLoop(Reporter):
         self._turned_us = 0
         """When the last pass began."""
         self._coalescing = Coalescing()
+        self._rest_until_us = 0
+        """The end of the present rest."""
         self._has_sample = False
         """Whether a sample is stored for which no waiter was woken yet."""
         self._due_us = 0
@@ -385,14 +387,17 @@ class PortLoop(Reporter):
 
     def next_wait(self, now_us: int) -> int:
         """The time [us] until which to wait for the port's `wanted` events, or a wake-up."""
-        until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
+        until_us = self._due_us
         # Asked for at each turn: another thread may have sent a setpoint.
         unseen = self._session.setpoints.unseen
         if unseen is not None and unseen[2] < until_us:
             until_us = unseen[2]
         # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
-        rests = now_us < rest_until_us and self._may_rest(now_us)
+        rest_until_us = self._coalescing.rest_until_us
+        if now_us < rest_until_us:
+            self._rest_until_us = rest_until_us = self._longest_rest(now_us)
+        rests = now_us < rest_until_us
         if rests:
             # First: a thread that puts a request on the line after the next look finds it so.
             self.wanted = 0
@@ -452,14 +457,19 @@ class PortLoop(Reporter):
 
     def _rest_is_over(self) -> bool:
         """Whether data has to be read without being asked for: the rest did not poll for it."""
-        return not self.wanted & select.POLLIN and host_clock_us() >= self._coalescing.rest_until_us
+        return not self.wanted & select.POLLIN and host_clock_us() >= self._rest_until_us
 
-    def _may_rest(self, now_us: int) -> bool:
-        """Whether reading may be deferred: no answer is pending, and no thread waits for a sample.
+    def _longest_rest(self, now_us: int) -> int:
+        """Until when reading may be deferred; 0: an answer is pending, or a sample is awaited.
 
         At high state rates one read then takes several frames, which saves wake-ups.
         """
-        return not self._work_pending and not self._latest_sample.is_read(now_us)
+        latest = self._latest_sample
+        if self._work_pending or latest.is_awaited:
+            return 0
+        if latest.is_read(now_us):
+            return self._coalescing.short_rest_until_us
+        return self._coalescing.rest_until_us
 
     def _do_calls(self, now_us: int) -> None:
         while self._calls:

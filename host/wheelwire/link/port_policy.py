@@ -31,6 +31,8 @@ STOP_ACK_TIMEOUT_US = 500_000
 REST_US = 10_000
 """How long to rest. At 5000 frames a second, 2500 bytes arrive in this time; a terminal's buffer
 holds 4095."""
+READ_REST_US = 2_000
+"""The same while a program reads samples, but does not wait for one: so much older they may be."""
 
 
 class BaudSearch:
@@ -249,6 +251,8 @@ class Coalescing:
     def __init__(self) -> None:
         self.rest_until_us = 0
         """When to read again; in the past for a slow stream: each frame is read when it comes."""
+        self.short_rest_until_us = 0
+        """The same for a program that reads samples."""
         self.next_us = 0
         """When the next state is expected at the latest, by the longer of the two newest gaps."""
         self._gap_us = 0
@@ -269,8 +273,10 @@ class Coalescing:
         """
         if has_state or has_sensed:
             # Several frames in a read, or reads in quick succession: a rest would gather several.
-            fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
-            self.rest_until_us = now_us + REST_US if fast else 0
+            several, pause_us = frames > self._frames + 1, now_us - self._read_us
+            self.rest_until_us = now_us + REST_US if several or pause_us < REST_US // 2 else 0
+            is_fast = several or pause_us < READ_REST_US * 3 // 4
+            self.short_rest_until_us = now_us + READ_REST_US if is_fast else 0
             self._read_us = now_us
         self._frames = frames
         if has_state:

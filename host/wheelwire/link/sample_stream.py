@@ -544,13 +544,14 @@ class LatestSample:
         """A sample was measured since the last interruption."""
         return self._current
 
+    @property
+    def is_awaited(self) -> bool:
+        """Whether the next sample is wanted without delay."""
+        return bool(self.changed.waiting or self.iterators) or self.sensors.is_iterated
+
     def is_read(self, now_us: int) -> bool:
-        """Whether anyone is reading: then the next sample is wanted without delay."""
-        return (
-            now_us < self._asked_us + ATTENTION_US
-            or bool(self.iterators)
-            or self.sensors.is_iterated
-        )
+        """Whether anyone is reading: then no sample should be old."""
+        return now_us < self._asked_us + ATTENTION_US or self.is_awaited
 
     def _take_fresh(self, since_us: int | None) -> tuple[Measurement, ...]:
         """The unread sample, or one that another reader has taken since then; none too old."""

@@ -1,4 +1,4 @@
-from wheelwire.link.port_policy import REST_US, Coalescing
+from wheelwire.link.port_policy import READ_REST_US, REST_US, Coalescing
 
 
 def test_each_frame_of_a_slow_stream_is_read_when_it_comes() -> None:
@@ -16,6 +16,15 @@ def test_a_fast_stream_is_left_alone_between_reads() -> None:
     assert coalescing.rest_until_us == 101_000 + REST_US
     coalescing.note_read(12, 101_000 + REST_US)
     assert coalescing.rest_until_us == 101_000 + 2 * REST_US
+
+
+def test_a_program_that_reads_is_read_for_more_often() -> None:
+    for gap_us, rest_us in ((1000, READ_REST_US), (READ_REST_US, 0)):
+        coalescing = Coalescing()
+        coalescing.note_read(1, 100_000)
+        coalescing.note_read(2, 100_000 + gap_us)
+        rest_until_us = 100_000 + gap_us + rest_us if rest_us else 0
+        assert coalescing.short_rest_until_us == rest_until_us
 
 
 def test_a_rest_that_brought_one_frame_is_the_last() -> None:

@@ -86,6 +86,7 @@ def test_it_is_read_for_some_time_after_each_question(latest_sample: LatestSampl
     asked_us = host_clock_us()
     assert latest_sample.is_read(asked_us)
     assert not latest_sample.is_read(asked_us + ATTENTION_US)
+    assert not latest_sample.is_awaited
 
 
 def test_ticks_go_on_across_a_reset_of_the_device(latest_sample: LatestSample) -> None:
