@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import NamedTuple
 
-from svg import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Picture, svg
 from wheelwire.board import Configuration
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Stage
 
-FILL, EDGE = "#f4f6f8", "#333"
+ORANGE, BLUE, GREEN, RED, BLACK = "#bc4c00", "#1f6feb", "#1a7f37", "#cf222e", "#24292f"
+GREY, PAPER, FILL, EDGE = "#555", "#ffffff", "#f4f6f8", "#333"
 IN_THE_DARK = (
+    ".paper { fill: #131416 }",
+    'text:not([fill]), text[fill="#111"] { fill: #e6edf3 }',
+    f'text[fill="{GREY}"] {{ fill: #9da7b3 }}',
+    f'text[fill="{RED}"] {{ fill: #ff7b72 }}',
+    f'text[fill="{GREEN}"] {{ fill: #56d364 }}',
+    f'[stroke="{BLACK}"] {{ stroke: #adbac7 }}',
+    f'circle[fill="{BLACK}"] {{ fill: #adbac7 }}',
     f'[fill="{FILL}"], [fill="#fff"] {{ fill: #22272e }}',
     f'[stroke="{EDGE}"] {{ stroke: #768390 }}',
     'circle[fill="#111"] { fill: #adbac7 }',
@@ -93,8 +101,30 @@ STAGE_LEFT, STAGE_RIGHT = 640, 790
 ROW, GAP = 25, 18
 
 
-class Shapes(Picture):
-    """The parts of a wiring."""
+class Shapes:
+    """The parts of a wiring, as lines of an SVG."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def add(self, element: str, text: str | None = None, /, **attributes: object) -> None:
+        """An element; in its attributes' names, _ stands for -."""
+        named = (f' {name.replace("_", "-")}="{value}"' for name, value in attributes.items())
+        end = "/>" if text is None else f">{escape(text)}</{element}>"
+        self.lines.append(f"<{element}{''.join(named)}{end}")
+
+    def rect(self, x: int, y: int, width: int, height: int, **attributes: object) -> None:
+        """A rectangle, from its upper left corner."""
+        self.add("rect", x=x, y=y, width=width, height=height, **attributes)
+
+    def wire(self, colour: str, *points: tuple[int, int], width: int = 2) -> None:
+        """A line through the points."""
+        path = " ".join(f"{x},{y}" for x, y in points)
+        self.add("polyline", points=path, fill="none", stroke=colour, stroke_width=width)
+
+    def dot(self, x: int, y: int, colour: str) -> None:
+        """Where wires meet."""
+        self.add("circle", cx=x, cy=y, r=3.5, fill=colour)
 
     def box(self, x: int, y: int, width: int, height: int, title: str, note: str = "") -> None:
         """A part, with its title."""
@@ -107,10 +137,6 @@ class Shapes(Picture):
     def text(self, x: int, y: int, text: str, anchor: str = "start", colour: str = "#111") -> None:
         """One line."""
         self.add("text", text, x=x, y=y, text_anchor=anchor, fill=colour, font_size=12)
-
-    def dot(self, x: int, y: int, colour: str, radius: float = 3.5) -> None:
-        """Where wires meet."""
-        super().dot(x, y, colour, radius)
 
     def resistor(self, x: int, y: int) -> None:
         """A standing one, 34 high."""
@@ -158,8 +184,22 @@ class Wiring:
         self._battery(ground)
         end = max(bottom, ground + 110)
         self.wires.text(40, end + 25, "Thick: motor current.", "start", GREY)
-        title = f"Wiring of {self.board.name}"
-        return svg(title, WIDTH, end + 45, IN_THE_DARK, self.boxes, self.wires)
+        return self._svg(f"Wiring of {escape(self.board.name)}", end + 45)
+
+    def _svg(self, title: str, height: int) -> str:
+        """The file: black on white, in the dark the other way round; wires keep their colours."""
+        lines = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
+            'font-family="Helvetica, Arial, sans-serif" font-size="13" role="img" '
+            'aria-labelledby="title">',
+            f'<title id="title">{title}</title>',
+            f"<style>@media (prefers-color-scheme: dark) {{ {' '.join(IN_THE_DARK)} }}</style>",
+            f'<rect class="paper" width="{WIDTH}" height="{height}" fill="{PAPER}"/>',
+            *self.boxes.lines,
+            *self.wires.lines,
+            "</svg>\n",
+        )
+        return "\n".join(lines)
 
     def _stage(self) -> int:
         """What leads from the chip to the power stage; returns where the stage ends."""
