@@ -14,7 +14,6 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
-from tempfile import TemporaryDirectory
 
 from harness import Report, run
 from support.benchmark import cpu_seconds, interleaved, ratio
@@ -58,24 +57,22 @@ def stream(data: bytes) -> int:
 def main(report: Report) -> None:
     """Measure and print."""
     data = capture(FRAMES)
-    with TemporaryDirectory(dir=report.folder) as folder:
-        ways: dict[str, Callable[[], int]] = {
-            C_LOOP: c_loop(Path(folder), data),
-            BULK: lambda: len(decode_capture(data, WheelState)),
-            "numpy alone, where there is no library": lambda: len(
-                decode_columns(data, BY_TYPE[WheelState])
-            ),
-            "`Decoder`, in parts of 4096 bytes": lambda: stream(data),
-        }
-        # A decoder that misses frames would seem fast.
-        for way, decode in ways.items():
-            if decode() != FRAMES:
-                raise RuntimeError(f"not all frames were decoded: {way}")
-        times = interleaved({way: partial(cpu_seconds, of) for way, of in ways.items()}, ROUNDS)
+    ways: dict[str, Callable[[], int]] = {
+        C_LOOP: c_loop(report.folder, data),
+        BULK: lambda: len(decode_capture(data, WheelState)),
+        "numpy alone, where there is no library": lambda: len(
+            decode_columns(data, BY_TYPE[WheelState])
+        ),
+        "`Decoder`, in parts of 4096 bytes": lambda: stream(data),
+    }
+    # A decoder that misses frames would seem fast.
+    for way, decode in ways.items():
+        if decode() != FRAMES:
+            raise RuntimeError(f"not all frames were decoded: {way}")
+    times = interleaved({way: partial(cpu_seconds, of) for way, of in ways.items()}, ROUNDS)
     report.items(f"{way} | {1e9 / FRAMES * median(taken):.0f}" for way, taken in times.items())
     share = ratio(times[C_LOOP], times[BULK])
-    what = "speed of `decode_capture` / of the loop in C"
-    report.target(what, f"{share:.2f}", f">= {TARGET}", share >= TARGET)
+    report.at_least("speed of `decode_capture` / of the loop in C", share, TARGET, ".2f")
 
 
 run(main)

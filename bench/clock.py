@@ -38,7 +38,7 @@ def main(report: Report) -> None:
     ]
     report.table("case | samples | within the bound | error p50 | p99 | bound p50", rows)
     least = min(found.share for found in cases.values())
-    report.target("within the bound", f"{least:.3%}", f">= {TARGET:.1%}", least >= TARGET)
+    report.at_least("within the bound", least, TARGET, ".3%")
 
 
 run(main)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -18,7 +19,7 @@ from tempfile import TemporaryDirectory
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import ROOT, Target, spread, summary_of_targets, table
 
-__all__ = ("FOLDER", "ROOT", "Report", "run", "spread", "three")
+__all__ = ("FOLDER", "ROOT", "Report", "end_without_ros", "run", "spread", "three")
 FOLDER = ROOT / "build" / "bench"
 
 
@@ -27,10 +28,12 @@ class Report:
 
     Attributes:
         folder: For files next to the report.
+        scratch: For files that go when the benchmark ends.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, scratch: Path) -> None:
         self.folder = folder
+        self.scratch = scratch
         self.targets: list[Target] = []
 
     def say(self, text: str) -> None:
@@ -56,6 +59,10 @@ class Report:
         number, bound = (f"{x:.3g}" if x < 1000 else f"{x:.0f}" for x in (measured, limit))
         self.target(what, f"{number}{unit}", f"<= {bound}{unit}", measured <= limit)
 
+    def at_least(self, what: str, measured: float, limit: float, form: str) -> None:
+        """A target whose limit itself is reached; both numbers have this format."""
+        self.target(what, f"{measured:{form}}", f">= {limit:{form}}", measured >= limit)
+
     def equal(self, what: str, measured: float, wanted: float) -> None:
         """A target that is one number."""
         self.target(what, measured, wanted, measured == wanted)
@@ -67,8 +74,19 @@ class Report:
         return int(not all(target.reached for target in self.targets))
 
 
-def run(main: Callable[..., None]) -> None:
-    """Run a benchmark as the program that it is, if its module is the program."""
+def end_without_ros(title: str) -> None:
+    """End the program, and say in its section that there is no ROS 2."""
+    sys.stdout.write(f"## {title}\n\nNot measured: rclpy is not installed (`make ros`).\n\n")
+    sys.exit()
+
+
+def run(main: Callable[..., None], *, log_level: str = "NOTSET") -> None:
+    """Run a benchmark as the program that it is, if its module is the program.
+
+    Args:
+        main: What it does.
+        log_level: What the log says of, at least; a benchmark that loses links means each loss.
+    """
     module = inspect.getmodule(main)
     if module is None or module.__name__ != "__main__":
         return
@@ -79,14 +97,15 @@ def run(main: Callable[..., None]) -> None:
     for option in options:
         parser.add_argument(f"--{option.name}", type=option.annotation, default=option.default)
     given = vars(parser.parse_args())
-    report = Report(given.pop("output"))
-    report.folder.mkdir(parents=True, exist_ok=True)
-    report.say(f"## {title.removesuffix('.')}")
-    if method:
-        report.say(method.format_map(vars(module)))
-    # So that another program's latched e-stop does not hold a robot of this one.
-    with TemporaryDirectory() as folder:
-        os.environ.setdefault("WHEELWIRE_RUNTIME_DIR", folder)
+    logging.getLogger("wheelwire").setLevel(log_level)
+    with TemporaryDirectory() as scratch:
+        report = Report(given.pop("output"), Path(scratch))
+        report.folder.mkdir(parents=True, exist_ok=True)
+        report.say(f"## {title.removesuffix('.')}")
+        if method:
+            report.say(method.format_map(vars(module)))
+        # So that another program's latched e-stop does not hold a robot of this one.
+        os.environ.setdefault("WHEELWIRE_RUNTIME_DIR", scratch)
         main(report, **given)
     sys.exit(report.end())
 

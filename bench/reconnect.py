@@ -5,9 +5,7 @@ From an unplugging or a reset to the first sample that was latched after it, in 
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from harness import Report, run, spread
 from support.reconnect import (
@@ -40,15 +38,15 @@ def other_names(folder: Path, cycles: int) -> list[float]:
 
 def main(report: Report, *, cycles: int = 100) -> None:
     """Print the table; reconnecting must not take too long."""
-    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        with Simulator(link=folder / "robot") as simulator, SerialDriver(simulator.port) as robot:
-            boot_s = simulator.get("boot_time_us") / 1e6
-            found = {"the port's return": [after_unplug(simulator, robot) for _ in range(cycles)]}
-            reset = [after_reset(simulator, robot) - boot_s for _ in range(cycles)]
-        found["... under another name, by board_id"] = other_names(folder, cycles)
-        found[f"a reset, less the {boot_s * 1e3:g} ms of boot"] = reset
+    with (
+        Simulator(link=report.scratch / "robot") as simulator,
+        SerialDriver(simulator.port) as robot,
+    ):
+        boot_s = simulator.get("boot_time_us") / 1e6
+        found = {"the port's return": [after_unplug(simulator, robot) for _ in range(cycles)]}
+        reset = [after_reset(simulator, robot) - boot_s for _ in range(cycles)]
+    found["... under another name, by board_id"] = other_names(report.scratch, cycles)
+    found[f"a reset, less the {boot_s * 1e3:g} ms of boot"] = reset
     with (
         ImpairedSimulator(LineProfile(CORRUPT, CORRUPT)) as simulator,
         SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
@@ -64,4 +62,4 @@ def main(report: Report, *, cycles: int = 100) -> None:
     report.at_most("p99 of the port's return", returned * 1e3, AIM_S * 1e3, " ms")
 
 
-run(main)
+run(main, log_level="ERROR")

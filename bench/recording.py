@@ -9,8 +9,6 @@ from __future__ import annotations
 import os
 import time
 from contextlib import suppress
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from harness import Report, run
 from support.load import load_while
@@ -43,19 +41,18 @@ def main(report: Report, *, minutes: float = 1.0) -> None:
     """Measure and print."""
     seconds = minutes * 60
     with (
-        TemporaryDirectory() as folder,
         Simulator() as simulator,
         SerialDriver(simulator.port, stream_rate_hz=STREAM_HZ) as robot,
     ):
         drive(robot, SETTLING_S)
         plain = load_while(lambda: drive(robot, seconds)).cpu
-        recorder = robot.record(Path(folder) / "day.mcap")
+        recorder = robot.record(report.scratch / "day.mcap")
         drive(robot, SETTLING_S)
         resident = resident_kib(os.getpid())
         recorded = load_while(lambda: drive(robot, seconds)).cpu
         growth = resident_kib(os.getpid()) - resident
         recorder.close()
-        size_mb = sum(file.stat().st_size for file in Path(folder).iterdir()) / 1e6
+        size_mb = sum(file.stat().st_size for file in report.scratch.glob("*.mcap")) / 1e6
     report.say(
         f"In {minutes:g} min: {plain:.1%} unrecorded, {recorded:.1%} recorded, "
         f"{1e6 * (recorded - plain) / STREAM_HZ:.0f} us a state; "

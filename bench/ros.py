@@ -8,22 +8,18 @@ interleaved rounds of {COMMANDS} commands, 100 a second.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from importlib.util import find_spec
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from harness import Report, run
+from harness import Report, end_without_ros, run
 from support.stand_in import StandIn
 from wheelwire.link.statistics import quantile
 from wheelwire.simulation.simulator import Simulator
 
 if find_spec("rclpy") is None:
-    sys.stdout.write("## The ROS node\n\nNot measured: rclpy is not installed (`make ros`).\n\n")
-    sys.exit()
+    end_without_ros("The ROS node")
 import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
 
 from support.ros import open_graph
@@ -81,12 +77,12 @@ def ms(latencies_s: list[float]) -> tuple[float, float]:
     return quantile(latencies_s, 0.5) * 1e3, quantile(latencies_s, 0.99) * 1e3
 
 
-def show_latency(report: Report, folder: Path) -> None:
+def show_latency(report: Report) -> None:
     """The latency of commands."""
-    with tapped_node() as (graph, _, tap), bare_node(graph, folder / "bare", 50.0) as bare:
+    with tapped_node() as (graph, _, tap), bare_node(graph, report.scratch / "bare", 50.0) as bare:
         commanders: dict[str, Commander | RobotCommander] = {
             "cmd_vel to the setpoint on the wire": RobotCommander(graph, tap),
-            "the peer: to its callback": Commander(graph, "bare_cmd_vel", folder / "bare"),
+            "the peer: to its callback": Commander(graph, "bare_cmd_vel", report.scratch / "bare"),
         }
         # Alternate, so that a slow moment of the computer affects both. The first ones warm up.
         for _ in range(1 + MEASURED):
@@ -107,7 +103,7 @@ def show_latency(report: Report, folder: Path) -> None:
     report.at_most("p99 of a command", p99, COMMAND_LIMIT_MS, " ms")
 
 
-def show_motors(report: Report, folder: Path) -> None:
+def show_motors(report: Report) -> None:
     """The latency of commands and e-stops."""
     names = ("command", "e-stop", "the peer's service")
     cells: dict[str, list[str]] = {name: [] for name in names}
@@ -118,7 +114,7 @@ def show_motors(report: Report, folder: Path) -> None:
     ):
         for flooded, beside in ((False, ""), (True, " beside other calls")):
             found = latencies_to_the_motors(
-                graph, simulator, MOTORS_COUNT, folder / "called", flooded=flooded
+                graph, simulator, MOTORS_COUNT, report.scratch / "called", flooded=flooded
             )
             for name, (p50, p99) in zip(names, map(ms, found), strict=True):
                 cells[name].append(f"{p50:.2f} | {p99:.2f}")
@@ -147,7 +143,7 @@ def _joined(cells: dict[str, list[str]]) -> list[str]:
     return [" | ".join([name, *of]) for name, of in cells.items()]
 
 
-def show_streams(report: Report, folder: Path) -> None:
+def show_streams(report: Report) -> None:
     """Rates, jitter and CPU."""
     rows = []
     for rate_hz in RATES_HZ:
@@ -158,7 +154,7 @@ def show_streams(report: Report, folder: Path) -> None:
                 RobotNode(graph, port=simulator.port, publish_rate=rate_hz, fresh=True) as node,
             ):
                 ours = watch(graph, "odom", rate_hz, node.process.pid)
-            with bare_node(graph, folder / "bare", rate_hz) as bare:
+            with bare_node(graph, report.scratch / "bare", rate_hz) as bare:
                 theirs = watch(graph, "bare_odom", rate_hz, bare.process.pid)
         ratio = f"{ours.cpu / theirs.cpu:.2f}"
         rows.append(f"{rate_hz:g} | {_stream(ours)} | {_stream(theirs)} | {ratio}")
@@ -178,11 +174,10 @@ def _stream(found: Stream) -> str:
 
 def main(report: Report) -> None:
     """Measure and print."""
-    with TemporaryDirectory() as folder:
-        show_latency(report, Path(folder))
-        show_motors(report, Path(folder))
-        show_attached(report)
-        show_streams(report, Path(folder))
+    show_latency(report)
+    show_motors(report)
+    show_attached(report)
+    show_streams(report)
 
 
 run(main)

@@ -8,7 +8,6 @@ arena, no cache per thread, and gives free memory back: `{PLAIN[GLIBC_TUNABLES]}
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,11 +15,10 @@ from importlib.util import find_spec
 from statistics import linear_regression
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from harness import Report, run
+from harness import Report, end_without_ros, run
 
 if find_spec("rclpy") is None:
-    sys.stdout.write("## Memory of the ROS node\n\nNot measured: rclpy is missing (`make ros`).\n")
-    sys.exit()
+    end_without_ros("Memory of the ROS node")
 import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool

@@ -5,7 +5,6 @@ In real time: {STATE_HZ} states a second, {PERCENT:g} % of all bytes corrupted.
 
 from __future__ import annotations
 
-import logging
 from statistics import median
 
 from harness import Report, run
@@ -28,7 +27,6 @@ def growth_kib(laps: list[Lap], process: int) -> int:
 
 def main(report: Report, *, minutes: float = 2.0) -> None:
     """Run, and print what was measured."""
-    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     laps = laps_of(minutes)
     resets = sum(lap.incident == "reset" for lap in laps)
     for what, number in (
@@ -53,4 +51,4 @@ def main(report: Report, *, minutes: float = 2.0) -> None:
         report.target(f"{name} of the host", counts, "one number", len(counts) == 1)
 
 
-run(main)
+run(main, log_level="ERROR")

@@ -5,15 +5,12 @@ With each API.
 
 from __future__ import annotations
 
-import logging
-
 from harness import Report, run
 from support.unplugs import in_parallel, with_asyncio, with_threads
 
 
 def main(report: Report, *, unplugs: int = 10_000, seed: int = 1) -> None:
     """Print how the calls ended; each has to, and each unplug has to be reported."""
-    logging.getLogger("wheelwire").setLevel(logging.CRITICAL)  # each unplug is a warning
     for one in (with_threads, with_asyncio):
         found = in_parallel(one, unplugs, seed)
         ends = ", ".join(f"{count} {end}" for end, count in found.ends.most_common())
@@ -23,4 +20,4 @@ def main(report: Report, *, unplugs: int = 10_000, seed: int = 1) -> None:
             report.equal(f"{one.__name__}: {what}", len(lines), 0)
 
 
-run(main)
+run(main, log_level="CRITICAL")
