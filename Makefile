@@ -61,7 +61,6 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 	$(BIN)/python tools/write_simulator_page.py
 	$(BIN)/python tools/write_view.py
 	$(BIN)/python tools/write_boards.py
-	$(BIN)/python tools/write_page_causes.py
 	$(BIN)/python tools/write_page_words.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
@@ -70,7 +69,6 @@ gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python tools/draw_demo.py --check
 	$(BIN)/python tools/write_cli_page.py --check
 	$(BIN)/python tools/write_boards.py --check
-	$(BIN)/python tools/write_page_causes.py --check
 	$(BIN)/python tools/write_page_words.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
