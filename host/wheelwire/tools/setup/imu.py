@@ -16,25 +16,9 @@ from ...board import Configuration, ImuSensor, axis_name, packed_entry, unpacked
 from ...robot.robot import Robot
 from ...robot.sensors import DEFAULT_RATE_HZ
 from ...samples import ImuSample, Vector, WheelSample, sentence_of_state
+from . import imu_mounting as mounting
 from .driving import RESTING_TICKS, fresh, next_sample, not_watching
-from .imu_mounting import (
-    LEAST_LIFT_DEG,
-    MOST_ASKEW_DEG,
-    TURNED_DEG,
-    Mean,
-    Reading,
-    Unclear,
-    angle_deg,
-    check_rest,
-    forward_axis,
-    in_chip,
-    is_left_turn,
-    is_steady,
-    mean_of,
-    raised_axis,
-    turned_by,
-    upward_axis,
-)
+from .imu_mounting import Mean, Reading, Unclear, angle_deg
 from .questions import NO, READY, SKIP, YES, Person, Question, Say, yes_or_no
 
 Found = TypeVar("Found")
@@ -207,7 +191,7 @@ def _find(
         robot.sensors.start(DEFAULT_RATE_HZ)
         sample = robot.imu.read()
         # By default do not measure it again, unless the mounting seems to have changed.
-        is_known = any(imu.bias) and angle_deg(sample.acceleration, _UP) < MOST_ASKEW_DEG
+        is_known = any(imu.bias) and angle_deg(sample.acceleration, _UP) < mounting.MOST_ASKEW_DEG
         question = yes_or_no(
             "imu",
             f"Find how the IMU ({imu.chip.name}) is mounted{', again' if is_known else ''}? You "
@@ -264,7 +248,7 @@ class _Window:
         if not is_full or len(readings) < _LEAST_READINGS or reading.t_us < self._look_us:
             return None
         self._look_us = reading.t_us + _LOOK_US
-        return mean_of(readings)
+        return mounting.mean_of(readings)
 
 
 class _Search:
@@ -305,9 +289,11 @@ class _Search:
         if info is None:
             raise errors.CommissioningFailed(_RESET)
         for _, mean in self._watch(_REST_S, _SETTLING_S, on_the_floor=True):
-            if mean is not None and is_steady(mean, info.gyro_noise, info.acceleration_noise):
-                check_rest(mean)
-                return Rest(mean, upward_axis(mean.acceleration))
+            if mean is not None and mounting.is_steady(
+                mean, info.gyro_noise, info.acceleration_noise
+            ):
+                mounting.check_rest(mean)
+                return Rest(mean, mounting.upward_axis(mean.acceleration))
         raise Unclear(
             "the robot moves or shakes: stand it on the floor, and let go of it until setup goes on"
         )
@@ -315,7 +301,7 @@ class _Search:
     def _forward(self, rest: Rest) -> Axis:
         front = self._again(partial(self._lift, FRONT, rest))
         left = self._again(partial(self._lift, LEFT, rest))
-        return forward_axis(rest.up, front, left)
+        return mounting.forward_axis(rest.up, front, left)
 
     def _lift(self, question: Question, rest: Rest) -> Axis:
         self._ask(question)
@@ -325,8 +311,8 @@ class _Search:
             was_level = was_level or self._is_level(reading, rest)
             if mean is None or not was_level or not _is_held(mean, rest):
                 continue
-            if angle_deg(rest.mean.acceleration, mean.acceleration) >= LEAST_LIFT_DEG:
-                axis = raised_axis(rest.mean.acceleration, mean.acceleration)
+            if angle_deg(rest.mean.acceleration, mean.acceleration) >= mounting.LEAST_LIFT_DEG:
+                axis = mounting.raised_axis(rest.mean.acceleration, mean.acceleration)
                 self._say("lifted")
                 return axis
         if not was_level:
@@ -334,8 +320,8 @@ class _Search:
                 f"after {_PATIENCE_S:.0f} s the robot still was not level: put it down first"
             )
         raise Unclear(
-            f"the robot was not lifted by {LEAST_LIFT_DEG:.0f} degrees or more, and held there, "
-            f"within {_PATIENCE_S:.0f} s"
+            f"the robot was not lifted by {mounting.LEAST_LIFT_DEG:.0f} degrees or more, and held "
+            f"there, within {_PATIENCE_S:.0f} s"
         )
 
     def _turn(self, rest: Rest) -> None:
@@ -344,14 +330,15 @@ class _Search:
         turned: Vector = (0.0, 0.0, 0.0)
         for reading, _ in self._watch(_HOLD_S, _PATIENCE_S):
             if former is not None:
-                turned = turned_by(turned, former, reading, rest.mean.gyro)
-                if is_left_turn(rest.up, turned):
+                turned = mounting.turned_by(turned, former, reading, rest.mean.gyro)
+                if mounting.is_left_turn(rest.up, turned):
                     self._say("turned to the left")
                     return
             if former is not None or self._is_level(reading, rest):
                 former = reading
         raise Unclear(
-            f"the robot was not turned by {TURNED_DEG:.0f} degrees within {_PATIENCE_S:.0f} s"
+            f"the robot was not turned by {mounting.TURNED_DEG:.0f} degrees within "
+            f"{_PATIENCE_S:.0f} s"
         )
 
     @staticmethod
@@ -396,9 +383,11 @@ class _Search:
 
     def _reading(self, sample: ImuSample) -> Reading:
         imu = self._imu
-        gyro = in_chip(sample.gyro, imu.forward, imu.up)
+        gyro = mounting.in_chip(sample.gyro, imu.forward, imu.up)
         x, y, z = (rate + taken for rate, taken in zip(gyro, imu.bias, strict=True))
-        return Reading(sample.t_us, (x, y, z), in_chip(sample.acceleration, imu.forward, imu.up))
+        return Reading(
+            sample.t_us, (x, y, z), mounting.in_chip(sample.acceleration, imu.forward, imu.up)
+        )
 
 
 def _is_held(mean: Mean, rest: Rest) -> bool:

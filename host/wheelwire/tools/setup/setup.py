@@ -24,32 +24,16 @@ from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
 from ..files.state import state_folder
 from ..tune.before_after import Proof, prove
+from . import problems, wiring
 from .counts import COUNTS, ask_counts
 from .driving import BoardReset, ShowTimeLeft, not_watching, set_at_rest, show_nothing
 from .expectation import expected_rms_mps, judge
 from .gains import tuned
 from .identification import identify
 from .imu import ImuFindings, set_up_imu
-from .problems import (
-    FAULTED,
-    LATE_SETPOINTS,
-    MAGNET_MISSING,
-    SAGS,
-    VOIDING,
-    Problem,
-    Unfit,
-)
+from .problems import Problem, Unfit
 from .questions import KEEP, YES, Person, Question, Say, yes_or_no
-from .wiring import (
-    Wiring,
-    check_floor,
-    check_ready,
-    check_supply,
-    check_wheels,
-    confirm,
-    find_low_battery,
-    find_wiring,
-)
+from .wiring import Wiring
 
 SIZES = ("wheel_radius", "wheel_separation")
 TUNED = (
@@ -220,7 +204,7 @@ class _SetUp:
                 self.findings = replace(self.findings, imu=imu)
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
-                    check_floor(self.robot, self.person)
+                    wiring.check_floor(self.robot, self.person)
                     self.say(UNEQUAL_WHEELS)
                 else:
                     # Turned by hand, a wheel is not to be reported as a robot that rolls away.
@@ -231,11 +215,11 @@ class _SetUp:
         except Unfit as error:
             self._note(*error.problems)
             # What was found is void only if an answer may have been wrong.
-            if any(problem.defect in VOIDING for problem in error.problems):
+            if any(problem.defect in problems.VOIDING for problem in error.problems):
                 self._forget()
         except BoardReset as error:
             # Only the device knows whether it was the supply.
-            sags = Problem(SAGS, detail=" so far that the board is reset")
+            sags = Problem(problems.SAGS, detail=" so far that the board is reset")
             self._note(sags if _was_brownout(self.robot) else str(error))
         except errors.CommissioningFailed as error:
             self._note(str(error))
@@ -247,8 +231,8 @@ class _SetUp:
 
     def _find(self) -> None:
         self.say("1/4 Robot, supply and contact. Left and right are as seen from behind.")
-        check_ready(self.robot, self.person)
-        self._note(*find_low_battery(self.robot))
+        wiring.check_ready(self.robot, self.person)
+        self._note(*wiring.find_low_battery(self.robot))
         resumed = self.resumed = self._ask_resume()
         self.say("2/4 Wiring")
         if "wiring" in resumed:
@@ -273,12 +257,12 @@ class _SetUp:
     def _find_wiring(self) -> None:
         # A correction that is active would be mistaken for the wires.
         self._try(Wiring().corrections)
-        wiring, pulsed = find_wiring(self.robot, self.person, self.say)
+        found, pulsed = wiring.find_wiring(self.robot, self.person, self.say)
         # Pulses are counted by bridge, `self.pulsed` is by wheel.
         duties = [one.duty for one in pulsed]
-        self.pulsed = duties[::-1] if wiring.motors_swapped else duties
-        self._set("wiring", wiring.corrections)
-        wrong = [name for name, value in wiring.corrections.items() if value]
+        self.pulsed = duties[::-1] if found.motors_swapped else duties
+        self._set("wiring", found.corrections)
+        wrong = [name for name, value in found.corrections.items() if value]
         self.say(f"found: {', '.join(wrong) or 'wired as expected'}")
 
     def _check_wiring(self) -> None:
@@ -287,9 +271,9 @@ class _SetUp:
         self.say("Both wheels turn forward now, for some seconds.")
         self.options.left(_CHECK_S)
         # A resumed wiring comes without pulses.
-        turning = confirm(self.robot, self.pulsed)
-        self._note(*check_supply(self.robot))
-        self._note(*check_wheels(self.robot, self.pulsed, turning))
+        turning = wiring.confirm(self.robot, self.pulsed)
+        self._note(*wiring.check_supply(self.robot))
+        self._note(*wiring.check_wheels(self.robot, self.pulsed, turning))
         self.options.left(0.0)
 
     def _ask_sizes(self) -> dict[str, float]:
@@ -309,7 +293,7 @@ class _SetUp:
             self._set("gains", self.resumed["gains"])
             return
         self.say("4/4 Motors")
-        if find_low_battery(self.robot):
+        if wiring.find_low_battery(self.robot):
             self.say("not measured: the battery is low")
             return
         if self.person.answer(TUNE) != YES:
@@ -365,27 +349,31 @@ class _SetUp:
         except errors.DeviceRefused as error:
             if not error.faults:
                 raise
-            raise Unfit([Problem(FAULTED, detail=errors.fault_names(error.faults))]) from error
+            raise Unfit(
+                [Problem(problems.FAULTED, detail=errors.fault_names(error.faults))]
+            ) from error
         finally:
             self.options.left(0.0)
 
     def _judge_faults(self, before: Fault, after: Fault) -> None:
         if after:
             which = "with the previous values, too" if before else "with the new values"
-            raise Unfit([Problem(FAULTED, detail=f"{which}. {errors.fault_names(after | before)}")])
+            raise Unfit(
+                [Problem(problems.FAULTED, detail=f"{which}. {errors.fault_names(after | before)}")]
+            )
         if before:
             self.say(
                 f"with the previous values a fault ended the drive: {errors.fault_names(before)}"
             )
 
-    def _judge_tracking(self, problems: Sequence[Problem]) -> bool:
+    def _judge_tracking(self, found: Sequence[Problem]) -> bool:
         """Whether the test drives tell which values are better."""
-        is_late = any(problem.defect is LATE_SETPOINTS for problem in problems)
+        is_late = any(problem.defect is problems.LATE_SETPOINTS for problem in found)
         if is_late and self.options.on_the_floor:
-            raise Unfit(problems)
-        for problem in problems:
+            raise Unfit(found)
+        for problem in found:
             # Its cause has a name already.
-            if str(Problem(MAGNET_MISSING, problem.side)) not in self.findings.problems:
+            if str(Problem(problems.MAGNET_MISSING, problem.side)) not in self.findings.problems:
                 self._note(problem)
         return not is_late
 
@@ -473,9 +461,9 @@ class _SetUp:
             self.former.setdefault(name, value)
         return now
 
-    def _note(self, *problems: Problem | str) -> None:
+    def _note(self, *found: Problem | str) -> None:
         # A gap in an encoder's counts may be found twice.
-        new = dict.fromkeys(map(str, problems))
+        new = dict.fromkeys(map(str, found))
         texts = tuple(text for text in new if text not in self.findings.problems)
         for text in texts:
             self.say(f"problem: {text}")

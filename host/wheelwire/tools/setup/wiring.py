@@ -13,53 +13,18 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from ...errors import CommissioningFailed, DeviceRefused, fault_names
 from ...robot.robot import Robot
 from ...samples import WheelSample
-from . import driving
+from . import driving, problems, questions
 from .driving import SIDES, Pair, Pulsed, Record
-from .problems import (
-    BLOCKED,
-    BOTH_TURNED,
-    CHANNEL_DEAD,
-    CHANNELS_MIXED,
-    CONTACT_OPEN,
-    FAULTED,
-    LOW_BATTERY,
-    MAGNET_MISSING,
-    NO_ENCODER,
-    NO_MOTOR,
-    NO_SUPPLY,
-    NOT_CONFIRMED,
-    ON_THE_FLOOR,
-    SAGS,
-    SAME_ENCODER,
-    SHARED_COUNTER,
-    UNSEEN,
-    WEAK,
-    Problem,
-    Unfit,
-)
-from .questions import (
-    AGAIN,
-    BOTH,
-    HELD,
-    NONE,
-    SKIP,
-    TURNED,
-    WHEEL_AND_WAY,
-    YES,
-    HandTurn,
-    Person,
-    Question,
-    Say,
-    yes_or_no,
-)
+from .problems import Problem, Unfit
+from .questions import Person, Question, Say
 
-RAISED = yes_or_no(
+RAISED = questions.yes_or_no(
     "raised",
     "Do both wheels hang free, with nothing in their way? They will turn; an e-stop or fault that "
     "is latched will be cleared.",
 )
 
-FLOOR = yes_or_no(
+FLOOR = questions.yes_or_no(
     "floor",
     "Does the robot stand on the floor, with a metre free ahead of it? It will drive back and "
     "forth; an e-stop or fault that is latched will be cleared.",
@@ -134,7 +99,11 @@ class Seen:
     @property
     def wheel(self) -> int | None:
         """The one that turned; None for none and both."""
-        return None if self.answer in (NONE, BOTH) else SIDES.index(self.answer.split()[0])
+        return (
+            None
+            if self.answer in (questions.NONE, questions.BOTH)
+            else SIDES.index(self.answer.split()[0])
+        )
 
     @property
     def is_backward(self) -> bool:
@@ -151,23 +120,25 @@ def find_problems(first: Seen, second: Seen) -> list[Problem]:
     """What keeps the wiring from being deduced; not what keeps a wheel from turning."""
     # A defect that concerns both wheels is returned alone: it explains what else was seen.
     seen = (first, second)
-    if any(one.answer == BOTH for one in seen):
-        return [Problem(BOTH_TURNED)]
+    if any(one.answer == questions.BOTH for one in seen):
+        return [Problem(problems.BOTH_TURNED)]
     for one in seen:
         if one.wheel is not None and len(one.counters) == 2:
-            return [Problem(SAME_ENCODER, one.wheel)]
+            return [Problem(problems.SAME_ENCODER, one.wheel)]
     found = []
     for one in seen:
         toggled = [side for side in (0, 1) if one.pulsed.toggled(side)]
         if one.wheel is None:
             if one.pulsed.was_noticed:
-                found.append(Problem(UNSEEN))
+                found.append(Problem(problems.UNSEEN))
         elif not one.counters and len(toggled) == 2:
-            return [Problem(CHANNELS_MIXED)]
+            return [Problem(problems.CHANNELS_MIXED)]
         elif not one.counters:
-            found.append(Problem(CHANNEL_DEAD if toggled else NO_ENCODER, one.wheel))
+            found.append(
+                Problem(problems.CHANNEL_DEAD if toggled else problems.NO_ENCODER, one.wheel)
+            )
     if not found and first.counters and first.counters == second.counters:
-        return [Problem(SHARED_COUNTER)]
+        return [Problem(problems.SHARED_COUNTER)]
     return found
 
 
@@ -196,8 +167,8 @@ def check_ready(robot: Robot, person: Person) -> None:
         Unfit: The wheels are not free, the contact is open, or there is no supply.
         CommissioningFailed: A fault cannot be cleared, or a wheel turns.
     """
-    if person.answer(RAISED) != YES:
-        raise Unfit([Problem(ON_THE_FLOOR)])
+    if person.answer(RAISED) != questions.YES:
+        raise Unfit([Problem(problems.ON_THE_FLOOR)])
     _check_still(robot)
 
 
@@ -208,7 +179,7 @@ def check_floor(robot: Robot, person: Person) -> None:
         Unfit: The contact is open, or there is no supply or too little.
         CommissioningFailed: The floor is not free, a fault cannot be cleared, or a wheel turns.
     """
-    if person.answer(FLOOR) != YES:
+    if person.answer(FLOOR) != questions.YES:
         raise CommissioningFailed("make room for the robot, then begin again")
     _check_still(robot)
     if low := find_low_battery(robot):
@@ -220,7 +191,7 @@ def _check_still(robot: Robot) -> None:
     sample = driving.fresh(robot)
     # USB may feed the board while the battery is switched off.
     if sample.battery_v is not None and sample.battery_v < _LOWEST_SUPPLY_V:
-        raise Unfit([Problem(NO_SUPPLY)])
+        raise Unfit([Problem(problems.NO_SUPPLY)])
     start = sample
     while sample.since(start).dt_s < _STILL_S:
         sample = driving.next_sample(robot)
@@ -235,7 +206,10 @@ def find_low_battery(robot: Robot) -> list[Problem]:
     if measured_v is None or measured_v >= _LOW_SUPPLY * nominal_v:
         return []
     return [
-        Problem(LOW_BATTERY, detail=f"{measured_v:.1f} V, and nominal_supply_v is {nominal_v:g}")
+        Problem(
+            problems.LOW_BATTERY,
+            detail=f"{measured_v:.1f} V, and nominal_supply_v is {nominal_v:g}",
+        )
     ]
 
 
@@ -261,7 +235,7 @@ def clear(robot: Robot) -> None:
             raise
         # `sample` is from before the refused request, so its state tells which one that was.
         if sample.state is SupervisorState.ESTOPPED:
-            raise Unfit([Problem(CONTACT_OPEN)]) from error
+            raise Unfit([Problem(problems.CONTACT_OPEN)]) from error
         raise CommissioningFailed(f"a fault lasts: {driving.meaning_of(sample.faults)}") from error
 
 
@@ -279,11 +253,13 @@ def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequenc
     # A wheel that counts against its drive is not a fault yet. The fault would end a pulse before
     # anybody has seen the wheel turn.
     with driving.not_watching(robot, "reversal_duty"):
-        first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
+        first = _ask(
+            robot, person, "first", 0, (*questions.WHEEL_AND_WAY, questions.NONE, questions.BOTH)
+        )
         other = None if first.wheel is None else 1 - first.wheel
         say("Now the other motor.")
-        choices = WHEEL_AND_WAY if other is None else ("forward", "backward")
-        second = _ask(robot, person, "second", 1, (*choices, NONE, BOTH))
+        choices = questions.WHEEL_AND_WAY if other is None else ("forward", "backward")
+        second = _ask(robot, person, "second", 1, (*choices, questions.NONE, questions.BOTH))
         # Asked about the other wheel alone, a person answers only which way it turned.
         if other is not None and second.answer in choices:
             second = Seen(second.pulsed, f"{SIDES[other]} {second.answer}")
@@ -292,29 +268,29 @@ def find_wiring(robot: Robot, person: Person, say: Say) -> tuple[Wiring, Sequenc
             _harder_if_unnoticed(robot, 0, first),
             _harder_if_unnoticed(robot, 1, second),
         )
-    problems = find_problems(first, second)
+    found = find_problems(first, second)
     # Pulses alone do not tell a dead motor from a blocked wheel or a missing supply: a hand does.
-    if not problems or any(one.answer == NONE for one in (first, second)):
-        problems += _motionless(robot, person, first, second)
-    if problems:
+    if not found or any(one.answer == questions.NONE for one in (first, second)):
+        found += _motionless(robot, person, first, second)
+    if found:
         # A wheel that hardly moves looks like many things.
-        raise Unfit(find_low_battery(robot) or problems)
+        raise Unfit(find_low_battery(robot) or found)
     return deduce(first, second), (first.pulsed, second.pulsed)
 
 
 def _ask(robot: Robot, person: Person, key: str, side: int, choices: tuple[str, ...]) -> Seen:
     text = "Which wheel turned, seen from behind, and which way?"
-    if WHEEL_AND_WAY[0] not in choices:
+    if questions.WHEEL_AND_WAY[0] not in choices:
         text = "Which way did the other wheel turn?"
-    question = Question(key, text, (*choices, AGAIN), AGAIN)
+    question = Question(key, text, (*choices, questions.AGAIN), questions.AGAIN)
     seen = _ask_until_seen(robot, person, question, side, driving.pulse(robot, side))
-    if seen.pulsed.was_noticed or seen.answer != NONE:
+    if seen.pulsed.was_noticed or seen.answer != questions.NONE:
         return seen
     # A low supply, much friction or a weak motor: where nothing turned, nothing turns far.
     harder = driving.pulse_harder(robot, side)
     if harder.was_noticed:
         return _ask_until_seen(robot, person, question, side, harder)
-    return Seen(harder, NONE)
+    return Seen(harder, questions.NONE)
 
 
 def _harder_if_unnoticed(robot: Robot, side: int, seen: Seen) -> Seen:
@@ -330,30 +306,34 @@ def _ask_until_seen(
     # No counter noticed this wheel, so nothing shows how far it has turned: it is shown only once
     # more.
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
-        if (answer := person.answer(question)) != AGAIN:
+        if (answer := person.answer(question)) != questions.AGAIN:
             return Seen(pulsed, answer)
         shown = driving.show(robot, side, pulsed)
         pulsed = pulsed if pulsed.was_noticed else shown
     # More turns would be too many for an unknown wheel.
-    last = replace(question, choices=question.choices[:-1], default=NONE)
+    last = replace(question, choices=question.choices[:-1], default=questions.NONE)
     return Seen(pulsed, person.answer(last))
 
 
 def _motionless(robot: Robot, person: Person, first: Seen, second: Seen) -> list[Problem]:
     """What is wrong with wheels that no pulse turned, found with a hand on them."""
-    bridges = [side for side, seen in enumerate((first, second)) if seen.answer == NONE]
+    bridges = [side for side, seen in enumerate((first, second)) if seen.answer == questions.NONE]
     # If a counter moved, the wheel is not motionless: `find_problems` has reported the problem.
-    if not bridges or any(one.pulsed.was_noticed for one in (first, second) if one.answer == NONE):
+    if not bridges or any(
+        one.pulsed.was_noticed for one in (first, second) if one.answer == questions.NONE
+    ):
         return []
     moved = [one.wheel for one in (first, second) if one.wheel is not None]
     wheels = [side for side in (0, 1) if side not in moved]
     hands = {wheel: _by_hand(robot, person, wheel) for wheel in wheels}
-    works = [wheel for wheel, (answer, counted) in hands.items() if counted and answer != HELD]
+    works = [
+        wheel for wheel, (answer, counted) in hands.items() if counted and answer != questions.HELD
+    ]
     # If both wheels count when they are turned by hand, what is missing is what the motors share.
     if len(works) == 2 or (
-        all(answer == SKIP for answer, _ in hands.values()) and len(wheels) == 2
+        all(answer == questions.SKIP for answer, _ in hands.values()) and len(wheels) == 2
     ):
-        return [Problem(NO_SUPPLY)]
+        return [Problem(problems.NO_SUPPLY)]
     return [_problem_of(wheel, *hands[wheel]) for wheel in wheels]
 
 
@@ -365,9 +345,9 @@ def _by_hand(robot: Robot, person: Person, wheel: int) -> tuple[str, bool]:
             f"hand_{SIDES[wheel]}",
             f"The {SIDES[wheel]} wheel did not turn. Turn it by hand, about half a turn. "
             "Could it be turned?",
-            (TURNED, HELD, SKIP),
-            TURNED,
-            turn=HandTurn(wheel, 0.5),
+            (questions.TURNED, questions.HELD, questions.SKIP),
+            questions.TURNED,
+            turn=questions.HandTurn(wheel, 0.5),
         )
     )
     # Either counter: the encoders may be swapped.
@@ -376,11 +356,11 @@ def _by_hand(robot: Robot, person: Person, wheel: int) -> tuple[str, bool]:
 
 
 def _problem_of(wheel: int, answer: str, counted: bool) -> Problem:
-    if answer == HELD:
-        return Problem(BLOCKED, wheel)
-    if counted or answer == SKIP:
-        return Problem(NO_MOTOR, wheel)
-    return Problem(NO_ENCODER, wheel)
+    if answer == questions.HELD:
+        return Problem(problems.BLOCKED, wheel)
+    if counted or answer == questions.SKIP:
+        return Problem(problems.NO_MOTOR, wheel)
+    return Problem(problems.NO_ENCODER, wheel)
 
 
 def confirm(robot: Robot, pulsed: Sequence[float]) -> float:
@@ -407,7 +387,7 @@ def confirm(robot: Robot, pulsed: Sequence[float]) -> float:
     wrong = [side for side in (0, 1) if driven.ticks[side] < driving.COUNTED_TICKS]
     if wrong:
         detail = " and ".join(f"the {SIDES[w]} wheel counted {driven.ticks[w]}" for w in wrong)
-        raise Unfit([Problem(NOT_CONFIRMED, detail=detail)])
+        raise Unfit([Problem(problems.NOT_CONFIRMED, detail=detail)])
     return duty
 
 
@@ -421,12 +401,12 @@ def check_supply(robot: Robot) -> list[Problem]:
     try:
         burst = driving.run(robot, Pair(1.0, 1.0), _BURST_S)
     except driving.BoardReset as error:
-        raise Unfit([Problem(SAGS, detail=" so far that the board is reset")]) from error
+        raise Unfit([Problem(problems.SAGS, detail=" so far that the board is reset")]) from error
     volts = [s.battery_v for s in burst.samples if s.battery_v is not None]
     # If the battery is measured at all, each sample has it.
     if not volts or (low_v := min(volts)) > (1 - _SAG) * (rest_v := volts[0]):
         return []
-    return [Problem(SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
+    return [Problem(problems.SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
 
 
 def check_wheels(robot: Robot, pulsed: Sequence[float], turning: float) -> list[Problem]:
@@ -446,14 +426,14 @@ def check_wheels(robot: Robot, pulsed: Sequence[float], turning: float) -> list[
     duty = max(min(max(3 * max(pulsed, default=high), low), high), turning)
     driven = driving.run(robot, Pair(duty, duty), _STEADY_S)
     if driven.faults:
-        raise Unfit([Problem(FAULTED, detail=fault_names(driven.faults))])
+        raise Unfit([Problem(problems.FAULTED, detail=fault_names(driven.faults))])
     gaps = [side for side in (0, 1) if driving.has_gap(_at_steady_speed(driven, side, duty), side)]
     # Where no edge comes, a wheel seems to start late.
     unequal = _unequal(driven, () if gaps else pulsed)
     # At a low voltage a little more friction is a great difference.
     if find_low_battery(robot):
         unequal = []
-    return unequal + [Problem(MAGNET_MISSING, side) for side in gaps]
+    return unequal + [Problem(problems.MAGNET_MISSING, side) for side in gaps]
 
 
 def _unequal(driven: Record, pulsed: Sequence[float]) -> list[Problem]:
@@ -462,13 +442,13 @@ def _unequal(driven: Record, pulsed: Sequence[float]) -> list[Problem]:
     ratio = driven.ticks[slow] / max(*driven.ticks, 1)
     if ratio < _UNEQUAL:
         detail = f" has {ratio:.0%} of the other one's speed at the same duty"
-        return [Problem(WEAK, slow, detail)]
+        return [Problem(problems.WEAK, slow, detail)]
     if not pulsed:
         return []
     stiff = 0 if pulsed[0] > pulsed[1] else 1
     ratio = pulsed[stiff] / min(pulsed)
     if ratio > _UNEQUAL_START:
-        return [Problem(WEAK, stiff, f" starts at {ratio:.1f} times the other one's duty")]
+        return [Problem(problems.WEAK, stiff, f" starts at {ratio:.1f} times the other one's duty")]
     return []
 
 
