@@ -228,7 +228,7 @@ def test_parameters_that_were_not_saved(simulator: Simulator, tmp_path: Path) ->
     file.write_text(
         f"driver: serial\nserial: {{port: {simulator.port}}}\nparameters: {{ttl_max_s: 0.5}}\n"
     )
-    found = {item.name: item for item in _of_robot(Address(str(file)), None, as_json=True)}
+    found = {item.name: item for item in _of_robot(Address(str(file)))}
     assert "the next reset changes proportional_gain:" in only(found, "unsaved").problem
     # Its cure is a command that cures it.
     cure = finding.cure.replace("ROBOT", simulator.port).split()
@@ -315,5 +315,5 @@ def test_a_robot_that_goes_away_half_way_is_a_finding(
         driver.estop()
     monkeypatch.setattr("wheelwire.tools.doctor.robot.time.sleep", lambda _: simulator.close())
     monkeypatch.setattr(robot, "_link", lambda driver: driver.device_counters())
-    found = _of_robot(Address(simulator.port), None, as_json=False)
+    found = _of_robot(Address(simulator.port))
     assert [finding.name for finding in found] == ["stopped", "no-answer"]

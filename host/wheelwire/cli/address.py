@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -28,7 +28,7 @@ from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from .output import print_note
+from .output import UsageError, print_note, wants_json
 from .prompts import ask_yes_or_no, can_ask
 
 _DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
@@ -75,17 +75,16 @@ class Address:
 
     Attributes:
         text: As the user wrote it.
+        baud_rate: Baud rate of a port; None: the default.
     """
 
     text: str
+    baud_rate: int | None = None
 
-    def open(
-        self, baud_rate: int | None = None, *, bare: bool = False, drives: bool = False
-    ) -> Robot:
+    def open(self, *, bare: bool = False, drives: bool = False) -> Robot:
         """Open the robot.
 
         Args:
-            baud_rate: Baud rate of a port; None: the default.
             bare: See `wheelwire.connect.driver_at`.
             drives: The command drives, so the robot is to obey its first setpoint.
 
@@ -95,21 +94,17 @@ class Address:
         """
         from wheelwire.robot.robot import opened_to_look
 
-        name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
+        name, options = self.driver(bare=bare)
         with nullcontext() if drives else opened_to_look():
             return open_driver(name, **options)
 
-    def open_to_look(
-        self, baud_rate: int | None = None, *, as_json: bool, listens: bool = True
-    ) -> Robot:
+    def open_to_look(self, *, listens: bool = True) -> Robot:
         """Open the robot for a command that only looks, stops or e-stops; changes nothing of it.
 
         If another program holds it and offers its link, the command is attached to that, and says
         so.
 
         Args:
-            baud_rate: As of `open`.
-            as_json: The note is to be JSON.
             listens: False for a command that only stops.
 
         Raises:
@@ -119,15 +114,17 @@ class Address:
         from wheelwire.robot.robot import opened_to_look
         from wheelwire.tools.attach import open_or_attach
 
-        name, options = driver_at(self.text, baud_rate=baud_rate, bare=True)
+        name, options = self.driver(bare=True)
         with opened_to_look():
             driver = open_or_attach(name, options, listens=listens)
         if isinstance(driver, AttachedDriver):
             holder = driver.holder
-            print_note(
-                f"attached to the link of {holder.name}, which holds {holder.port}", as_json=as_json
-            )
+            print_note(f"attached to the link of {holder.name}, which holds {holder.port}")
         return driver
+
+    def driver(self, *, bare: bool) -> tuple[str, dict[str, Any]]:
+        """The driver's name and options; see `wheelwire.connect.driver_at`."""
+        return driver_at(self.text, baud_rate=self.baud_rate, bare=bare)
 
     def serial_port(self) -> str:
         """The serial port to write firmware to.
@@ -198,45 +195,75 @@ def outlives_commands(driver: Robot) -> bool:
     return isinstance(driver, SerialDriver)
 
 
-def named_robot(given: str | None) -> Address | None:
-    """The robot that the command line or else $WHEELWIRE_ROBOT names, if one of them does.
+@dataclass(frozen=True)
+class Given:
+    """What the command line says of the robot: ROBOT, by itself or in a list, and --baud-rate."""
 
-    Raises:
-        InvalidArgument: ROBOT is empty.
-    """
-    if given is not None:
-        return Address(named(given))
-    known = os.environ.get(ENVIRONMENT)
-    return Address(known) if known else None
+    robot: str | None = None
+    baud_rate: int | None = None
+    arguments: Sequence[str] | None = None
+    context: typer.Context | None = None
 
+    @staticmethod
+    def on_command_line(listed: Any = None) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Arguments and options; `listed` is the argument that may begin with ROBOT."""
+        arguments: dict[str, Any] = {"robot": RobotArgument}
+        if listed is not None:
+            several = Annotated[list[str] | None, listed]
+            arguments = {"context": typer.Context, "arguments": several}
+        return arguments, {"baud_rate": BaudRateOption}
 
-def resolve(
-    given: str | None, *, moves: bool = False, yes: bool = False, as_json: bool = False
-) -> Address:
-    """The robot to use: the one given, else $WHEELWIRE_ROBOT, else the only likely board.
+    def split(self, *names: str) -> tuple[Given, list[str]]:
+        """ROBOT, if given, and the values of all `names` that follow it. Nothing is opened."""
+        arguments = self.arguments or ()
+        for argument in arguments:
+            if argument.startswith("--"):
+                raise UsageError(f"No such option: {argument}", self.context)
+        missing = len(names) - len(arguments)
+        # A file may have any name. A parameter's name means that the last argument is missing.
+        if missing == 0 and names != ("FILE",) and looks_like_address(arguments[0]):
+            missing = 1
+        if missing > 0:
+            raise UsageError(f"Missing argument '{names[-missing]}'", self.context)
+        # One argument more than names is ROBOT.
+        if missing < -1:
+            raise UsageError(f"Unexpected argument '{arguments[len(names) + 1]}'", self.context)
+        robot = arguments[0] if len(arguments) > len(names) else None
+        return Given(robot, self.baud_rate), list(arguments[-len(names) :])
 
-    Args:
-        given: The argument ROBOT.
-        moves: The command moves the wheels or allows it: ask first if no robot was named.
-        yes: Do not ask.
-        as_json: stderr carries JSON errors: print nothing else there except the question.
+    def named(self) -> Address | None:
+        """The robot that ROBOT or else $WHEELWIRE_ROBOT names, if one of them does.
 
-    Raises:
-        InvalidArgument: ROBOT is empty.
-        RobotNotNamed: There is no likely board, or several; or the user did not confirm.
-    """
-    if (address := named_robot(given)) is not None:
-        if given is None and moves and not as_json:
-            # The name is not on this command line: tell which robot is about to move.
-            print_note(f"using {address.text}, named by {ENVIRONMENT}", as_json=False)
-        return address
-    port = _only_candidate()
-    chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
-    if moves and not yes:
-        _confirm(port.device, chosen)
-    elif not as_json:
-        print_note(chosen, as_json=False)
-    return Address(port.device)
+        Raises:
+            InvalidArgument: ROBOT is empty.
+        """
+        text = os.environ.get(ENVIRONMENT) if self.robot is None else named(self.robot)
+        return Address(text, self.baud_rate) if text else None
+
+    def resolve(self, *, moves: bool = False, yes: bool = False) -> Address:
+        """The robot to use: the one named, else the only likely board.
+
+        Args:
+            moves: The command moves the wheels or allows it: ask first if no robot was named.
+            yes: Do not ask.
+
+        Raises:
+            InvalidArgument: ROBOT is empty.
+            RobotNotNamed: There is no likely board, or several; or the user did not confirm.
+        """
+        # With --json, stderr carries JSON errors: print nothing else there except the question.
+        if (address := self.named()) is not None:
+            if self.robot is None and moves and not wants_json():
+                # The name is not on this command line: tell which robot is about to move.
+                print_note(f"using {address.text}, named by {ENVIRONMENT}")
+            return address
+        port = _only_candidate()
+        chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
+        if moves and not yes:
+            _confirm(port.device, chosen)
+        elif not wants_json():
+            print_note(chosen)
+        return Address(port.device, self.baud_rate)
 
 
 def _only_candidate() -> SerialPort:

@@ -25,7 +25,7 @@ from . import INTERRUPTED
 from .help import lead_to_pages, more_about
 from .interruptions import Interrupted
 from .output import UsageError, print_error, print_interruption, show_help_alone
-from .registry import commands
+from .registry import Commands, commands
 
 USAGE = 2
 _LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
@@ -34,7 +34,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 def application(word: str = "") -> typer.Typer:
     """The application with all commands, or only with the one that `word` names."""
-    app = typer.Typer(
+    app = Commands(
         name="wheelwire",
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -45,7 +45,10 @@ def application(word: str = "") -> typer.Typer:
         if isinstance(command.runs, typer.Typer):
             app.add_typer(command.runs, name=command.name, rich_help_panel=command.heading.value)
         else:
-            app.command(command.name, rich_help_panel=command.heading.value)(command.runs)
+            add = app.command(
+                command.name, has_json=command.has_json, rich_help_panel=command.heading.value
+            )
+            add(command.runs)
     lead_to_pages(app, {command.name: command.page for command in added})
     return app
 
@@ -70,7 +73,7 @@ def run() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail
-    return _result(sys.argv[1:])
+    return _result()
 
 
 def _at_home(word: str) -> str:
@@ -90,23 +93,21 @@ def _open_closed_streams() -> None:
             setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115 - stays open
 
 
-def _result(arguments: list[str]) -> int:
-    # Not from the parsed options: the error may be that they cannot be parsed.
-    as_json = "--json" in arguments
+def _result() -> int:
     try:
-        return _run_app(arguments)
+        return _run_app(sys.argv[1:])
     except WheelwireError as error:
         kind = type(error).__name__
-        print_error(_message(error), kind, error.exit_code, as_json=as_json, more=more_about(kind))
+        print_error(_message(error), kind, error.exit_code, more_about(kind))
         return error.exit_code
     except UsageError as error:
-        print_error(_usage(error), "UsageError", USAGE, as_json=as_json)
+        print_error(_usage(error), "UsageError", USAGE)
         return USAGE
     except Interrupted as ended:
-        print_interruption(str(ended), ended.exit_code, as_json=as_json)
+        print_interruption(str(ended), ended.exit_code)
         return ended.exit_code
     except (KeyboardInterrupt, typer.Abort):
-        print_interruption("interrupted", INTERRUPTED, as_json=as_json)
+        print_interruption("interrupted", INTERRUPTED)
         return INTERRUPTED
 
 

@@ -39,14 +39,11 @@ from wheelwire_protocol.core import check_board
 from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Action, Level, Stage
 
 from .address import (
-    BaudRateOption,
-    RobotArgument,
+    Given,
     complete_yaml,
     is_port,
-    resolve,
 )
 from .output import (
-    JsonFlag,
     check_writable,
     console,
     print_json,
@@ -54,13 +51,14 @@ from .output import (
     print_result,
     print_table,
     show_help_alone,
+    wants_json,
     write_new,
 )
-from .parameters import RobotCommand, robot_and, split
+from .parameters import RobotCommand, robot_and
 from .prompts import ask, ask_until, ask_yes_or_no, can_ask
-from .registry import Heading, command
+from .registry import Commands, Heading, command
 
-app = typer.Typer()
+app = Commands()
 command("board", Heading.BUILD, 4, page="boards")(app)
 
 
@@ -83,14 +81,14 @@ def board(context: typer.Context) -> None:
 
 
 @app.command("list")
-def list_all(as_json: JsonFlag = False) -> None:
+def list_all() -> None:
     """List the built-in boards."""
     boards = {name: load_board(name) for name in shipped_boards()}
     rows = [
         (name, one.name, CHIPS[one.chip].name, one.stage.name.lower(), STAGES[one.stage].parts)
         for name, one in boards.items()
     ]
-    if as_json:
+    if wants_json():
         keys = ("name", "title", "chip", "stage")
         print_json([dict(zip(keys, row, strict=False)) for row in rows])
         return
@@ -102,15 +100,14 @@ def show(
     name: Annotated[
         str, _board_argument("NAME", "A built-in board (`wheelwire board list`), or a file.")
     ],
-    as_json: JsonFlag = False,
 ) -> None:
     """Show what is connected to which pin, and what the power stage does."""
     _refuse_port(name)
-    _show(load_board(name), as_json=as_json)
+    _show(load_board(name))
 
 
-def _show(found: Configuration, *, as_json: bool) -> None:
-    if as_json:
+def _show(found: Configuration) -> None:
+    if wants_json():
         print_json(board_mapping(found))
         return
     stage = STAGES[found.stage]
@@ -154,13 +151,12 @@ def _show_peripherals(found: Configuration) -> None:
 @app.command("check")
 def check(
     file: Annotated[str, _board_argument("FILE", "A file, or a built-in board's name.")],
-    as_json: JsonFlag = False,
 ) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
     _refuse_port(file)
     found = load_board(file)
     problems, warnings = found.problems(), found.warnings()
-    if as_json:
+    if wants_json():
         print_json({"board": found.name, "problems": problems, "warnings": warnings})
     else:
         verdict = [] if problems else ["nothing is wrong with this board"]
@@ -180,30 +176,26 @@ def _refuse_port(given: str) -> None:
 
 @app.command("write", cls=RobotCommand)
 def write(
-    context: typer.Context,
-    arguments: Annotated[
-        list[str] | None,
-        robot_and("FILE", "FILE is a board's file, or a built-in board's name.", _complete),
-    ] = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
+    given: Annotated[
+        Given, robot_and("FILE", "FILE is a board's file, or a built-in board's name.", _complete)
+    ],
 ) -> None:
     """Store a board and its peripherals, restart the device, and keep them if it comes back.
 
     On trial nothing drives, and the previous ones return after 10 s.
     """
     # One list: Click cannot leave out the first of two arguments.
-    robot, (name,) = split(context, arguments or (), "FILE")
+    given, (name,) = given.split("FILE")
     if is_port(name):
         raise InvalidArgument(
             f"{name} is a ROBOT, not a board: give ROBOT first, as in "
-            f"`wheelwire board write {name} {robot or 'FILE'}`"
+            f"`wheelwire board write {name} {given.robot or 'FILE'}`"
         )
     # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
     wanted = checked_board(name)
     # Bare: a robot's file may name this board, on which the device is not yet.
-    address = resolve(robot, as_json=as_json)
-    with address.open(baud_rate, bare=True) as opened:
+    address = given.resolve()
+    with address.open(bare=True) as opened:
         driver = _with_a_board(opened)
         try:
             driver.board.take_up(wanted)
@@ -214,23 +206,21 @@ def write(
             hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
             raise error.hinted("the board", hint) from error
     text = f"{wanted.name}: written, tried and confirmed"
-    print_result({"board": wanted.name, "written": True}, text, as_json=as_json)
+    print_result({"board": wanted.name, "written": True}, text)
 
 
 @app.command("confirm")
 def confirm(
-    robot: RobotArgument = None,
+    given: Given,
     yes: Annotated[
         bool, typer.Option("--yes", help="Do not ask: the robot is on the board that it names.")
     ] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Confirm the board and the peripherals that a device reports, and let it drive.
 
     New firmware assumes the board that came with it, and drives nothing until somebody confirms it.
     """
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with given.resolve().open(bare=True) as driver:
         board = _with_a_board(driver).board
         state, found = board.read()
         if found is None:
@@ -240,16 +230,15 @@ def confirm(
             )
         is_new = state is not ConfigurationState.STORED
         if is_new:
-            _ask_to_confirm(found, yes=yes, as_json=as_json)
+            _ask_to_confirm(found, yes=yes)
             board.accept(found)
     print_result(
         {"board": found.name, "confirmed": True, "was_confirmed": not is_new},
         f"{found.name}: confirmed{'; the robot drives' if is_new else ' already'}",
-        as_json=as_json,
     )
 
 
-def _ask_to_confirm(found: Configuration, *, yes: bool, as_json: bool) -> None:
+def _ask_to_confirm(found: Configuration, *, yes: bool) -> None:
     if yes:
         return
     if not can_ask():
@@ -257,8 +246,8 @@ def _ask_to_confirm(found: Configuration, *, yes: bool, as_json: bool) -> None:
             f"the device reports the board {found.name}; compare it with `wheelwire board read`, "
             "then confirm with --yes: there is no terminal to ask on"
         )
-    if not as_json:
-        _show(found, as_json=False)
+    if not wants_json():
+        _show(found)
     question = f"Is the robot wired like this, to {found.name}? If not, its wheels may run away."
     if not ask_yes_or_no(question, default=False):
         raise ConfigurationError(
@@ -268,14 +257,12 @@ def _ask_to_confirm(found: Configuration, *, yes: bool, as_json: bool) -> None:
 
 
 @app.command("read")
-def read(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def read(given: Given) -> None:
     """Show the device's active board and peripherals, as a file."""
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    with given.resolve().open_to_look() as driver:
         board = _with_a_board(driver).board
         state, found = board.read()
-    if as_json:
+    if wants_json():
         print_json({"state": state, "board": board_mapping(found) if found else None})
         return
     typer.echo(reported(state, found), nl=False)
@@ -298,7 +285,6 @@ def init(
         str | None,
         typer.Option("--like", help="A built-in board or a file whose pins are the defaults."),
     ] = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Ask for the pins of a board, check each, and write a file.
 
@@ -315,7 +301,7 @@ def init(
         write_new(file, to_yaml(made).encode())
     except OSError as error:
         raise ConfigurationError(f"{file}: {error.strerror}") from error
-    if as_json:
+    if wants_json():
         print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
     else:
         print_lines(*(f"{file}: {problem}" for problem in problems))

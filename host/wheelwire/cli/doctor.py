@@ -13,8 +13,8 @@ import typer
 
 from wheelwire.errors import ProtocolMismatch, WheelwireError
 
-from .address import Address, BaudRateOption, RobotArgument
-from .output import JsonFlag, console, print_json, print_lines
+from .address import Address, Given
+from .output import console, print_json, print_lines, wants_json
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -25,31 +25,29 @@ FOUND = 30
 
 
 @command("doctor", Heading.LOOK, 5, page="doctor")
-def doctor(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def doctor(given: Given) -> None:
     """Find what causes trouble on this computer, and on ROBOT if one is named; with cures.
 
     Opens no port that is not named. Exit code 30 if anything was found.
     """
     from wheelwire.tools.doctor import Machine, examine
 
-    found = list(examine(Machine(robot=robot or "")))
-    if robot is not None:
-        found += _of_robot(Address(robot), baud_rate, as_json=as_json)
-    if as_json:
+    found = list(examine(Machine(robot=given.robot or "")))
+    if given.robot is not None:
+        found += _of_robot(Address(given.robot, given.baud_rate))
+    if wants_json():
         print_json([{**asdict(finding), "page": finding.page} for finding in found])
     else:
-        _print(found, robot)
+        _print(found, given.robot)
     if found:
         raise typer.Exit(FOUND)
 
 
-def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> Iterator[Finding]:
+def _of_robot(address: Address) -> Iterator[Finding]:
     from wheelwire.tools.doctor import Finding, examine_robot
 
     try:
-        with address.open_to_look(baud_rate, as_json=as_json) as driver:
+        with address.open_to_look() as driver:
             if driver.has_device:
                 yield from examine_robot(driver, address.text, address.parameters())
     except ProtocolMismatch as error:

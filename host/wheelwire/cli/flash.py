@@ -11,8 +11,8 @@ from rich.progress import Progress
 from wheelwire.connect import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
-from .address import RobotArgument, resolve
-from .output import JsonFlag, console, error_console, print_json, print_lines
+from .address import Given, RobotArgument
+from .output import console, error_console, print_json, print_lines, wants_json
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ def flash(
         bool,
         typer.Option("--erase", help="Erase the whole flash first, saved parameters included."),
     ] = False,
-    as_json: JsonFlag = False,
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters stay."""
     from wheelwire.connect import open_driver
@@ -49,7 +48,7 @@ def flash(
     # What can be wrong without the chip is found before it is touched.
     wanted = flasher.read_image(image) if image else None
     pins = checked_board(board) if board else None
-    port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
+    port = Given(port if robot is None else robot).resolve().serial_port()
     # First: the next steps reset the chip, and its wheels would roll on.
     flasher.ensure_stopped(port)
     chip = flasher.identify_chip(port)
@@ -65,7 +64,7 @@ def flash(
             "choose a board for this chip (`wheelwire board list`)"
         )
     plan = flasher.plan_flash(chosen, flasher.read_chip_table(port, chip), erase_all=erase)
-    if not as_json:
+    if not wants_json():
         print_lines(*_describe(plan))
     # On standard error: standard output may be JSON.
     hidden = not error_console.is_terminal
@@ -77,7 +76,7 @@ def flash(
     if pins is not None:
         with opened_to_look(), open_driver("serial", port=port) as driver:
             driver.board.take_up(pins)
-    if as_json:
+    if wants_json():
         erased = [{"name": p.name, "offset": p.offset, "size": len(p.content)} for p in plan.erased]
         print_json(
             {

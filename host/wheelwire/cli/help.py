@@ -59,7 +59,7 @@ PAGE_OF = {
 """Class of an error -> the page, and section, that explains it at length."""
 
 
-@command("help", Heading.WITHOUT_ROBOT, 4)
+@command("help", Heading.WITHOUT_ROBOT, 4, has_json=False)
 def help_command(
     context: typer.Context,
     words: Annotated[

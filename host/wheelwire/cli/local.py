@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from wheelwire.errors import OutputFailed
 from wheelwire.link.ports import ports as serial_ports
 
-from .output import JsonFlag, console, print_facts, print_json, print_table
+from .output import console, print_facts, print_json, print_table, screen, wants_json
 from .registry import Heading, command
 
 PLUG_IN = (
@@ -24,10 +23,10 @@ PLUG_IN = (
 
 
 @command("ports", Heading.BUILD, 2, page="troubleshooting/port")
-def ports(as_json: JsonFlag = False) -> None:
+def ports() -> None:
     """List serial ports, likely robots first. Opens none of them."""
     found = serial_ports()
-    if as_json:
+    if wants_json():
         print_json(found)
         return
     if not found:
@@ -46,15 +45,14 @@ def ports(as_json: JsonFlag = False) -> None:
 @command("demo", Heading.WITHOUT_ROBOT, 1, page="simulator")
 def demo(
     output: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("build/demo"),
-    as_json: JsonFlag = False,
 ) -> None:
     """Drive a simulated robot through a figure eight, then hang on purpose."""
     from wheelwire.tools.demo import (
         run,  # here, because the display and the plot are slow to import
     )
 
-    report = run(output, Console(stderr=True) if as_json else console)
-    if as_json:
+    report = run(output, screen())
+    if wants_json():
         print_json(report)
     else:
         print_facts("Measured", report.rows())
@@ -67,7 +65,7 @@ def demo(
         raise OutputFailed(f"the picture was not written: {report.picture_error}")
 
 
-@command("mcu", Heading.WITHOUT_ROBOT, 3, page="pi-pins/a-service-of-its-own")
+@command("mcu", Heading.WITHOUT_ROBOT, 3, page="pi-pins/a-service-of-its-own", has_json=False)
 def mcu(
     config: Annotated[Path, typer.Option(help="YAML file of a robot with driver l298n or pigpio.")],
     listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],

@@ -20,15 +20,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wheelwire import errors
-from wheelwire.connect import driver_at, is_recording
+from wheelwire.connect import is_recording
 from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.robot.robot import Robot
 from wheelwire_protocol.codec import BY_ID
 
-from .address import BaudRateOption, resolve
+from .address import Given
 from .interruptions import Interrupted, ended_by_signals, watch
 from .output import (
-    JsonFlag,
     check_writable,
     console,
     print_facts,
@@ -38,9 +37,10 @@ from .output import (
     print_result,
     show_help_alone,
     to_json_value,
+    wants_json,
 )
-from .parameters import RobotCommand, robot_and, split
-from .registry import Heading, command
+from .parameters import RobotCommand, robot_and
+from .registry import Commands, Heading, command
 from .sensors import ask_for_samples
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ LOOK_S = 0.1
 _F32 = struct.Struct("f")
 MESSAGES = {codec.type.__name__: codec.type for codec in BY_ID.values()}
 
-app = typer.Typer()
+app = Commands()
 command("log", Heading.LOOK, 6, page="recording")(app)
 
 
@@ -83,14 +83,11 @@ def log(context: typer.Context) -> None:
 
 @app.command("record", cls=RobotCommand)
 def record(
-    context: typer.Context,
-    arguments: Annotated[
-        list[str] | None,
+    given: Annotated[
+        Given,
         robot_and("FILE.mcap", "FILE.mcap may be a folder: a file in it is named by the time."),
-    ] = None,
+    ],
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
 
@@ -99,9 +96,9 @@ def record(
     """
     from wheelwire.log.recorder import recording_path
 
-    robot, (file,) = split(context, arguments or (), "FILE")
+    given, (file,) = given.split("FILE")
     recording_path(file)  # first: a robot should not be opened for nothing
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     if is_recording(address.text):
         raise errors.InvalidArgument(f"{address.text} is a recording already: name a robot")
     # Drop what the log says of the end of the recording: this command reports it.
@@ -110,18 +107,18 @@ def record(
     begin = end = time.monotonic()
     lost = 0
     try:
-        with ended_by_signals(), address.open_to_look(baud_rate, as_json=as_json) as driver:
+        with ended_by_signals(), address.open_to_look() as driver:
             if not driver.has_device:
                 raise errors.DriverUnavailable(
                     f"the driver of {address.text} has no link that could be recorded: "
                     "name another robot"
                 )
-            name, _ = driver_at(address.text, baud_rate=baud_rate, bare=True)
+            name, _ = address.driver(bare=True)
             recorder = driver.record(file, name)
             begin, lost_before = time.monotonic(), driver.statistics.frames_lost
             try:
-                print_note(f"recording to {recorder.file}; Ctrl-C ends it", as_json=as_json)
-                _wait(driver, recorder, begin + (seconds or math.inf), as_json=as_json)
+                print_note(f"recording to {recorder.file}; Ctrl-C ends it")
+                _wait(driver, recorder, begin + (seconds or math.inf))
             finally:
                 end = time.monotonic()
                 lost = driver.statistics.frames_lost - lost_before
@@ -130,15 +127,15 @@ def record(
             raise
     if recorder.error is not None:
         raise recorder.error
-    _say_what_was_written(recorder, end - begin, lost, as_json=as_json)
+    _say_what_was_written(recorder, end - begin, lost)
 
 
-def _wait(driver: Robot, recorder: Recorder, until: float, *, as_json: bool) -> None:
+def _wait(driver: Robot, recorder: Recorder, until: float) -> None:
     has_asked = ask_for_samples(driver)
     try:
         for change in watch(driver, until):
             if isinstance(change, str):
-                print_note(change, as_json=as_json)
+                print_note(change)
             if recorder.error is not None:
                 return
             has_asked = has_asked or ask_for_samples(driver)
@@ -146,14 +143,12 @@ def _wait(driver: Robot, recorder: Recorder, until: float, *, as_json: bool) -> 
     except errors.LinkClosed:
         if not isinstance(driver, AttachedDriver):
             raise
-        print_note(f"{driver.holder.name} has ended, and so does the recording", as_json=as_json)
+        print_note(f"{driver.holder.name} has ended, and so does the recording")
 
 
-def _say_what_was_written(
-    recorder: Recorder, duration_s: float, frames_lost: int, *, as_json: bool
-) -> None:
+def _say_what_was_written(recorder: Recorder, duration_s: float, frames_lost: int) -> None:
     sizes = {str(file): file.stat().st_size for file in recorder.files if file.exists()}
-    if as_json:
+    if wants_json():
         print_json(
             {
                 "files": sizes,
@@ -170,12 +165,12 @@ def _say_what_was_written(
 
 
 @app.command("info")
-def info(file: FileArgument, as_json: JsonFlag = False) -> None:
+def info(file: FileArgument) -> None:
     """Show what a recording holds, and whether it is complete."""
     from wheelwire.log.summary import summary
 
     found = summary(file)
-    if as_json:
+    if wants_json():
         print_json({"file": str(file), **to_json_value(found)})
         return
     print_facts(
@@ -219,7 +214,6 @@ def decode(
             autocompletion=lambda: list(MESSAGES),
         ),
     ] = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Print the messages of both directions as CSV, with the values as on the wire.
 
@@ -235,7 +229,7 @@ def decode(
     if first is None:
         check_left_out(file)
     found = chain(() if first is None else (first,), found)
-    if as_json:
+    if wants_json():
         for frame in found:
             if wanted is None or isinstance(frame.message, wanted):
                 row = _row(frame, offset)
@@ -359,7 +353,6 @@ def plot(
         Path | None,
         typer.Option(help="The picture, .png, .svg or .pdf; default: FILE.png beside the file."),
     ] = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Draw speeds asked and measured, duties, states and faults of a recording."""
     from wheelwire.log.reader import metadata
@@ -368,11 +361,11 @@ def plot(
         metadata(file)  # first: the picture's name comes from the file
     picture = output or file.with_suffix(".png")
     draw_recording(file, picture)
-    print_result({"picture": str(picture)}, f"drew {picture}", as_json=as_json)
+    print_result({"picture": str(picture)}, f"drew {picture}")
 
 
 @app.command("repair")
-def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
+def repair_file(file: FileArgument) -> None:
     """Write the end that a recording lacks after a crash or a power cut.
 
     The next recording in the same folder does this too.
@@ -383,7 +376,7 @@ def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
     text = f"{file} is complete: nothing was changed"
     if was_repaired:
         text = f"repaired {file}: `wheelwire log info {file}` shows it"
-    print_result({"file": str(file), "repaired": was_repaired}, text, as_json=as_json)
+    print_result({"file": str(file), "repaired": was_repaired}, text)
 
 
 def _megabytes(size: int) -> str:

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,12 +22,22 @@ from wheelwire.samples import to_json_value as to_json_value
 
 console = Console(highlight=False, markup=False)
 error_console = Console(highlight=False, markup=False, stderr=True)
-"""With --json: standard output is the result alone."""
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Click's class, or the one of the copy of Click inside Typer: releases of Typer differ."""
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def wants_json() -> bool:
+    """Whether this command prints JSON."""
+    # Not from the parsed options: an error may be that they cannot be parsed.
+    return "--json" in takewhile("--".__ne__, sys.argv)
+
+
+def screen() -> Console:
+    """Where a person sees what is not the result: with --json, standard output is that alone."""
+    return error_console if wants_json() else console
 
 
 def print_json(value: Any) -> None:
@@ -40,9 +51,9 @@ def print_lines(*lines: str, style: str | None = None) -> None:
         console.print(line, style=style, soft_wrap=True)
 
 
-def print_result(result: object, text: str, *, as_json: bool) -> None:
+def print_result(result: object, text: str) -> None:
     """Print what a command has done: as JSON, or as a line for people."""
-    if as_json:
+    if wants_json():
         print_json(result)
     else:
         print_lines(text)
@@ -76,25 +87,29 @@ def show_help_alone(context: typer.Context) -> None:
         raise typer.Exit(2)
 
 
-def print_error(message: str, kind: str, exit_code: int, *, as_json: bool, more: str = "") -> None:
+def print_error(message: str, kind: str, exit_code: int, more: str = "") -> None:
     """Print one line on stderr: what happened, what to do, and the command in `more`."""
     error = {"error": kind, "message": message, "exit_code": exit_code}
     if more:
         error["more"] = more
         message = f"{message} (more: {more})"
-    print(json.dumps(error) if as_json else f"wheelwire: {message}", file=sys.stderr)  # noqa: T201
+    _tell(error, message)
 
 
-def print_interruption(message: str, exit_code: int, *, as_json: bool) -> None:
+def print_interruption(message: str, exit_code: int) -> None:
     """Print one line on stderr: what was done before a signal ended the command."""
     if sys.stderr.isatty():
         print(file=sys.stderr)  # noqa: T201 - the terminal shows ^C where the cursor was
-    print_error(message, "Interrupted", exit_code, as_json=as_json)
+    print_error(message, "Interrupted", exit_code)
 
 
-def print_note(text: str, *, as_json: bool) -> None:
+def print_note(text: str) -> None:
     """Print one line on stderr that is neither a result nor an error."""
-    print(json.dumps({"note": text}) if as_json else f"wheelwire: {text}", file=sys.stderr)  # noqa: T201
+    _tell({"note": text}, text)
+
+
+def _tell(value: object, text: str) -> None:
+    print(json.dumps(value) if wants_json() else f"wheelwire: {text}", file=sys.stderr)  # noqa: T201
 
 
 def check_writable(file: Path | None) -> None:

@@ -22,18 +22,14 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
 from .address import (
     ROBOT_HELP,
-    BaudRateOption,
-    RobotArgument,
+    Given,
     complete_robot,
     complete_yaml,
     looks_like_address,
     outlives_commands,
-    resolve,
 )
 from .interruptions import ended_by_signals
 from .output import (
-    JsonFlag,
-    UsageError,
     console,
     print_json,
     print_lines,
@@ -41,10 +37,11 @@ from .output import (
     print_result,
     print_table,
     show_help_alone,
+    wants_json,
     write_new,
 )
 from .prompts import ask_yes_or_no, can_ask
-from .registry import Heading, command
+from .registry import Commands, Heading, command
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22
@@ -55,7 +52,7 @@ TABLE_COLUMNS = 100
 Complete: TypeAlias = Callable[[str], Iterable[tuple[str, str]]]
 """What the shell suggests for what was typed, each with a description."""
 
-app = typer.Typer()
+app = Commands()
 command("params", Heading.BUILD, 7, page="robot-file")(app)
 
 
@@ -90,26 +87,6 @@ def _robot_and_names(what: str) -> Any:
     )
 
 
-def split(
-    context: typer.Context, arguments: Sequence[str], *names: str
-) -> tuple[str | None, list[str]]:
-    """Split into ROBOT, if given, and the values of all `names`. Nothing is opened."""
-    for argument in arguments:
-        if argument.startswith("--"):
-            raise UsageError(f"No such option: {argument}", context)
-    missing = len(names) - len(arguments)
-    # A file may have any name. A parameter's name means that the last argument is missing.
-    if missing == 0 and names != ("FILE",) and looks_like_address(arguments[0]):
-        missing = 1
-    if missing > 0:
-        raise UsageError(f"Missing argument '{names[-missing]}'", context)
-    # One argument more than names is ROBOT.
-    if missing < -1:
-        raise UsageError(f"Unexpected argument '{arguments[len(names) + 1]}'", context)
-    robot = arguments[0] if len(arguments) > len(names) else None
-    return robot, list(arguments[-len(names) :])
-
-
 @app.callback(invoke_without_command=True)
 def params(context: typer.Context) -> None:
     """Show and change the robot's parameters."""
@@ -117,14 +94,12 @@ def params(context: typer.Context) -> None:
 
 
 @app.command("list")
-def list_all(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def list_all(given: Given) -> None:
     """List all parameters with value, unit, bounds and meaning."""
     # Bare: with a robot's file the values on the robot are shown, not replaced by the file's.
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    with given.resolve().open_to_look() as driver:
         parameters = driver.parameters.list()
-    if as_json:
+    if wants_json():
         print_json(parameters)
         return
     if console.width < TABLE_COLUMNS:
@@ -149,40 +124,34 @@ def _value(parameter: ParameterInfo) -> str:
 
 @app.command("get", cls=RobotCommand)
 def get(
-    context: typer.Context,
-    arguments: Annotated[list[str] | None, _robot_and_names("NAME")] = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
+    given: Annotated[Given, _robot_and_names("NAME")],
 ) -> None:
     """Show one value."""
-    robot, (name,) = split(context, arguments or (), "NAME")
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    given, (name,) = given.split("NAME")
+    with given.resolve().open_to_look() as driver:
         value = driver.parameters[name]
-    print_result({name: value}, f"{value:g}", as_json=as_json)
+    print_result({name: value}, f"{value:g}")
 
 
 # Unknown options are ignored, so that a negative VALUE is not mistaken for one; `split` rejects
 # what really is an option.
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
-    context: typer.Context,
-    arguments: Annotated[list[str] | None, _robot_and_names("NAME VALUE")] = None,
+    given: Annotated[Given, _robot_and_names("NAME VALUE")],
     save: Annotated[bool, typer.Option("--save", help="Save this value, too.")] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Change one value until the next reset; with --save also after it. Saves no other value."""
-    robot, (name, value) = split(context, arguments or (), "NAME", "VALUE")
-    address = resolve(robot, as_json=as_json)
+    given, (name, value) = given.split("NAME", "VALUE")
+    address = given.resolve()
     address.check_parameters([name], save=save)
-    with address.open(baud_rate) as driver:
+    with address.open() as driver:
         lasting = outlives_commands(driver)
         in_force = driver.parameters.set(name, _number(value))
         if save:
             driver.parameters.save(name)
     duration = _duration(name, address.text, saved=save, lasting=lasting)
     text = f"{name} = {in_force:g}, {duration}"
-    print_result({name: in_force, "saved": save}, text, as_json=as_json)
+    print_result({name: in_force, "saved": save}, text)
 
 
 def _number(text: str) -> float:
@@ -208,20 +177,18 @@ def _duration(name: str, address: str, *, saved: bool, lasting: bool) -> str:
 
 @app.command("save", cls=RobotCommand)
 def save_values(
-    arguments: Annotated[list[str] | None, _robot_and_names("[NAME]...")] = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
+    given: Annotated[Given, _robot_and_names("[NAME]...")],
 ) -> None:
     """Save the parameters named, or all.
 
     The first argument is ROBOT if it is `mock`, an existing file or contains / : or a dot;
     otherwise a parameter.
     """
-    names = list(arguments or ())
+    names = list(given.arguments or ())
     robot = names.pop(0) if names and looks_like_address(names[0]) else None
-    address = resolve(robot, as_json=as_json)
+    address = Given(robot, given.baud_rate).resolve()
     address.check_parameters(names, save=True)
-    with address.open(baud_rate) as driver:
+    with address.open() as driver:
         for name in names:
             driver.parameters[name]  # raises for an unknown name before anything is saved
         for wanted in names or (None,):
@@ -235,12 +202,12 @@ def save_values(
     if names:
         text = f"saved: {values}"
     saved = {name: p.value for name, p in kept.items()}
-    print_result({"saved": saved}, text, as_json=as_json)
+    print_result({"saved": saved}, text)
 
 
 @app.command("reset")
 def reset_all(
-    robot: RobotArgument = None,
+    given: Given,
     copy: Annotated[
         Path | None,
         typer.Option(
@@ -249,8 +216,6 @@ def reset_all(
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
 
@@ -258,7 +223,7 @@ def reset_all(
     (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives until `wheelwire
     board write`.
     """
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     # Before the robot is opened, which stops it.
     if not yes and not can_ask():
         raise InvalidArgument(
@@ -266,7 +231,7 @@ def reset_all(
             "reset"
         )
     # Bare: the copy is of what the robot has, not of what its file would set.
-    with ended_by_signals() as ending, address.open(baud_rate, bare=True) as driver:
+    with ended_by_signals() as ending, address.open(bare=True) as driver:
         ending.outcome = "interrupted; nothing was reset"
         present, device = driver.parameters.list(), _device(driver)
         if not yes and not ask_yes_or_no(_reset_question(present, driver.read().faults)):
@@ -279,10 +244,10 @@ def reset_all(
         try:
             driver.parameters.reset()
         except WheelwireError:
-            print_note(f"a copy of the values is in {file}", as_json=as_json)
+            print_note(f"a copy of the values is in {file}")
             raise
     text = f"all parameters reset to their defaults; {back}"
-    print_result({"reset": True, "copy": str(file)}, text, as_json=as_json)
+    print_result({"reset": True, "copy": str(file)}, text)
 
 
 def _reset_question(present: Sequence[ParameterInfo], faults: Fault) -> str:
@@ -327,22 +292,20 @@ def _new_copy(board_id: str) -> Path:
 
 
 RobotAndFile = Annotated[
-    list[str] | None,
+    Given,
     robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", complete_yaml),
 ]
 
 
 @app.command("export")
-def export(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def export(given: Given) -> None:
     """Print all parameters with their units, and the board's identity, as YAML.
 
     `params import` sets them on another robot.
     """
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    with given.resolve().open_to_look() as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
-    if as_json:
+    if wants_json():
         print_json(exported.as_mapping())
     else:
         typer.echo(exported.text(), nl=False)
@@ -350,11 +313,8 @@ def export(
 
 @app.command("import", cls=RobotCommand)
 def import_file(
-    context: typer.Context,
-    arguments: RobotAndFile = None,
+    given: RobotAndFile,
     save: Annotated[bool, typer.Option("--save", help="Save these values, too.")] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
@@ -362,13 +322,13 @@ def import_file(
     another board.
     """
     # The file first: opening the robot stops it, which a wrong file should not do.
-    robot, (file,) = split(context, arguments or (), "FILE")
+    given, (file,) = given.split("FILE")
     wanted = load_parameter_file(file)
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     # Whether anything can be saved is known before the robot is opened. Which values would change,
     # and whether the robot's file would undo them, is known only then.
     address.check_parameters([], save=save)
-    with ended_by_signals() as ending, address.open(baud_rate) as driver:
+    with ended_by_signals() as ending, address.open() as driver:
         ending.outcome = "interrupted; the previous values are set again"
         lasting, device = outlives_commands(driver), _device(driver)
         expected = differences(driver.parameters.list(), wanted.values)
@@ -377,7 +337,7 @@ def import_file(
         ending.outcome = "interrupted; the values in the file are set"
         driver.read()  # it may have been sent before the last change
         state = driver.read().state
-    if as_json:
+    if wants_json():
         print_json(
             {
                 "changed": {change.name: change.wanted for change in changes},
@@ -414,22 +374,19 @@ def import_file(
 
 @app.command("diff", cls=RobotCommand)
 def diff(
-    context: typer.Context,
-    arguments: RobotAndFile = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
+    given: RobotAndFile,
 ) -> None:
     """Show where a robot's values differ from a file's; exit code 22 if any does.
 
     Only the parameters in the file are compared.
     """
-    robot, (file,) = split(context, arguments or (), "FILE")
+    given, (file,) = given.split("FILE")
     wanted = load_parameter_file(file)
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    with given.resolve().open_to_look() as driver:
         parameters, device = driver.parameters.list(), _device(driver)
     found = differences(parameters, wanted.values)
     absent = [p.name for p in parameters if p.name not in wanted.values]
-    if as_json:
+    if wants_json():
         values = {d.name: {"robot": d.robot, "file": d.wanted, "unit": d.unit} for d in found}
         print_json({"different": values, "not_in_file": absent, **_boards(wanted, device)})
     elif found:
@@ -441,7 +398,7 @@ def diff(
         print_lines(f"robot: {_robot(device)}; file: {wanted.source}")
     else:
         console.print(f"all {len(wanted.values)} values are equal")
-    if absent and not as_json:
+    if absent and not wants_json():
         print_lines(f"not in the file, not compared: {', '.join(absent)}")
     if found:
         raise typer.Exit(DIFFERENT)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from importlib import import_module
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import typer
+
+from .output import JsonFlag
 
 _MODULES = {
     **dict.fromkeys(("clear", "drive", "estop", "info", "monitor", "restart", "stop"), "robot"),
@@ -43,6 +47,7 @@ class Command:
         place: Where among those of its heading; the least comes first.
         page: The page, and section, that explains it; its help ends with that. Empty: none.
         runs: What it runs, or the subcommands.
+        has_json: Whether it has the option `--json`.
     """
 
     name: str
@@ -50,18 +55,73 @@ class Command:
     place: int
     page: str
     runs: Callable[..., Any] | typer.Typer
+    has_json: bool
 
 
 _commands: list[Command] = []
 
 
+class Commands(typer.Typer):
+    """Commands, each with the option `--json`, which `output.wants_json` looks for.
+
+    A parameter of a class with `on_command_line` stands for several arguments and options.
+    """
+
+    def command(
+        self, *names: Any, has_json: bool = True, **settings: Any
+    ) -> Callable[[CommandT], CommandT]:
+        """As Typer's."""
+        register = super().command(*names, **settings)
+
+        def add(runs: CommandT) -> CommandT:
+            register(_expanded(runs, has_json=has_json))
+            return runs
+
+        return add
+
+
+def _expanded(runs: Callable[..., Any], *, has_json: bool) -> Callable[..., Any]:
+    """A function for Typer, which has each argument and option as a parameter."""
+    hints = get_type_hints(runs, include_extras=True)
+    shown: dict[str, Any] = {}
+    last = {"as_json": JsonFlag} if has_json else {}
+    defaults: dict[str, Any] = {"as_json": False}
+    groups: dict[str, tuple[Any, list[str]]] = {}
+    for name, parameter in signature(runs).parameters.items():
+        kind, *argument = get_args(hints[name]) or (hints[name],)
+        if hasattr(kind, "on_command_line"):
+            arguments, options = kind.on_command_line(*argument)
+            groups[name] = kind, [*arguments, *options]
+            shown |= arguments
+            last = options | last
+        else:
+            shown[name] = hints[name]
+            defaults[name] = parameter.default
+
+    @wraps(runs)
+    def run(**given: Any) -> object:
+        given.pop("as_json", None)
+        for name, (kind, parts) in groups.items():
+            given[name] = kind(**{part: given.pop(part) for part in parts})
+        return runs(**given)
+
+    run.__annotations__ = shown | last
+    run.__signature__ = Signature(  # type: ignore[attr-defined]
+        [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name), annotation=hint)
+            for name, hint in run.__annotations__.items()
+        ]
+    )
+    return run
+
+
 def command(
-    name: str, heading: Heading, place: int, *, page: str = ""
+    name: str, heading: Heading, place: int, *, page: str = "", has_json: bool = True
 ) -> Callable[[CommandT], CommandT]:
     """Register what this decorates, or is called with, as a command; see `Command`."""
 
     def register(runs: CommandT) -> CommandT:
-        _commands.append(Command(name, heading, place, page, runs))
+        _commands.append(Command(name, heading, place, page, runs, has_json))
         return runs
 
     return register

@@ -21,10 +21,9 @@ from wheelwire.robot.robot import Robot
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
-from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
+from .address import Address, Given, YesFlag
 from .interruptions import ended_by_a_loss, ended_by_signals, watch
 from .output import (
-    JsonFlag,
     console,
     print_facts,
     print_json,
@@ -32,6 +31,7 @@ from .output import (
     print_note,
     print_result,
     to_json_value,
+    wants_json,
 )
 from .registry import Heading, command
 from .sensors import ask_for_samples
@@ -49,15 +49,13 @@ _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 @command("info", Heading.LOOK, 1, page="command-line")
-def info(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def info(given: Given) -> None:
     """Show the connected board, its state and link quality."""
     from wheelwire.log.why.device import ledger_counts, ledger_facts
     from wheelwire.tools.doctor.robot import memory_facts, memory_of
 
-    address = resolve(robot, as_json=as_json)
-    with address.open_to_look(baud_rate, as_json=as_json) as driver:
+    address = given.resolve()
+    with address.open_to_look() as driver:
         if not driver.has_device:
             raise errors.DriverUnavailable(
                 f"the driver of {address.text} has no information about its device; "
@@ -69,7 +67,7 @@ def info(
         warnings = _warnings(driver, sample, address.text)
         holding = driver.holding()
         link, statistics = driver.info, driver.statistics
-    if as_json:
+    if wants_json():
         print_json(
             {
                 "link": link,
@@ -164,25 +162,23 @@ def _latched(sample: WheelSample, address: str) -> str:
 
 @command("drive", Heading.DRIVE, 1, page="tutorial/6-drive")
 def drive(
-    robot: RobotArgument = None,
+    given: Given,
     linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
     angular: Annotated[
         float | None, typer.Option(help="rad/s, counter-clockwise positive.")
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long.")] = 1.0,
     yes: YesFlag = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Drive at a constant velocity for a set time, stop, and report the distance."""
     if linear is None and angular is None:
         raise errors.InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
-    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    address = given.resolve(moves=True, yes=yes)
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate, drives=True) as driver,
+        address.open(drives=True) as driver,
         ending.stops(driver),
         ended_by_a_loss(),
     ):
@@ -204,12 +200,11 @@ def drive(
     if triggered:
         print_note(
             f"{', '.join(triggered)} triggered: this robot does not drive against that",
-            as_json=as_json,
         )
     # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
-    if as_json:
+    if wants_json():
         result = {**pose._asdict(), **driven._asdict(), "rolled_out_m": rolled_m}
         print_json({**result, "late_setpoints": late})
         return
@@ -290,28 +285,26 @@ def _standstill(robot: Robot) -> WheelSample:
 
 @command("monitor", Heading.LOOK, 2, page="view")
 def monitor(
-    robot: RobotArgument = None,
+    given: Given,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
     plain: Annotated[
         bool, typer.Option("--plain", help="Print lines; never take the whole screen.")
     ] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Show wheel speeds, duties, state, and why it stopped. Goes on when a lost link is back.
 
     On a terminal it takes the whole screen, with plots, and keys that stop, clear, tune, drive and
     record (press ?). Elsewhere it prints lines, and sends nothing. It also plays a recording.
     """
-    address = resolve(robot, as_json=as_json)
-    if not (plain or as_json) and can_show():
-        show(address, seconds, baud_rate)
+    address = given.resolve()
+    if not (plain or wants_json()) and can_show():
+        show(address, seconds)
         return
     with (
-        address.open_to_look(baud_rate, as_json=as_json) as driver,
+        address.open_to_look() as driver,
         _ended_by_the_recording(address.text),
     ):
-        note = partial(print_note, as_json=as_json)
+        note = partial(print_note)
         if driver.has_device:
             with suppress(errors.InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(
@@ -326,7 +319,7 @@ def monitor(
             if isinstance(news, str):
                 note(news)
                 continue
-            if as_json:
+            if wants_json():
                 print_json(news)
                 continue
             print_lines(_line(news, driver.statistics.frames_lost))
@@ -348,9 +341,7 @@ def _ended_by_the_recording(address: str) -> Iterator[None]:
 
 
 @command("estop", Heading.DRIVE, 4, page="stops")
-def estop(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def estop(given: Given) -> None:
     """Emergency stop: stop the wheels and refuse to drive until `clear`."""
     # Here: only this command needs all of them, and each of its imports takes time.
     from wheelwire.drivers.attached import AttachedDriver
@@ -358,8 +349,8 @@ def estop(
     from wheelwire.drivers.pigpio import PigpioDriver
     from wheelwire.drivers.serial import SerialDriver
 
-    address = resolve(robot, as_json=as_json)
-    driver = _stopped(address, baud_rate, lambda robot: robot.estop(), as_json=as_json)
+    address = given.resolve()
+    driver = _stopped(address, lambda robot: robot.estop())
     # A process that this command started ends with it, but its latch stays. A simulated robot is
     # gone.
     lasting = isinstance(driver, (AttachedDriver, SerialDriver, L298NDriver, PigpioDriver))
@@ -368,46 +359,40 @@ def estop(
     if lasting:
         text = f"stopped and latched; {after}`wheelwire clear {address.text}` ends it"
     latched = SupervisorState.ESTOPPED if lasting else None
-    print_result({"latched": latched}, text, as_json=as_json)
+    print_result({"latched": latched}, text)
 
 
 @command("stop", Heading.DRIVE, 3, page="stops")
-def stop(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def stop(given: Given) -> None:
     """Stop the wheels. The next setpoint drives again; `estop` keeps the robot stopped."""
     from wheelwire.drivers.attached import AttachedDriver
 
-    address = resolve(robot, as_json=as_json)
-    driver = _stopped(address, baud_rate, lambda robot: robot.stop(), as_json=as_json)
+    address = given.resolve()
+    driver = _stopped(address, lambda robot: robot.stop())
     text = "stopped"
     if isinstance(driver, AttachedDriver):
         text = (
             f"stopped; the next setpoint of {driver.holder.name}, drives again: "
             f"`wheelwire estop {address.text}` keeps it from driving"
         )
-    print_result({"stopped": True}, text, as_json=as_json)
+    print_result({"stopped": True}, text)
 
 
-def _stopped(
-    address: Address, baud_rate: int | None, act: Callable[[Robot], None], *, as_json: bool
-) -> Robot:
+def _stopped(address: Address, act: Callable[[Robot], None]) -> Robot:
     """Stop the robot by `act`; returns the driver that did it, closed."""
     if is_recording(address.text):
         raise errors.InvalidArgument(
             f"{address.text} is a recording, and cannot stop: name a robot"
         )
     try:
-        return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
+        return _stopped_by_anyone(address, act)
     except errors.LinkClosed:  # the program that held the port just ended
-        return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
+        return _stopped_by_anyone(address, act)
 
 
-def _stopped_by_anyone(
-    address: Address, baud_rate: int | None, act: Callable[[Robot], None], *, as_json: bool
-) -> Robot:
+def _stopped_by_anyone(address: Address, act: Callable[[Robot], None]) -> Robot:
     try:
-        opened = address.open_to_look(baud_rate, as_json=as_json, listens=False)
+        opened = address.open_to_look(listens=False)
     except errors.PortUnavailable as error:
         raise errors.PortUnavailable(error.port, f"{error.reason}. Nothing was sent") from error
     except errors.DriverUnavailable as error:
@@ -419,14 +404,12 @@ def _stopped_by_anyone(
 
 @command("clear", Heading.DRIVE, 5, page="stops")
 def clear(
-    robot: RobotArgument = None,
-    baud_rate: BaudRateOption = None,
+    given: Given,
     yes: YesFlag = False,
-    as_json: JsonFlag = False,
 ) -> None:
     """Clear an e-stop or a fault; refused while its cause lasts."""
-    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
-    with address.open(baud_rate, bare=True) as driver:
+    address = given.resolve(moves=True, yes=yes)
+    with address.open(bare=True) as driver:
         before = after = driver.read()
         if before.state is SupervisorState.ESTOPPED:
             try:
@@ -441,7 +424,7 @@ def clear(
         while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
             after = driver.read()
     ended = before.state if before.state in _LATCHED else None
-    if as_json:
+    if wants_json():
         print_json({"ended": ended, "state": after.state, "faults": after.faults})
         return
     if ended is None:
@@ -457,17 +440,15 @@ def clear(
 
 
 @command("restart", Heading.DRIVE, 6, page="command-line")
-def restart(
-    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
-) -> None:
+def restart(given: Given) -> None:
     """Restart the device, wait for it, and say what is active.
 
     Values that were not saved are lost; a latched e-stop or fault stays latched. Refused while the
     robot drives.
     """
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     # Bare: a robot's file would set its values again, and they are not what the device has saved.
-    with address.open(baud_rate, bare=True) as driver:
+    with address.open(bare=True) as driver:
         if not driver.has_device:
             raise errors.DriverUnavailable(
                 f"the driver of {address.text} has no device to restart: name another robot"
@@ -487,7 +468,7 @@ def restart(
             sample = driver.read()
         device, board = driver.info.device, driver.info.board
         warnings = _warnings(driver, sample, address.text)
-    if as_json:
+    if wants_json():
         print_json(
             {
                 "device": device,

@@ -22,8 +22,8 @@ from wheelwire_protocol.codes import (
     SensorState,
 )
 
-from .address import BaudRateOption, RobotArgument, resolve
-from .output import JsonFlag, console, print_json, print_note, print_table
+from .address import Given
+from .output import console, print_json, print_note, print_table, wants_json
 from .registry import Heading, command
 
 PERIOD_S = 1.0
@@ -31,31 +31,29 @@ PERIOD_S = 1.0
 
 @command("sensors", Heading.LOOK, 3, page="sensors")
 def sensors(
-    robot: RobotArgument = None,
+    given: Given,
     seconds: Annotated[
         float, typer.Option(min=0.0, help="For how long, once a second; 0: once.")
     ] = 0.0,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Show what the sensors and inputs measure, and why a sensor cannot be used.
 
     Beside a program that holds the robot, samples come at the rate that was asked for first.
     """
-    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+    with given.resolve().open_to_look() as driver:
         events = driver.sensors.events()
         wait_until_read(driver.sensors)
         end = time.monotonic() + seconds
         with suppress(StopIteration):  # the events have ended: so has the recording
-            _print_events(events, as_json=as_json, warnings_only=True)
+            _print_events(events, warnings_only=True)
         with suppress(StopIteration):
             while True:
                 driver.sensors.events()  # asks again in a new session; raises if out of reach
-                _print(driver.sensors.channels, as_json=as_json)
+                _print(driver.sensors.channels)
                 if time.monotonic() >= end:
                     return
                 time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
-                _print_events(events, as_json=as_json)
+                _print_events(events)
 
 
 def ask_for_samples(driver: Robot) -> bool:
@@ -77,15 +75,15 @@ def ask_for_samples(driver: Robot) -> bool:
 
 
 def _print_events(
-    events: SampleIterator[samples.SensorEvent], *, as_json: bool, warnings_only: bool = False
+    events: SampleIterator[samples.SensorEvent], *, warnings_only: bool = False
 ) -> None:
     while (event := events.poll()) is not None:
         if event.is_warning or not warnings_only:
-            print_note(event.sentence, as_json=as_json)
+            print_note(event.sentence)
 
 
-def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
-    if as_json:
+def _print(channels: tuple[SensorStatus, ...]) -> None:
+    if wants_json():
         print_json(
             [
                 {

@@ -16,9 +16,9 @@ from wheelwire.errors import CommissioningFailed, InvalidArgument
 from wheelwire.robot.robot import Robot
 from wheelwire.samples import to_json_value
 
-from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
+from .address import Address, Given, YesFlag
 from .interruptions import ended_by_a_loss, ended_by_signals
-from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
+from .output import TimeLeft, check_writable, console, print_json, screen, wants_json
 from .prompts import ask_until
 from .registry import Heading, command
 from .sim import setting
@@ -52,7 +52,7 @@ SIZES = {
 
 @command("setup", Heading.BUILD, 5, page="first-hour")
 def setup(
-    robot: RobotArgument = None,
+    given: Given,
     answers: Annotated[
         Path | None, typer.Option(help="YAML file of answers, to run without a person.")
     ] = None,
@@ -103,8 +103,6 @@ def setup(
         ),
     ] = None,
     yes: YesFlag = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
 
@@ -127,14 +125,14 @@ def setup(
     options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
     person: Person
     if simulated:
-        if robot is not None:
-            raise InvalidArgument(f"give {robot} or --simulated, not both")
+        if given.robot is not None:
+            raise InvalidArgument(f"give {given.robot} or --simulated, not both")
         with _simulated_robot(plant, seed, settings or (), on_the_floor=on_the_floor) as mock:
             person = SimulatedPerson(mock)
             if answers is not None:
                 person = AnswersFile(answers, person)
-            _run(mock, person, options, as_json=as_json)
-        if not as_json:
+            _run(mock, person, options)
+        if not wants_json():
             console.print(
                 "Next: `wheelwire sim` runs a simulated robot that stays; with a real one, "
                 "`wheelwire start`"
@@ -144,21 +142,16 @@ def setup(
         raise InvalidArgument(
             "setup asks questions: run it in a terminal, or answer them by --answers FILE"
         )
-    person = AnswersFile(answers) if answers is not None else _Terminal(as_json=as_json)
-    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    person = AnswersFile(answers) if answers is not None else _Terminal()
+    address = given.resolve(moves=True, yes=yes)
     _check_lasting(address, keep)
-    findings = set_up_at(address, person, options, baud_rate, as_json=as_json)
-    if findings.saved and not as_json:
+    findings = set_up_at(address, person, options)
+    if findings.saved and not wants_json():
         _print_next(address.text, on_the_floor=on_the_floor)
 
 
 def set_up_at(
-    address: Address,
-    person: Person | None = None,
-    options: Options | None = None,
-    baud_rate: int | None = None,
-    *,
-    as_json: bool = False,
+    address: Address, person: Person | None = None, options: Options | None = None
 ) -> Findings:
     """Set up the robot at this address.
 
@@ -166,8 +159,6 @@ def set_up_at(
         address: Where it is.
         person: Answers the questions; by default the person at this terminal.
         options: What differs from the ordinary.
-        baud_rate: Baud rate of a port; None: the default.
-        as_json: Standard output is the findings as JSON.
 
     Raises:
         typer.Exit: The set-up could not go on.
@@ -175,19 +166,19 @@ def set_up_at(
     """
     from wheelwire.tools.setup.setup import Options, Progress
 
-    person = person or _Terminal(as_json=as_json)
+    person = person or _Terminal()
     options = options or Options()
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate, drives=True) as driver,
+        address.open(drives=True) as driver,
         ending.stops(driver, lambda: UNSAVED),
         ended_by_a_loss(),
     ):
         # Only a board with an id is recognised again; on the floor there is nothing to resume.
         if driver.has_device and not options.on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
-        return _run(driver, person, options, as_json=as_json)
+        return _run(driver, person, options)
 
 
 def _print_next(robot: str, *, on_the_floor: bool) -> None:
@@ -202,19 +193,16 @@ def _print_next(robot: str, *, on_the_floor: bool) -> None:
     console.print(f"    wheelwire drive {robot} --linear 0.1 --seconds 2", soft_wrap=True)
 
 
-def _run(robot: Robot, person: Person, options: Options, *, as_json: bool) -> Findings:
+def _run(robot: Robot, person: Person, options: Options) -> Findings:
     from wheelwire.tools.setup.setup import set_up
 
-    # With --json, standard output is the findings alone.
-    screen = error_console if as_json else console
-
     def say(text: str) -> None:
-        screen.print(text, soft_wrap=True)
+        screen().print(text, soft_wrap=True)
 
-    with TimeLeft(screen) as left:
+    with TimeLeft(screen()) as left:
         options = replace(options, left=left.show)
         findings = set_up(robot, _Shown(person, say), say, options)
-    if as_json:
+    if wants_json():
         found = to_json_value(findings)
         del found["is_complete"]  # the exit code says so
         print_json(found)
@@ -248,14 +236,11 @@ class _Shown:
 class _Terminal:
     """The person at this terminal."""
 
-    def __init__(self, *, as_json: bool) -> None:
-        self._err = as_json
-
     def answer(self, question: Question) -> str:
         """Ask until the answer can be understood."""
         choices = f" ({', '.join(question.choices)})" if question.choices else ""
         text = f"{question.text}{choices}"
-        return ask_until(text, question.parse, question.default, err=self._err)
+        return ask_until(text, question.parse, question.default, err=wants_json())
 
 
 def _check_lasting(address: Address, keep: Path | None) -> None:

@@ -24,8 +24,8 @@ from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 from wheelwire.tools.files.bad_line import load_profile
 from wheelwire.tools.files.plant import load_plant
 
-from .output import JsonFlag, print_json, print_lines, print_note, print_result
-from .registry import Heading, command
+from .output import JsonFlag, print_json, print_lines, print_note, print_result, wants_json
+from .registry import Commands, Heading, command
 
 DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
 TRUTH_HZ = 20.0
@@ -51,7 +51,7 @@ class _SimGroup(typer.core.TyperGroup):
         return super().parse_args(ctx, args)
 
 
-app = typer.Typer(cls=_SimGroup)
+app = Commands(cls=_SimGroup)
 command("sim", Heading.WITHOUT_ROBOT, 2, page="simulator")(app)
 
 
@@ -89,7 +89,7 @@ def sim(
         return
     arguments = [*(f"--set={name}={value!r}" for name, value in values.items()), *(bare or ())]
     if faults is not None:
-        _run_on_a_bad_line(link, faults, arguments, as_json=as_json)
+        _run_on_a_bad_line(link, faults, arguments)
         return
     program = str(find_simulator())
     announce = [] if as_json else ["--announce", _announcement(link)]
@@ -116,10 +116,10 @@ def _announcement(port: str | Path) -> str:
     )
 
 
-def _run_on_a_bad_line(link: Path, faults: str, arguments: list[str], *, as_json: bool) -> None:
+def _run_on_a_bad_line(link: Path, faults: str, arguments: list[str]) -> None:
     _leave_by_signals()
     with ImpairedSimulator(load_profile(faults), link=link, arguments=arguments) as simulator:
-        if as_json:
+        if wants_json():
             print_json({"event": "ready", "port": simulator.port})
         else:
             print_lines(_announcement(simulator.port))
@@ -171,7 +171,7 @@ def _run_told(link: Path, faults: str | None, values: dict[str, float]) -> None:
         try:
             stack.enter_context(RemoteConsole(str(simulator.port), simulator.command))
         except (OSError, WheelwireError) as error:
-            print_note(f"`wheelwire sim turn` cannot turn its wheels: {error}", as_json=False)
+            print_note(f"`wheelwire sim turn` cannot turn its wheels: {error}")
         threading.Thread(target=_obey_lines, args=(simulator,), daemon=True).start()
         if simulator.wait():
             raise WheelwireError("the simulator has ended: start it again")
@@ -217,7 +217,6 @@ def turn(
         Path | None,
         typer.Option(help="The simulated port, if several run."),
     ] = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Turn a wheel of a running simulator by hand, one turn a second, for setup."""
     if wheel not in SIDES:
@@ -235,7 +234,7 @@ def turn(
         )
     way = "forward" if turns > 0 else "backward"
     text = f"the {wheel} wheel was turned {way} by {abs(turns):g} turns"
-    print_result({"wheel": wheel, "turns": turns}, text, as_json=as_json)
+    print_result({"wheel": wheel, "turns": turns}, text)
 
 
 def _turn(simulator: RemoteSimulator, wheel: str, turns: float) -> float:

@@ -15,7 +15,7 @@ from wheelwire.link.ports import likely_boards
 from wheelwire.parameters import definition_of
 from wheelwire_protocol.codes import ConfigurationState
 
-from .address import Address, RobotArgument, named_robot
+from .address import Address, Given, RobotArgument
 from .board import confirm
 from .flash import flash
 from .output import print_lines
@@ -33,7 +33,7 @@ _SHOWN = 3
 _NO_FIRMWARE = (errors.DeviceSilent, errors.ForeignDevice, errors.ProtocolMismatch)
 
 
-@command("start", Heading.BUILD, 1, page="first-hour")
+@command("start", Heading.BUILD, 1, page="first-hour", has_json=False)
 def start(
     robot: RobotArgument = None,
     image: Annotated[
@@ -68,7 +68,7 @@ def start(
 
 def _find(given: str | None) -> Address:
     print_lines("1/5 Port")
-    if (known := named_robot(given)) is not None:
+    if (known := Given(given).named()) is not None:
         if known.text == MOCK:
             raise errors.InvalidArgument(
                 "mock exists only while one command runs: start `wheelwire sim`, then "
@@ -96,7 +96,7 @@ def _write_firmware(address: Address, image: Path | None) -> bool:
     """Whether there is firmware now."""
     print_lines("2/5 Firmware")
     try:
-        with address.open_to_look(as_json=False) as driver:
+        with address.open_to_look() as driver:
             release = driver.info.device.release if driver.has_device else ""
     except _NO_FIRMWARE as error:
         print_lines(str(error))
@@ -148,7 +148,7 @@ def _ask_image() -> str:
 
 def _confirm_board(address: Address) -> None:
     print_lines("3/5 Board")
-    with address.open_to_look(as_json=False) as driver:
+    with address.open_to_look() as driver:
         if not driver.has_device:
             return
         state, found = driver.board.read()
@@ -158,14 +158,14 @@ def _confirm_board(address: Address) -> None:
         "Look at the driver board that the firmware believes in? With another one choose skip, "
         "and name yours in the next step."
     ):
-        confirm(address.text)
+        confirm(Given(address.text))
 
 
 def _set_up(address: Address) -> None:
     from wheelwire.tools.setup.setup import CHANGED  # here: numpy is slow to import
 
     print_lines("4/5 Set-up")
-    with address.open_to_look(as_json=False) as driver:
+    with address.open_to_look() as driver:
         changed = [
             f"{name} {driver.parameters[name]:g}"
             for name in CHANGED
@@ -186,7 +186,7 @@ def _drive(address: Address) -> None:
         "Put the robot on the floor, with a metre free ahead of it, and a hand near the e-stop. "
         f"Drive {_SPEED_MPS * _SECONDS * 100:.0f} cm forward?"
     ):
-        drive(address.text, linear=_SPEED_MPS, seconds=_SECONDS)
+        drive(Given(address.text), linear=_SPEED_MPS, seconds=_SECONDS)
 
 
 def _wants(question: str, default: str = "yes") -> bool:

@@ -11,39 +11,37 @@ import typer
 from wheelwire.errors import WheelwireError
 from wheelwire.tools.support import LEFT_OUT, newest_recording, of_error, of_robot, pack, versions
 
-from .address import BaudRateOption, RobotArgument, resolve
-from .output import JsonFlag, print_json, print_lines
+from .address import Given
+from .output import print_json, print_lines, wants_json
 from .registry import Heading, command
 
 
 @command("support", Heading.LOOK, 7, page="recording")
 def support(
-    robot: RobotArgument = None,
+    given: Given,
     output: Annotated[
         Path | None, typer.Option(help="The archive; default: wheelwire-support-TIME.zip here.")
     ] = None,
     recording: Annotated[
         Path | None, typer.Option(help="A recording; default: the newest in this folder.")
     ] = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Pack what a bug report needs: versions, the robot's state and values, a recording.
 
     Sends nothing anywhere. For a robot out of reach it packs the error.
     """
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     now = datetime.now(timezone.utc)
     target = output or Path(f"wheelwire-support-{now:%Y%m%d-%H%M%S}.zip")
     parts = [versions(now)]
     try:
-        with address.open_to_look(baud_rate, as_json=as_json) as driver:
+        with address.open_to_look() as driver:
             parts += of_robot(driver)
     except WheelwireError as error:
         parts.append(of_error(error))
     source = recording or newest_recording()
     listed = pack(target, parts, source)
-    if as_json:
+    if wants_json():
         print_json({"file": str(target), "parts": listed})
         return
     print_lines(f"wrote {target}:", *(f"  {name}: {what}" for name, what in listed.items()))

@@ -13,7 +13,7 @@ from wheelwire.tools.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
 from wheelwire.tools.teleop.terminal import Terminal
 from wheelwire_protocol.codes import SupervisorState
 
-from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
+from .address import Given, YesFlag, outlives_commands
 from .interruptions import ended_by_signals, stop
 from .output import print_lines
 from .registry import Heading, command
@@ -22,15 +22,14 @@ from .sensors import ask_for_samples
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
-@command("teleop", Heading.DRIVE, 2, page="teleop")
+@command("teleop", Heading.DRIVE, 2, page="teleop", has_json=False)
 def teleop(
-    robot: RobotArgument = None,
+    given: Given,
     speed: Annotated[
         int,
         typer.Option(min=1, max=SPEEDS, help="Speed at the start, in tenths of max_velocity_mps."),
     ] = DEFAULT_SPEED,
     yes: YesFlag = False,
-    baud_rate: BaudRateOption = None,
 ) -> None:
     """Drive by keyboard: w a s d or the arrow keys, space stops, e latches an e-stop, q quits.
 
@@ -42,10 +41,10 @@ def teleop(
             "teleop needs a terminal for its keys: run it in one, without a pipe; `wheelwire "
             "drive` does not"
         )
-    address = resolve(robot, moves=True, yes=yes)
+    address = given.resolve(moves=True, yes=yes)
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate, drives=True) as driver,
+        address.open(drives=True) as driver,
         ending.stops(driver, lambda: _what_remains(driver, address.text)),
     ):
         device = driver.info.device if driver.has_device else None

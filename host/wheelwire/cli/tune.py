@@ -16,17 +16,16 @@ from wheelwire.parameters import checked_values, definition_of, number_text
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.setup.driving import meaning_of
 
-from .address import Address, BaudRateOption, RobotArgument, resolve
+from .address import Address, Given
 from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import (
-    JsonFlag,
     TimeLeft,
     check_writable,
-    console,
-    error_console,
     print_json,
     print_lines,
     print_table,
+    screen,
+    wants_json,
 )
 from .prompts import ask_until, ask_yes_or_no, can_ask
 from .registry import Heading, command
@@ -55,7 +54,7 @@ Gain = Annotated[float | None, typer.Option(help="Value to try.", show_default=F
 
 @command("tune", Heading.BUILD, 6, page="tutorial/7-tune")
 def tune(
-    robot: RobotArgument = None,
+    given: Given,
     shape: Annotated[str, typer.Option(help="step, ramp or sine.")] = "step",
     wheel: Annotated[
         str, typer.Option(help="left, right or both; the other one is held.")
@@ -90,8 +89,6 @@ def tune(
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Do not ask before the wheels turn.")
     ] = False,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Drive a step, a ramp or a sine with the robot's gains and with others; keep them, or undo.
 
@@ -113,23 +110,23 @@ def tune(
     check_plot(plot)
     if save and not tried:
         raise InvalidArgument("there is nothing to save: give a gain, such as --ki 12")
-    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    address = given.resolve(moves=True, yes=yes)
     address.check_parameters(tried, save=save)
     if not yes and not can_ask():
         raise InvalidArgument(
             "`tune` asks before the wheels turn, and there is no terminal to ask on: add --yes"
         )
-    wish = _Wish(drive, tried, plot, save, yes, _can_save(address, tried), as_json)
+    wish = _Wish(drive, tried, plot, save, yes, _can_save(address, tried))
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud_rate, drives=True) as driver,
+        address.open(drives=True) as driver,
         ending.stops(driver, lambda: _REVERTED if tried else ""),
         ended_by_a_loss(),
     ):
         before = {name: driver.parameters[name] for name in tried}
         found, outcome = _try(driver, wish)
-    if as_json:
+    if wants_json():
         print_json(_as_json(found, before, wish, outcome))
     elif outcome:
         _print_outcome(before, tried, outcome)
@@ -153,7 +150,6 @@ class _Wish:
     save: bool
     yes: bool
     can_save: bool
-    as_json: bool
 
 
 def _try(driver: Robot, wish: _Wish) -> tuple[Comparison, Outcome | None]:
@@ -168,12 +164,12 @@ def _try(driver: Robot, wish: _Wish) -> tuple[Comparison, Outcome | None]:
 
     outcome = None
     with driver.parameters.trial() as trial:
-        with TimeLeft(error_console if wish.as_json else console) as left:
+        with TimeLeft(screen()) as left:
             found = compare(driver, wish.drive, wish.tried, left.show, confirm)
-        if not wish.as_json:
+        if not wants_json():
             _print(found)
         if wish.plot is not None:
-            _draw(found, wish.plot, as_json=wish.as_json)
+            _draw(found, wish.plot)
         if wish.tried:
             outcome = _outcome(found, wish)
         if outcome in ("keep", "save"):
@@ -295,7 +291,7 @@ def _verdict(found: Comparison, gain_mps: float) -> str:
     return f"the new values track {which} by {abs(gain_mps) * 1e3:.1f} mm/s, beyond {noise}"
 
 
-def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
+def _draw(found: Comparison, plot: Path) -> None:
     from wheelwire.tools.tune.before_after import draw
 
     titles = found.titles if len(found.titles) > 1 else ("measured",)
@@ -303,7 +299,7 @@ def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
         draw(plot, tuple(zip(titles, found.traces, strict=True)))
     except OSError as error:
         raise OutputFailed.at(plot, error, _REVERTED) from error
-    (error_console if as_json else console).print(f"drawn in {plot}", soft_wrap=True)
+    screen().print(f"drawn in {plot}", soft_wrap=True)
 
 
 def _print_outcome(before: Mapping[str, float], tried: Mapping[str, float], outcome: str) -> None:

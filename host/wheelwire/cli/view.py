@@ -27,12 +27,12 @@ def can_show() -> bool:
     if not is_terminal or not is_unicode or os.environ.get("TERM", "dumb") == "dumb":
         return False
     if find_spec("textual") is None:
-        print_note("for a view on the whole screen: pip install 'wheelwire[view]'", as_json=False)
+        print_note("for a view on the whole screen: pip install 'wheelwire[view]'")
         return False
     return True
 
 
-def show(address: Address, seconds: float, baud_rate: int | None) -> None:
+def show(address: Address, seconds: float) -> None:
     """Show the robot until a key or a signal ends it.
 
     Raises:
@@ -41,7 +41,7 @@ def show(address: Address, seconds: float, baud_rate: int | None) -> None:
     """
     from wheelwire.tools.view.app import show  # here, for Textual is slow to import
 
-    with address.open_to_look(baud_rate, as_json=False) as driver:
+    with address.open_to_look() as driver:
         ask_for_samples(driver)  # for its recording, and for attached programs
         ended_by = show(
             driver,

@@ -21,9 +21,9 @@ from wheelwire.whole_file import write_whole
 from wheelwire_protocol.black_box import BoxError, Rerun, RerunOutcome
 from wheelwire_protocol.codes import StopCause
 
-from .address import Address, BaudRateOption, RobotArgument, resolve
+from .address import Address, Given
 from .log import draw_recording
-from .output import JsonFlag, print_json, print_lines, write_new
+from .output import print_json, print_lines, wants_json, write_new
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ TEST = Path("tests", "firmware", "test_boxes.py")
 
 @command("why", Heading.LOOK, 4, page="why")
 def why(
-    robot: RobotArgument = None,
+    given: Given,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="PNG", help="Draw the seconds around a recording's newest stop."),
@@ -76,8 +76,6 @@ def why(
             show_default=False,
         ),
     ] = None,
-    baud_rate: BaudRateOption = None,
-    as_json: JsonFlag = False,
 ) -> None:
     """Explain why the robot stopped, from a recording FILE.mcap, a black box FILE.box, or a ROBOT.
 
@@ -88,11 +86,11 @@ def why(
     if rerun is not None:
         if plot is not None:
             raise InvalidArgument("--plot draws a recording, not a black box: leave it out")
-        rerun_file(rerun, robot, export=export_test, as_json=as_json)
+        rerun_file(rerun, given.robot, export=export_test)
         return
     if export_test:
         raise InvalidArgument("--export-test needs a black box: --rerun FILE --export-test")
-    address = resolve(robot, as_json=as_json)
+    address = given.resolve()
     _check_options(address.text, plot, save_boxes)
     facts: list[str] = []
     if is_recording(address.text):
@@ -101,8 +99,8 @@ def why(
         said = [_said(stop, None) for stop in stops_of_file(Path(address.text))]
         facts = [] if said else [NOTHING]
     else:
-        said, facts = _of_robot(address, baud_rate, save_boxes, as_json=as_json)
-    if as_json:
+        said, facts = _of_robot(address, save_boxes)
+    if wants_json():
         print_json(said)
     else:
         _print(said, facts)
@@ -160,13 +158,11 @@ def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], 
     return [_said(stop, stop.host_us + added_us) for stop in stops], facts
 
 
-def _of_robot(
-    address: Address, baud_rate: int | None, folder: Path | None, *, as_json: bool
-) -> tuple[list[dict[str, Any]], list[str]]:
+def _of_robot(address: Address, folder: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
     """What stopped the robot, and other facts that are worth a line."""
     from wheelwire.log.why.device import ledger_facts, stops_of_device
 
-    with address.open_to_look(baud_rate, as_json=as_json) as driver:
+    with address.open_to_look() as driver:
         if not driver.has_device:
             raise DriverUnavailable(
                 f"the driver of {address.text} reports no stops: name another robot"
@@ -215,7 +211,7 @@ def _print(said: list[dict[str, Any]], facts: list[str]) -> None:
     print_lines(*filter(None, facts))
 
 
-def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) -> None:
+def rerun_file(file: Path, place: str | None, *, export: bool) -> None:
     """Re-run a box, report the result, and export it.
 
     Raises:
@@ -239,7 +235,7 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
     if target is not None:
         _write_test(target, file.read_bytes())
         command = _test_command(target)
-    if as_json:
+    if wants_json():
         keys = ("step", "t_us", "field", "recorded", "computed")
         difference = None if same else {key: getattr(found, key) for key in keys}
         print_json(

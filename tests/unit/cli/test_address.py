@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from support.command import check_error, run
 from support.usb_ports import plug_in
 from wheelwire import errors
 from wheelwire.cli import address
-from wheelwire.cli.address import Address, looks_like_address, resolve
+from wheelwire.cli.address import Address, Given, looks_like_address
 from wheelwire.connect import ENVIRONMENT
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.ports import SerialPort
@@ -51,19 +52,22 @@ def test_the_argument_comes_first_and_the_environment_second(
 ) -> None:
     candidates.append(USB0)
     monkeypatch.setenv(ENVIRONMENT, "robot.yaml")
-    assert resolve("/dev/ttyS1", moves=moves) == Address("/dev/ttyS1")
-    assert resolve(None, moves=moves) == Address("robot.yaml")
+    assert Given("/dev/ttyS1").resolve(moves=moves) == Address("/dev/ttyS1")
+    assert Given().resolve(moves=moves) == Address("robot.yaml")
     monkeypatch.setenv(ENVIRONMENT, "")
-    assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0")
+    assert Given().resolve(moves=moves, yes=True) == Address("/dev/ttyUSB0")
 
 
 def test_the_only_candidate_is_taken_and_named(
-    candidates: list[SerialPort], capsys: pytest.CaptureFixture[str]
+    candidates: list[SerialPort],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     candidates.append(USB0)
-    assert resolve(None) == Address("/dev/ttyUSB0")
+    assert Given().resolve() == Address("/dev/ttyUSB0")
     assert "/dev/ttyUSB0 is the only candidate (native USB)" in capsys.readouterr().err
-    resolve(None, as_json=True)
+    monkeypatch.setattr(sys, "argv", ["wheelwire", "info", "--json"])
+    Given().resolve()
     assert capsys.readouterr() == ("", "")
 
 
@@ -71,12 +75,12 @@ def test_none_and_several_candidates_are_errors_that_say_what_to_do(
     candidates: list[SerialPort],
 ) -> None:
     with pytest.raises(RobotNotNamed, match=r"data cable.*WHEELWIRE_ROBOT"):
-        resolve(None, yes=True)
+        Given().resolve(yes=True)
     candidates += [USB0, ACM0]
     with pytest.raises(
         RobotNotNamed, match=r"/dev/ttyUSB0 \(native USB\), /dev/ttyACM0 \(native USB\); name one"
     ):
-        resolve(None, yes=True)
+        Given().resolve(yes=True)
 
 
 @each("command", [*PUT_IN, *MOVING, "flash"])
@@ -173,7 +177,7 @@ def test_help_shows_what_may_be_left_out(command: str, arguments: str) -> None:
 def test_a_baud_rate_is_of_a_port() -> None:
     for robot in ("mock", "robot.yaml"):
         with pytest.raises(InvalidArgument, match="a baud rate is only for ports"):
-            Address(robot).open(9600)
+            Address(robot, 9600).open()
 
 
 def robot_file(folder: Path, text: str) -> Address:

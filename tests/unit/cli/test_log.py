@@ -283,6 +283,5 @@ def test_a_robot_that_was_not_reached_is_asked_again_for_its_sensors(
         cast("Any", robot),
         cast("Any", SimpleNamespace(error=None)),
         time.monotonic() + 0.5,
-        as_json=False,
     )
     assert calls == asked

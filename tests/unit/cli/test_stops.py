@@ -8,7 +8,7 @@ from unittest.mock import MagicMock, call
 import pytest
 
 from wheelwire.cli import robot
-from wheelwire.cli.address import Address
+from wheelwire.cli.address import Address, Given
 from wheelwire.errors import LinkClosed
 
 
@@ -33,7 +33,7 @@ def test_it_tries_again_with_the_program_that_holds_the_port_by_then(
 ) -> None:
     good = robot_of(command)
     opened += [good, robot_of(command, LinkClosed("it has ended"))]
-    command("/dev/ttyUSB0", as_json=True)
+    command(Given("/dev/ttyUSB0"))
     assert good.__enter__.return_value.method_calls == [getattr(call, command.__name__)()]
 
 
@@ -41,4 +41,4 @@ def test_it_tries_again_with_the_program_that_holds_the_port_by_then(
 def test_it_fails_if_that_ends_too(opened: list[MagicMock], command: Callable[..., None]) -> None:
     opened += [robot_of(command, LinkClosed("it has ended")) for _ in range(2)]
     with pytest.raises(LinkClosed):
-        command("/dev/ttyUSB0", as_json=True)
+        command(Given("/dev/ttyUSB0"))

@@ -105,7 +105,7 @@ def test_a_command_that_drives_nothing_arms_nothing(device: PtyDevice) -> None:
     address = Address(str(device.path))
     address.open().close()
     address.open(bare=True).close()
-    address.open_to_look(as_json=True).close()
+    address.open_to_look().close()
     assert setpoints(device) == []
     with address.open(drives=True):
         assert setpoints(device) == [(0.0, 0.0)]
