@@ -82,7 +82,6 @@ class Message:
         doc: What it means, in one paragraph.
         body: A construct `Struct` of `field`s.
         frozen: The layout is the same in every protocol version.
-        group: What it belongs to; each group has a hash of its own.
         answer: Of a request that is answered by more than an Ack, the answer's name.
         reads: It changes nothing, so every program may send it to a robot that another one drives.
     """
@@ -92,7 +91,6 @@ class Message:
     doc: str
     body: Any
     frozen: bool = False
-    group: Group = Group.BASE
     answer: str = ""
     reads: bool = False
 
@@ -120,6 +118,12 @@ class Message:
     def is_request(self) -> bool:
         """True when the host repeats it until it is answered."""
         return not self.from_device and any(field.name == "request_id" for field in self.fields)
+
+    @property
+    def group(self) -> Group:
+        """What it belongs to, by its id; each group has a hash of its own."""
+        sixteen = (self.id & 0x7F) // 16
+        return Group(max(0, sixteen - 1))  # BASE has twice as many
 
     @property
     def from_device(self) -> bool:

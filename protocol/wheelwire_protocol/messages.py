@@ -73,6 +73,11 @@ def request(id_: int, name: str, doc: str, *fields: Field, **properties: Any) ->
     return message(id_, name, doc, _session(), _request(), *fields, **properties)
 
 
+def query(id_: int, name: str, doc: str, answered_by: str, *fields: Field) -> Message:
+    """A request that changes nothing."""
+    return request(id_, name, doc, *fields, answer=answered_by, reads=True)
+
+
 answer = request
 """It repeats the session and the number of its request."""
 
@@ -130,13 +135,8 @@ SET_STREAM_RATE = request(
     "Sets the rate of WheelState for this session.",
     u16("rate_hz", "0: off.", unit=Unit.HERTZ),
 )
-PARAMETER_GET = request(
-    0x0A,
-    "ParameterGet",
-    "Asks for one parameter.",
-    _parameter(),
-    answer="ParameterValue",
-    reads=True,
+PARAMETER_GET = query(
+    0x0A, "ParameterGet", "Asks for one parameter.", "ParameterValue", _parameter()
 )
 PARAMETER_SET = request(
     0x0B,
@@ -155,20 +155,17 @@ PARAMETER_SAVE = request(
 PARAMETER_RESET = request(
     0x0D, "ParameterReset", "Restores and saves all defaults. Only while stopped."
 )
-PARAMETER_LIST = request(
+PARAMETER_LIST = query(
     0x0E,
     "ParameterList",
     "Asks for the parameter at an index.",
+    "ParameterEntry",
     u8("parameter_index", "0 to parameter_count - 1."),
-    answer="ParameterEntry",
-    reads=True,
 )
-LINK_COUNTERS_GET = request(
-    0x0F, "LinkCountersGet", "Asks for LinkCounters.", answer="LinkCounters", reads=True
-)
+LINK_COUNTERS_GET = query(0x0F, "LinkCountersGet", "Asks for LinkCounters.", "LinkCounters")
 
-CONTROL_COUNTERS_GET = request(
-    0x10, "ControlCountersGet", "Asks for ControlCounters.", answer="ControlCounters", reads=True
+CONTROL_COUNTERS_GET = query(
+    0x10, "ControlCountersGet", "Asks for ControlCounters.", "ControlCounters"
 )
 
 PARAMETER_TRIAL = request(
@@ -179,47 +176,32 @@ PARAMETER_TRIAL = request(
     f32("timeout_s", "Of BEGIN and RENEW: 0.2 to 60.", unit=Unit.SECOND),
 )
 
-GROUP_GET = request(
+GROUP_GET = query(
     0x12,
     "GroupGet",
     "Asks for the hash of a group of messages.",
+    "GroupInfo",
     u8("group", codes=Group),
-    answer="GroupInfo",
-    reads=True,
 )
 RESTART = request(0x13, "Restart", "Restarts the device. Only while stopped.")
 
-CONTRADICTIONS_GET = request(
-    0x14, "ContradictionsGet", "Asks for Contradictions.", answer="Contradictions", reads=True
-)
+CONTRADICTIONS_GET = query(0x14, "ContradictionsGet", "Asks for Contradictions.", "Contradictions")
 
-HOLD_GET = request(0x15, "HoldGet", "Asks for Hold.", answer="Hold", reads=True)
+HOLD_GET = query(0x15, "HoldGet", "Asks for Hold.", "Hold")
 
 # --- the configuration, from the host: ids 0x20 to 0x2f ------------------------------------------
 
-CONFIGURATION_GET = request(
-    0x20,
-    "ConfigurationGet",
-    "Asks for the active configuration.",
-    group=Group.CONFIGURATION,
-    answer="ConfigurationValue",
-    reads=True,
+CONFIGURATION_GET = query(
+    0x20, "ConfigurationGet", "Asks for the active configuration.", "ConfigurationValue"
 )
-PERIPHERAL_GET = request(
-    0x21,
-    "PeripheralGet",
-    "Asks for one of its peripherals.",
-    u8("channel"),
-    group=Group.CONFIGURATION,
-    answer="PeripheralValue",
-    reads=True,
+PERIPHERAL_GET = query(
+    0x21, "PeripheralGet", "Asks for one of its peripherals.", "PeripheralValue", u8("channel")
 )
 BOARD_SET = request(
     0x22,
     "BoardSet",
     "Prepares the board for ConfigurationWrite.",
     *board_fields(),
-    group=Group.CONFIGURATION,
 )
 PERIPHERAL_SET = request(
     0x23,
@@ -227,7 +209,6 @@ PERIPHERAL_SET = request(
     "Prepares a peripheral for ConfigurationWrite.",
     u8("channel"),
     *peripheral_fields(),
-    group=Group.CONFIGURATION,
 )
 CONFIGURATION_WRITE = request(
     0x24,
@@ -235,57 +216,37 @@ CONFIGURATION_WRITE = request(
     "Stores the prepared configuration on trial. Only while stopped.",
     u8("peripheral_count"),
     u32("fingerprint"),
-    group=Group.CONFIGURATION,
 )
 CONFIGURATION_CONFIRM = request(
     0x25,
     "ConfigurationConfirm",
     "Confirms the configuration. Only while stopped.",
     u32("fingerprint"),
-    group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the host: ids 0x30 to 0x3f -----------------------------------------------
 
-BOX_GET = request(
+BOX_GET = query(
     0x30,
     "BoxGet",
     "Asks what a stored black box contains.",
+    "BoxValue",
     u8("age", "0: the newest box."),
-    group=Group.RECORDER,
-    answer="BoxValue",
-    reads=True,
 )
-BOX_READ = request(
+BOX_READ = query(
     0x31,
     "BoxRead",
     "Asks for a part of a black box. Only while stopped.",
+    "BoxPart",
     # Not by its age: a box stored during the download must not change which one is read.
     u32("number"),
     u32("offset", "In bytes."),
-    group=Group.RECORDER,
-    answer="BoxPart",
-    reads=True,
 )
-LEDGER_GET = request(
-    0x32,
-    "LedgerGet",
-    "Asks for the counts that survive a reset.",
-    group=Group.RECORDER,
-    answer="LedgerValue",
-    reads=True,
-)
+LEDGER_GET = query(0x32, "LedgerGet", "Asks for the counts that survive a reset.", "LedgerValue")
 
 # --- the store, from the host: ids 0x40 to 0x4f --------------------------------------------------
 
-UNSAVED_GET = request(
-    0x40,
-    "UnsavedGet",
-    "Asks which parameters are not saved.",
-    group=Group.STORE,
-    answer="UnsavedValue",
-    reads=True,
-)
+UNSAVED_GET = query(0x40, "UnsavedGet", "Asks which parameters are not saved.", "UnsavedValue")
 
 # --- sensors, from the host: ids 0x50 to 0x5f ----------------------------------------------------
 
@@ -294,19 +255,11 @@ SENSOR_STREAM = request(
     "SensorStream",
     "Asks for SensorInfo and samples, for this session.",
     u16("rate_hz", "Highest rate of the IMU; 0: no samples.", unit=Unit.HERTZ),
-    group=Group.SENSOR,
 )
 
 # --- what the firmware runs on, from the host: ids 0x60 to 0x6f ----------------------------------
 
-MEMORY_GET = request(
-    0x60,
-    "MemoryGet",
-    "Asks how much memory is free.",
-    group=Group.PLATFORM,
-    answer="MemoryValue",
-    reads=True,
-)
+MEMORY_GET = query(0x60, "MemoryGet", "Asks how much memory is free.", "MemoryValue")
 
 # --- from the device ---------------------------------------------------------------------------
 
@@ -480,7 +433,6 @@ CONFIGURATION_VALUE = answer(
     u8("peripheral_count"),
     u32("fingerprint"),
     *board_fields(),
-    group=Group.CONFIGURATION,
 )
 PERIPHERAL_VALUE = answer(
     0xA1,
@@ -488,15 +440,9 @@ PERIPHERAL_VALUE = answer(
     "A peripheral; of kind NONE if it has fewer.",
     u8("channel"),
     *peripheral_fields(),
-    group=Group.CONFIGURATION,
 )
 
 # --- the recorder, from the device: ids 0xb0 to 0xbf ---------------------------------------------
-
-
-def _count(name: str, doc: str = "") -> Field:
-    return u32(name, doc)
-
 
 BOX_VALUE = answer(
     0xB0,
@@ -516,7 +462,6 @@ BOX_VALUE = answer(
     u32("board", "Fingerprint; 0: none."),
     u32("faults", codes=Fault),
     u64("stored_us", unit=Unit.MICROSECOND),
-    group=Group.RECORDER,
 )
 BOX_PART = answer(
     0xB1,
@@ -526,7 +471,6 @@ BOX_PART = answer(
     u32("offset"),
     u8("size", "Valid bytes; 0: no such box, or past its end."),
     chars(BOX_PART_SIZE, "data"),
-    group=Group.RECORDER,
 )
 LEDGER_VALUE = answer(
     0xB2,
@@ -534,20 +478,18 @@ LEDGER_VALUE = answer(
     "Counts over the robot's life. All wrap.",
     u32("uptime_s", unit=Unit.SECOND),
     # In the order of ResetReason.
-    *(_count(f"resets_{reason.name.lower()}") for reason in ResetReason),
-    _count("stops_session", "Drives that it ended."),
-    _count("stops_stop", "Drives that it ended."),
-    _count("stops_deadline", "Drives that it ended."),
-    _count("stops_estop"),
-    _count("stops_fault"),
-    group=Group.RECORDER,
+    *(u32(f"resets_{reason.name.lower()}") for reason in ResetReason),
+    u32("stops_session", "Drives that it ended."),
+    u32("stops_stop", "Drives that it ended."),
+    u32("stops_deadline", "Drives that it ended."),
+    u32("stops_estop"),
+    u32("stops_fault"),
 )
 UNSAVED_VALUE = answer(
     0xC0,
     "UnsavedValue",
     "Parameters whose active value is not saved.",
     u64("parameters", "Bit n: parameter n + 1."),
-    group=Group.STORE,
 )
 
 # --- sensors, from the device: ids 0xd0 to 0xdf --------------------------------------------------
@@ -588,7 +530,6 @@ SENSOR_INFO = message(
     f32("gyro_noise", "Standard deviation.", unit=Unit.RADIAN_PER_SECOND),
     f32("accelerometer_noise", "Standard deviation.", unit=Unit.METRE_PER_SECOND_SQUARED),
     *_axes("bias", "value_a, value_b, value_c of the peripheral."),
-    group=Group.SENSOR,
 )
 IMU = message(
     0xD1,
@@ -600,7 +541,6 @@ IMU = message(
     *_axes("gyro", "Times gyro_scale of SensorInfo."),
     *_axes("accelerometer", "Times accelerometer_scale of SensorInfo."),
     i16("temperature_cdeg", unit=Unit.CENTIDEGREE_CELSIUS),
-    group=Group.SENSOR,
 )
 POWER = message(
     0xD2,
@@ -611,7 +551,6 @@ POWER = message(
     i32("current_ma", "Drawn; 0: not measured.", unit=Unit.MILLIAMPERE),
     f32("used_mah", "Since the start.", unit=Unit.MILLIAMPERE_HOUR),
     u8("level", codes=BatteryLevel),
-    group=Group.SENSOR,
 )
 INPUTS = message(
     0xD3,
@@ -626,7 +565,6 @@ INPUTS = message(
     u8("level", codes=BatteryLevel),
     *(u16(f"edges_{n}", "Since reset. Wraps.") for n in range(MOST_PERIPHERALS)),
     *(u16(f"analog_{n}_mv", "0: none.", unit=Unit.MILLIVOLT) for n in range(1, MOST_ANALOG + 1)),
-    group=Group.SENSOR,
 )
 SENSOR_EVENT = message(
     0xD4,
@@ -635,7 +573,6 @@ SENSOR_EVENT = message(
     *_taken(),
     u8("code", codes=SensorEventCode),
     u16("value", "See SensorEventCode."),
-    group=Group.SENSOR,
 )
 RANGE = message(
     0xD6,
@@ -646,27 +583,20 @@ RANGE = message(
     u16("bound_us", "Uncertainty of t_us.", unit=Unit.MICROSECOND),
     u16("distance_mm", "Only if quality is GOOD.", unit=Unit.MILLIMETRE),
     u8("quality", codes=RangeQuality),
-    group=Group.SENSOR,
 )
 
 # --- what the firmware runs on, from the device: ids 0xe0 to 0xef --------------------------------
-
-
-def _bytes(name: str, doc: str) -> Field:
-    return u32(name, doc)
-
 
 MEMORY_VALUE = answer(
     0xE0,
     "MemoryValue",
     "Bytes of free memory, measured once a second.",
-    _bytes("free_heap", "Now."),
-    _bytes("least_free_heap", "Least since the start."),
+    u32("free_heap", "Now."),
+    u32("least_free_heap", "Least since the start."),
     # Named as the firmware names its tasks.
-    _bytes("control_stack", "Least since the start."),
-    _bytes("housekeeping_stack", "Least since the start."),
-    _bytes("sensors_stack", "Least since the start; 0: no such task."),
-    group=Group.PLATFORM,
+    u32("control_stack", "Least since the start."),
+    u32("housekeeping_stack", "Least since the start."),
+    u32("sensors_stack", "Least since the start; 0: no such task."),
 )
 
 MESSAGES = tuple(defined for defined in list(globals().values()) if isinstance(defined, Message))

@@ -22,7 +22,7 @@ def test_the_hash_is_that_of_the_definitions() -> None:
 
 
 def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
-    return Message(id=0x7F, name="P", doc=doc, body=Struct(field(subcon, name, doc, unit=unit)))
+    return Message(id=0x1F, name="P", doc=doc, body=Struct(field(subcon, name, doc, unit=unit)))
 
 
 PING = ping(Int32ul, "host_us", Unit.MICROSECOND, "a doc")
@@ -41,7 +41,7 @@ def test_hash_ignores_prose(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ping(Int16ul, "host_us", Unit.MICROSECOND, "a doc"),
         ping(Int32ul, "host_ms", Unit.MICROSECOND, "a doc"),
-        replace(PING, id=0x7E),
+        replace(PING, id=0x1E),
         replace(PING, name="Q"),
     ],
     ids=["type", "field", "id", "message"],
@@ -71,7 +71,7 @@ def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch, group: Group)
 
 
 def test_a_message_changes_the_hash_of_its_group_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    more = (*MESSAGES, replace(PING, group=Group.CONFIGURATION))
+    more = (*MESSAGES, replace(PING, id=0x2F))
     assert hash_with(monkeypatch, "MESSAGES", more) == schema_hash()
     assert wire_layout.layout_hash(Group.CONFIGURATION) != schema_hash(Group.CONFIGURATION)
 
