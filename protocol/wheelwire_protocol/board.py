@@ -208,17 +208,17 @@ class ChipTable:
     name: str
     title: str
     existing: frozenset[int]
-    strapping: frozenset[int]
-    memory: frozenset[int]
-    input_only: frozenset[int]
-    adc: frozenset[int]
-    uart: frozenset[int]
-    usb: frozenset[int]
     pulled_up: frozenset[int]
     held_high: frozenset[int]
     levels_source: str
     counters: int
     pwm_outputs: int
+    strapping: frozenset[int] = frozenset()
+    memory: frozenset[int] = frozenset()
+    input_only: frozenset[int] = frozenset()
+    adc: frozenset[int] = frozenset()
+    uart: frozenset[int] = frozenset()
+    usb: frozenset[int] = frozenset()
     has_led: bool = True
 
 
@@ -238,7 +238,6 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             input_only=_span(34, 39),
             adc=_span(32, 39),
             uart=frozenset({1, 3}),
-            usb=frozenset(),
             # 14 is MTMS; 6 to 11 are the flash's.
             pulled_up=frozenset({0, 3, 5, 14, 15}) | _span(6, 11),
             held_high=frozenset({1}),  # The ROM sends text on it.
@@ -253,7 +252,6 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             existing=_span(0, 48) - _span(22, 25),
             strapping=frozenset({0, 3, 45, 46}),
             memory=_span(26, 37),
-            input_only=frozenset(),
             adc=_span(1, 10),
             uart=frozenset({43, 44}),
             usb=frozenset({19, 20}),
@@ -270,7 +268,6 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             existing=_span(0, 30) - {14},
             strapping=frozenset({4, 5, 8, 9, 15}),
             memory=_span(24, 30),
-            input_only=frozenset(),
             adc=_span(0, 6),
             uart=frozenset({16, 17}),
             usb=frozenset({12, 13}),
@@ -286,12 +283,6 @@ CHIPS: Mapping[Chip, ChipTable] = MappingProxyType(
             name="raspberry-pi",
             title="the Raspberry Pi",
             existing=_span(0, 27),
-            strapping=frozenset(),
-            memory=frozenset(),
-            input_only=frozenset(),
-            adc=frozenset(),
-            uart=frozenset(),
-            usb=frozenset(),
             pulled_up=_span(4, 8),
             # 2 and 3 have 1.8 kOhm to 3.3 V on the computer's board. 0 and 1 have 3.9 kOhm on a
             # HAT, and the computer looks for one on them; 14 is the output of its serial console.
