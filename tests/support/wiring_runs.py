@@ -160,7 +160,7 @@ def between_corners(seed: int, count: int) -> Iterator[Case]:
 
 @cache
 def _counts_of(plant: str) -> int:
-    return round(load_plant(plant).values["counts_per_revolution"].value)
+    return round(load_plant(plant).settings["counts_per_revolution"])
 
 
 HELD_UP_S = 1.5

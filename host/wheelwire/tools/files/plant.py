@@ -21,36 +21,16 @@ SHIPPED = Path(__file__).parents[2] / "simulation" / "plants"
 
 
 @dataclass(frozen=True)
-class PlantValue:
-    """The value of one variable.
-
-    Attributes:
-        value: In the variable's unit.
-        source: Where the value is from, or why it is assumed; empty if the file does not say.
-        assumed: Whether the value is assumed, without a source.
-    """
-
-    value: float
-    source: str = ""
-    assumed: bool = False
-
-
-@dataclass(frozen=True)
 class Plant:
     """A robot to simulate.
 
     Attributes:
         title: The robot in a line.
-        values: Values by the variable's name, in the order in which they are set.
+        settings: Values by the variable's name, in the order in which they are set.
     """
 
     title: str
-    values: Mapping[str, PlantValue]
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """The values alone, as `Simulator(settings=...)` takes them."""
-        return {name: value.value for name, value in self.values.items()}
+    settings: dict[str, float]
 
 
 def shipped_plants() -> list[str]:
@@ -83,7 +63,7 @@ def parse_plant(content: object) -> Plant:
     )
 
 
-def _parse_value(name: str, given: object) -> PlantValue:
+def _parse_value(name: str, given: object) -> float:
     key = f"variables.{name}"
     entry = given if isinstance(given, Mapping) else {"value": given}
     fields = Section(entry, ["value", "source", "assumed"], key)
@@ -92,5 +72,4 @@ def _parse_value(name: str, given: object) -> PlantValue:
         raise fields.refusal("value", "it must be a number")
     if {"source", "assumed"} <= set(fields.values):
         raise ConfigurationError(f"{key}: source and assumed are both given: remove one of them")
-    source = str(fields.get("source", fields.get("assumed", "")))
-    return PlantValue(float(value), source, "assumed" in fields.values)
+    return float(value)

@@ -37,7 +37,7 @@ class Counted(NamedTuple):
 @cache
 def known_motors() -> dict[str, int]:
     """Counts per wheel turn of the motors that are known by name."""
-    return {name: round(load_plant(name).values[COUNTS].value) for name in shipped_plants()}
+    return {name: round(load_plant(name).settings[COUNTS]) for name in shipped_plants()}
 
 
 def ask_counts(robot: Robot, person: Person, say: Say) -> Counted:
