@@ -77,6 +77,11 @@ class SupervisorState(DocumentedEnum):
     ESTOPPED = 4, "Emergency stop, latched until it is cleared."
     FAULT = 5, "A fault, latched until it is cleared."
 
+    @property
+    def is_latched(self) -> bool:
+        """Whether only a clear ends it."""
+        return self in (SupervisorState.ESTOPPED, SupervisorState.FAULT)
+
 
 class SupervisorEvent(DocumentedEnum):
     """What moves the supervisor from one state to another."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,6 +28,7 @@ from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import UsageError, print_note, wants_json
 from .prompts import ask_yes_or_no, can_ask
 
@@ -185,6 +186,24 @@ class Address:
                 raise InvalidArgument(
                     f"{self.text} sets {name} each time the robot is opened: change it in that file"
                 )
+
+
+@contextmanager
+def driving(address: Address, then: Callable[[], str] = str) -> Iterator[Robot]:
+    """A robot that the block drives: what ends the block early stops it, and is explained.
+
+    Args:
+        address: Where it is.
+        then: As of `Ending.stops`.
+    """
+    # In this order: the signals are still handled while the driver stops the robot.
+    with (
+        ended_by_signals() as ending,
+        address.open(drives=True) as robot,
+        ending.stops(robot, then),
+        ended_by_a_loss(),
+    ):
+        yield robot
 
 
 def outlives_commands(driver: Robot) -> bool:

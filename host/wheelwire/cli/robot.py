@@ -21,8 +21,8 @@ from wheelwire.robot.robot import Robot
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
-from .address import Address, Given, YesFlag
-from .interruptions import ended_by_a_loss, ended_by_signals, watch
+from .address import Address, Given, YesFlag, driving
+from .interruptions import watch
 from .output import (
     console,
     print_facts,
@@ -45,7 +45,6 @@ CLEAR_TIMEOUT_S = 1.0
 STANDSTILL_S = 3.0
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
-_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 @command("info", Heading.LOOK, 1, page="command-line")
@@ -151,7 +150,7 @@ def _warnings(driver: Robot, sample: WheelSample, address: str) -> list[str]:
 def _state(state: SupervisorState, address: str) -> str:
     """The state; of a latched one also the command that ends it."""
     text = f"{state.name}: {state.doc}"
-    return f"{text} `wheelwire clear {address}` ends it" if state in _LATCHED else text
+    return f"{text} `wheelwire clear {address}` ends it" if state.is_latched else text
 
 
 def _latched(sample: WheelSample, address: str) -> str:
@@ -175,13 +174,7 @@ def drive(
         raise errors.InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
     address = given.resolve(moves=True, yes=yes)
-    # In this order: the signals are still handled while the driver stops the robot.
-    with (
-        ended_by_signals() as ending,
-        address.open(drives=True) as driver,
-        ending.stops(driver),
-        ended_by_a_loss(),
-    ):
+    with driving(address) as driver:
         # Needed when the driver is closed, which has no geometry any more.
         geometry = driver.geometry
         ask_for_samples(driver)
@@ -323,7 +316,7 @@ def monitor(
                 print_json(news)
                 continue
             print_lines(_line(news, driver.statistics.frames_lost))
-            if news.state in _LATCHED and news.state is not shown:
+            if news.state.is_latched and news.state is not shown:
                 print_lines(_latched(news, address.text))
             shown = news.state
             # A person, or a log, has no use for more.
@@ -421,9 +414,9 @@ def clear(
             driver.clear_fault()
         # The next sample may have been measured before the answer.
         end = time.monotonic() + CLEAR_TIMEOUT_S
-        while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
+        while before.state.is_latched and after.state is before.state and time.monotonic() < end:
             after = driver.read()
-    ended = before.state if before.state in _LATCHED else None
+    ended = before.state if before.state.is_latched else None
     if wants_json():
         print_json({"ended": ended, "state": after.state, "faults": after.faults})
         return
@@ -432,7 +425,7 @@ def clear(
         return
     console.print(f"{ended.name} cleared")
     # A fault that the e-stop hid is active again.
-    if after.state in _LATCHED:
+    if after.state.is_latched:
         print_lines(
             f"{after.state.name} remains. {errors.fault_names(after.faults)} "
             f"Fix the cause, then run `wheelwire clear {address.text}` again"

@@ -16,8 +16,7 @@ from wheelwire.errors import CommissioningFailed, InvalidArgument
 from wheelwire.robot.robot import Robot
 from wheelwire.samples import to_json_value
 
-from .address import Address, Given, YesFlag
-from .interruptions import ended_by_a_loss, ended_by_signals
+from .address import Address, Given, YesFlag, driving
 from .output import TimeLeft, check_writable, console, print_json, screen, wants_json
 from .prompts import ask_until
 from .registry import Heading, command
@@ -168,13 +167,7 @@ def set_up_at(
 
     person = person or _Terminal()
     options = options or Options()
-    # In this order: the signals are still handled while the driver stops the robot.
-    with (
-        ended_by_signals() as ending,
-        address.open(drives=True) as driver,
-        ending.stops(driver, lambda: UNSAVED),
-        ended_by_a_loss(),
-    ):
+    with driving(address, lambda: UNSAVED) as driver:
         # Only a board with an id is recognised again; on the floor there is nothing to resume.
         if driver.has_device and not options.on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
@@ -265,7 +258,7 @@ def _simulated_robot(
     from wheelwire.tools.files.plant import load_plant
 
     given = dict(map(setting, settings))
-    values = load_plant(plant).settings if plant is not None else {}
+    values = dict(load_plant(plant).settings) if plant is not None else {}
     values |= {"wheels_free": float(not on_the_floor)}
     # With a seed the wiring is random even if a part of it is given, which then takes precedence.
     if not on_the_floor and (seed is not None or not given.keys() & set(WIRING_VARIABLES)):

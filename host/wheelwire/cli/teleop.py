@@ -11,15 +11,12 @@ from wheelwire.errors import InvalidArgument, LinkLost, RequestTimeout
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
 from wheelwire.tools.teleop.terminal import Terminal
-from wheelwire_protocol.codes import SupervisorState
 
 from .address import Given, YesFlag, outlives_commands
 from .interruptions import ended_by_signals, stop
 from .output import print_lines
 from .registry import Heading, command
 from .sensors import ask_for_samples
-
-_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 @command("teleop", Heading.DRIVE, 2, page="teleop", has_json=False)
@@ -63,6 +60,6 @@ def _what_remains(driver: Robot, address: str) -> str:
         state = driver.read().state
     except (LinkLost, RequestTimeout):
         return ""
-    if state in _LATCHED and outlives_commands(driver):
+    if state.is_latched and outlives_commands(driver):
         return f"{state.name} remains latched; `wheelwire clear {address}` ends it"
     return ""

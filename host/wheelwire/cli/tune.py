@@ -16,8 +16,7 @@ from wheelwire.parameters import checked_values, definition_of, number_text
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.setup.driving import meaning_of
 
-from .address import Address, Given
-from .interruptions import ended_by_a_loss, ended_by_signals
+from .address import Address, Given, driving
 from .output import (
     TimeLeft,
     check_writable,
@@ -117,13 +116,7 @@ def tune(
             "`tune` asks before the wheels turn, and there is no terminal to ask on: add --yes"
         )
     wish = _Wish(drive, tried, plot, save, yes, _can_save(address, tried))
-    # In this order: the signals are still handled while the driver stops the robot.
-    with (
-        ended_by_signals() as ending,
-        address.open(drives=True) as driver,
-        ending.stops(driver, lambda: _REVERTED if tried else ""),
-        ended_by_a_loss(),
-    ):
+    with driving(address, lambda: _REVERTED if tried else "") as driver:
         before = {name: driver.parameters[name] for name in tried}
         found, outcome = _try(driver, wish)
     if wants_json():

@@ -14,7 +14,6 @@ from wheelwire_protocol.codes import (
     SensorEventCode,
     SensorState,
     SupervisorEvent,
-    SupervisorState,
 )
 from wheelwire_protocol.types import MemoryValue
 
@@ -214,9 +213,7 @@ def _contact(driver: Robot, address: str) -> Iterator[Finding]:
 def _stops(driver: Robot, address: str) -> Iterator[Finding]:
     sample = driver.read()
     device = driver.info.device
-    end = ""
-    if sample.state in (SupervisorState.ESTOPPED, SupervisorState.FAULT):
-        end = f"; wheelwire clear {address} ends it"
+    end = f"; wheelwire clear {address} ends it" if sample.state.is_latched else ""
     # `_stores` reports the others.
     faults = sample.faults & ~STORED
     holding = driver.holding()

@@ -23,7 +23,6 @@ WINDOW_S = 20.0
 EVENTS = 100
 REPEATED_S = 2.0
 """The same event within this time counts once: a key that is held asks again and again."""
-_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 class Look(NamedTuple):
@@ -99,7 +98,7 @@ class Model:
     @property
     def is_latched(self) -> bool:
         """Whether the robot drives only after a clear."""
-        return self.state in _LATCHED
+        return self.state is not None and self.state.is_latched
 
     def take(self, look: Look) -> None:
         """Take what a look has found."""
@@ -162,7 +161,7 @@ class Model:
             self.say("the robot was restarted")
         if sample.state is not before.state:
             # A reset ends a latch, too; why it came is still to be read.
-            cleared = before.state in _LATCHED and not restarted
+            cleared = before.state.is_latched and not restarted
             if sample.state is SupervisorState.DRIVING or cleared:
                 self.stop = None
             self.say(sample.state.name)
