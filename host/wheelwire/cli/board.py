@@ -212,13 +212,15 @@ def write(
 @app.command("confirm")
 def confirm(
     given: Given,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask: the robot is on the board that it names.")
-    ] = False,
+    yes: bool = False,
 ) -> None:
     """Confirm the board and the peripherals that a device reports, and let it drive.
 
     New firmware assumes the board that came with it, and drives nothing until somebody confirms it.
+
+    Args:
+        given: The robot.
+        yes: Do not ask: the robot is on the board that it names.
     """
     with given.resolve().open(bare=True) as driver:
         board = _with_a_board(driver).board
@@ -278,17 +280,16 @@ def _with_a_board(driver: Robot) -> Robot:
 
 @app.command("init")
 def init(
-    file: Annotated[
-        Path, typer.Argument(metavar="[FILE]", help="The file to write.", show_default=True)
-    ] = Path("board.yaml"),
-    like: Annotated[
-        str | None,
-        typer.Option("--like", help="A built-in board or a file whose pins are the defaults."),
-    ] = None,
+    file: Annotated[Path, typer.Argument(metavar="[FILE]", show_default=True)] = Path("board.yaml"),
+    like: str | None = None,
 ) -> None:
     """Ask for the pins of a board, check each, and write a file.
 
     Exit code 15 if the board cannot be used as it is.
+
+    Args:
+        file: The file to write.
+        like: A built-in board or a file whose pins are the defaults.
     """
     # Before the questions, whose answers would be lost.
     if file.exists():

@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 @command("flash", Heading.BUILD, 3, page="tutorial/4-flash")
 def flash(
     robot: RobotArgument = None,
-    port: Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")] = None,
-    image: Annotated[
-        Path | None, typer.Option(help="Image from a release; default: this checkout's build.")
-    ] = None,
-    board: Annotated[
-        str | None,
-        typer.Option("--board", help="A board's file or name, stored once the firmware runs."),
-    ] = None,
-    erase: Annotated[
-        bool,
-        typer.Option("--erase", help="Erase the whole flash first, saved parameters included."),
-    ] = False,
+    port: Annotated[str | None, typer.Option(hidden=True)] = None,
+    image: Path | None = None,
+    board: str | None = None,
+    erase: bool = False,
 ) -> None:
-    """Write the firmware to a board and connect to it. Saved parameters stay."""
+    """Write the firmware to a board and connect to it. Saved parameters stay.
+
+    Args:
+        robot: Where the board is plugged in.
+        port: The same as ROBOT.
+        image: Image from a release; default: this checkout's build.
+        board: A board's file or name, stored once the firmware runs.
+        erase: Erase the whole flash first, saved parameters included.
+    """
     from wheelwire.connect import open_driver
     from wheelwire.robot.robot import opened_to_look
     from wheelwire.tools import flash as flasher  # here, so that other commands start faster

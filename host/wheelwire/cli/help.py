@@ -63,15 +63,15 @@ PAGE_OF = {
 def help_command(
     context: typer.Context,
     words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[PAGE | COMMAND | WORD]",
-            help="Such as troubleshooting, its section troubleshooting/port, or brownout.",
-            show_default=False,
-        ),
+        list[str] | None, typer.Argument(metavar="[PAGE | COMMAND | WORD]", show_default=False)
     ] = None,
 ) -> None:
-    """Show a page or command; list what mentions a word, or all pages."""
+    """Show a page or command; list what mentions a word, or all pages.
+
+    Args:
+        context: Of the command line.
+        words: Such as troubleshooting, its section troubleshooting/port, or brownout.
+    """
     root = context.find_root().command
     phrase = " ".join(words or ())
     if words and phrase not in pages() and _is_command(root, words):

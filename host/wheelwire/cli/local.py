@@ -6,9 +6,6 @@ import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from wheelwire.errors import OutputFailed
 from wheelwire.link.ports import ports as serial_ports
@@ -44,9 +41,13 @@ def ports() -> None:
 
 @command("demo", Heading.WITHOUT_ROBOT, 1, page="simulator")
 def demo(
-    output: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("build/demo"),
+    output: Path = Path("build/demo"),
 ) -> None:
-    """Drive a simulated robot through a figure eight, then hang on purpose."""
+    """Drive a simulated robot through a figure eight, then hang on purpose.
+
+    Args:
+        output: Folder for the picture.
+    """
     from wheelwire.tools.demo import (
         run,  # here, because the display and the plot are slow to import
     )
@@ -67,10 +68,15 @@ def demo(
 
 @command("mcu", Heading.WITHOUT_ROBOT, 3, page="pi-pins/a-service-of-its-own", has_json=False)
 def mcu(
-    config: Annotated[Path, typer.Option(help="YAML file of a robot with driver l298n or pigpio.")],
-    listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],
+    config: Path,
+    listen: str,
 ) -> None:
-    """Run the firmware's core on this computer's own pins until SIGTERM or Ctrl-C."""
+    """Run the firmware's core on this computer's own pins until SIGTERM or Ctrl-C.
+
+    Args:
+        config: YAML file of a robot with driver l298n or pigpio.
+        listen: Where hosts connect: unix:/run/wheelwire.sock.
+    """
     from wheelwire.tools.files.robot import load_config, service_settings
 
     settings = service_settings(load_config(config), listen)

@@ -87,12 +87,16 @@ def record(
         Given,
         robot_and("FILE.mcap", "FILE.mcap may be a folder: a file in it is named by the time."),
     ],
-    seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
+    seconds: Annotated[float, typer.Option(min=0.0)] = 0.0,
 ) -> None:
     """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
 
     Beside a program that holds the port it records that program's link, until it ends. Overwrites
     no file: the new one's name gets a number. Goes on when a lost link is back.
+
+    Args:
+        given: The robot.
+        seconds: For how long; 0: until Ctrl-C.
     """
     from wheelwire.log.recorder import recording_path
 
@@ -204,20 +208,16 @@ def _completeness(file: Path, found: Summary) -> str:
 @app.command("decode")
 def decode(
     file: FileArgument,
-    message: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "Only these, a column for each field: WheelState, SetDuty, ... as in "
-                "protocol/MESSAGES.md."
-            ),
-            autocompletion=lambda: list(MESSAGES),
-        ),
-    ] = None,
+    message: Annotated[str | None, typer.Option(autocompletion=lambda: list(MESSAGES))] = None,
 ) -> None:
     """Print the messages of both directions as CSV, with the values as on the wire.
 
     `unix_s` is the time of day; `host_s` the host's monotonic clock, as in a sample's stamp.
+
+    Args:
+        file: The recording.
+        message: Only these, a column for each field: WheelState, SetDuty, ... as in
+            protocol/MESSAGES.md.
     """
     from wheelwire.log.reader import check_left_out, offset_us
 
@@ -349,12 +349,14 @@ def draw_recording(
 @app.command("plot")
 def plot(
     file: FileArgument,
-    output: Annotated[
-        Path | None,
-        typer.Option(help="The picture, .png, .svg or .pdf; default: FILE.png beside the file."),
-    ] = None,
+    output: Path | None = None,
 ) -> None:
-    """Draw speeds asked and measured, duties, states and faults of a recording."""
+    """Draw speeds asked and measured, duties, states and faults of a recording.
+
+    Args:
+        file: The recording.
+        output: The picture, .png, .svg or .pdf; default: FILE.png beside the file.
+    """
     from wheelwire.log.reader import metadata
 
     if output is None:

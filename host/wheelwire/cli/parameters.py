@@ -138,9 +138,14 @@ def get(
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
     given: Annotated[Given, _robot_and_names("NAME VALUE")],
-    save: Annotated[bool, typer.Option("--save", help="Save this value, too.")] = False,
+    save: bool = False,
 ) -> None:
-    """Change one value until the next reset; with --save also after it. Saves no other value."""
+    """Change one value until the next reset; with --save also after it. Saves no other value.
+
+    Args:
+        given: The robot.
+        save: Save this value, too.
+    """
     given, (name, value) = given.split("NAME", "VALUE")
     address = given.resolve()
     address.check_parameters([name], save=save)
@@ -208,20 +213,19 @@ def save_values(
 @app.command("reset")
 def reset_all(
     given: Given,
-    copy: Annotated[
-        Path | None,
-        typer.Option(
-            help="The copy; default: a new file in ~/.local/state/wheelwire.",
-            show_default=False,
-        ),
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    copy: Annotated[Path | None, typer.Option(show_default=False)] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y")] = False,
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
 
     Writes a copy of the present values first, for `params import`. If the flash cannot be opened
     (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives until `wheelwire
     board write`.
+
+    Args:
+        given: The robot.
+        copy: The copy; default: a new file in ~/.local/state/wheelwire.
+        yes: Do not ask.
     """
     address = given.resolve()
     # Before the robot is opened, which stops it.
@@ -314,12 +318,16 @@ def export(given: Given) -> None:
 @app.command("import", cls=RobotCommand)
 def import_file(
     given: RobotAndFile,
-    save: Annotated[bool, typer.Option("--save", help="Save these values, too.")] = False,
+    save: bool = False,
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
     If the robot refuses one or the link fails, its previous values return. The file may be from
     another board.
+
+    Args:
+        given: The robot and the file.
+        save: Save these values, too.
     """
     # The file first: opening the robot stops it, which a wrong file should not do.
     given, (file,) = given.split("FILE")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import enum
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 from importlib import import_module
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 
@@ -22,6 +23,8 @@ _MODULES = {
     "params": "parameters",
 }
 """Where the commands are whose module is not named after them."""
+_ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
+"""An entry of a docstring."""
 _OF_ALL = "help"
 """The command that tells of all others."""
 
@@ -64,7 +67,8 @@ _commands: list[Command] = []
 class Commands(typer.Typer):
     """Commands, each with the option `--json`, which `output.wants_json` looks for.
 
-    A parameter of a class with `on_command_line` stands for several arguments and options.
+    A command's docstring has its help, and below `Args:` that of its options. A parameter of a
+    class with `on_command_line` stands for several arguments and options.
     """
 
     def command(
@@ -82,6 +86,8 @@ class Commands(typer.Typer):
 
 def _expanded(runs: Callable[..., Any], *, has_json: bool) -> Callable[..., Any]:
     """A function for Typer, which has each argument and option as a parameter."""
+    text, _, listed = (getdoc(runs) or "").partition("\n\nArgs:\n")
+    helps = {name: " ".join(said.split()) for name, said in _ARGUMENT.findall(listed)}
     hints = get_type_hints(runs, include_extras=True)
     shown: dict[str, Any] = {}
     last = {"as_json": JsonFlag} if has_json else {}
@@ -95,7 +101,7 @@ def _expanded(runs: Callable[..., Any], *, has_json: bool) -> Callable[..., Any]
             shown |= arguments
             last = options | last
         else:
-            shown[name] = hints[name]
+            shown[name] = _described(name, hints[name], helps.get(name, ""))
             defaults[name] = parameter.default
 
     @wraps(runs)
@@ -105,6 +111,7 @@ def _expanded(runs: Callable[..., Any], *, has_json: bool) -> Callable[..., Any]
             given[name] = kind(**{part: given.pop(part) for part in parts})
         return runs(**given)
 
+    run.__doc__ = text
     run.__annotations__ = shown | last
     run.__signature__ = Signature(  # type: ignore[attr-defined]
         [
@@ -113,6 +120,19 @@ def _expanded(runs: Callable[..., Any], *, has_json: bool) -> Callable[..., Any]
         ]
     )
     return run
+
+
+def _described(name: str, hint: Any, said: str) -> Any:
+    """The annotation of an argument or option, with its help."""
+    if hint is typer.Context:
+        return hint
+    if not hasattr(hint, "__metadata__"):
+        # Otherwise a flag would have an opposite.
+        names = [f"--{name.replace('_', '-')}"] if hint is bool else []
+        return Annotated[hint, typer.Option(*names, help=said)]
+    (info,) = hint.__metadata__
+    info.help = info.help or said
+    return hint
 
 
 def command(

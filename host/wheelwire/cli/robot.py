@@ -162,14 +162,20 @@ def _latched(sample: WheelSample, address: str) -> str:
 @command("drive", Heading.DRIVE, 1, page="tutorial/6-drive")
 def drive(
     given: Given,
-    linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
-    angular: Annotated[
-        float | None, typer.Option(help="rad/s, counter-clockwise positive.")
-    ] = None,
-    seconds: Annotated[float, typer.Option(min=0.0, help="For how long.")] = 1.0,
+    linear: float | None = None,
+    angular: float | None = None,
+    seconds: Annotated[float, typer.Option(min=0.0)] = 1.0,
     yes: YesFlag = False,
 ) -> None:
-    """Drive at a constant velocity for a set time, stop, and report the distance."""
+    """Drive at a constant velocity for a set time, stop, and report the distance.
+
+    Args:
+        given: The robot.
+        linear: m/s, forward positive.
+        angular: rad/s, counter-clockwise positive.
+        seconds: For how long.
+        yes: Do not ask.
+    """
     if linear is None and angular is None:
         raise errors.InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
@@ -279,15 +285,18 @@ def _standstill(robot: Robot) -> WheelSample:
 @command("monitor", Heading.LOOK, 2, page="view")
 def monitor(
     given: Given,
-    seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
-    plain: Annotated[
-        bool, typer.Option("--plain", help="Print lines; never take the whole screen.")
-    ] = False,
+    seconds: Annotated[float, typer.Option(min=0.0)] = 0.0,
+    plain: bool = False,
 ) -> None:
     """Show wheel speeds, duties, state, and why it stopped. Goes on when a lost link is back.
 
     On a terminal it takes the whole screen, with plots, and keys that stop, clear, tune, drive and
     record (press ?). Elsewhere it prints lines, and sends nothing. It also plays a recording.
+
+    Args:
+        given: The robot.
+        seconds: For how long; 0: until Ctrl-C.
+        plain: Print lines; never take the whole screen.
     """
     address = given.resolve()
     if not (plain or wants_json()) and can_show():

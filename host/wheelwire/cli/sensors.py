@@ -32,13 +32,15 @@ PERIOD_S = 1.0
 @command("sensors", Heading.LOOK, 3, page="sensors")
 def sensors(
     given: Given,
-    seconds: Annotated[
-        float, typer.Option(min=0.0, help="For how long, once a second; 0: once.")
-    ] = 0.0,
+    seconds: Annotated[float, typer.Option(min=0.0)] = 0.0,
 ) -> None:
     """Show what the sensors and inputs measure, and why a sensor cannot be used.
 
     Beside a program that holds the robot, samples come at the rate that was asked for first.
+
+    Args:
+        given: The robot.
+        seconds: For how long, once a second; 0: once.
     """
     with given.resolve().open_to_look() as driver:
         events = driver.sensors.events()

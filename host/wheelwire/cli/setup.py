@@ -52,55 +52,15 @@ SIZES = {
 @command("setup", Heading.BUILD, 5, page="first-hour")
 def setup(
     given: Given,
-    answers: Annotated[
-        Path | None, typer.Option(help="YAML file of answers, to run without a person.")
-    ] = None,
-    keep: Annotated[
-        Path | None,
-        typer.Option(help="Write the values to this file, as `params export` does; save nothing."),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw the test drives before and after to this file.")
-    ] = None,
-    on_the_floor: Annotated[
-        bool,
-        typer.Option(
-            "--on-the-floor",
-            help="Only tune, with the robot on the floor and a metre free ahead of it.",
-        ),
-    ] = False,
-    resume: Annotated[
-        bool | None,
-        typer.Option(
-            "--resume/--anew",
-            help=(
-                "Go on where the last set-up was interrupted, or begin anew; default: ask, with "
-                "--answers begin anew."
-            ),
-            show_default=False,
-        ),
-    ] = None,
-    simulated: Annotated[
-        bool,
-        typer.Option("--simulated", help="Set up a simulated robot, which answers by itself."),
-    ] = False,
-    plant: Annotated[
-        str | None, typer.Option(help="With --simulated: a built-in plant's name or a YAML file.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="With --simulated: seed of the random wiring.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help=(
-                "With --simulated: a variable of docs/simulator.md; wiring among them is not "
-                "random."
-            ),
-        ),
-    ] = None,
+    answers: Path | None = None,
+    keep: Path | None = None,
+    plot: Path | None = None,
+    on_the_floor: bool = False,
+    resume: Annotated[bool | None, typer.Option("--resume/--anew", show_default=False)] = None,
+    simulated: bool = False,
+    plant: str | None = None,
+    seed: int | None = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE")] = None,
     yes: YesFlag = False,
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
@@ -109,6 +69,21 @@ def setup(
     setup knows how that is mounted. It takes some minutes and about eleven questions, six more with
     an IMU; Enter takes the default answer. Parameters correct the wiring of motors and encoders;
     setup names what they cannot correct. Until you save, the robot has its previous parameters.
+
+    Args:
+        given: The robot.
+        answers: YAML file of answers, to run without a person.
+        keep: Write the values to this file, as `params export` does; save nothing.
+        plot: Draw the test drives before and after to this file.
+        on_the_floor: Only tune, with the robot on the floor and a metre free ahead of it.
+        resume: Go on where the last set-up was interrupted, or begin anew; default: ask, with
+            --answers begin anew.
+        simulated: Set up a simulated robot, which answers by itself.
+        plant: With --simulated: a built-in plant's name or a YAML file.
+        seed: With --simulated: seed of the random wiring.
+        settings: With --simulated: a variable of docs/simulator.md; wiring among them is not
+            random.
+        yes: Do not ask.
     """
     # Here, so that no other command waits until numpy is imported.
     from wheelwire.tools.setup.questions import AnswersFile, SimulatedPerson

@@ -209,16 +209,17 @@ def _obey_lines(simulator: Simulator) -> None:
 # A negative number of turns is not an option.
 @app.command("turn", context_settings={"ignore_unknown_options": True})
 def turn(
-    wheel: Annotated[str, typer.Argument(metavar="WHEEL", help="left or right.")],
-    turns: Annotated[
-        float, typer.Argument(metavar="TURNS", help="Turns of the wheel; negative: backward.")
-    ],
-    link: Annotated[
-        Path | None,
-        typer.Option(help="The simulated port, if several run."),
-    ] = None,
+    wheel: Annotated[str, typer.Argument(metavar="WHEEL")],
+    turns: Annotated[float, typer.Argument(metavar="TURNS")],
+    link: Path | None = None,
 ) -> None:
-    """Turn a wheel of a running simulator by hand, one turn a second, for setup."""
+    """Turn a wheel of a running simulator by hand, one turn a second, for setup.
+
+    Args:
+        wheel: left or right.
+        turns: Turns of the wheel; negative: backward.
+        link: The simulated port, if several run.
+    """
     if wheel not in SIDES:
         raise InvalidArgument(f"{wheel} is not a wheel: give left or right")
     if not 0.0 < abs(turns) <= _MOST_TURNS:

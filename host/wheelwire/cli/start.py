@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from wheelwire import errors
 from wheelwire.arguments import at_home
@@ -36,15 +33,16 @@ _NO_FIRMWARE = (errors.DeviceSilent, errors.ForeignDevice, errors.ProtocolMismat
 @command("start", Heading.BUILD, 1, page="first-hour", has_json=False)
 def start(
     robot: RobotArgument = None,
-    image: Annotated[
-        Path | None,
-        typer.Option(help="Firmware from a release, as for `wheelwire flash`."),
-    ] = None,
+    image: Path | None = None,
 ) -> None:
     """Lead from a board that was just plugged in to the first drive.
 
     Five steps: find the port, write the firmware, confirm the board, set up, drive 20 cm. You can
     skip each. After an error, run the command again.
+
+    Args:
+        robot: The board's port, if it is known.
+        image: Firmware from a release, as for `wheelwire flash`.
     """
     if not sys.stdin.isatty():
         raise errors.InvalidArgument(

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from wheelwire.errors import WheelwireError
 from wheelwire.tools.support import LEFT_OUT, newest_recording, of_error, of_robot, pack, versions
@@ -19,16 +16,17 @@ from .registry import Heading, command
 @command("support", Heading.LOOK, 7, page="recording")
 def support(
     given: Given,
-    output: Annotated[
-        Path | None, typer.Option(help="The archive; default: wheelwire-support-TIME.zip here.")
-    ] = None,
-    recording: Annotated[
-        Path | None, typer.Option(help="A recording; default: the newest in this folder.")
-    ] = None,
+    output: Path | None = None,
+    recording: Path | None = None,
 ) -> None:
     """Pack what a bug report needs: versions, the robot's state and values, a recording.
 
     Sends nothing anywhere. For a robot out of reach it packs the error.
+
+    Args:
+        given: The robot.
+        output: The archive; default: wheelwire-support-TIME.zip here.
+        recording: A recording; default: the newest in this folder.
     """
     address = given.resolve()
     now = datetime.now(timezone.utc)

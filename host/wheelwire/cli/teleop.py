@@ -22,16 +22,18 @@ from .sensors import ask_for_samples
 @command("teleop", Heading.DRIVE, 2, page="teleop", has_json=False)
 def teleop(
     given: Given,
-    speed: Annotated[
-        int,
-        typer.Option(min=1, max=SPEEDS, help="Speed at the start, in tenths of max_velocity_mps."),
-    ] = DEFAULT_SPEED,
+    speed: Annotated[int, typer.Option(min=1, max=SPEEDS)] = DEFAULT_SPEED,
     yes: YesFlag = False,
 ) -> None:
     """Drive by keyboard: w a s d or the arrow keys, space stops, e latches an e-stop, q quits.
 
     Hold a key to keep driving. Most terminals do not report a release: a press drives for 0.7 s,
     each repeat of a held key for 0.2 s more.
+
+    Args:
+        given: The robot.
+        speed: Speed at the start, in tenths of max_velocity_mps.
+        yes: Do not ask.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise InvalidArgument(

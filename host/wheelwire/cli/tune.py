@@ -48,52 +48,49 @@ _FIGURES = (
 )
 """Attribute of `Tracking`, title, unit and scale."""
 
-Gain = Annotated[float | None, typer.Option(help="Value to try.", show_default=False)]
-
 
 @command("tune", Heading.BUILD, 6, page="tutorial/7-tune")
 def tune(
     given: Given,
-    shape: Annotated[str, typer.Option(help="step, ramp or sine.")] = "step",
-    wheel: Annotated[
-        str, typer.Option(help="left, right or both; the other one is held.")
-    ] = "both",
-    speed: Annotated[float, typer.Option(help="Greatest speed in m/s; negative: backward.")] = 0.2,
-    seconds: Annotated[float, typer.Option(help="Longest time of a drive.")] = 3.0,
-    distance: Annotated[
-        float, typer.Option(help="Farthest way of a wheel in a drive, in m.")
-    ] = 0.5,
-    proportional_gain: Annotated[
-        float | None, typer.Option("--proportional-gain", "--kp", help="Value to try.")
-    ] = None,
-    integral_gain: Annotated[
-        float | None, typer.Option("--integral-gain", "--ki", help="Value to try.")
-    ] = None,
-    velocity_feedforward: Gain = None,
-    static_feedforward: Gain = None,
-    acceleration_feedforward: Gain = None,
-    path_gain: Gain = None,
-    heading_gain: Gain = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the drives to this file.")] = None,
-    save: Annotated[
-        bool,
-        typer.Option(
-            "--save",
-            help=(
-                "Save the values without asking, unless the robot tracks worse or setpoints came "
-                "late."
-            ),
-        ),
-    ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Do not ask before the wheels turn.")
-    ] = False,
+    shape: str = "step",
+    wheel: str = "both",
+    speed: float = 0.2,
+    seconds: float = 3.0,
+    distance: float = 0.5,
+    proportional_gain: Annotated[float | None, typer.Option("--proportional-gain", "--kp")] = None,
+    integral_gain: Annotated[float | None, typer.Option("--integral-gain", "--ki")] = None,
+    velocity_feedforward: float | None = None,
+    static_feedforward: float | None = None,
+    acceleration_feedforward: float | None = None,
+    path_gain: float | None = None,
+    heading_gain: float | None = None,
+    plot: Path | None = None,
+    save: bool = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y")] = False,
 ) -> None:
     """Drive a step, a ramp or a sine with the robot's gains and with others; keep them, or undo.
 
     It asks before anything moves: raise the robot, or leave it room. The new values are on trial:
     the previous ones return unless you keep or save the new ones, also after Ctrl-C, a fault or a
     lost link. Without a gain it drives once.
+
+    Args:
+        given: The robot.
+        shape: step, ramp or sine.
+        wheel: left, right or both; the other one is held.
+        speed: Greatest speed in m/s; negative: backward.
+        seconds: Longest time of a drive.
+        distance: Farthest way of a wheel in a drive, in m.
+        proportional_gain: Value to try.
+        integral_gain: Value to try.
+        velocity_feedforward: Value to try.
+        static_feedforward: Value to try.
+        acceleration_feedforward: Value to try.
+        path_gain: Value to try.
+        heading_gain: Value to try.
+        plot: Draw the drives to this file.
+        save: Save the values without asking, unless the robot tracks worse or setpoints came late.
+        yes: Do not ask before the wheels turn.
     """
     gains = {
         "proportional_gain": proportional_gain,

@@ -46,42 +46,24 @@ TEST = Path("tests", "firmware", "test_boxes.py")
 @command("why", Heading.LOOK, 4, page="why")
 def why(
     given: Given,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Draw the seconds around a recording's newest stop."),
-    ] = None,
-    rerun: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Run a black box's inputs through the same core; exit code 31 if it differs.",
-            show_default=False,
-        ),
-    ] = None,
-    export_test: Annotated[
-        bool,
-        typer.Option(
-            "--export-test",
-            help=(
-                "With --rerun: write the box as a regression test to PATH, given in place of "
-                "ROBOT: a file, a folder, or a checkout; default: this checkout."
-            ),
-        ),
-    ] = False,
-    save_boxes: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Write the ROBOT's black boxes into this folder, for `wheelwire why FILE.box`.",
-            show_default=False,
-        ),
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="PNG")] = None,
+    rerun: Annotated[Path | None, typer.Option(metavar="FILE", show_default=False)] = None,
+    export_test: bool = False,
+    save_boxes: Annotated[Path | None, typer.Option(metavar="FOLDER", show_default=False)] = None,
 ) -> None:
     """Explain why the robot stopped, from a recording FILE.mcap, a black box FILE.box, or a ROBOT.
 
     From a ROBOT it reads the recorded stops, and what holds it now. It names a cause, what shows
     it, and what to look at first; where the data cannot decide, all causes left. With --rerun it
     runs the inputs in a black box again.
+
+    Args:
+        given: The robot.
+        plot: Draw the seconds around a recording's newest stop.
+        rerun: Run a black box's inputs through the same core; exit code 31 if it differs.
+        export_test: With --rerun: write the box as a regression test to PATH, given in place of
+            ROBOT: a file, a folder, or a checkout; default: this checkout.
+        save_boxes: Write the ROBOT's black boxes into this folder, for `wheelwire why FILE.box`.
     """
     if rerun is not None:
         if plot is not None:
