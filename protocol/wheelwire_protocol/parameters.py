@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from functools import partial
 from typing import NamedTuple
 
 from .codes import Chip, Unit
@@ -35,46 +36,21 @@ class Parameter(NamedTuple):
     name: str
     changes: Changes
     unit: Unit
-    kind: Kind
     default: float
     minimum: float
     maximum: float
     doc: str
+    kind: Kind = Kind.REAL
     after_reset: bool = False
     """A new value takes effect at the next reset."""
 
 
-def _real(
-    id_: int,
-    name: str,
-    changes: Changes,
-    unit: Unit,
-    default: float,
-    low: float,
-    high: float,
-    doc: str,
-) -> Parameter:
-    return Parameter(id_, name, changes, unit, Kind.REAL, default, low, high, doc)
-
-
-def _whole(
-    id_: int,
-    name: str,
-    changes: Changes,
-    unit: Unit,
-    default: int,
-    low: int,
-    high: int,
-    doc: str,
-    *,
-    after_reset: bool = False,
-) -> Parameter:
-    doc += " Takes effect after a reset." if after_reset else ""
-    return Parameter(id_, name, changes, unit, Kind.WHOLE, default, low, high, doc, after_reset)
+_real = Parameter
+_whole = partial(Parameter, kind=Kind.WHOLE)
 
 
 def _switch(id_: int, name: str, changes: Changes, default: bool, doc: str) -> Parameter:
-    return Parameter(id_, name, changes, Unit.NONE, Kind.SWITCH, float(default), 0, 1, doc)
+    return Parameter(id_, name, changes, Unit.NONE, float(default), 0, 1, doc, Kind.SWITCH)
 
 
 _ALWAYS, _STOPPED, _RELEASED = Changes.ALWAYS, Changes.STOPPED, Changes.RELEASED
@@ -93,7 +69,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _whole(4, "control_rate_hz", _STOPPED, Unit.HERTZ, 1000, 100, 5000,
            "Rate of the control loop; above 1000 tested in simulation only."),
     _whole(5, "pwm_frequency_hz", _ALWAYS, Unit.HERTZ, 20_000, 100, 40_000,
-           "Of the power stage's PWM.", after_reset=True),
+           "Of the power stage's PWM. Takes effect after a reset.", after_reset=True),
     _real(6, "max_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
           "Limit of each wheel; beyond it both are scaled alike."),
     _real(7, "max_acceleration_mps2", _ALWAYS, Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
@@ -134,7 +110,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _switch(28, "estop_input_enabled", _RELEASED, True,
             "A normally closed e-stop contact is fitted. Ground its pin before you set 0."),
     _whole(29, "glitch_filter_ns", _ALWAYS, Unit.NANOSECOND, 1000, 0, 12_787,
-           "Shorter encoder pulses are ignored.", after_reset=True),
+           "Shorter encoder pulses are ignored. Takes effect after a reset.", after_reset=True),
     _whole(30, "stream_rate_hz", _ALWAYS, Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
     _real(31, "path_gain", _ALWAYS, Unit.PER_SECOND, 2.0, 0, 20,
