@@ -18,19 +18,30 @@ CRC_SIZE = 4
 
 
 class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information
-    """A named construct with a unit, a doc and, for coded values, the enumeration behind them."""
+    """One field of a message: a named construct with a unit and a doc.
+
+    A field whose name, unit and codes say everything has no doc.
+
+    Args:
+        subcon: One of construct's little-endian numbers, or `Bytes`.
+        name: Its name in every language.
+        doc: What it means.
+        codes: The enumeration behind a coded value.
+        unit: Its unit.
+    """
 
     def __init__(
         self,
-        name: str,
         subcon: Any,
-        unit: Unit,
-        doc: str,
-        enumeration: type[enum.IntEnum] | type[enum.IntFlag] | None,
+        name: str,
+        doc: str = "",
+        codes: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
+        *,
+        unit: Unit = Unit.NONE,
     ) -> None:
         super().__init__(subcon, newname=name, newdocs=doc)
         self.unit = unit
-        self.enumeration = enumeration
+        self.enumeration = codes
 
     @property
     def is_text(self) -> bool:
@@ -46,30 +57,15 @@ class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type i
         return str(self.subcon.fmtstr[1:])
 
 
-def field(
-    subcon: Any,
-    name: str,
-    doc: str = "",
-    codes: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
-    *,
-    unit: Unit = Unit.NONE,
-) -> Field:
-    """One field of a message. `subcon` is one of construct's little-endian numbers, or `Bytes`.
-
-    A field whose name, unit and codes say everything has no doc.
-    """
-    return Field(name, subcon, unit, doc, codes)
-
-
-u8, i8 = partial(field, construct.Int8ul), partial(field, construct.Int8sl)
-u16, i16 = partial(field, construct.Int16ul), partial(field, construct.Int16sl)
-u32, i32 = partial(field, construct.Int32ul), partial(field, construct.Int32sl)
-u64, f32 = partial(field, construct.Int64ul), partial(field, construct.Float32l)
+u8, i8 = partial(Field, construct.Int8ul), partial(Field, construct.Int8sl)
+u16, i16 = partial(Field, construct.Int16ul), partial(Field, construct.Int16sl)
+u32, i32 = partial(Field, construct.Int32ul), partial(Field, construct.Int32sl)
+u64, f32 = partial(Field, construct.Int64ul), partial(Field, construct.Float32l)
 
 
 def chars(size: int, name: str, doc: str = "") -> Field:
     """So many bytes."""
-    return field(construct.Bytes(size), name, doc)
+    return Field(construct.Bytes(size), name, doc)
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ class Message:
         id: First byte of the payload. 0x01..0x7f from the host, 0x80..0xff from the device.
         name: Its name in every language.
         doc: What it means, in one paragraph.
-        body: A construct `Struct` of `field`s.
+        body: A construct `Struct` of `Field`s.
         frozen: The layout is the same in every protocol version.
         answer: Of a request that is answered by more than an Ack, the answer's name.
         reads: It changes nothing, so every program may send it to a robot that another one drives.

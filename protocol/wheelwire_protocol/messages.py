@@ -42,26 +42,16 @@ PROTOCOL_VERSION = 2
 BOX_PART_SIZE = 56
 """Bytes of a black box that one message carries."""
 
-
-def _session() -> Field:
-    return u32("session_id")
-
-
-def _request() -> Field:
-    return u16("request_id", "Counts up; the answer repeats it.")
-
-
-def _parameter() -> Field:
-    return u8("parameter")
-
-
-def _boot() -> Field:
-    return u32("boot_id")
+_SESSION = u32("session_id")
+_REQUEST = u16("request_id", "Counts up; the answer repeats it.")
+_PARAMETER = u8("parameter")
+_BOOT = u32("boot_id")
+_CHANNEL = u8("channel")
 
 
 def _command() -> list[Field]:
     return [
-        _session(),
+        _SESSION,
         u32("command_seq", "Counts up; older ones are ignored."),
         # A moment, not a duration: a delay on the way can then only shorten a setpoint's life.
         u64("expiry_us", "Device clock when it expires.", unit=Unit.MICROSECOND),
@@ -70,7 +60,7 @@ def _command() -> list[Field]:
 
 def request(id_: int, name: str, doc: str, *fields: Field, **properties: Any) -> Message:
     """A message that names its session, and has a number in it."""
-    return message(id_, name, doc, _session(), _request(), *fields, **properties)
+    return message(id_, name, doc, _SESSION, _REQUEST, *fields, **properties)
 
 
 def query(id_: int, name: str, doc: str, answered_by: str, *fields: Field) -> Message:
@@ -135,14 +125,12 @@ SET_STREAM_RATE = request(
     "Sets the rate of WheelState for this session.",
     u16("rate_hz", "0: off.", unit=Unit.HERTZ),
 )
-PARAMETER_GET = query(
-    0x0A, "ParameterGet", "Asks for one parameter.", "ParameterValue", _parameter()
-)
+PARAMETER_GET = query(0x0A, "ParameterGet", "Asks for one parameter.", "ParameterValue", _PARAMETER)
 PARAMETER_SET = request(
     0x0B,
     "ParameterSet",
     "Sets one parameter until the next reset.",
-    _parameter(),
+    _PARAMETER,
     f32("value"),
     answer="ParameterValue",
 )
@@ -207,7 +195,7 @@ PERIPHERAL_SET = request(
     0x23,
     "PeripheralSet",
     "Prepares a peripheral for ConfigurationWrite.",
-    u8("channel"),
+    _CHANNEL,
     *peripheral_fields(),
 )
 CONFIGURATION_WRITE = request(
@@ -290,7 +278,7 @@ WHEEL_STATE = message(
     0x81,
     "WheelState",
     "Both encoders, read at one instant, and the controller's state.",
-    _boot(),
+    _BOOT,
     # 32 bits, since each byte counts in the message that is sent most: the host extends them.
     u32("t_us", "Device clock. Wraps after 71.6 min.", unit=Unit.MICROSECOND),
     i32("left_ticks", "Forward positive. Wraps.", unit=Unit.TICK),
@@ -309,7 +297,7 @@ REFUSE = message(
     0x82,
     "Refuse",
     "Refuses a request or setpoint: nothing moved or changed.",
-    _session(),
+    _SESSION,
     u8("message_id", "Of the refused message."),
     u8("code", codes=RefusalCode),
     u32("reference", "Its request_id or command_seq."),
@@ -330,7 +318,7 @@ PARAMETER_VALUE = answer(
     0x85,
     "ParameterValue",
     "A parameter's active value.",
-    _parameter(),
+    _PARAMETER,
     f32("value"),
 )
 PARAMETER_ENTRY = answer(
@@ -340,7 +328,7 @@ PARAMETER_ENTRY = answer(
     u8("parameter_index"),
     # In every entry: the host learns from the first one how many to ask for.
     u8("parameter_count"),
-    _parameter(),
+    _PARAMETER,
     f32("value"),
     f32("default_value"),
     f32("minimum"),
@@ -350,7 +338,7 @@ EVENT = message(
     0x87,
     "Event",
     "Reports a change of state, or another incident.",
-    _boot(),
+    _BOOT,
     u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
     u8("code", codes=EventCode),
     u8("cause", codes=SupervisorEvent),
@@ -406,7 +394,7 @@ HOLD = message(
     0x8C,
     "Hold",
     "What holds the robot, and what ended its last motion.",
-    _session(),
+    _SESSION,
     u16("request_id", "0: sent unasked."),
     u32("held", "0: nothing.", Held),
     u8("estop_source", codes=EstopSource),
@@ -438,7 +426,7 @@ PERIPHERAL_VALUE = answer(
     0xA1,
     "PeripheralValue",
     "A peripheral; of kind NONE if it has fewer.",
-    u8("channel"),
+    _CHANNEL,
     *peripheral_fields(),
 )
 
@@ -495,15 +483,11 @@ UNSAVED_VALUE = answer(
 # --- sensors, from the device: ids 0xd0 to 0xdf --------------------------------------------------
 
 
-def _channel() -> Field:
-    return u8("channel")
-
-
 def _taken() -> list[Field]:
     return [
-        _boot(),
+        _BOOT,
         u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
-        _channel(),
+        _CHANNEL,
     ]
 
 
@@ -515,8 +499,8 @@ SENSOR_INFO = message(
     0xD0,
     "SensorInfo",
     "A sensor, and its units.",
-    _session(),
-    _channel(),
+    _SESSION,
+    _CHANNEL,
     u8("channel_count"),
     u8("kind", codes=PeripheralKind),
     u8("chip", codes=SensorChip),
@@ -556,7 +540,7 @@ INPUTS = message(
     0xD3,
     "Inputs",
     "All inputs, and what the sensors forbid.",
-    _boot(),
+    _BOOT,
     u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
     u16("levels", "Bit n: level at the pin of channel n."),
     u16("triggered", "Bit n: channel n has triggered."),

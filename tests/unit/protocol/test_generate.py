@@ -100,7 +100,7 @@ def test_check_names_each_file_and_the_remedy(
 def test_a_new_message_goes_through(checkout: Path) -> None:
     definitions = checkout / "protocol/wheelwire_protocol/messages.py"
     text = definitions.read_text("utf-8")
-    new = 'NEW = message(0x1F, "Brandnew", "New.", _session())'
+    new = 'NEW = message(0x1F, "Brandnew", "New.", _SESSION)'
     definitions.write_text(text.replace("\nMESSAGES =", f"\n{new}\n\nMESSAGES ="), "utf-8")
 
     check = run(checkout, "--check")

@@ -7,7 +7,7 @@ from construct import Int16ul, Int32ul, Struct
 from wheelwire_protocol import schema_hash
 from wheelwire_protocol.codes import Group, Unit
 from wheelwire_protocol.generate import wire_layout
-from wheelwire_protocol.message import Message, field
+from wheelwire_protocol.message import Field, Message
 from wheelwire_protocol.messages import MESSAGES
 from wheelwire_protocol.parameters import PARAMETERS
 
@@ -22,7 +22,7 @@ def test_the_hash_is_that_of_the_definitions() -> None:
 
 
 def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
-    return Message(id=0x1F, name="P", doc=doc, body=Struct(field(subcon, name, doc, unit=unit)))
+    return Message(id=0x1F, name="P", doc=doc, body=Struct(Field(subcon, name, doc, unit=unit)))
 
 
 PING = ping(Int32ul, "host_us", Unit.MICROSECOND, "a doc")
