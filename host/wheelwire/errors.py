@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import ClassVar, NamedTuple, TypeVar
 
 from wheelwire_protocol.codes import Fault, RefusalCode, SensorState
@@ -293,10 +294,18 @@ class OutputFailed(WheelwireError):  # noqa: N818
     exit_code = 20
 
     @classmethod
-    def at(cls, path: object, error: OSError, then: str = "") -> OutputFailed:
-        """The error of a file or folder; `then`: what to do, if not to choose another one."""
-        then = then or "choose a folder that can be written, or free some space"
-        return cls(f"cannot write {path}: {error.strerror or error}; {then}")
+    @contextmanager
+    def of(
+        cls, path: object, then: str = "choose a folder that can be written, or free some space"
+    ) -> Iterator[None]:
+        """Raise this for a failure to write a file or folder; `then`: what to do about it."""
+        try:
+            yield
+        except WheelwireError:
+            raise
+        except OSError as error:
+            path = path or error.filename
+            raise cls(f"cannot write {path}: {error.strerror or error}; {then}") from error
 
 
 class RobotNotNamed(WheelwireError):  # noqa: N818

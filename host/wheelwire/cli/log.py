@@ -340,10 +340,8 @@ def draw_recording(
     if title is None:
         robot, began = said.get("board_id", "a robot"), time_of_day(trace.begin_us, file)
         title = f"{file.name}: {robot}, {began}, {trace.end_s:.1f} s"
-    try:
+    with errors.OutputFailed.of(picture):
         draw(trace, title, picture, window)
-    except OSError as error:
-        raise errors.OutputFailed.at(picture, error) from error
 
 
 @app.command("plot")

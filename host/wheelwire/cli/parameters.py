@@ -276,13 +276,12 @@ def _write_copy(values: ParameterFile, file: Path | None) -> Path:
         OutputFailed: It exists, or cannot be written.
     """
     reset = "nothing was reset: name another file with --copy"
-    try:
-        file = file or _new_copy(values.board_id)
-        write_new(file, values.text().encode())
-    except FileExistsError as error:
-        raise OutputFailed(f"{file or error.filename} exists; {reset}") from error
-    except OSError as error:
-        raise OutputFailed.at(file or error.filename, error, reset) from error
+    with OutputFailed.of(file, reset):
+        try:
+            file = file or _new_copy(values.board_id)
+            write_new(file, values.text().encode())
+        except FileExistsError as error:
+            raise OutputFailed(f"{file or error.filename} exists; {reset}") from error
     return file
 
 

@@ -285,10 +285,8 @@ def _draw(found: Comparison, plot: Path) -> None:
     from wheelwire.tools.tune.before_after import draw
 
     titles = found.titles if len(found.titles) > 1 else ("measured",)
-    try:
+    with OutputFailed.of(plot, _REVERTED):
         draw(plot, tuple(zip(titles, found.traces, strict=True)))
-    except OSError as error:
-        raise OutputFailed.at(plot, error, _REVERTED) from error
     screen().print(f"drawn in {plot}", soft_wrap=True)
 
 

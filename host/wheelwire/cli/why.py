@@ -95,10 +95,8 @@ def _check_options(address: str, plot: Path | None, folder: Path | None) -> None
         return
     if is_recording(address) or is_box(address):
         raise InvalidArgument(f"--save-boxes reads a robot: name one instead of {address}")
-    try:
+    with OutputFailed.of(folder):
         folder.mkdir(parents=True, exist_ok=True)  # before anything is read
-    except OSError as error:
-        raise OutputFailed.at(folder, error) from error
 
 
 def _of_recording(file: Path, plot: Path | None) -> tuple[list[dict[str, Any]], list[str]]:
@@ -284,18 +282,16 @@ def _test_name(file: Path) -> str:
 
 
 def _write_test(target: Path, image: bytes) -> None:
-    try:
-        if target.parent.name == BOXES.name:
-            target.parent.mkdir(exist_ok=True)
-        write_new(target, image)
-    except FileExistsError:
-        if target.is_file() and target.read_bytes() == image:
-            raise OutputFailed(
-                f"{target} has this box already: run {_test_command(target)}"
-            ) from None
-        raise OutputFailed(f"{target} exists and is another one: choose another name") from None
-    except OSError as error:
-        raise OutputFailed.at(target, error) from error
+    with OutputFailed.of(target):
+        try:
+            if target.parent.name == BOXES.name:
+                target.parent.mkdir(exist_ok=True)
+            write_new(target, image)
+        except FileExistsError:
+            if target.is_file() and target.read_bytes() == image:
+                has = f"has this box already: run {_test_command(target)}"
+                raise OutputFailed(f"{target} {has}") from None
+            raise OutputFailed(f"{target} exists and is another one: choose another name") from None
 
 
 def _test_command(target: Path) -> str:
@@ -341,8 +337,6 @@ def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
 
 
 def _write_box(file: Path, image: bytes) -> Path:
-    try:
+    with OutputFailed.of(file):
         write_whole(file, image)
-    except OSError as error:
-        raise OutputFailed.at(file, error) from error
     return file

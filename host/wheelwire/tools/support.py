@@ -153,14 +153,16 @@ def _written(target: Path) -> Iterator[zipfile.ZipFile]:
         raise OutputFailed(f"{target} exists: name another file with --output")
     part = target.with_name(f".{target.name}.part")
     try:
-        with part.open("wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            yield archive
-        part.rename(target)
-    except BaseException as error:
+        with OutputFailed.of(target):
+            with (
+                part.open("wb") as file,
+                zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed,
+            ):
+                yield packed
+            part.rename(target)
+    except BaseException:
         with suppress(OSError):  # on a file system that is read-only by now it stays
             part.unlink(missing_ok=True)
-        if isinstance(error, OSError) and not isinstance(error, WheelwireError):
-            raise OutputFailed.at(target, error) from error
         raise
 
 

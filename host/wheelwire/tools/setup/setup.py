@@ -92,11 +92,9 @@ class Progress:
         Raises:
             OutputFailed: It cannot be written.
         """
-        try:
+        with errors.OutputFailed.of(self._file):
             self._file.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._file, json.dumps(found).encode())
-        except OSError as error:
-            raise errors.OutputFailed.at(self._file, error) from error
 
     def forget(self) -> None:
         """Delete the file: setup has finished."""
@@ -476,13 +474,6 @@ def _was_brownout(robot: Robot) -> bool:
     return robot.has_device and robot.info.device.reset_reason is ResetReason.BROWNOUT
 
 
-def _write(path: Path, file: ParameterFile) -> None:
-    try:
-        write_whole(path, file.text().encode())
-    except OSError as error:
-        raise errors.OutputFailed.at(path, error) from error
-
-
 def _is_valid(content: object) -> bool:
     return isinstance(content, dict) and all(
         isinstance(values, dict)
@@ -564,3 +555,8 @@ def tell_contradictions(robot: Robot, say: Say) -> None:
             "parameters contradict each other, and nothing drives: correct them with "
             "`wheelwire params set`, then begin again"
         )
+
+
+def _write(path: Path, file: ParameterFile) -> None:
+    with errors.OutputFailed.of(path):
+        write_whole(path, file.text().encode())
