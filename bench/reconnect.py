@@ -8,13 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness import Report, run, spread
-from support.reconnect import (
-    AIM_S,
-    TIMEOUT_S,
-    after_reset,
-    after_return_elsewhere,
-    after_unplug,
-)
+from support.reconnect import AIM_S, TIMEOUT_S, after_reset, after_return_elsewhere, after_unplug
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.statistics import quantile
 from wheelwire.simulation.bad_line import Impairment, LineProfile

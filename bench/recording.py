@@ -40,10 +40,7 @@ def drive(robot: SerialDriver, seconds: float) -> None:
 def main(report: Report, *, minutes: float = 1.0) -> None:
     """Measure and print."""
     seconds = minutes * 60
-    with (
-        Simulator() as simulator,
-        SerialDriver(simulator.port, stream_rate_hz=STREAM_HZ) as robot,
-    ):
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=STREAM_HZ) as robot:
         drive(robot, SETTLING_S)
         plain = load_while(lambda: drive(robot, seconds)).cpu
         recorder = robot.record(report.scratch / "day.mcap")

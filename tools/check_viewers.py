@@ -19,11 +19,7 @@ from wheelwire import open_driver
 from wheelwire.log.reader import messages
 from wheelwire.log.views import BATTERY, JOINT_STATES, JOINTS, ODOM
 
-PACKAGES = (
-    "@mcap/core@2.2.2",
-    "@foxglove/rosmsg@5.0.5",
-    "@foxglove/rosmsg2-serialization@3.1.0",
-)
+PACKAGES = ("@mcap/core@2.2.2", "@foxglove/rosmsg@5.0.5", "@foxglove/rosmsg2-serialization@3.1.0")
 SCRIPT = Path(__file__).with_name("read_recording.mjs")
 SECONDS = 3.0
 

@@ -129,10 +129,7 @@ class BoardFault(DocumentedEnum):
         20,
         "pulldowns: GPIO {pin} is not an output of this board; leave it out, or correct the number",
     )
-    FREQUENCY_HIGH = (
-        21,
-        "pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most",
-    )
+    FREQUENCY_HIGH = 21, "pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most"
     FREQUENCY_LOW = 22, "pwm_frequency_hz = {value}: choose {limit} at least"
     COUNTERS = 23, "{chip} has {limit} pulse counters, two wheels need {value}"
     PWM_OUTPUTS = 24, "{chip} has {limit} PWM outputs, the stage {stage} needs {value}"

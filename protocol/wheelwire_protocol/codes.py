@@ -114,10 +114,7 @@ class RefusalCode(DocumentedEnum):
     UNKNOWN_PARAMETER = 8, "No such parameter in this firmware; list the parameters."
     ESTOPPED = 9, "Emergency stop is latched; remove its cause, then clear it."
     FAULT = 10, "A fault is latched; remove its cause, then clear it."
-    CAUSE_PRESENT = (
-        11,
-        "The cause is still present; close the e-stop contact or fix the fault.",
-    )
+    CAUSE_PRESENT = 11, "The cause is still present; close the e-stop contact or fix the fault."
     NOT_STOPPED = (
         12,
         (
@@ -129,10 +126,7 @@ class RefusalCode(DocumentedEnum):
         13,
         "The parameter store could not be written; values apply until the next reset.",
     )
-    RATE_TOO_HIGH = (
-        14,
-        "Above the control rate or the line's capacity; request a lower rate.",
-    )
+    RATE_TOO_HIGH = 14, "Above the control rate or the line's capacity; request a lower rate."
     NOT_INTEGRAL = 15, "This parameter takes whole numbers only."
     BOOTING = 16, "The device is still starting; try again in a moment."
     ON_TRIAL = 17, "Not possible while parameters are on trial; keep or revert them first."
@@ -155,10 +149,7 @@ class RefusalCode(DocumentedEnum):
         "The device started, an e-stop or a fault was cleared, or a bumper held the robot off: "
         "first send a zero setpoint, or none at all for rearm_gap_s and for ttl_max_s.",
     )
-    CONTRADICTION = (
-        25,
-        "Parameters contradict each other; `wheelwire info` lists which ones.",
-    )
+    CONTRADICTION = 25, "Parameters contradict each other; `wheelwire info` lists which ones."
     COMMAND_SEQ_SPENT = 26, "The session has used up its command numbers; open another one."
 
 

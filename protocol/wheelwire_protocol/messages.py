@@ -185,12 +185,7 @@ CONFIGURATION_GET = query(
 PERIPHERAL_GET = query(
     0x21, "PeripheralGet", "Asks for one of its peripherals.", "PeripheralValue", u8("channel")
 )
-BOARD_SET = request(
-    0x22,
-    "BoardSet",
-    "Prepares the board for ConfigurationWrite.",
-    *board_fields(),
-)
+BOARD_SET = request(0x22, "BoardSet", "Prepares the board for ConfigurationWrite.", *board_fields())
 PERIPHERAL_SET = request(
     0x23,
     "PeripheralSet",
@@ -315,11 +310,7 @@ PONG = answer(
     u64("sent_us", unit=Unit.MICROSECOND),
 )
 PARAMETER_VALUE = answer(
-    0x85,
-    "ParameterValue",
-    "A parameter's active value.",
-    _PARAMETER,
-    f32("value"),
+    0x85, "ParameterValue", "A parameter's active value.", _PARAMETER, f32("value")
 )
 PARAMETER_ENTRY = answer(
     0x86,
@@ -484,11 +475,7 @@ UNSAVED_VALUE = answer(
 
 
 def _taken() -> list[Field]:
-    return [
-        _BOOT,
-        u32("t_us", "Device clock.", unit=Unit.MICROSECOND),
-        _CHANNEL,
-    ]
+    return [_BOOT, u32("t_us", "Device clock.", unit=Unit.MICROSECOND), _CHANNEL]
 
 
 def _axes(name: str, doc: str) -> list[Field]:

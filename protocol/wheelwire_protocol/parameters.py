@@ -154,11 +154,7 @@ PARAMETER_BY_ID: dict[int, Parameter] = {p.id: p for p in PARAMETERS}
 
 PLATFORM_DEFAULTS: dict[Chip, dict[str, float]] = {
     # A process shares its processor with others, and most such robots have no e-stop contact.
-    Chip.LINUX: {
-        "control_rate_hz": 100,
-        "overrun_limit_us": 100_000,
-        "estop_input_enabled": 0,
-    },
+    Chip.LINUX: {"control_rate_hz": 100, "overrun_limit_us": 100_000, "estop_input_enabled": 0}
 }
 """Defaults that differ from those in `PARAMETERS`, by board."""
 

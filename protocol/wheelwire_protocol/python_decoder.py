@@ -9,15 +9,7 @@ from typing import Any
 from zlib import crc32
 
 from .codec import BY_ID, MIN_PAYLOAD, Codec
-from .framing import (
-    CRC_RESIDUE,
-    DELIMITER,
-    HEADER,
-    MAX_ENCODED,
-    MAX_PAYLOAD,
-    SEQ_MODULUS,
-    Counters,
-)
+from .framing import CRC_RESIDUE, DELIMITER, HEADER, MAX_ENCODED, MAX_PAYLOAD, SEQ_MODULUS, Counters
 from .types import AnyMessage
 
 REPEAT_WINDOW = 64

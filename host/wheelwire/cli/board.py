@@ -38,11 +38,7 @@ from wheelwire_protocol.codes import ConfigurationState, RefusalCode
 from wheelwire_protocol.core import check_board
 from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Action, Level, Stage
 
-from .address import (
-    Given,
-    complete_yaml,
-    is_port,
-)
+from .address import Given, complete_yaml, is_port
 from .output import (
     check_writable,
     console,
@@ -210,10 +206,7 @@ def write(
 
 
 @app.command("confirm")
-def confirm(
-    given: Given,
-    yes: bool = False,
-) -> None:
+def confirm(given: Given, yes: bool = False) -> None:
     """Confirm the board and the peripherals that a device reports, and let it drive.
 
     New firmware assumes the board that came with it, and drives nothing until somebody confirms it.
@@ -392,11 +385,7 @@ def _ask_for_divider(default: float) -> float:
 
 
 def _ask_for_pin(
-    made: Configuration,
-    function: BoardPin,
-    base: Configuration | None,
-    *,
-    optional: bool = False,
+    made: Configuration, function: BoardPin, base: Configuration | None, *, optional: bool = False
 ) -> Configuration:
     """Ask until the pin can be used, or is left out."""
     default = base.pin(function) if base else None

@@ -257,9 +257,7 @@ def _headings(text: str) -> list[_FoundHeading]:
     blanked = _FENCED.sub(lambda block: re.sub(r"#", " ", block[0]), text)
     return [
         _FoundHeading(
-            found.start(),
-            len(found[1]),
-            re.sub(r"[^\w -]", "", found[2].lower()).replace(" ", "-"),
+            found.start(), len(found[1]), re.sub(r"[^\w -]", "", found[2].lower()).replace(" ", "-")
         )
         for found in _HEADING.finditer(blanked)
     ]

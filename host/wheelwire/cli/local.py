@@ -40,9 +40,7 @@ def ports() -> None:
 
 
 @command("demo", Heading.WITHOUT_ROBOT, 1, page="simulator")
-def demo(
-    output: Path = Path("build/demo"),
-) -> None:
+def demo(output: Path = Path("build/demo")) -> None:
     """Drive a simulated robot through a figure eight, then hang on purpose.
 
     Args:
@@ -67,10 +65,7 @@ def demo(
 
 
 @command("mcu", Heading.WITHOUT_ROBOT, 3, page="pi-pins/a-service-of-its-own", has_json=False)
-def mcu(
-    config: Path,
-    listen: str,
-) -> None:
+def mcu(config: Path, listen: str) -> None:
     """Run the firmware's core on this computer's own pins until SIGTERM or Ctrl-C.
 
     Args:

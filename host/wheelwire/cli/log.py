@@ -67,10 +67,7 @@ def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
 FileArgument = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE",
-        help="A recording, FILE.mcap.",
-        show_default=False,
-        autocompletion=_complete,
+        metavar="FILE", help="A recording, FILE.mcap.", show_default=False, autocompletion=_complete
     ),
 ]
 
@@ -345,10 +342,7 @@ def draw_recording(
 
 
 @app.command("plot")
-def plot(
-    file: FileArgument,
-    output: Path | None = None,
-) -> None:
+def plot(file: FileArgument, output: Path | None = None) -> None:
     """Draw speeds asked and measured, duties, states and faults of a recording.
 
     Args:

@@ -123,9 +123,7 @@ def _value(parameter: ParameterInfo) -> str:
 
 
 @app.command("get", cls=RobotCommand)
-def get(
-    given: Annotated[Given, _robot_and_names("NAME")],
-) -> None:
+def get(given: Annotated[Given, _robot_and_names("NAME")]) -> None:
     """Show one value."""
     given, (name,) = given.split("NAME")
     with given.resolve().open_to_look() as driver:
@@ -136,10 +134,7 @@ def get(
 # Unknown options are ignored, so that a negative VALUE is not mistaken for one; `split` rejects
 # what really is an option.
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
-def set_value(
-    given: Annotated[Given, _robot_and_names("NAME VALUE")],
-    save: bool = False,
-) -> None:
+def set_value(given: Annotated[Given, _robot_and_names("NAME VALUE")], save: bool = False) -> None:
     """Change one value until the next reset; with --save also after it. Saves no other value.
 
     Args:
@@ -181,9 +176,7 @@ def _duration(name: str, address: str, *, saved: bool, lasting: bool) -> str:
 
 
 @app.command("save", cls=RobotCommand)
-def save_values(
-    given: Annotated[Given, _robot_and_names("[NAME]...")],
-) -> None:
+def save_values(given: Annotated[Given, _robot_and_names("[NAME]...")]) -> None:
     """Save the parameters named, or all.
 
     The first argument is ROBOT if it is `mock`, an existing file or contains / : or a dot;
@@ -295,8 +288,7 @@ def _new_copy(board_id: str) -> Path:
 
 
 RobotAndFile = Annotated[
-    Given,
-    robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", complete_yaml),
+    Given, robot_and("FILE", "FILE is one that `wheelwire params export` wrote.", complete_yaml)
 ]
 
 
@@ -315,10 +307,7 @@ def export(given: Given) -> None:
 
 
 @app.command("import", cls=RobotCommand)
-def import_file(
-    given: RobotAndFile,
-    save: bool = False,
-) -> None:
+def import_file(given: RobotAndFile, save: bool = False) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
     If the robot refuses one or the link fails, its previous values return. The file may be from
@@ -380,9 +369,7 @@ def import_file(
 
 
 @app.command("diff", cls=RobotCommand)
-def diff(
-    given: RobotAndFile,
-) -> None:
+def diff(given: RobotAndFile) -> None:
     """Show where a robot's values differ from a file's; exit code 22 if any does.
 
     Only the parameters in the file are compared.

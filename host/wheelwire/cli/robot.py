@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from typing import Annotated
 
 import typer
@@ -197,9 +196,7 @@ def drive(
             raise error.hinted("the setpoint", hint) from error
         triggered = _triggered(driver)
     if triggered:
-        print_note(
-            f"{', '.join(triggered)} triggered: this robot does not drive against that",
-        )
+        print_note(f"{', '.join(triggered)} triggered: this robot does not drive against that")
     # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
@@ -284,9 +281,7 @@ def _standstill(robot: Robot) -> WheelSample:
 
 @command("monitor", Heading.LOOK, 2, page="view")
 def monitor(
-    given: Given,
-    seconds: Annotated[float, typer.Option(min=0.0)] = 0.0,
-    plain: bool = False,
+    given: Given, seconds: Annotated[float, typer.Option(min=0.0)] = 0.0, plain: bool = False
 ) -> None:
     """Show wheel speeds, duties, state, and why it stopped. Goes on when a lost link is back.
 
@@ -302,24 +297,20 @@ def monitor(
     if not (plain or wants_json()) and can_show():
         show(address, seconds)
         return
-    with (
-        address.open_to_look() as driver,
-        _ended_by_the_recording(address.text),
-    ):
-        note = partial(print_note)
+    with address.open_to_look() as driver, _ended_by_the_recording(address.text):
         if driver.has_device:
             with suppress(errors.InvalidCommand):  # a recording: `why` names its stops
                 driver.watch_stops(
-                    lambda stop: note(f"{stop.sentence} Look first at {stop.look_at}.")
+                    lambda stop: print_note(f"{stop.sentence} Look first at {stop.look_at}.")
                 )
-            driver.on_held = lambda held_by: note(
+            driver.on_held = lambda held_by: print_note(
                 f"held by {', '.join(held_by.names)}: {held_by}" if held_by else "nothing holds it"
             )
         end = time.monotonic() + (seconds or math.inf)
         shown: SupervisorState | None = None
         for news in watch(driver, end):
             if isinstance(news, str):
-                note(news)
+                print_note(news)
                 continue
             if wants_json():
                 print_json(news)
@@ -405,10 +396,7 @@ def _stopped_by_anyone(address: Address, act: Callable[[Robot], None]) -> Robot:
 
 
 @command("clear", Heading.DRIVE, 5, page="stops")
-def clear(
-    given: Given,
-    yes: YesFlag = False,
-) -> None:
+def clear(given: Given, yes: YesFlag = False) -> None:
     """Clear an e-stop or a fault; refused while its cause lasts."""
     address = given.resolve(moves=True, yes=yes)
     with address.open(bare=True) as driver:

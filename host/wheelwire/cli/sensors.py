@@ -14,13 +14,7 @@ from wheelwire.errors import LinkLost, RequestTimeout, WheelwireError
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.robot.robot import Robot
 from wheelwire.robot.sensors import IN_FILE, SensorStatus, wait_until_read
-from wheelwire_protocol.codes import (
-    INPUTS,
-    BatteryLevel,
-    PeripheralKind,
-    RangeQuality,
-    SensorState,
-)
+from wheelwire_protocol.codes import INPUTS, BatteryLevel, PeripheralKind, RangeQuality, SensorState
 
 from .address import Given
 from .output import console, print_json, print_note, print_table, wants_json
@@ -30,10 +24,7 @@ PERIOD_S = 1.0
 
 
 @command("sensors", Heading.LOOK, 3, page="sensors")
-def sensors(
-    given: Given,
-    seconds: Annotated[float, typer.Option(min=0.0)] = 0.0,
-) -> None:
+def sensors(given: Given, seconds: Annotated[float, typer.Option(min=0.0)] = 0.0) -> None:
     """Show what the sensors and inputs measure, and why a sensor cannot be used.
 
     Beside a program that holds the robot, samples come at the rate that was asked for first.
@@ -143,11 +134,7 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
         reading = _of_input(sample, one)
         if not isinstance(reading, samples.InputReading):
             return {"voltage_v": reading}
-        return {
-            "triggered": reading.triggered,
-            "level": int(reading.level),
-            "edges": reading.edges,
-        }
+        return {"triggered": reading.triggered, "level": int(reading.level), "edges": reading.edges}
     times = ("t_us", "sample", "name", "stamp", "stamp_error_s")
     value = {name: value for name, value in sample._asdict().items() if name not in times}
     # JSON has no infinite numbers: an infinite distance becomes null.

@@ -31,10 +31,7 @@ _NO_FIRMWARE = (errors.DeviceSilent, errors.ForeignDevice, errors.ProtocolMismat
 
 
 @command("start", Heading.BUILD, 1, page="first-hour", has_json=False)
-def start(
-    robot: RobotArgument = None,
-    image: Path | None = None,
-) -> None:
+def start(robot: RobotArgument = None, image: Path | None = None) -> None:
     """Lead from a board that was just plugged in to the first drive.
 
     Five steps: find the port, write the firmware, confirm the board, set up, drive 20 cm. You can

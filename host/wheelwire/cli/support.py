@@ -14,11 +14,7 @@ from .registry import Heading, command
 
 
 @command("support", Heading.LOOK, 7, page="recording")
-def support(
-    given: Given,
-    output: Path | None = None,
-    recording: Path | None = None,
-) -> None:
+def support(given: Given, output: Path | None = None, recording: Path | None = None) -> None:
     """Pack what a bug report needs: versions, the robot's state and values, a recording.
 
     Sends nothing anywhere. For a robot out of reach it packs the error.

@@ -123,11 +123,7 @@ class RecordingFile:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = Writer(self._output, compression=CompressionType.NONE)
             self._writer.start(PROFILE, LIBRARY)
-            said = {
-                OFFSET: str(unix_minus_monotonic_ns),
-                ENDED: " " * REASON_SIZE,
-                **metadata,
-            }
+            said = {OFFSET: str(unix_minus_monotonic_ns), ENDED: " " * REASON_SIZE, **metadata}
             self._writer.add_metadata(METADATA, said)
             self._schemas: dict[str, int] = {}
             self._channels: dict[str, int] = {}

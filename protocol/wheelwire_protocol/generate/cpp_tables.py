@@ -11,11 +11,7 @@ from .text import constant_name, lines
 
 
 def cpp_table(
-    name: str,
-    doc: str,
-    columns: str,
-    rows: Mapping[Any, Any],
-    **computed: Callable[[Any], Any],
+    name: str, doc: str, columns: str, rows: Mapping[Any, Any], **computed: Callable[[Any], Any]
 ) -> str:
     """A struct, and the array `k<name>s` of it.
 

@@ -33,13 +33,7 @@ from ..codes import (
     Unit,
 )
 from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import (
-    IMU,
-    MESSAGES,
-    PING,
-    PROTOCOL_VERSION,
-    SET_DUTY,
-)
+from ..messages import IMU, MESSAGES, PING, PROTOCOL_VERSION, SET_DUTY
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
 from ..peripherals import CODES as SENSOR_CODES
 from ..peripherals import FLAGS as SENSOR_FLAGS

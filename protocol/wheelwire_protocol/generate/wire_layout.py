@@ -14,11 +14,7 @@ from ..parameters import PARAMETERS
 
 CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
-    Group.CONFIGURATION: (
-        *board.CODES,
-        *peripherals.PERIPHERAL_CODES,
-        peripherals.PeripheralFlag,
-    ),
+    Group.CONFIGURATION: (*board.CODES, *peripherals.PERIPHERAL_CODES, peripherals.PeripheralFlag),
     Group.RECORDER: RECORDER_CODES,
     Group.SENSOR: (*peripherals.CODES, *peripherals.FLAGS),
 }

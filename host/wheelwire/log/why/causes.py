@@ -120,8 +120,7 @@ CAUSES: dict[str, Cause] = {
         "Another program sent an emergency stop to the port", "who else has the port"
     ),
     "estop_before_reset": Cause(
-        "An emergency stop was latched before the device's reset",
-        "what caused it; then clear it",
+        "An emergency stop was latched before the device's reset", "what caused it; then clear it"
     ),
     "latch_record_damaged": Cause(
         "The record of latched e-stops is damaged, which counts as an emergency stop",
@@ -133,8 +132,7 @@ CAUSES: dict[str, Cause] = {
     "stop_by_session": Cause("The stop was requested over this link", "the program that asked"),
     "stop_by_stranger": Cause("Another program sent a stop to the port", "who else has the port"),
     "zero_setpoint": Cause(
-        "The wheels stand still because the program sent a speed of zero",
-        "the program that asked",
+        "The wheels stand still because the program sent a speed of zero", "the program that asked"
     ),
     "new_session": Cause(
         "Another program opened a session, which ended this one", "who else has the port"
@@ -156,8 +154,7 @@ CAUSES: dict[str, Cause] = {
     "host_frozen": Cause("The program was frozen: not even its link ran", "the host's load"),
     "cable_pulled": Cause("The connection to the robot was lost", "the cable's plug"),
     "line_corrupt": Cause(
-        "Setpoints were damaged on the line",
-        "the cable, the common ground, the baud rate",
+        "Setpoints were damaged on the line", "the cable, the common ground, the baud rate"
     ),
     "setpoints_refused": Cause("The device refused the setpoints", "what the refusal says"),
     "setpoints_expired": Cause(
@@ -309,10 +306,7 @@ SENSED: dict[Held, str] = {
     Held.BATTERY_UNKNOWN: "sensor_stale",
 }
 """Sensors that stop the robot."""
-_STOPPING_INPUTS = {
-    PeripheralKind.CLIFF: "cliff_seen",
-    PeripheralKind.STAGE_FAULT: "stage_tripped",
-}
+_STOPPING_INPUTS = {PeripheralKind.CLIFF: "cliff_seen", PeripheralKind.STAGE_FAULT: "stage_tripped"}
 
 REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.EXPIRED: "setpoints_expired",

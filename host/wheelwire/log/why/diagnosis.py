@@ -661,10 +661,7 @@ class Diagnosis:
     def _reset(
         self, at_us: int, reason: ResetReason, samples: tuple[Measurement, ...], *, asked: bool
     ) -> Stop:
-        evidence = [
-            f"the device started again: {reason.name}. {reason.doc}",
-            *supply_fall(samples),
-        ]
+        evidence = [f"the device started again: {reason.name}. {reason.doc}", *supply_fall(samples)]
         name = RESETS[reason]
         causes: tuple[str, ...] = (name,)
         if reason is ResetReason.SOFTWARE and asked:
@@ -675,11 +672,7 @@ class Diagnosis:
         return self._stop(at_us, causes, evidence)
 
     def _by_supply(
-        self,
-        name: str,
-        reason: ResetReason,
-        samples: tuple[Measurement, ...],
-        evidence: list[str],
+        self, name: str, reason: ResetReason, samples: tuple[Measurement, ...], evidence: list[str]
     ) -> tuple[str, ...]:
         """A reset by the supply: an empty or low battery, one that is too weak, or a dip."""
         supply = self._history.supply.points()

@@ -55,10 +55,7 @@ def explain(
 
 
 def _said(
-    error: WheelwireError,
-    watch: StopWatch | None,
-    sensors: _Sensors | None,
-    held_by: HeldBy | None,
+    error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None, held_by: HeldBy | None
 ) -> _Said:
     if isinstance(error, LinkLost):
         return _one_of(error.causes, str(error)) if error.causes else _NOTHING

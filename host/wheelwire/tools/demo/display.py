@@ -81,8 +81,7 @@ def _table(view: View) -> Table:
     table.add_row("left wheel", _bar(sample.left_mps, sample.left_duty))
     table.add_row("right wheel", _bar(sample.right_mps, sample.right_duty))
     table.add_row(
-        "link",
-        f"{link.frames_received} frames, {link.frames_lost} lost, {link.bad} damaged",
+        "link", f"{link.frames_received} frames, {link.frames_lost} lost, {link.bad} damaged"
     )
     table.add_row(
         "timing",

@@ -212,10 +212,7 @@ class Section:
             raise self.refusal(name, f"it must be {expected}")
 
     def _suggestion(
-        self,
-        name: str,
-        known: Collection[str],
-        elsewhere: Mapping[str, Collection[str]] | None,
+        self, name: str, known: Collection[str], elsewhere: Mapping[str, Collection[str]] | None
     ) -> str:
         """The key that may be meant: the same name in another section, else a similar one here."""
         # Often the key is right and only its section is missing.

@@ -187,11 +187,7 @@ class _Bench:
     """One run of the measurements."""
 
     def __init__(
-        self,
-        robot: Robot,
-        report: Callable[[str], None],
-        on_the_floor: bool,
-        left: ShowTimeLeft,
+        self, robot: Robot, report: Callable[[str], None], on_the_floor: bool, left: ShowTimeLeft
     ) -> None:
         self._robot = robot
         self._report = report

@@ -156,11 +156,7 @@ def set_up_imu(
 
 
 def _save(
-    robot: Robot,
-    person: Person,
-    say: Say,
-    note: Callable[[str], None],
-    board: Configuration,
+    robot: Robot, person: Person, say: Say, note: Callable[[str], None], board: Configuration
 ) -> bool:
     if person.answer(SAVE) != YES:
         say("not saved")

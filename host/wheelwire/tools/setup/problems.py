@@ -100,8 +100,7 @@ MAGNET_MISSING = Defect(
     "left.magnet_missing",
 )
 BOTH_TURNED = Defect(
-    "one bridge turns both wheels",
-    "each bridge must have one motor: separate their outputs",
+    "one bridge turns both wheels", "each bridge must have one motor: separate their outputs"
 )
 SHARED_COUNTER = Defect(
     "both wheels on one counter",
