@@ -26,7 +26,7 @@ MEASURED_S = 20.0
 LOOKS_HZ = 20
 TIMES = 1.5
 """The view's CPU at most, as a multiple of what it stands on."""
-PEER = (sys.executable, str(Path(__file__).parent / "peers" / "screen.py"))
+PEER = (sys.executable, str(Path(__file__).with_name("screen_peer.py")))
 SIZES = ((80, 24), (200, 60))
 
 
