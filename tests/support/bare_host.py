@@ -8,6 +8,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any
 
 from wheelwire.link.transports import SerialTransport
@@ -77,6 +79,20 @@ class BareHost:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._read()
+
+    def hand_over(self, count: int) -> None:
+        """Take so many reads from a thread that reads what arrives."""
+        reads: SimpleQueue[bytes] = SimpleQueue()
+
+        def read() -> None:
+            for _ in range(count):
+                reads.put(self._read())
+
+        thread = Thread(target=read)
+        thread.start()
+        for _ in range(count):
+            reads.get()
+        thread.join()
 
     def _exchange(self, answer_size: int) -> float:
         ping = self._encoder.encode(Ping(self._session_id, REQUEST_ID, 0))
