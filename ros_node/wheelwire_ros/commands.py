@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Set
-from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -13,9 +13,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 import wheelwire
 
-from .publishers import DEPTH, Pace, time_ns
+from .parameter_values import Get
+from .publishers import DEPTH, Pace, Topics, frame, time_ns
 from .robot_connection import CommandIgnored, Ignored, RobotConnection
-from .threads import NodeThreads, steady_clock
+from .threads import steady_clock
 from .time_base import TimeBase
 
 TOPIC = "cmd_vel"
@@ -33,6 +34,12 @@ PLAIN, STAMPED = "Twist", "TwistStamped"
 TYPES = {PLAIN: Twist, STAMPED: TwistStamped}
 AUTO = "auto"
 """A type's name that means the type of the first message."""
+
+
+def command_type(get: Get) -> str:
+    """The type of cmd_vel, or `AUTO`."""
+    name = str(get("cmd_vel_type"))
+    return STAMPED if name == AUTO and get("use_stamped_vel") else name
 
 
 class CommandType:
@@ -102,55 +109,46 @@ class CommandSubscriber:
     decides; the log reports publishers of the other type as an error.
 
     Args:
-        node: The lifecycle node.
+        topics: The node's; all of this runs in the thread of the urgent callbacks.
         connection: The connection to the robot.
-        threads: The node's; all of this runs in the thread of the urgent callbacks.
-        resources: Removes the topics when it closes.
         prepare: Called when a command meets a session that is not prepared.
         clock: Converts between the ROS clock and the monotonic one.
-        type_name: `Twist`, `TwistStamped` or `auto`.
-        limited_frame: The robot's frame, to publish each command that the robot got, as limited;
-            empty: publish none.
+        get: The node's settings.
     """
 
     def __init__(
         self,
-        node: Any,
+        topics: Topics,
         connection: RobotConnection,
-        threads: NodeThreads,
-        resources: ExitStack,
         prepare: Callable[[], None],
         clock: TimeBase,
-        type_name: str,
-        limited_frame: str,
+        get: Get,
     ) -> None:
+        node = topics.node
         self.ignored_types: list[str] = []
         """Other message types that somebody publishes on this topic."""
         self._node = node
         self._connection = connection
-        self._threads = threads
+        self._urgent = topics.threads.urgent
         self._prepare = prepare
         self._clock = clock
-        self._type = CommandType(type_name)
+        self._type = CommandType(command_type(get))
         self._subscription: Any = None
         self._pace = Pace(LOG_PERIOD_S)
         self._logged_holds = 0
         """`RobotConnection.holds` when the log last said that the robot waits for a zero."""
         self._topic = node.resolve_topic_name(TOPIC)
-        self._frame = limited_frame
-        self._limited = None
-        if limited_frame:
-            self._limited = threads.entity(
-                resources,
-                lambda: node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH),
-                node.destroy_publisher,
-            )
-        threads.run_urgently(self._begin)
-        resources.callback(threads.run_urgently, self._end)
+        self._frame = frame("base_frame_id", get)
+        self._limited: Any = None
+        if get("publish_limited_velocity"):
+            create = partial(node.create_publisher, TwistStamped, LIMITED_TOPIC, DEPTH)
+            self._limited = topics.entity(create, node.destroy_publisher)
+        topics.threads.run_urgently(self._begin)
+        topics.resources.callback(topics.threads.run_urgently, self._end)
 
     def _begin(self) -> None:
         self._timer = self._node.create_timer(
-            LOOK_PERIOD_S, self._look, callback_group=self._threads.urgent, clock=steady_clock()
+            LOOK_PERIOD_S, self._look, callback_group=self._urgent, clock=steady_clock()
         )
         self._subscribe()
         if self._type.is_decided:
@@ -186,7 +184,7 @@ class CommandSubscriber:
         name = self._type.name
         callback = self._on_stamped_twist if name == STAMPED else self._on_twist
         self._subscription = self._node.create_subscription(
-            TYPES[name], TOPIC, callback, NEWEST, callback_group=self._threads.urgent
+            TYPES[name], TOPIC, callback, NEWEST, callback_group=self._urgent
         )
 
     def _on_stamped_twist(self, message: TwistStamped, info: dict[str, int]) -> None:

@@ -9,11 +9,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
+from wheelwire import BaseDriver, SensorState, SensorStatus, WheelwireError
 from wheelwire.log.why.causes import cure_of_stores
 
 from .robot_connection import RobotConnection
-from .robot_state import ERROR, OK, WARN, RobotState
+from .robot_state import ERROR, OK, WARN, RobotState, View, of_robot
 from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK
 
@@ -68,10 +68,7 @@ def clock_status(name: str) -> DiagnosticStatus:
 def open_statuses(
     name: str,
     driver_type: str,
-    connection: RobotConnection,
-    sample: WheelSample | None,
-    silence: WheelwireError | None,
-    state: RobotState,
+    view: View,
     link_values: dict[str, Any],
     ignored_types: list[str],
     channels: Sequence[SensorStatus] = (),
@@ -81,24 +78,22 @@ def open_statuses(
     Args:
         name: The node's.
         driver_type: The driver's name.
-        connection: The connection to the robot.
-        sample: The newest sample.
-        silence: Why no sample has come recently; None if one has.
-        state: The robot's.
+        view: Of the robot.
         link_values: The node's own counters for the status of the link.
         ignored_types: Message types that others publish on cmd_vel but the node does not hear.
         channels: The robot's sensors.
     """
+    connection = view.connection
     identity = identity_of(connection.robot)
     # The silence first: it may be the reason why a session cannot be prepared.
-    problem = silence or connection.problem
+    problem = view.silence or connection.problem
     link = (OK, "connected") if problem is None else (ERROR, str(problem))
     values = {"driver": driver_type, **identity, **asdict(connection.robot.statistics)}
-    if sample is not None:
-        values["sample_time_error_s"] = sample.stamp_error_s
+    if view.sample is not None:
+        values["sample_time_error_s"] = view.sample.stamp_error_s
     parts = {
         "link": (*link, values | link_values),
-        "robot": _robot(connection, sample, silence, state),
+        "robot": _robot(view),
         "commands": _commands(connection, ignored_types),
         **{f"sensor {status.info.name}": _sensor(status) for status in channels},
     }
@@ -141,14 +136,11 @@ Part = tuple[bytes, str, dict[str, Any]]
 """Level, message and values of a status."""
 
 
-def _robot(
-    connection: RobotConnection,
-    sample: WheelSample | None,
-    silence: WheelwireError | None,
-    state: RobotState,
-) -> Part:
+def _robot(view: View) -> Part:
+    connection, sample, silence = view[:3]
     if sample is None:
         return WARN, "no sample yet", {}
+    state = of_robot(view)
     values = {
         "state": state.state,
         "faults": state.fault_names,

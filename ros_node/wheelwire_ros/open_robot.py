@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
 from typing import Any
 
 from wheelwire import (
@@ -23,21 +21,18 @@ from wheelwire.log.why.watch import StopWatch
 
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
-from .motion_estimator import MotionEstimator, PoseRecord
-from .publishers import MotionPublisher, frames
+from .motion_estimator import MotionEstimator
+from .pose_memory import PoseNotes, noted
+from .publishers import MotionPublisher, Topics, frame
 from .reader import SampleReader
 from .robot_connection import RobotConnection
-from .robot_state import ResetWatch, RobotState
+from .robot_state import ResetWatch, RobotState, View
 from .sensors import SensorPublisher
 from .time_base import Offset, TimeBase
 
 DRIVING = SupervisorState.DRIVING
 OFFSET = "ros_offset_ns"
 """The note of a recording about the node's clock: the newest `Offset`s."""
-POSE = "pose"
-"""The note about where the node began, or was set to: the newest `PoseRecord`s."""
-POSES = 8
-"""A replay sets fewer poses while it takes one sample."""
 STOPPING_S = 0.3
 """How long a robot goes on after its last command has expired."""
 ODOM_STREAM = "odom"
@@ -79,8 +74,7 @@ class OpenRobot:
             note_offsets=lambda offsets: robot.note(OFFSET, offsets),
             recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )
-        self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
-        self._recorded_poses = pose_memory.RecordedPoses(lambda: noted(robot, POSE))
+        self._notes = PoseNotes(robot)
         # An error below closes in reverse order what is open so far; `pop_all` leaves it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
@@ -127,19 +121,22 @@ class OpenRobot:
 
     def state(self) -> RobotState:
         """For `~/state`."""
+        return robot_state.of_robot(self._view())
+
+    def _view(self) -> View:
         connection = self.connection
         is_estopped = self._newest is not None and self._newest.state is SupervisorState.ESTOPPED
         # An e-stop of ours that was just cleared is still ours, until a sample shows its end.
         self._estopped_by_us = is_estopped and (self._estopped_by_us or connection.estopped)
-        return robot_state.of_robot(
+        return View(
             connection,
             self._newest,
             self._reader.silence,
             self._resets,
-            estopped=self._estopped_by_us,
-            stop=self._stop,
-            limits=self._sensors.limits(),
-            odom_held=self._is_held,
+            self._estopped_by_us,
+            self._stop,
+            self._sensors.limits(),
+            self._is_held,
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
@@ -152,10 +149,7 @@ class OpenRobot:
         statuses = diagnostics.open_statuses(
             name,
             driver_type,
-            self.connection,
-            self._newest,
-            self._reader.silence,
-            self.state(),
+            self._view(),
             {
                 "ros_clock_offset_error_s": self._time_base.error_s,
                 "odometry_rebases": self.estimator.rebases,
@@ -189,33 +183,19 @@ class OpenRobot:
         self.connection.follow()
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
-        node, threads = self._node, self._node.threads
+        topics = Topics(self._node, self._node.threads, resources)
         get = sensors.with_battery_of_board(self._node.setting, robot)
-        self._sensors = SensorPublisher(
-            node,
-            threads,
-            resources,
-            sensors.start(robot, get("imu_rate")),
-            get,
-            self._time_base.to_ros_ns,
-        )
+        started = sensors.start(robot, get("imu_rate"))
+        self._sensors = SensorPublisher(topics, started, get, self._time_base.to_ros_ns)
         # Waits for the first sample, which shows whether the board's divider measures the battery.
         first = robot.read()
         self._remember_pose(first, resources)
         has_divider = first.battery_v is not None
         has_battery = has_divider and not self._sensors.has_battery
-        odom, base = frames(get)
-        pose_memory.subscribe_set_pose(node, threads, resources, self.set_pose, odom)
-        self._publisher = MotionPublisher(node, threads, resources, get, has_battery=has_battery)
+        pose_memory.subscribe_set_pose(topics, self.set_pose, frame("odom_frame_id", get))
+        self._publisher = MotionPublisher(topics, get, has_battery=has_battery)
         self._commands = CommandSubscriber(
-            node,
-            self.connection,
-            threads,
-            resources,
-            self.prepare_soon,
-            self._time_base,
-            parameters.command_type(get),
-            base if get("publish_limited_velocity") else "",
+            topics, self.connection, self.prepare_soon, self._time_base, get
         )
         if robot.has_device:
             robot.on_held = self._on_held
@@ -266,21 +246,16 @@ class OpenRobot:
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
         self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
         resources.callback(self._node.poses.close)
-        self._recorded_poses.begin(first, self.estimator)
-        self._note_pose(self.estimator.record(first=first))
+        self._notes.begin(first, self.estimator)
+        self._notes.note(self.estimator.record(first=first))
 
     def set_pose(self, where: Pose, covariance: Any) -> None:
         """Set the odometry to this pose."""
-        self._note_pose(self.estimator.set_pose(where, covariance))
+        self._notes.note(self.estimator.set_pose(where, covariance))
 
     def reset_odometry(self) -> None:
         """Move the origin of the odometry to the robot."""
-        self._note_pose(self.estimator.reset())
-
-    def _note_pose(self, record: PoseRecord | None) -> None:
-        if record is not None:
-            self._poses.append(asdict(record))
-            self.connection.robot.note(POSE, list(self._poses))
+        self._notes.note(self.estimator.reset())
 
     def _prepare(self) -> None:
         """Runs in the request worker."""
@@ -333,7 +308,7 @@ class OpenRobot:
         was_reset = self._resets.note(sample, self.connection.robot)
         # Each sample, also while the node is inactive: somebody may push the robot.
         motion = self.estimator.update(sample)
-        record = self._recorded_poses.at(sample)
+        record = self._notes.at(sample)
         if record is not None:
             self.estimator.restore(record)
         if was_reset:
@@ -370,9 +345,3 @@ class OpenRobot:
             return
         self.connection.robot.shutdown()
         self._node.threads.fail(error)
-
-
-def noted(robot: BaseDriver, name: str) -> Any:
-    """The note of this name in a recording; None for a real robot."""
-    ask = getattr(robot, "noted", None)
-    return None if ask is None else ask(name)

@@ -19,7 +19,7 @@ from wheelwire.robot.sensors import MAX_RATE_HZ
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
 from . import parameter_values as checks
-from .commands import AUTO, STAMPED, TYPES
+from .commands import AUTO, TYPES
 from .parameter_values import Get
 from .robot_connection import Tuning
 from .speed_limiter import AxisLimits, Limits
@@ -232,9 +232,3 @@ def tuning(get: Get) -> Tuning:
 
 def _axis_limits(axis: str, get: Get) -> AxisLimits:
     return AxisLimits(**{field.name: get(f"{axis}.{field.name}") for field in fields(AxisLimits)})
-
-
-def command_type(get: Get) -> str:
-    """The type of cmd_vel, or `AUTO`."""
-    name = str(get("cmd_vel_type"))
-    return STAMPED if name == AUTO and get("use_stamped_vel") else name

@@ -11,21 +11,22 @@ import math
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from wheelwire import DifferentialDrive, Pose, WheelSample
+from wheelwire import BaseDriver, DifferentialDrive, Pose, WheelSample
 from wheelwire.whole_file import write_whole
 
 from .motion_estimator import MotionEstimator, PoseRecord
-from .publishers import PLANAR
-from .threads import JOIN_S, NodeThreads
+from .publishers import PLANAR, Topics
+from .threads import JOIN_S
 
 AUTO = "auto"
 """The value that means a file in ROS's own folder, named after node and board."""
@@ -33,6 +34,10 @@ FORMAT = 1
 PERIOD_S = 1.0
 MOVED_M, MOVED_RAD = 0.1, 0.2
 """Allowed for a robot that stood while nothing counted: somebody may have pushed it."""
+POSE = "pose"
+"""The note about where the node began, or was set to: the newest `PoseRecord`s."""
+POSES = 8
+"""A replay sets fewer poses while it takes one sample."""
 TOPIC = "~/set_pose"
 LOOSE = 1e-3
 """The rounding error allowed in a quaternion that somebody typed."""
@@ -105,15 +110,28 @@ def _record(found: Any) -> PoseRecord:
     return one
 
 
-class RecordedPoses:
-    """Poses at which the recorded node began or to which it was set, each with its sample.
+def noted(robot: BaseDriver, name: str) -> Any:
+    """The note of this name in a recording; None for a real robot."""
+    ask = getattr(robot, "noted", None)
+    return None if ask is None else ask(name)
+
+
+class PoseNotes:
+    """A recording's notes of where the node began, or was set to, each with its sample.
 
     Args:
-        newest: The newest ones in the recording; None if there are none.
+        robot: The driver, which records, or replays a recording.
     """
 
-    def __init__(self, newest: Callable[[], list[dict[str, Any]] | None]) -> None:
-        self._newest = newest
+    def __init__(self, robot: BaseDriver) -> None:
+        self._robot = robot
+        self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
+
+    def note(self, record: PoseRecord | None) -> None:
+        """Add one, if it is known."""
+        if record is not None:
+            self._poses.append(asdict(record))
+            self._robot.note(POSE, list(self._poses))
 
     def begin(self, first: WheelSample, estimator: MotionEstimator) -> None:
         """Begin where that node did, if it stood: its first sample may be another one."""
@@ -130,7 +148,7 @@ class RecordedPoses:
         return None
 
     def _records(self) -> list[PoseRecord]:
-        return [_record({"format": FORMAT, **one}) for one in self._newest() or ()]
+        return [_record({"format": FORMAT, **one}) for one in noted(self._robot, POSE) or ()]
 
 
 class PoseMemory:
@@ -271,21 +289,16 @@ def how_far_off(
 
 
 def subscribe_set_pose(
-    node: Any,
-    threads: NodeThreads,
-    resources: ExitStack,
-    set_pose: Callable[[Pose, Any], object],
-    odom_frame: str,
+    topics: Topics, set_pose: Callable[[Pose, Any], object], odom_frame: str
 ) -> None:
     """Set the pose of the odometry to that of each message on `~/set_pose`, with its covariance.
 
     Args:
-        node: An rclpy node.
-        threads: The node's.
-        resources: Removes the topic when it closes.
+        topics: The node's.
         set_pose: Sets the pose of the odometry.
         odom_frame: The odometry's frame; the node refuses a pose in another one.
     """
+    node = topics.node
     logger = node.get_logger()
 
     def on_pose(message: PoseWithCovarianceStamped) -> None:
@@ -302,11 +315,8 @@ def subscribe_set_pose(
         set_pose(pose, covariance)
         logger.info(f"the pose was set to {words(pose)}")
 
-    threads.entity(
-        resources,
-        lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, on_pose, 1),
-        node.destroy_subscription,
-    )
+    create = partial(node.create_subscription, PoseWithCovarianceStamped, TOPIC, on_pose, 1)
+    topics.entity(create, node.destroy_subscription)
 
 
 def planar_pose(pose: Any) -> Pose:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -61,41 +62,64 @@ def frame_prefix(get: Get) -> str:
     return f"{prefix}/" if prefix else ""
 
 
-class MotionPublisher:
-    """Publishes one robot's motion while its lifecycle node is active.
+class Topics:
+    """Topics of a lifecycle node while its robot is open.
 
     Args:
         node: The lifecycle node.
         threads: The node's.
         resources: Removes the topics when it closes.
+    """
+
+    def __init__(self, node: Any, threads: NodeThreads, resources: ExitStack) -> None:
+        self.node = node
+        self.threads = threads
+        self.resources = resources
+
+    def publisher(self, type_: Any, name: str, depth: int = DEPTH) -> Any:
+        """A publisher that drops its messages while the node is inactive."""
+        create = partial(self.node.create_lifecycle_publisher, type_, name, depth)
+        return self.entity(create, self.node.destroy_lifecycle_publisher)
+
+    def entity(self, create: Callable[[], Any], destroy: Callable[[Any], object]) -> Any:
+        """An entity of the default group.
+
+        It is created and destroyed in the general thread: rclpy's executor raises InvalidHandle
+        when the event handler of a publisher is destroyed while another thread prepares to wait for
+        it.
+        """
+        made = self.threads.run(create)
+        self.resources.callback(self.threads.run, partial(destroy, made))
+        return made
+
+
+class MotionPublisher:
+    """Publishes one robot's motion while its lifecycle node is active.
+
+    Args:
+        topics: The node's.
         get: The node's settings. The transform needs tf2_msgs; if that is missing, the log says so.
         has_battery: Whether the wheels' samples have a battery's voltage.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        threads: NodeThreads,
-        resources: ExitStack,
-        get: Get,
-        *,
-        has_battery: bool,
-    ) -> None:
+    def __init__(self, topics: Topics, get: Get, *, has_battery: bool) -> None:
         has_transform: bool = get("enable_odom_tf")
         if has_transform and TFMessage is None:
-            node.get_logger().warning(
+            topics.node.get_logger().warning(
                 "the node does not publish /tf: install tf2_msgs (ros-jazzy-tf2-msgs)"
             )
             has_transform = False
 
-        publisher = lifecycle_publishers(node, threads, resources)
         self.published = 0
         """Samples published."""
         self._messages = MotionMessages(get, has_transform=has_transform)
-        self._publishers = [publisher(Odometry, "odom"), publisher(JointState, "joint_states")]
+        self._publishers = [
+            topics.publisher(Odometry, "odom"),
+            topics.publisher(JointState, "joint_states"),
+        ]
         if has_transform:
-            self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
-        self._battery = BatteryPublisher(publisher, get) if has_battery else None
+            self._publishers.append(topics.publisher(TFMessage, "/tf", TF_DEPTH))
+        self._battery = BatteryPublisher(topics, get) if has_battery else None
 
     def publish_held(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish only odom, for a robot that sends no samples: nothing else is known."""
@@ -120,45 +144,25 @@ class MotionPublisher:
             self._battery.publish(stamp_ns, motion.battery_v)
 
 
-MakePublisher = Callable[..., Any]
-"""Makes a lifecycle node's publisher of a type, by its name, with a depth of `DEPTH` or another."""
-
-
-def lifecycle_publishers(node: Any, threads: NodeThreads, resources: ExitStack) -> MakePublisher:
-    """What makes a node's publishers, which `resources` removes when it closes."""
-
-    def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
-        return threads.entity(
-            resources,
-            lambda: node.create_lifecycle_publisher(type_, name, depth),
-            node.destroy_lifecycle_publisher,
-        )
-
-    return publisher
-
-
 class BatteryPublisher:
-    """Publishes battery_state once a second; so a message may be built the slow way, by ROS.
+    """Publishes battery_state once a second.
 
     Args:
-        publisher: Makes its publisher.
+        topics: The node's.
         get: The node's settings.
     """
 
-    def __init__(self, publisher: MakePublisher, get: Get) -> None:
-        self._publisher = publisher(BatteryState, "battery_state")
+    def __init__(self, topics: Topics, get: Get) -> None:
+        self._publisher = topics.publisher(BatteryState, "battery_state")
         self._range_v = get("battery_empty_v"), get("battery_full_v")
-        self._frame = frame("base_frame_id", get)
+        self._message = ros_messages.battery_state(frame("base_frame_id", get))
         self._pace = Pace(NANOSECONDS)
 
     def publish(self, stamp_ns: int, voltage_v: float, current_a: float | None = None) -> None:
         """Publish what was measured, unless there was something within the second."""
         if self._pace.is_due(stamp_ns):
-            message = battery_message(voltage_v, *self._range_v, current_a)
-            stamp = message.header.stamp
-            stamp.sec, stamp.nanosec = ros_messages.stamp(stamp_ns)
-            message.header.frame_id = self._frame
-            self._publisher.publish(message)
+            numbers = battery_numbers(voltage_v, *self._range_v, current_a)
+            self._publisher.publish(self._message.fill(*ros_messages.stamp(stamp_ns), *numbers))
 
 
 class Pace:
@@ -264,10 +268,10 @@ def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:
     return matrix
 
 
-def battery_message(
+def battery_numbers(
     voltage_v: float, empty_v: float, full_v: float, current_a: float | None = None
-) -> BatteryState:
-    """A battery; what is not measured says that it is unknown.
+) -> tuple[float, float, float, int]:
+    """What fills a battery's message; what is not measured is NaN, or unknown.
 
     Args:
         voltage_v: [V]
@@ -276,25 +280,12 @@ def battery_message(
         current_a: Drawn from it; None: nothing measures it. [A]
     """
     share = (voltage_v - empty_v) / (full_v - empty_v)
-    unknown = math.nan
+    if not math.isnan(share):
+        share = min(max(share, 0.0), 1.0)  # ROS's "percentage" is 0 to 1
+    charging_a = math.nan if current_a is None else -current_a  # ROS: negative when discharging
     status = BatteryState.POWER_SUPPLY_STATUS_UNKNOWN
-    if current_a is not None and abs(current_a) >= LEAST_CURRENT_A:
-        status = (
-            BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-            if current_a > 0
-            else BatteryState.POWER_SUPPLY_STATUS_CHARGING
-        )
-    return BatteryState(
-        power_supply_status=status,
-        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN,
-        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_UNKNOWN,
-        voltage=voltage_v,
-        temperature=unknown,
-        current=unknown if current_a is None else -current_a,  # ROS: negative when discharging
-        charge=unknown,
-        capacity=unknown,
-        design_capacity=unknown,
-        # ROS's "percentage" is 0 to 1.
-        percentage=share if math.isnan(share) else min(max(share, 0.0), 1.0),
-        present=True,
-    )
+    if charging_a >= LEAST_CURRENT_A:
+        status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    elif charging_a <= -LEAST_CURRENT_A:
+        status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return voltage_v, charging_a, share, status

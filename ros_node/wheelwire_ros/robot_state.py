@@ -185,29 +185,29 @@ def _last_start(robot: BaseDriver) -> tuple[str, str, str]:
     return device.reset_reason.name, doc[0].lower() + doc[1:].rstrip("."), device.board_id
 
 
-def of_robot(
-    connection: RobotConnection,
-    sample: WheelSample | None,
-    silence: WheelwireError | None,
-    resets: ResetWatch,
-    *,
-    estopped: bool,
-    stop: str,
-    limits: Limits = NO_LIMITS,
-    odom_held: bool = False,
-) -> RobotState:
-    """The state of an open robot.
+class View(NamedTuple):
+    """What the node sees of an open robot."""
 
-    Args:
-        connection: The connection to it.
-        sample: The newest one; None before the first.
-        silence: Why no sample has come recently; None if one has.
-        resets: The device's.
-        estopped: Whether this node has set the e-stop.
-        stop: Why it stopped; empty while it drives.
-        limits: What the sensors keep it from.
-        odom_held: Whether odom goes on without samples.
-    """
+    connection: RobotConnection
+    sample: WheelSample | None
+    """The newest one; None before the first."""
+    silence: WheelwireError | None
+    """Why no sample has come recently; None if one has."""
+    resets: ResetWatch
+    """The device's."""
+    estopped: bool = False
+    """Whether this node has set the e-stop."""
+    stop: str = ""
+    """Why it stopped; empty while it drives."""
+    limits: Limits = NO_LIMITS
+    """What the sensors keep it from."""
+    odom_held: bool = False
+    """Whether odom goes on without samples."""
+
+
+def of_robot(view: View) -> RobotState:
+    """The state of an open robot."""
+    connection, sample, silence, resets = view[:4]
     robot = connection.robot
     held_by, last_stop = robot.held_by, robot.last_stop
     # The first of these that applies hides the rest: for example, a lost link shows nothing else.
@@ -227,9 +227,9 @@ def of_robot(
         reset_reason=resets.reason,
         resets=resets.count,
         board_id=resets.board_id,
-        stop=stop,
-        limits=limits,
-        odom_held=odom_held,
+        stop=view.stop,
+        limits=view.limits,
+        odom_held=view.odom_held,
         held_by=held_by,
         last_stop="" if last_stop is None else f"{last_stop.cause.name}: {last_stop.cause.doc}",
     )
@@ -238,7 +238,7 @@ def of_robot(
     faults = tuple(fault for fault in Fault if fault in sample.faults)
     if not cause and sample.state is SupervisorState.ESTOPPED:
         source = EstopSource.NONE if held_by is None else held_by.estop_source
-        cause = ESTOP_BY_NODE if estopped else ESTOPS.get(source, ESTOP_BY_OTHERS)
+        cause = ESTOP_BY_NODE if view.estopped else ESTOPS.get(source, ESTOP_BY_OTHERS)
     elif not cause:
         cause = " ".join(f"{fault.name}: {fault.doc}" for fault in faults)
     return state._replace(

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, suppress
-from typing import Any, NamedTuple, TypeVar
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 from sensor_msgs.msg import Imu, PointCloud2, Range
 
@@ -33,25 +33,23 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire.board import BatteryLevels, Peripheral
+from wheelwire.board import BatteryLevels
 from wheelwire.link.sample_stream import SampleIterator
 from wheelwire.log import ros_messages
-from wheelwire.log.ros_messages import OBSTACLES, obstacles
+from wheelwire.log.ros_messages import OBSTACLES, Layout, obstacles
 from wheelwire.samples import sentence_of_event
 from wheelwire_protocol.codes import REAR_PLACES, PeripheralKind
 from wheelwire_protocol.peripherals import SensorChip
 
-from .gyro_bias import GyroBias, Vector
+from .gyro_bias import GyroBias
 from .parameter_values import Get
-from .publishers import BatteryPublisher, frame, frame_prefix, lifecycle_publishers
-from .threads import NodeThreads
+from .publishers import BatteryPublisher, Topics, frame, frame_prefix
 
 IMU_DEPTH = 100
 """The samples of half a second: they come with the wheels', several at once."""
 PASSING = (SensorState.UNREAD, SensorState.MISSED)
 """States that a busy computer sees for a moment, too: /diagnostics has them, ~/state does not."""
 
-Sample = TypeVar("Sample")
 ToRosNs = Callable[[float, str], int | None]
 """A stamp on the ROS clock; None if it has none. The text names the stream of samples."""
 
@@ -94,88 +92,67 @@ def with_battery_of_board(get: Get, robot: BaseDriver) -> Get:
     """
     if not math.isnan(get("battery_empty_v")):
         return get
-    found = None
     with suppress(WheelwireError):  # what cannot be read is not known
-        found = robot.board.read()[1]
-    known = battery_range_v(() if found is None else found.peripherals)
-    if known is None:
-        return get
-    own = dict(zip(("battery_empty_v", "battery_full_v"), known, strict=True))
-    return lambda name: own[name] if name in own else get(name)
-
-
-def battery_range_v(peripherals: Sequence[Peripheral]) -> tuple[float, float] | None:
-    """The voltages of an empty and of a full battery whose number of cells the board knows."""
-    for one in peripherals:
-        if isinstance(one, BatteryLevels) and one.stop_v > 0:
-            cells = round(one.stop_v / EMPTY_CELL_V)
-            # Levels that were given one by one say nothing of the cells.
-            if cells and abs(one.stop_v - cells * EMPTY_CELL_V) < 0.01:
-                return one.stop_v, cells * FULL_CELL_V
-    return None
+        board = robot.board.read()[1]
+        for one in () if board is None else board.peripherals:
+            if isinstance(one, BatteryLevels):
+                cells = round(one.stop_v / EMPTY_CELL_V)
+                # Levels that were given one by one say nothing of the cells.
+                if cells and abs(one.stop_v - cells * EMPTY_CELL_V) < 0.01:
+                    own = {"battery_empty_v": one.stop_v, "battery_full_v": cells * FULL_CELL_V}
+                    return lambda name: own[name] if name in own else get(name)
+    return get
 
 
 class SensorPublisher:
     """Publishes what the sensors measure while the lifecycle node is active.
 
     Args:
-        node: The lifecycle node.
-        threads: The node's.
-        resources: Removes the topics when it closes.
+        topics: The node's.
         sensors: The robot's; None: it has none.
         get: The node's settings.
         to_ros_ns: Converts the samples' stamps.
     """
 
     def __init__(
-        self,
-        node: Any,
-        threads: NodeThreads,
-        resources: ExitStack,
-        sensors: Sensors | None,
-        get: Get,
-        to_ros_ns: ToRosNs,
+        self, topics: Topics, sensors: Sensors | None, get: Get, to_ros_ns: ToRosNs
     ) -> None:
         self._sensors = sensors
         self._to_ros_ns = to_ros_ns
-        self._imu: Any = None
-        self._bumpers: Any = None
+        self._samples: dict[str, SampleIterator[Any]] = {}
+        """What comes, by kind."""
+        self._bias: GyroBias | None = None
         self._battery: BatteryPublisher | None = None
-        self._imu_samples: SampleIterator[ImuSample] | None = None
-        self._power_samples: SampleIterator[PowerSample] | None = None
-        self._input_samples: SampleIterator[InputsSample] | None = None
         self._ranges: dict[str, Any] = {}
         """Their topics, by the sensors' names."""
-        self._range_samples: SampleIterator[RangeSample] | None = None
+        self._bumpers: Any = None
         self._unstamped: list[InputsSample] = []
         self._is_turn_told = False
         if sensors is None:
             return
 
-        publisher = lifecycle_publishers(node, threads, resources)
-        self._events = sensors.events()
+        self._log = topics.node.get_logger()
+        self._samples["event"] = sensors.events()
         imu = sensors.imu.info
         if imu is not None:
-            self._imu = publisher(Imu, "imu/data_raw", IMU_DEPTH)
-            self._imu_samples = sensors.imu.samples()
+            self._samples["imu"] = sensors.imu.samples()
+            self._imu = topics.publisher(Imu, "imu/data_raw", IMU_DEPTH)
             noise_radps = imu.gyro_noise if get("imu_bias_at_rest") else 0.0
             self._bias = GyroBias(noise_radps, imu.acceleration_noise)
-            self._log = node.get_logger()
             self._imu_message = ros_messages.imu(frame("imu_frame_id", get))
-            self._imu_variances = tuple(
-                ros_messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
-            )
+            self._of_gyro = ros_messages.variances(imu.gyro_noise)
+            self._of_acceleration = ros_messages.variances(imu.acceleration_noise)
         if sensors.power.info is not None:
-            self._battery = BatteryPublisher(publisher, get)
-            self._power_samples = sensors.power.samples()
-        if ranges := sensors.ranges.infos:
-            self._ranges = {name: publisher(Range, f"range/{name}") for name in ranges}
+            self._samples["power"] = sensors.power.samples()
+            self._battery = BatteryPublisher(topics, get)
+        if names := sensors.ranges.infos:
+            self._samples["range"] = sensors.ranges.samples()
+            self._ranges = {name: topics.publisher(Range, f"range/{name}") for name in names}
             self._range_frame = f"{frame_prefix(get)}range_"
-            self._range_samples = sensors.ranges.samples()
         if sensors.inputs.info is not None:
-            self._input_samples = sensors.inputs.samples()
+            self._samples["inputs"] = sensors.inputs.samples()
         if any(status.info.kind in OBSTACLES for status in sensors.channels):
-            self._bumpers = publisher(PointCloud2, "bumpers")
+            self._bumpers = topics.publisher(PointCloud2, "bumpers")
             self._bumper_frame = frame("base_frame_id", get)
             self._bumper_place_m = get("bumper_radius"), get("bumper_height")
 
@@ -205,15 +182,16 @@ class SensorPublisher:
         """
         if self._sensors is None:
             return False
-        if self._imu is not None:
+        if self._bias is not None:
             self._bias.note_wheels(wheels)
-        for imu in taken(self._imu_samples):
-            gyro = self._bias.corrected(imu)
-            self._tell_of_turn(self._bias.turning_radps)
-            if publishes:
-                self._publish_imu(imu, gyro)
-        powers, inputs = list(taken(self._power_samples)), list(taken(self._input_samples))
-        ranges = list(taken(self._range_samples))
+            for imu in self._taken("imu"):
+                gyro = self._bias.corrected(imu)
+                self._tell_of_turn(self._bias.turning_radps)
+                if publishes:
+                    numbers = *gyro, *self._of_gyro, *imu.acceleration, *self._of_acceleration
+                    self._publish(self._imu, self._imu_message, imu.stamp, "imu", *numbers)
+        powers, inputs = list(self._taken("power")), list(self._taken("inputs"))
+        ranges = list(self._taken("range"))
         if publishes:
             for one in ranges:
                 self._publish_range(one)
@@ -225,7 +203,16 @@ class SensorPublisher:
                     one for one in (*self._unstamped, *inputs) if not self._publish_bumpers(one)
                 ][-1:]
         # The events as well: a sensor that becomes stale changes no input.
-        return bool([*taken(self._events), *powers, *inputs])
+        return bool([*self._taken("event"), *powers, *inputs])
+
+    def _taken(self, kind: str) -> Iterator[Any]:
+        """What waits of a kind; nothing once the driver is closed."""
+        samples = self._samples.get(kind)
+        if samples is not None:
+            # The reader of the wheels' samples learns of the end, too.
+            with suppress(StopIteration, WheelwireError):
+                while (sample := samples.poll()) is not None:
+                    yield sample
 
     def _tell_of_turn(self, radps: float) -> None:
         """Say once that a gyroscope turns while all else is at rest."""
@@ -237,26 +224,24 @@ class SensorPublisher:
                 "setup` measure imu.bias"
             )
 
-    def _publish_imu(self, sample: ImuSample, gyro: Vector) -> None:
-        stamp_ns = self._to_ros_ns(sample.stamp, "imu")
+    def _publish(
+        self, publisher: Any, message: Layout, stamp_s: float, stream: str, *numbers: float
+    ) -> bool:
+        """Whether the stamp has a time on the ROS clock; otherwise nothing is published."""
+        stamp_ns = self._to_ros_ns(stamp_s, stream)
         if stamp_ns is not None:
-            stamp, (of_gyro, of_other) = ros_messages.stamp(stamp_ns), self._imu_variances
-            self._imu.publish(
-                self._imu_message.fill(*stamp, *gyro, *of_gyro, *sample.acceleration, *of_other)
-            )
+            publisher.publish(message.fill(*ros_messages.stamp(stamp_ns), *numbers))
+        return stamp_ns is not None
 
     def _publish_range(self, sample: RangeSample) -> None:
-        stamp_ns = self._to_ros_ns(sample.stamp, "ranges")
         publisher = self._ranges.get(sample.name)  # None: it was added to its board since
-        if stamp_ns is not None and publisher is not None:
+        if publisher is not None:
+            bounds_m = sample.min_m, sample.max_m
+            name = self._range_frame + sample.name
             message = ros_messages.range_(
-                self._range_frame + sample.name,
-                sample.field_of_view_rad,
-                sample.min_m,
-                sample.max_m,
-                sample.distance_m,
+                name, sample.field_of_view_rad, *bounds_m, sample.distance_m
             )
-            publisher.publish(message.fill(*ros_messages.stamp(stamp_ns)))
+            self._publish(publisher, message, sample.stamp, "ranges")
 
     def _publish_battery(self, sample: PowerSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "power")
@@ -265,22 +250,10 @@ class SensorPublisher:
 
     def _publish_bumpers(self, sample: InputsSample) -> bool:
         """Whether it had a stamp."""
-        stamp_ns = self._to_ros_ns(sample.stamp, "inputs")
-        if stamp_ns is not None:
-            infos = [status.info for status in self.channels]
-            points = obstacles(infos, sample, *self._bumper_place_m)
-            message = ros_messages.cloud(self._bumper_frame, points)
-            self._bumpers.publish(message.fill(*ros_messages.stamp(stamp_ns)))
-        return stamp_ns is not None
-
-
-def taken(iterator: SampleIterator[Sample] | None) -> Iterator[Sample]:
-    """What waits in an iterator; nothing without an iterator, or once the driver is closed."""
-    if iterator is not None:
-        # The reader of the wheels' samples learns of the end, too.
-        with suppress(StopIteration, WheelwireError):
-            while (sample := iterator.poll()) is not None:
-                yield sample
+        infos = [status.info for status in self.channels]
+        points = obstacles(infos, sample, *self._bumper_place_m)
+        message = ros_messages.cloud(self._bumper_frame, points)
+        return self._publish(self._bumpers, message, sample.stamp, "inputs")
 
 
 # --- words ---------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ samples              (its own)        reads the robot; odom, tf, joint_states, w
 pose                 (its own)        writes pose_file, at most once a second
 
 Only the workers and the thread of the samples wait for the robot.
-An entity is created and destroyed in the thread that waits for it: `entity`, `run_urgently`.
+An entity is created and destroyed in the thread that waits for it: `run`, `run_urgently`.
 A callback that needs a worker is a coroutine: its executor runs other callbacks until the worker
 has finished. So nothing that the robot does, or does not do, delays an e-stop, a command or the
 answer of a parameter service.
@@ -24,7 +24,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from typing import Any, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -170,20 +170,9 @@ class NodeThreads:
         """Run a callback in the general thread; from any thread."""
         self._general.create_task(callback)
 
-    def entity(
-        self,
-        resources: ExitStack,
-        create: Callable[[], Result],
-        destroy: Callable[[Result], object],
-    ) -> Result:
-        """Create an entity of the default group; `resources` destroys it when it closes.
-
-        Both in the general thread: rclpy's executor raises InvalidHandle when the event handler of
-        a publisher is destroyed while another thread prepares to wait for it.
-        """
-        made = self._general.run(create)
-        resources.callback(self._general.run, lambda: destroy(made))
-        return made
+    def run(self, call: Callable[[], Result]) -> Result:
+        """Make a call in the general thread, and wait for it; returns or raises as the call."""
+        return self._general.run(call)
 
     def run_urgently(self, call: Callable[[], Result]) -> Result:
         """Make a call in the urgent thread, and wait for it; returns or raises as the call."""

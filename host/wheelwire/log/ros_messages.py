@@ -396,12 +396,12 @@ def cloud(frame: str, points: Sequence[tuple[float, float, float]]) -> Layout:
 
 
 def battery_state(frame: str) -> Layout:
-    """A battery with only a measured voltage. Fill in stamp, voltage, percentage (0..1).
+    """A battery. Fill in stamp, voltage, current, percentage (0..1), status.
 
     All other fields mean unknown.
     """
-    unknown = ("temperature", "current", "charge", "capacity", "design_capacity")
-    codes = ("status", "health", "technology")
+    unknown = ("temperature", "charge", "capacity", "design_capacity")
+    codes = ("health", "technology")
     known = {
         "header": {"frame_id": frame},
         **dict.fromkeys(unknown, UNKNOWN),

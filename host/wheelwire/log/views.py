@@ -123,7 +123,8 @@ class Views:
         yield JOINT_STATES, time_ns, self._joints(sample, drive, stamp)
         if sample.battery_v is not None and sample.stamp >= self._battery_due_s:
             self._battery_due_s = sample.stamp + BATTERY_PERIOD_S
-            data = self._battery_layout.fill(*stamp, sample.battery_v, ros_messages.UNKNOWN)
+            unknown = ros_messages.UNKNOWN
+            data = self._battery_layout.fill(*stamp, sample.battery_v, unknown, unknown, 0)
             yield BATTERY, time_ns, data
 
     def _sensed(self, sensors: SensorStream, time_ns: int) -> Iterator[View]:

@@ -81,7 +81,7 @@ def test_joint_state() -> None:
 
 
 def test_battery_state() -> None:
-    data = ros_messages.battery_state("base").fill(3, 4, 7.5, 0.5)
+    data = ros_messages.battery_state("base").fill(3, 4, 7.5, 0.0, 0.5, 0)
     assert same_again(data, "sensor_msgs/msg/BatteryState").voltage == 7.5
 
 

@@ -112,10 +112,11 @@ def test_transforms(places: set[int], name: str) -> None:
 
 @names
 def test_battery_state(places: set[int], name: str) -> None:
-    message = assert_same(
-        ros_messages.battery_state(name).fill(1, 2, 7.5, 0.25), BatteryState, places
-    )
+    data = ros_messages.battery_state(name).fill(1, 2, 7.5, -1.5, 0.25, 2)
+    message = assert_same(data, BatteryState, places)
     assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
+    assert message.current == -1.5
+    assert message.power_supply_status == message.POWER_SUPPLY_STATUS_DISCHARGING
     assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
     assert message.capacity != message.capacity
 

@@ -20,7 +20,7 @@ from wheelwire_protocol.types import ControlCounters, MemoryValue
 from wheelwire_ros import diagnostics
 from wheelwire_ros.diagnostics import FORGOTTEN_S, TwinWatch
 from wheelwire_ros.robot_connection import Ignored, RobotConnection, Tuning
-from wheelwire_ros.robot_state import ResetWatch, of_robot
+from wheelwire_ros.robot_state import ResetWatch, View, of_robot
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -68,17 +68,9 @@ def statuses(
     if ignored is not None:
         connection.ignored[ignored] += 1
     newest = newest or sample()
-    state = of_robot(connection, newest, silence, ResetWatch(), estopped=False, stop=stop)
-    found = diagnostics.open_statuses(
-        "robot1/hardware_robot",
-        "mock",
-        connection,
-        newest,
-        silence,
-        state,
-        {},
-        list(ignored_types),
-    )
+    view = View(connection, newest, silence, ResetWatch(), stop=stop)
+    name = "robot1/hardware_robot"
+    found = diagnostics.open_statuses(name, "mock", view, {}, list(ignored_types))
     return {status.name.removeprefix("robot1/hardware_robot: "): status for status in found}
 
 
@@ -106,7 +98,7 @@ def test_the_state_names_what_holds_it_and_who_latched_it() -> None:
     connection = RobotConnection(LatchedRobot(), {}, Tuning(), lambda: None)
     connection.follow()
     newest = sample(state=SupervisorState.ESTOPPED)
-    state = of_robot(connection, newest, None, ResetWatch(), estopped=False, stop="")
+    state = of_robot(View(connection, newest, None, ResetWatch()))
     assert state.cause == "the e-stop was set by its contact"
     told = values(state.message("node"))
     assert told["held_by"] == "CONTACT ESTOP"

@@ -32,7 +32,7 @@ class Parts:
         calls.connection.is_prepared = False
         calls.connection.active = True
         calls.resets.note.return_value = False
-        calls.poses.at.return_value = None
+        calls.notes.at.return_value = None
         calls.sensors.take.return_value = False
         calls.estimator.unseen_m = 0.0
         parts: dict[str, Any] = {
@@ -49,7 +49,7 @@ class Parts:
             "_resources": calls.resources,
             "_reader": calls.reader,
             "_resets": calls.resets,
-            "_recorded_poses": calls.poses,
+            "_notes": calls.notes,
             "_pacer": calls.pacer,
             "_time_base": calls.time_base,
             "_publisher": calls.publisher,
@@ -174,11 +174,12 @@ def test_a_sample_is_counted_also_where_it_is_not_published(parts: Parts) -> Non
 
 
 def test_a_pose_that_is_set_goes_to_odometry_and_recording(parts: Parts) -> None:
-    parts.open._poses = Mock()
-    parts.calls.estimator.set_pose.return_value = None
+    parts.calls.estimator.set_pose.return_value = "record"
     parts.open.set_pose(Pose(1.0, 2.0, 0.5), "covariance")
-    assert parts.calls.estimator.set_pose.mock_calls == [call(Pose(1.0, 2.0, 0.5), "covariance")]
-    assert parts.calls.connection.robot.note.mock_calls == []
+    assert parts.calls.mock_calls == [
+        call.estimator.set_pose(Pose(1.0, 2.0, 0.5), "covariance"),
+        call.notes.note("record"),
+    ]
 
 
 def test_a_fault_that_is_cleared_ends_the_warning_of_a_reset(parts: Parts) -> None:

@@ -13,10 +13,11 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import BatteryState, JointState
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire import Pose, Twist
+from wheelwire.log.ros_messages import battery_state
 from wheelwire_ros import publishers
 from wheelwire_ros.motion_estimator import RobotMotion, WheelMotion
 from wheelwire_ros.publishers import MotionMessages
@@ -122,11 +123,16 @@ def test_one_message_after_the_other() -> None:
         assert joints.header == type(joints.header)(stamp=odometry.header.stamp)
 
 
+def battery(*measured: float) -> BatteryState:
+    numbers = publishers.battery_numbers(*measured)
+    return deserialize_message(battery_state("base").fill(1, 2, *numbers), BatteryState)
+
+
 @pytest.mark.parametrize(
     ("current_a", "status"), [(1.5, "DISCHARGING"), (-0.8, "CHARGING"), (0.005, "UNKNOWN")]
 )
 def test_a_batterys_current_is_negative_while_it_discharges(current_a: float, status: str) -> None:
-    message = publishers.battery_message(7.4, math.nan, math.nan, current_a)
+    message = battery(7.4, math.nan, math.nan, current_a)
     assert message.current == pytest.approx(-current_a)
     assert message.power_supply_status == getattr(message, f"POWER_SUPPLY_STATUS_{status}")
 
@@ -144,7 +150,7 @@ def test_two_kinds_that_alternate_are_two_in_a_period() -> None:
 
 
 def test_a_battery_says_what_it_does_not_know() -> None:
-    message = publishers.battery_message(7.4, math.nan, math.nan)
+    message = battery(7.4, math.nan, math.nan)
     assert message.voltage == pytest.approx(7.4)
     not_measured = (
         message.temperature,
@@ -171,4 +177,4 @@ def test_a_battery_says_what_it_does_not_know() -> None:
 def test_a_batterys_charge_lies_on_a_line_between_two_voltages(
     voltage_v: float, share: float
 ) -> None:
-    assert publishers.battery_message(voltage_v, 6.0, 8.4).percentage == pytest.approx(share)
+    assert battery(voltage_v, 6.0, 8.4).percentage == pytest.approx(share)
