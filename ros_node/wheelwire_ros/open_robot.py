@@ -67,10 +67,12 @@ class OpenRobot:
         """The session in which each was logged last."""
         self._preparing = False
         """Whether the worker prepares a session, or will."""
+        clock = node.get_clock()
         self._time_base = TimeBase(
-            lambda: int(node.get_clock().now().nanoseconds),
+            # For each sample: rclpy takes ten times as long to read the same clock.
+            lambda: int(clock.now().nanoseconds) if clock.ros_time_is_active else time.time_ns(),
             node.get_logger(),
-            is_simulated=lambda: bool(node.get_clock().ros_time_is_active),
+            is_simulated=lambda: bool(clock.ros_time_is_active),
             note_offsets=lambda offsets: robot.note(OFFSET, offsets),
             recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )

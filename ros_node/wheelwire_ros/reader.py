@@ -10,18 +10,16 @@ from collections.abc import Callable
 from wheelwire import (
     BaseDriver,
     LinkClosed,
-    LinkLost,
     RequestTimeout,
     WheelSample,
     WheelwireError,
 )
 
 SILENCE_S = 0.25
-UNEXPLAINED = 4
-"""Times of silence after which the cause is no longer waited for: the link finds it sooner."""
-PAUSE_S = 0.05
-"""Pause between two attempts to read from a lost link."""
+UNEXPLAINED_S = 1.25
+"""Silence after which the cause is no longer waited for: the link finds it sooner."""
 LEAST_WAIT_S = 0.001
+ENDED = "the robot's samples have ended: configure the node again"
 JOIN_S = 2.0
 SLOWEST_HZ = 2 / SILENCE_S
 """Lowest sampling rate, at which one lost sample does not count as silence."""
@@ -59,8 +57,6 @@ class SampleReader:
         self._on_failure = on_failure
         self._on_silent = on_silent
         self._silent_period_s = silent_period_s
-        self._silent_due_s: float | None = None
-        """When to call `on_silent` next; None while samples come."""
         self._closing = threading.Event()
         # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
@@ -89,81 +85,57 @@ class SampleReader:
 
     def _read(self) -> None:
         boot_id: int | None = None
-        unexplained = 0
+        heard_s = time.monotonic()
+        due_s = heard_s + SILENCE_S  # when to call `on_silent`
         while not self._closing.is_set():
             try:
-                sample = self._next()
-            except StopIteration:
-                if not self._closing.is_set():
-                    ended = "the robot's samples have ended: configure the node again"
-                    self._note_silence(LinkClosed(ended))
-                return
+                sample = self._samples.poll()
             except LinkClosed:
                 raise  # for good: the node ends, and its supervisor restarts it
-            except WheelwireError as error:
-                if isinstance(error, RequestTimeout) and unexplained < UNEXPLAINED:
-                    unexplained += 1  # the link may be about to find out that it is lost
-                    continue
-                self._note_silence(error)
-                boot_id = None  # the next sample is a change, even of the same boot
-                continue
-            # `close` may have been called while it waited: no callback may run any more.
-            if self._closing.is_set():
+            except (StopIteration, WheelwireError) as end:
+                if not self._closing.is_set():
+                    self._note_silence(
+                        end if isinstance(end, WheelwireError) else LinkClosed(ENDED)
+                    )
                 return
-            self.silence, self._silent_due_s, unexplained = None, None, 0
-            if sample.boot_id != boot_id:
-                boot_id = sample.boot_id
-                self._on_change()
-            self._on_sample(sample)
-
-    def _next(self) -> WheelSample:
-        """The next sample; raises the reason if none comes for a while."""
-        while True:
-            sample = self._samples.poll()
             if sample is not None:
-                return sample
-            try:
-                self._wait()
-            except LinkClosed:
-                # The iterator knows better: of a recording that was replayed it ends.
-                sample = self._samples.poll()
-                if sample is None:
-                    raise
-                return sample
+                # `close` may have been called while it waited: no callback may run any more.
+                if self._closing.is_set():
+                    return
+                self.silence, heard_s = None, time.monotonic()
+                due_s = heard_s + SILENCE_S
+                if sample.boot_id != boot_id:
+                    boot_id = sample.boot_id
+                    self._on_change()
+                self._on_sample(sample)
+            elif (error := self._why_none(due_s)) is not None:
+                # The link may be about to find out that it is lost.
+                unexplained = isinstance(error, RequestTimeout)
+                if not unexplained or time.monotonic() - heard_s > UNEXPLAINED_S:
+                    boot_id = None  # the next sample is a change, even of the same boot
+                    self._note_silence(error)
+                self._on_silent()
+                # No burst after a gap.
+                due_s = max(due_s + self._silent_period_s, time.monotonic())
 
-    def _wait(self) -> None:
-        """Wait for a sample, which is in the iterator, too; raises the reason if none comes."""
-        end_s = time.monotonic() + SILENCE_S
-        while True:
-            is_silent = self._silent_due_s is not None
-            try:
-                self._robot.read(self._tell_silence(end_s) if is_silent else SILENCE_S)
-            except (LinkLost, RequestTimeout) as error:
-                now_s = time.monotonic()
-                if not is_silent:
-                    self._silent_due_s = now_s
-                if isinstance(error, LinkLost) or now_s >= end_s:
-                    raise
-            else:
-                return
-
-    def _tell_silence(self, end_s: float) -> float:
-        """Call `on_silent` if it is due; returns for how long to wait, until `end_s` at most."""
-        now_s, due_s = time.monotonic(), self._silent_due_s
-        if due_s is not None and now_s >= due_s:
-            self._on_silent()
-            # No burst after a gap.
-            due_s = self._silent_due_s = max(due_s + self._silent_period_s, now_s)
-        return max(min(end_s, end_s if due_s is None else due_s) - time.monotonic(), LEAST_WAIT_S)
+    def _why_none(self, until_s: float) -> WheelwireError | None:
+        """Wait for a sample; returns why none came."""
+        try:
+            if not self._samples.wait(max(until_s - time.monotonic(), LEAST_WAIT_S)):
+                self._robot.read(LEAST_WAIT_S)  # one that comes now is in the iterator, too
+        except LinkClosed:
+            # The iterator knows better: of a recording that was replayed it ends.
+            if not self._samples.is_ready():
+                raise
+        except WheelwireError as error:
+            return error
+        return None
 
     def _note_silence(self, error: WheelwireError) -> None:
         # Another cause is news as well: a device that is silent at first, and then unplugged.
         is_news, self.silence = str(error) != str(self.silence), error
         if is_news:
             self._on_change()
-        end_s = time.monotonic() + PAUSE_S
-        while not self._closing.wait(self._tell_silence(end_s)) and time.monotonic() < end_s:
-            pass
 
 
 def sampling_rate_hz(publish_rate_hz: float) -> int:

@@ -7,7 +7,7 @@ of them, so that a filter gets them in the order of their stamps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -190,8 +190,8 @@ class SensorPublisher:
                 if publishes:
                     numbers = *gyro, *self._of_gyro, *imu.acceleration, *self._of_acceleration
                     self._publish(self._imu, self._imu_message, imu.stamp, "imu", *numbers)
-        powers, inputs = list(self._taken("power")), list(self._taken("inputs"))
-        ranges = list(self._taken("range"))
+        powers, inputs = self._taken("power"), self._taken("inputs")
+        ranges = self._taken("range")
         if publishes:
             for one in ranges:
                 self._publish_range(one)
@@ -205,14 +205,15 @@ class SensorPublisher:
         # The events as well: a sensor that becomes stale changes no input.
         return bool([*self._taken("event"), *powers, *inputs])
 
-    def _taken(self, kind: str) -> Iterator[Any]:
+    def _taken(self, kind: str) -> list[Any]:
         """What waits of a kind; nothing once the driver is closed."""
-        samples = self._samples.get(kind)
-        if samples is not None:
+        samples, found = self._samples.get(kind), []
+        if samples is not None and samples.is_ready():
             # The reader of the wheels' samples learns of the end, too.
             with suppress(StopIteration, WheelwireError):
                 while (sample := samples.poll()) is not None:
-                    yield sample
+                    found.append(sample)
+        return found
 
     def _tell_of_turn(self, radps: float) -> None:
         """Say once that a gyroscope turns while all else is at rest."""

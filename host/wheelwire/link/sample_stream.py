@@ -156,9 +156,9 @@ class SampleIterator(Generic[Sample]):
     """
 
     def __init__(
-        self, wait: Callable[[Callable[[], bool]], None], queue_us: int = QUEUE_US
+        self, wait: Callable[[Callable[[], bool], float], bool], queue_us: int = QUEUE_US
     ) -> None:
-        """`wait` waits until its argument holds, or for a bounded time; see `Robot`."""
+        """`wait` waits until its argument holds, for some seconds; returns whether it holds."""
         self.dropped = 0
         self._wait = wait
         self._queue_us = queue_us
@@ -201,7 +201,7 @@ class SampleIterator(Generic[Sample]):
             sample = self.poll()
             if sample is not None:
                 return sample
-            self._wait(self.is_ready)
+            self.wait(ITERATOR_WAIT_S)
 
     def poll(self) -> Sample | None:
         """As `next`, without waiting: None when there is no sample yet."""
@@ -217,6 +217,10 @@ class SampleIterator(Generic[Sample]):
         if self._failure is not None:
             raise afresh(self._failure)
         raise StopIteration
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until `is_ready`; returns whether it is."""
+        return self._wait(self.is_ready, timeout_s)
 
     def is_ready(self) -> bool:
         """Whether `poll` would return a sample, or raise."""
@@ -241,7 +245,7 @@ class SampleIterators(Generic[Sample]):
         return bool(self.listed)
 
     def iterate(
-        self, wait: Callable[[Callable[[], bool]], None], queue_us: int
+        self, wait: Callable[[Callable[[], bool], float], bool], queue_us: int
     ) -> SampleIterator[Sample]:
         """All samples from now on; see `SampleIterator`."""
         iterator: SampleIterator[Sample] = SampleIterator(wait, queue_us)
@@ -569,8 +573,8 @@ class LatestSample:
         limit_us = max(FRESH_US, min(SLOWEST_US, 2 * period_us))
         return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
 
-    def _wait_for(self, ready: Callable[[], bool]) -> None:
-        self.wait_for(ready, ITERATOR_WAIT_S)
+    def _wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        return self.wait_for(ready, timeout_s)
 
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
         self._asked_us = host_clock_us()

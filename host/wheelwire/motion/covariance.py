@@ -58,6 +58,8 @@ class PoseCovariance:
             self.matrix = self.matrix + by_travel @ errors @ by_travel.T + bent
             return self.matrix
         distance, turn = update.distance_m, update.turn_rad
+        if not (distance or turn):
+            return self.matrix  # it stands
         # The pose is at the end of the arc.
         middle = heading - turn / 2
         cosine, sine = math.cos(middle), math.sin(middle)

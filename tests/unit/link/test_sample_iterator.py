@@ -117,7 +117,7 @@ def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
                 taken.append(arrived_us)
             return oldest
 
-    iterator: SampleIterator[int] = SampleIterator(lambda _: None)
+    iterator: SampleIterator[int] = SampleIterator(lambda _ready, _timeout_s: False)
     iterator._queue = Racing()
     late_us = 2 * QUEUE_US
     times_us = (0, late_us, late_us + 1, late_us + 2)

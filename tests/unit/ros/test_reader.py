@@ -16,7 +16,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire_ros.reader import UNEXPLAINED, SampleReader, sampling_rate_hz
+from wheelwire_ros.reader import UNEXPLAINED_S, SampleReader, sampling_rate_hz
 
 TIMEOUT_S = 30.0
 
@@ -25,8 +25,10 @@ class ScriptedRobot:
     """Reads what it was given, in order; then nothing. It is its own iterator over all samples."""
 
     dropped = 3
+    silence_s = 0.0
+    """How long nothing comes before it says why."""
 
-    def __init__(self, *script: WheelSample | Exception) -> None:
+    def __init__(self, *script: Any) -> None:
         self._script = list(script)
         self._came: list[WheelSample] = []
 
@@ -36,15 +38,22 @@ class ScriptedRobot:
     def poll(self) -> WheelSample | None:
         return self._came.pop(0) if self._came else None
 
+    def is_ready(self) -> bool:
+        return bool(self._came)
+
+    def wait(self, timeout: float) -> bool:
+        assert timeout > 0
+        while self._script and not isinstance(self._script[0], Exception):
+            step = self._script.pop(0)
+            self._came += step if isinstance(step, list) else [step]
+        return self.is_ready()
+
     def read(self, timeout: float) -> WheelSample:
         assert timeout > 0
-        step = self._script.pop(0) if self._script else LinkLost("the end")
-        if isinstance(step, Exception):
-            raise step
-        self._came.append(step)
-        while self._script and isinstance(self._script[0], list):
-            self._came += self._script.pop(0)
-        return step
+        if not self._script:
+            raise LinkLost("the end")
+        time.sleep(self.silence_s)
+        raise self._script.pop(0)
 
 
 def events(*script: Any, count: int) -> list[Any]:
@@ -73,13 +82,14 @@ def test_samples_that_come_together_are_all_handed_over() -> None:
     assert events(one, [two, three], count=4) == ["change", one, two, three]
 
 
-def test_a_silence_is_reported_when_its_cause_is_known() -> None:
+def test_a_silence_is_reported_when_its_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """A link that is lost without a sign finds that out a moment after the last sample."""
-    one, unexplained = sample(t_us=1), [RequestTimeout("no sample")] * UNEXPLAINED
-    told = events(one, *unexplained, LinkLost("the robot does not answer"), count=3)
+    monkeypatch.setattr(ScriptedRobot, "silence_s", 0.9 * UNEXPLAINED_S)
+    one, unexplained = sample(t_us=1), RequestTimeout("no sample")
+    told = events(one, unexplained, LinkLost("the robot does not answer"), count=3)
     assert told == ["change", one, "change"]
-    assert events(one, *unexplained, sample(t_us=2), count=3) == ["change", one, sample(t_us=2)]
-    assert events(one, *unexplained, *unexplained, count=3) == ["change", one, "change"]
+    assert events(one, unexplained, sample(t_us=2), count=3) == ["change", one, sample(t_us=2)]
+    assert events(one, unexplained, unexplained, count=3) == ["change", one, "change"]
 
 
 def test_a_device_that_was_flashed_with_another_release_is_a_silence_too() -> None:
@@ -106,12 +116,12 @@ class WaitingRobot(ScriptedRobot):
         self.is_waited_for = threading.Event()
         self.comes = threading.Event()
 
-    def read(self, timeout: float) -> WheelSample:
+    def wait(self, timeout: float) -> bool:
         assert timeout > 0
         self.is_waited_for.set()
         assert self.comes.wait(TIMEOUT_S)
         self._came.append(sample())
-        return sample()
+        return True
 
 
 def test_no_sample_is_handed_over_after_the_end() -> None:
