@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,10 +25,11 @@ from wheelwire import (
 from wheelwire.errors import BoardMismatch
 
 from . import diagnostics
+from .drivers import Drivers
 from .library_log import forward_library_log
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
-from .parameters import Setting, is_set
+from .parameters import is_set
 from .pose_memory import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, create_services
@@ -51,7 +51,7 @@ class Finalized(Exception):  # noqa: N818 - it says what happened to the node
     """The node is finalized, which no transition ends. `spin` raises it."""
 
 
-class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
+class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     """Obeys velocity commands and publishes the robot's motion.
 
     A configured node has the robot open and measures; an active one obeys cmd_vel and publishes.
@@ -59,23 +59,22 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     expires after its own time to live, on the robot's clock.
 
     Args:
-        name: Name of the node.
-        settings: Parameters of the class, in addition to every robot's.
         problem: Why the node cannot read its parameter files, which keeps it unconfigured; empty if
             it can.
     """
 
-    def __init__(self, name: str, settings: Iterable[Setting] = (), problem: str = "") -> None:
-        super().__init__(name)
+    def __init__(self, problem: str = "") -> None:
+        super().__init__("hardware_robot")
         forward_library_log(self.get_logger())
         # Before the other parts, which read the parameters that it declares.
-        self.bridge = ParameterBridge(self, settings, self._use_settings, problem)
+        self.bridge = ParameterBridge(self, self._use_settings, problem)
+        self._drivers = Drivers(self.setting, self.bridge.given, self.get_logger())
         self.threads = threads = NodeThreads(self)
         self.poses = PoseMemory(self.get_logger())
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._is_finalized = False
-        self._tries_once = False
+        self.tries_once = False
         """Whether the running transition comes from `Autostart`, which repeats it."""
         self._ending = threading.Event()
         self._twins = diagnostics.TwinWatch()
@@ -90,17 +89,16 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self.bridge.defer_requests(threads)
         # By the node's own clock it would wait for /clock when use_sim_time is set.
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
-        self._autostart = Autostart(self, threads) if self.setting("autostart") else None
+        self._autostart = Autostart(self, threads)
+        if self.setting("autostart"):
+            threads.call_soon(self._autostart.begin)  # at once, not after the first period
+        else:
+            self._autostart.end()
         self.update_state()
 
-    @abstractmethod
     def open_driver(self) -> BaseDriver:
         """Open the driver; raises `WheelwireError`."""
-
-    @property
-    @abstractmethod
-    def driver_type(self) -> str:
-        """The driver's name, for /diagnostics."""
+        return self._drivers.open()
 
     def setting(self, name: str) -> Any:
         """The value of a parameter; None for one of the robot's whose value is still unknown."""
@@ -201,7 +199,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Open the robot, as soon as it can be reached; fails if it refuses a parameter."""
         try:
             while not self._is_opened():
-                if self._tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
+                if self.tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
                     return FAILURE  # it stays unconfigured: Autostart tries again
                 self.update_state()
         except WheelwireError as error:
@@ -217,7 +215,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 robot.connection.estop()
         self.bridge.connection = robot.connection
         self._closed_because = NOT_CONFIGURED
-        self._end_autostart()
+        self._autostart.end()
         return super().on_configure(state)
 
     def _is_opened(self) -> bool:
@@ -263,7 +261,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As `on_cleanup`, permanently: the process ends a moment later."""
-        self._end_autostart()
+        self._autostart.end()
         self._close_robot()
         self._is_finalized, self._closed_because = True, FINALIZED
         # Nothing leads out of this state: the process has to be restarted.
@@ -289,19 +287,6 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             self._estopped = self._estopped or open_robot.connection.estopped
             open_robot.close()
 
-    @contextmanager
-    def one_try(self) -> Iterator[None]:
-        """Until then, configuring fails if the robot cannot be reached at once."""
-        self._tries_once = True
-        try:
-            yield
-        finally:
-            self._tries_once = False
-
-    def _end_autostart(self) -> None:
-        if self._autostart is not None:
-            self._autostart.end()
-
     # --- what the parts ask for ----------------------------------------------------------------
 
     def _use_settings(self) -> None:
@@ -320,9 +305,9 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         name = self.get_fully_qualified_name().lstrip("/")
         twins = [diagnostics.twin_status(name)] if self._twins.has_twin else []
         if open_robot is None:
-            closed = diagnostics.closed_status(name, self.driver_type, self._closed_reason)
-            return closed + twins
-        return open_robot.statuses(name, self.driver_type) + twins
+            driver_type = self.setting("driver_type")
+            return diagnostics.closed_status(name, driver_type, self._closed_reason) + twins
+        return open_robot.statuses(name) + twins
 
 
 class Autostart:
@@ -336,15 +321,15 @@ class Autostart:
     def __init__(self, node: Any, threads: NodeThreads) -> None:
         self._node = node
         self._threads = threads
-        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self._begin, clock=steady_clock())
+        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self.begin, clock=steady_clock())
         self._is_trying = False
-        threads.call_soon(self._begin)  # at once, not after the first period
 
     def end(self) -> None:
         """Stop trying."""
         self._timer.cancel()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Try, unless that is over, or another try is running."""
         # An attempt on a silent robot takes longer than a period: attempts must not queue up.
         if self._timer.is_canceled() or self._is_trying:
             return
@@ -353,18 +338,18 @@ class Autostart:
             self._threads.transitions.submit(self._attempt)
 
     def _attempt(self) -> None:
+        node = self._node
         try:
             if self._timer.is_canceled():  # by `end`, during the call
                 return
-            with self._node.one_try():
-                configured = self._node.trigger_configure()
-            if configured == SUCCESS:
-                self._node.trigger_activate()
-            self._node.update_state()
+            node.tries_once = True
+            if node.trigger_configure() == SUCCESS:
+                node.trigger_activate()
+            node.update_state()
         except Exception as error:
             self._threads.fail(error)
         finally:
-            self._is_trying = False
+            self._is_trying = node.tries_once = False
 
 
 def defer_transitions(node: Any, threads: NodeThreads) -> None:

@@ -45,7 +45,7 @@ class OpenRobot:
     """An open robot with its topics and the thread that reads its samples.
 
     Args:
-        node: A `BaseRobotNode`, with all parameters declared.
+        node: A `HardwareRobot`, with all parameters declared.
         robot: Its driver; closed by `close`, and also if this raises.
         estopped: Latch the e-stop before anything else.
 
@@ -141,7 +141,7 @@ class OpenRobot:
             self._is_held,
         )
 
-    def statuses(self, name: str, driver_type: str) -> list[Any]:
+    def statuses(self, name: str) -> list[Any]:
         """The statuses for /diagnostics."""
         if self._watch is not None and self._watch.error is not None:
             self._stop = str(self._watch.error)
@@ -150,7 +150,7 @@ class OpenRobot:
         self._log_warnings()
         statuses = diagnostics.open_statuses(
             name,
-            driver_type,
+            self._node.setting("driver_type"),
             self._view(),
             {
                 "ros_clock_offset_error_s": self._time_base.error_s,
@@ -241,7 +241,7 @@ class OpenRobot:
         node = self._node
         self._resets.note(first, self.connection.robot)
         setting = node.setting("pose_file")
-        if setting == pose_memory.AUTO and node.driver_type in ("mock", "replay"):
+        if setting == pose_memory.AUTO and node.setting("driver_type") in ("mock", "replay"):
             setting = ""  # each mock is a new robot, at its own place; a replay is not a robot
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
         path = pose_memory.path_of(setting, name, board_id)

@@ -26,7 +26,6 @@ class ParameterBridge:
 
     Args:
         node: An rclpy node; its parameters are declared here.
-        own: Settings of its class, in addition to every node's.
         on_change: Called after a change, except by `mirror`.
         problem: Why the parameter files cannot be read; empty if they can.
 
@@ -35,23 +34,17 @@ class ParameterBridge:
         given: The robot's parameters that the user gave, by name.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        own: Iterable[parameters.Setting],
-        on_change: Callable[[], None],
-        problem: str = "",
-    ) -> None:
+    def __init__(self, node: Any, on_change: Callable[[], None], problem: str = "") -> None:
         self.connection: RobotConnection | None = None
         self.given: dict[str, float] = {}
-        self._settings = {s.name: s for s in (*parameters.SETTINGS, *own)}
+        self._settings = {s.name: s for s in parameters.SETTINGS}
         self._node = node
         self._on_change = on_change
         self._mirroring_thread: int | None = None
         """The thread in which `mirror` sets parameters; another thread may set others at the same
         time."""
         self._refused: dict[str, str] = {"parameter file": problem} if problem else {}
-        parameters.declare(node, self._settings.values())
+        parameters.declare(node)
         # Before the callbacks are added: values that agree only together are set one by one.
         self._start()
         node.add_on_set_parameters_callback(self._check)

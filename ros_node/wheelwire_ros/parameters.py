@@ -8,13 +8,14 @@ open, and then shows the robot's value.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from inspect import signature
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter as RosParameter
 
+from wheelwire import Pins, driver_names
 from wheelwire.robot.sensors import MAX_RATE_HZ
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
@@ -23,6 +24,13 @@ from .commands import AUTO, TYPES
 from .parameter_values import Get
 from .robot_connection import Tuning
 from .speed_limiter import AxisLimits, Limits
+
+NO_PIN = NO_CHIP = -1
+PINS = {
+    name: NO_PIN if pin.default is None else int(pin.default)
+    for name, pin in signature(Pins).parameters.items()
+}
+"""The pins of the wiring guide."""
 
 Value = bool | int | float | str | list[float] | list[str]
 
@@ -82,6 +90,13 @@ def _limits(axis: str, unit: str) -> tuple[Setting, ...]:
         limit("max_jerk", above, "Limit of how fast the acceleration may grow.", "/s^2"),
         limit("min_jerk", low, "The same downwards; .NAN: -max_jerk.", "/s^2"),
     )
+
+
+def _pin(name: str, default: int) -> Setting:
+    doc = "l298n, pigpio: GPIO, BCM number."
+    if default == NO_PIN:
+        doc += f" {NO_PIN}: not fitted."
+    return Setting(f"pins.{name}", default, doc, min(default, 0), 27)
 
 
 def _foreign(name: str, accepted: Value, instead: str) -> Setting:
@@ -162,18 +177,41 @@ SETTINGS: tuple[Setting, ...] = (
       for axis in ("linear.x", "angular.z") for kind in ("velocity", "acceleration", "jerk")),
     *(_foreign(f"{axis}.min_acceleration", math.nan, f"write {axis}.max_deceleration instead")
       for axis in ("linear.x", "angular.z")),
+    Setting("driver_type", "serial",
+            f"The driver: {', '.join(driver_names())}."),
+    Setting("port", "/dev/wheelwire", "serial: device path, or socket://host:port."),
+    Setting("baud_rate", 921_600, "serial: the rate to try first; then the usual ones. [baud]",
+            1200, 4_000_000),
+    Setting("board_id", "", "serial: accept only this board, 12 hex digits; port may then be glob "
+            "patterns, separated by commas."),
+    Setting("any_board", False, "serial: continue with another board if one appears at the port."),
+    Setting("board", "", "serial: drive only if the device is on this board: a built-in board's "
+            "name, or a file. Empty: whichever was confirmed. l298n, pigpio: the pins and the "
+            "sensors, in place of pins.*."),
+    Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: find it.",
+            NO_CHIP, 99),
+    Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
+    Setting("pigpio_port", 8888, "pigpio: the daemon's TCP port.", 1, 65_535),
+    Setting("tap", True, "serial, l298n, pigpio: other programs on this computer may look, stop "
+            "and e-stop beside the node."),
+    Setting("replay_file", "", "replay: the recording."),
+    Setting("replay_speed", 1.0, "replay: how much faster than recorded; 0: as fast as the node "
+            "takes it, sample by sample.", 0.0, 1000.0),
+    Setting("record", "", "Record the link to this file, or to a file in this folder. Empty: no "
+            "recording."),
+    *(_pin(name, default) for name, default in PINS.items()),
 )
 # fmt: on
 
 _NATIVE: dict[Kind, Any] = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}
 
 
-def declare(node: Any, settings: Iterable[Setting]) -> None:
+def declare(node: Any) -> None:
     """Declare the parameters: the node's own with their defaults, the robot's without a value.
 
     This ignores what the user gave: see `start_values`.
     """
-    for setting in settings:
+    for setting in SETTINGS:
         descriptor = _describe(setting.doc, setting.type_, setting.low, setting.high)
         if not setting.live:
             descriptor.additional_constraints = "Read when the node is configured."

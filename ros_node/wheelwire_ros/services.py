@@ -21,7 +21,7 @@ def create_services(node: Any, threads: NodeThreads) -> None:
     """Create the services, named below the node's name.
 
     Args:
-        node: A `BaseRobotNode`.
+        node: A `HardwareRobot`.
         threads: The node's.
     """
 

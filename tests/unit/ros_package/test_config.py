@@ -77,21 +77,19 @@ def test_the_robot_is_the_guides(parameters: Parameters) -> None:
 
 def test_each_is_declared_with_this_type(parameters: Parameters, node: Parameters) -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
-    from wheelwire_ros.hardware_robot import SETTINGS
     from wheelwire_ros.parameters import ROBOT_PARAMETERS, from_robot
 
-    settings = node | {setting.name: setting.default for setting in SETTINGS}
     for name, value in parameters.items():
         if name in ROBOT_PARAMETERS:
             assert from_robot(name, value).value == value
             assert type(value) is type(from_robot(name, value).value), name
         else:
-            assert type(value) is type(settings[name]), name
+            assert type(value) is type(node[name]), name
 
 
 def test_the_pins_are_the_librarys() -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
-    from wheelwire_ros.hardware_robot import PINS
+    from wheelwire_ros.parameters import PINS
 
     assert Pins(**{n: p for n, p in PINS.items() if p >= 0}) == load_config().pins
 

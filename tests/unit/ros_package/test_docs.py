@@ -38,10 +38,10 @@ def test_every_launch_argument() -> None:
 
 def test_every_parameter_and_other_name() -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
-    from wheelwire_ros import hardware_robot, parameters
+    from wheelwire_ros import parameters
     from wheelwire_ros.parameter_values import ALIASES
 
-    settings = {s.name for s in (*parameters.SETTINGS, *hardware_robot.SETTINGS)}
+    settings = {setting.name for setting in parameters.SETTINGS}
     own = section("Parameters")
     of_controller = set(first_cells(section("In place of diff_drive_controller")))
     assert set(first_cells(own)) | of_controller == settings | {"wheel_separation", "wheel_radius"}
