@@ -27,7 +27,6 @@ MODEL = SHARE / "urdf" / "pi4b.urdf"
 
 TF_BELOW_NAMESPACE = [("/tf", "tf"), ("/tf_static", "tf_static")]
 LASER_FRAME = "laser_link"
-RESPAWN = {"respawn": True, "respawn_delay": 2.0}
 
 
 ARGUMENTS = {
@@ -69,41 +68,45 @@ def generate_launch_description() -> LaunchDescription:
 def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     prefix = _given("frame_prefix", context).strip("/")
     prefix = f"{prefix}/" if prefix else ""
-    common = {
-        "namespace": LaunchConfiguration("namespace"),
+    makers = (_hardware_robot, _lidar, _robot_state_publisher)
+    return [make(context, prefix) for make in makers]
+
+
+def _node(prefix: str, values: dict, *files: str, **options: object) -> Node:
+    """A node with these parameters, which precede those in files, and with what all have."""
+    clock = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
+    return Node(
+        # If a parameter has two values, the later one counts.
+        parameters=[*files, {**values, "use_sim_time": clock}],
+        namespace=LaunchConfiguration("namespace"),
         # /tf is an absolute name, which a namespace alone does not move.
-        "remappings": [] if prefix else TF_BELOW_NAMESPACE,
-        "output": "screen",
-        "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-    }
-    clock = {"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)}
-    return [
-        _hardware_robot(context, prefix, clock, common),
-        _lidar(context, prefix, clock, common),
-        _robot_state_publisher(context, prefix, clock, common),
-    ]
+        remappings=[] if prefix else TF_BELOW_NAMESPACE,
+        output="screen",
+        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        respawn=True,
+        respawn_delay=2.0,
+        **options,
+    )
 
 
-def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
+def _hardware_robot(context: LaunchContext, prefix: str) -> Node:
     """An argument overrides the file, but only if it was given."""
     values = {
         "driver_type": _given("driver", context),
         "port": _given("port", context),
         "tf_frame_prefix": prefix,
     }
-    given = {parameter: _text(value) for parameter, value in values.items() if value}
-    return Node(
+    return _node(
+        prefix,
+        {parameter: _text(value) for parameter, value in values.items() if value},
+        str(_file("params_file", context)),
         package="wheelwire_ros",
         executable="hardware_robot",
         name="hardware_robot",
-        # If a parameter has two values, the later one counts.
-        parameters=[str(_file("params_file", context)), {**given, **clock}],
-        **common,
-        **RESPAWN,
     )
 
 
-def _lidar(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node | LogInfo:
+def _lidar(context: LaunchContext, prefix: str) -> Node | LogInfo:
     """An RPLidar A1 or A2. Jazzy's apt package has rplidar_composition, but no rplidar_node."""
     condition = IfCondition(LaunchConfiguration("lidar"))
     if _given("lidar", context).strip().lower() == "auto":
@@ -112,47 +115,38 @@ def _lidar(context: LaunchContext, prefix: str, clock: dict, common: dict) -> No
         except PackageNotFoundError:
             return LogInfo(msg="no lidar: rplidar_ros is not installed")
         condition = None
-    return Node(
+    values = {
+        "serial_port": _text(LaunchConfiguration("lidar_port")),
+        "serial_baudrate": ParameterValue(LaunchConfiguration("lidar_baud"), value_type=int),
+        "frame_id": _text(prefix + LASER_FRAME),
+        "inverted": False,
+        "angle_compensate": True,
+    }
+    return _node(
+        prefix,
+        values,
         condition=condition,
         package="rplidar_ros",
         executable="rplidar_composition",
         name="rplidar_node",
-        parameters=[
-            {
-                "serial_port": _text(LaunchConfiguration("lidar_port")),
-                "serial_baudrate": ParameterValue(
-                    LaunchConfiguration("lidar_baud"), value_type=int
-                ),
-                "frame_id": _text(prefix + LASER_FRAME),
-                "inverted": False,
-                "angle_compensate": True,
-                **clock,
-            }
-        ],
-        **common,
-        **RESPAWN,
     )
 
 
-def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
+def _robot_state_publisher(context: LaunchContext, prefix: str) -> Node:
     model = Path(_given("model", context)).expanduser()
     if model.suffix == ".xacro":
         urdf = model.with_suffix("").with_suffix(".urdf")
         raise ValueError(f"{model}: convert it first: xacro {model} > {urdf}")
-    model = _file("model", context)
-    return Node(
+    values = {
+        "robot_description": _text(_file("model", context).read_text()),
+        "frame_prefix": _text(prefix),  # it is put before the name as it is
+    }
+    return _node(
+        prefix,
+        values,
         condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
         package="robot_state_publisher",
         executable="robot_state_publisher",
-        parameters=[
-            {
-                "robot_description": _text(model.read_text()),
-                "frame_prefix": _text(prefix),  # it is put before the name as it is
-                **clock,
-            }
-        ],
-        **common,
-        **RESPAWN,
     )
 
 

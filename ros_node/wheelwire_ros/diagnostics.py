@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from wheelwire import BaseDriver, SensorState, SensorStatus, WheelwireError
 from wheelwire.log.why.causes import cure_of_stores
 
 from .robot_connection import RobotConnection
-from .robot_state import ERROR, OK, WARN, RobotState, View, of_robot
+from .robot_state import ERROR, OK, WARN, RobotState, View, of_robot, status_of
 from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK
 
@@ -52,17 +52,17 @@ class TwinWatch:
 
 def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
     """The status when the robot is not open, with the reason."""
-    return [_status(f"{name}: link", ERROR, reason, "", {"driver": driver_type})]
+    return [status_of(f"{name}: link", ERROR, reason, "", {"driver": driver_type})]
 
 
 def twin_status(name: str) -> DiagnosticStatus:
     """That another node has this one's name."""
-    return _status(f"{name}: name", ERROR, TWIN, "", {})
+    return status_of(f"{name}: name", ERROR, TWIN, "", {})
 
 
 def clock_status(name: str) -> DiagnosticStatus:
     """That the node cannot stamp motion, because use_sim_time is set and /clock is silent."""
-    return _status(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {})
+    return status_of(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {})
 
 
 def open_statuses(
@@ -98,7 +98,7 @@ def open_statuses(
         **{f"sensor {status.info.name}": _sensor(status) for status in channels},
     }
     return [
-        _status(f"{name}: {part}", level, message, identity.get("board_id", ""), values)
+        status_of(f"{name}: {part}", level, message, identity.get("board_id", ""), values)
         for part, (level, message, values) in parts.items()
     ]
 
@@ -235,21 +235,3 @@ def _sensor(status: SensorStatus) -> Part:
     if status.state is not SensorState.OK:
         return STALE, message, values
     return WARN if limits else OK, message, values
-
-
-def _status(
-    name: str, level: bytes, message: str, hardware_id: str, values: dict[str, Any]
-) -> DiagnosticStatus:
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        hardware_id=hardware_id,
-        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
-    )
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return "" if math.isnan(value) else f"{value:.6g}"
-    return str(value)

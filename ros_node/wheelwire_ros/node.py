@@ -74,8 +74,10 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._is_finalized = False
-        self.tries_once = False
-        """Whether the running transition comes from `Autostart`, which repeats it."""
+        self._is_starting = False
+        """Whether the worker starts the node, or will."""
+        self._tries_once = False
+        """Whether the running transition is of that start, which comes again."""
         self._ending = threading.Event()
         self._twins = diagnostics.TwinWatch()
         self._estopped = False
@@ -89,11 +91,14 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self.bridge.defer_requests(threads)
         # By the node's own clock it would wait for /clock when use_sim_time is set.
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
-        self._autostart = Autostart(self, threads)
+        self._autostart = self.create_timer(
+            AUTOSTART_PERIOD_S, self._start_soon, clock=steady_clock()
+        )
+        """Until anything configures the node or shuts it down: then only users change its state."""
         if self.setting("autostart"):
-            threads.call_soon(self._autostart.begin)  # at once, not after the first period
+            threads.call_soon(self._start_soon)  # at once, not after the first period
         else:
-            self._autostart.end()
+            self._autostart.cancel()
         self.update_state()
 
     def open_driver(self) -> BaseDriver:
@@ -185,7 +190,15 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         nodes_of_this_name = self.get_node_names_and_namespaces().count(own)
         if self._twins.look(nodes_of_this_name, time.monotonic()):
             self.get_logger().error(diagnostics.TWIN)
-        message = DiagnosticArray(status=self._statuses(open_robot))
+        name = self.get_fully_qualified_name().lstrip("/")
+        if open_robot is None:
+            reason = self._closed_reason
+            statuses = diagnostics.closed_status(name, self.setting("driver_type"), reason)
+        else:
+            statuses = open_robot.statuses(name)
+        if self._twins.has_twin:
+            statuses.append(diagnostics.twin_status(name))
+        message = DiagnosticArray(status=statuses)
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
@@ -199,8 +212,8 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Open the robot, as soon as it can be reached; fails if it refuses a parameter."""
         try:
             while not self._is_opened():
-                if self.tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
-                    return FAILURE  # it stays unconfigured: Autostart tries again
+                if self._tries_once or self._ending.wait(AUTOSTART_PERIOD_S):
+                    return FAILURE  # it stays unconfigured: the next start tries again
                 self.update_state()
         except WheelwireError as error:
             self._closed_because = str(error)
@@ -215,7 +228,7 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 robot.connection.estop()
         self.bridge.connection = robot.connection
         self._closed_because = NOT_CONFIGURED
-        self._autostart.end()
+        self._autostart.cancel()
         return super().on_configure(state)
 
     def _is_opened(self) -> bool:
@@ -261,7 +274,7 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As `on_cleanup`, permanently: the process ends a moment later."""
-        self._autostart.end()
+        self._autostart.cancel()
         self._close_robot()
         self._is_finalized, self._closed_because = True, FINALIZED
         # Nothing leads out of this state: the process has to be restarted.
@@ -287,6 +300,28 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             self._estopped = self._estopped or open_robot.connection.estopped
             open_robot.close()
 
+    def _start_soon(self) -> None:
+        # An attempt on a silent robot takes longer than a period: attempts must not queue up.
+        if self._autostart.is_canceled() or self._is_starting:
+            return
+        self._is_starting = True
+        with suppress(RuntimeError):  # the worker is shut down
+            self.threads.transitions.submit(self._start)
+
+    def _start(self) -> None:
+        """Configure and activate the node, if it can be reached at once."""
+        try:
+            if self._autostart.is_canceled():  # during the call
+                return
+            self._tries_once = True
+            if self.trigger_configure() == SUCCESS:
+                self.trigger_activate()
+            self.update_state()
+        except Exception as error:
+            self.threads.fail(error)
+        finally:
+            self._is_starting = self._tries_once = False
+
     # --- what the parts ask for ----------------------------------------------------------------
 
     def _use_settings(self) -> None:
@@ -300,56 +335,6 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is None:
             return RobotState("closed", self._closed_reason)
         return open_robot.state()
-
-    def _statuses(self, open_robot: OpenRobot | None) -> list[Any]:
-        name = self.get_fully_qualified_name().lstrip("/")
-        twins = [diagnostics.twin_status(name)] if self._twins.has_twin else []
-        if open_robot is None:
-            driver_type = self.setting("driver_type")
-            return diagnostics.closed_status(name, driver_type, self._closed_reason) + twins
-        return open_robot.statuses(name) + twins
-
-
-class Autostart:
-    """Configures and activates a node as soon as it spins, and retries until that works.
-
-    Args:
-        node: A lifecycle node. It calls `end` when anything configures it or shuts it down: from
-            then on, only the user changes its state.
-    """
-
-    def __init__(self, node: Any, threads: NodeThreads) -> None:
-        self._node = node
-        self._threads = threads
-        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self.begin, clock=steady_clock())
-        self._is_trying = False
-
-    def end(self) -> None:
-        """Stop trying."""
-        self._timer.cancel()
-
-    def begin(self) -> None:
-        """Try, unless that is over, or another try is running."""
-        # An attempt on a silent robot takes longer than a period: attempts must not queue up.
-        if self._timer.is_canceled() or self._is_trying:
-            return
-        self._is_trying = True
-        with suppress(RuntimeError):  # the worker is shut down
-            self._threads.transitions.submit(self._attempt)
-
-    def _attempt(self) -> None:
-        node = self._node
-        try:
-            if self._timer.is_canceled():  # by `end`, during the call
-                return
-            node.tries_once = True
-            if node.trigger_configure() == SUCCESS:
-                node.trigger_activate()
-            node.update_state()
-        except Exception as error:
-            self._threads.fail(error)
-        finally:
-            self._is_trying = node.tries_once = False
 
 
 def defer_transitions(node: Any, threads: NodeThreads) -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
@@ -37,18 +37,6 @@ TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
 PLANAR = (0, 1, 5)
 """Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
-
-
-class Frames(NamedTuple):
-    """The names of the frames, prefix included."""
-
-    odom: str
-    base: str
-
-
-def frames(get: Get) -> Frames:
-    """The frames of odom, with the prefix and a slash if there is one."""
-    return Frames(frame("odom_frame_id", get), frame("base_frame_id", get))
 
 
 def frame(parameter: str, get: Get) -> str:
@@ -199,7 +187,7 @@ class MotionMessages:
     """
 
     def __init__(self, get: Get, *, has_transform: bool) -> None:
-        self._frames = frames(get)
+        self._frames = frame("odom_frame_id", get), frame("base_frame_id", get)
         self._pose_diagonal: Sequence[float] = get("pose_covariance_diagonal")
         self._twist_diagonal: Sequence[float] = get("twist_covariance_diagonal")
         left, right = get("left_wheel_names"), get("right_wheel_names")

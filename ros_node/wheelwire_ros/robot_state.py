@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -122,17 +123,30 @@ class RobotState(NamedTuple):
             "link": self.link,
             "odom": "held" if self.odom_held else "measured",
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
-            "session": str(self.session),
-            "resets": str(self.resets),
+            "session": self.session,
+            "resets": self.resets,
             "reset_reason": self.reset_reason,
         }
-        return DiagnosticStatus(
-            level=self.level,
-            name=name,
-            message=self.words,
-            hardware_id=self.board_id,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
+        return status_of(name, self.level, self.words, self.board_id, values)
+
+
+def status_of(
+    name: str, level: bytes, message: str, hardware_id: str, values: dict[str, Any]
+) -> DiagnosticStatus:
+    """A message of these values; what is not known, NaN, is an empty text."""
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=hardware_id,
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
 
 
 class ResetWatch:

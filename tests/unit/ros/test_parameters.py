@@ -26,10 +26,9 @@ def test_a_prefix_is_parted_from_the_frame_by_one_slash(
     values: dict[str, Any] = {
         "tf_frame_prefix": prefix,
         "tf_frame_prefix_enable": enabled,
-        "odom_frame_id": "odom",
         "base_frame_id": "base_link",
     }
-    assert publishers.frames(values.__getitem__).base == base
+    assert publishers.frame("base_frame_id", values.__getitem__) == base
 
 
 def test_a_wheels_turns_per_minute_are_radians_per_second() -> None:

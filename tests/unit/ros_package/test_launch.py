@@ -170,9 +170,9 @@ def test_a_prefix_reaches_all_frames(bringup: LaunchDescription, given: str) -> 
     in_tree = {prefix + link for link in links}
     assert _only_parameters(nodes[LIDAR])["frame_id"] in in_tree
     defaults = {setting.name: setting.default for setting in parameters.SETTINGS}
-    frames = publishers.frames({**defaults, **nodes[ROBOT].parameters[1]}.__getitem__)
-    assert frames.base in in_tree
-    assert frames.odom == "robot1/odom"
+    get = {**defaults, **nodes[ROBOT].parameters[1]}.__getitem__
+    assert publishers.frame("base_frame_id", get) in in_tree
+    assert publishers.frame("odom_frame_id", get) == "robot1/odom"
     for node in nodes.values():
         assert node.namespace == "robot1"
         assert not node.remappings, "all robots share one /tf"
