@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -50,6 +51,7 @@ def frame_prefix(get: Get) -> str:
     return f"{prefix}/" if prefix else ""
 
 
+@dataclass
 class Topics:
     """Topics of a lifecycle node while its robot is open.
 
@@ -59,10 +61,9 @@ class Topics:
         resources: Removes the topics when it closes.
     """
 
-    def __init__(self, node: Any, threads: NodeThreads, resources: ExitStack) -> None:
-        self.node = node
-        self.threads = threads
-        self.resources = resources
+    node: Any
+    threads: NodeThreads
+    resources: ExitStack
 
     def publisher(self, type_: Any, name: str, depth: int = DEPTH) -> Any:
         """A publisher that drops its messages while the node is inactive."""

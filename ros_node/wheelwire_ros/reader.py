@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from wheelwire import (
     BaseDriver,
@@ -25,6 +26,7 @@ SLOWEST_HZ = 2 / SILENCE_S
 """Lowest sampling rate, at which one lost sample does not count as silence."""
 
 
+@dataclass
 class SampleReader:
     """Reads samples from `begin` to `close`.
 
@@ -39,24 +41,17 @@ class SampleReader:
         silent_period_s: Time between two of these calls.
     """
 
-    def __init__(
-        self,
-        robot: BaseDriver,
-        on_sample: Callable[[WheelSample], None],
-        on_change: Callable[[], None],
-        on_failure: Callable[[Exception], None],
-        on_silent: Callable[[], None] = lambda: None,
-        silent_period_s: float = SILENCE_S,
-    ) -> None:
+    robot: BaseDriver
+    on_sample: Callable[[WheelSample], None]
+    on_change: Callable[[], None]
+    on_failure: Callable[[Exception], None]
+    on_silent: Callable[[], None] = lambda: None
+    silent_period_s: float = SILENCE_S
+
+    def __post_init__(self) -> None:
         self.silence: WheelwireError | None = None
         """Why no sample has come recently; None while samples come."""
-        self._robot = robot
-        self._samples = robot.samples()
-        self._on_sample = on_sample
-        self._on_change = on_change
-        self._on_failure = on_failure
-        self._on_silent = on_silent
-        self._silent_period_s = silent_period_s
+        self._samples = self.robot.samples()
         self._closing = threading.Event()
         # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
@@ -81,7 +76,7 @@ class SampleReader:
         try:
             self._read()
         except Exception as error:
-            self._on_failure(error)
+            self.on_failure(error)
 
     def _read(self) -> None:
         boot_id: int | None = None
@@ -106,23 +101,23 @@ class SampleReader:
                 due_s = heard_s + SILENCE_S
                 if sample.boot_id != boot_id:
                     boot_id = sample.boot_id
-                    self._on_change()
-                self._on_sample(sample)
+                    self.on_change()
+                self.on_sample(sample)
             elif (error := self._why_none(due_s)) is not None:
                 # The link may be about to find out that it is lost.
                 unexplained = isinstance(error, RequestTimeout)
                 if not unexplained or time.monotonic() - heard_s > UNEXPLAINED_S:
                     boot_id = None  # the next sample is a change, even of the same boot
                     self._note_silence(error)
-                self._on_silent()
+                self.on_silent()
                 # No burst after a gap.
-                due_s = max(due_s + self._silent_period_s, time.monotonic())
+                due_s = max(due_s + self.silent_period_s, time.monotonic())
 
     def _why_none(self, until_s: float) -> WheelwireError | None:
         """Wait for a sample; returns why none came."""
         try:
             if not self._samples.wait(max(until_s - time.monotonic(), LEAST_WAIT_S)):
-                self._robot.read(LEAST_WAIT_S)  # one that comes now is in the iterator, too
+                self.robot.read(LEAST_WAIT_S)  # one that comes now is in the iterator, too
         except LinkClosed:
             # The iterator knows better: of a recording that was replayed it ends.
             if not self._samples.is_ready():
@@ -135,7 +130,7 @@ class SampleReader:
         # Another cause is news as well: a device that is silent at first, and then unplugged.
         is_news, self.silence = str(error) != str(self.silence), error
         if is_news:
-            self._on_change()
+            self.on_change()
 
 
 def sampling_rate_hz(publish_rate_hz: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -260,6 +261,7 @@ def of_robot(view: View) -> RobotState:
     )
 
 
+@dataclass
 class StateReporter:
     """Publishes and logs the robot's state when it has changed. For any thread.
 
@@ -269,36 +271,32 @@ class StateReporter:
         on_change: Called after each change.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        state: Callable[[], RobotState],
-        on_change: Callable[[], None],
-    ) -> None:
-        self._node = node
-        self._state = state
-        self._on_change = on_change
-        self._publisher = node.create_publisher(DiagnosticStatus, "~/state", LATCHED)
+    node: Any
+    state: Callable[[], RobotState]
+    on_change: Callable[[], None]
+
+    def __post_init__(self) -> None:
+        self._publisher = self.node.create_publisher(DiagnosticStatus, "~/state", LATCHED)
         self._reported: RobotState | None = None
         self._lock = threading.Lock()
 
     def update(self) -> None:
         """Publish and log the state, unless it is the one that was reported last."""
-        if not self._node.context.ok():  # the node is ending, and cannot publish any more
+        if not self.node.context.ok():  # the node is ending, and cannot publish any more
             return
         with self._lock:  # so that the newest state is the last on the topic
-            state, before = self._state(), self._reported
+            state, before = self.state(), self._reported
             if state == before:
                 return
             self._reported = state
-            name = self._node.get_fully_qualified_name().lstrip("/")
+            name = self.node.get_fully_qualified_name().lstrip("/")
             self._publisher.publish(state.message(name))
             self._log(state, before)
-        self._on_change()
+        self.on_change()
 
     def _log(self, state: RobotState, before: RobotState | None) -> None:
         """Log one line that a person should know; not that the robot drives or stands still."""
-        logger = self._node.get_logger()
+        logger = self.node.get_logger()
         if state.cause == PREPARING or (before is None and state.cause == NOT_CONFIGURED):
             # Every start and every reconnection begins like this: the next change is worth a line.
             return

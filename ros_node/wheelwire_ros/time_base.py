@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 ATTEMPTS = 5
@@ -40,6 +41,7 @@ def _offset_at(offsets: Sequence[Offset], stamp_ns: int) -> int:
     return (known[-1] if known else offsets[0]).offset_ns
 
 
+@dataclass
 class TimeBase:
     """The offset between the two clocks, measured again from time to time.
 
@@ -59,26 +61,19 @@ class TimeBase:
             otherwise empty.
     """
 
-    def __init__(
-        self,
-        ros_ns: Callable[[], int],
-        log: Any,
-        monotonic_ns: Callable[[], int] = time.monotonic_ns,
-        is_simulated: Callable[[], bool] = lambda: False,
-        note_offsets: Callable[[Sequence[Offset]], object] = lambda _: None,
-        recorded_offsets: Callable[[], Sequence[Offset]] = lambda: (),
-    ) -> None:
-        self._ros_ns = ros_ns
-        self._is_simulated = is_simulated
+    ros_ns: Callable[[], int]
+    log: Any
+    monotonic_ns: Callable[[], int] = time.monotonic_ns
+    is_simulated: Callable[[], bool] = lambda: False
+    note_offsets: Callable[[Sequence[Offset]], object] = lambda _: None
+    recorded_offsets: Callable[[], Sequence[Offset]] = lambda: ()
+
+    def __post_init__(self) -> None:
         self._seen: deque[tuple[int, int]] = deque()
         """Readings of the monotonic clock and of /clock, the newest last, over `RATE_WINDOW_NS`."""
         self._lock = threading.Lock()
         self._last: dict[str, tuple[int, int]] = {}
         """The last conversion of each stream: what /clock said, and the result."""
-        self._log = log
-        self._monotonic_ns = monotonic_ns
-        self._note_offsets = note_offsets
-        self._recorded_offsets = recorded_offsets
         self._offsets: tuple[Offset, ...] = ()
         """The newest last."""
         self._converted: dict[str, Offset] = {}
@@ -98,7 +93,7 @@ class TimeBase:
             from_ns: Stamps from this one on get it; by default, from a moment later on.
         """
         self._note_whether_it_runs()
-        if self.runs and self._is_simulated():
+        if self.runs and self.is_simulated():
             self._follow_simulation()
         elif self.runs:
             self.rate = 1.0
@@ -110,12 +105,12 @@ class TimeBase:
             elif abs(offset_ns - self._offsets[-1].offset_ns) > width_ns / 2 + SAME_NS:
                 # None of the samples that get it has been stamped yet. So only their own stamps
                 # decide which get it, and a recording is stamped in the same way again.
-                soon_ns = self._monotonic_ns() + AHEAD_NS
+                soon_ns = self.monotonic_ns() + AHEAD_NS
                 self._use(Offset(soon_ns if from_ns is None else from_ns, offset_ns))
 
     def _use(self, offset: Offset) -> None:
         self._offsets = (*self._offsets, offset)[-KEPT:]
-        self._note_offsets(self._offsets)
+        self.note_offsets(self._offsets)
 
     def to_ros_ns(self, stamp_s: float, stream: str = "wheels") -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
@@ -130,20 +125,20 @@ class TimeBase:
             if not self.runs:
                 return None
         stamp_ns = round(stamp_s * 1e9)
-        recorded = self._recorded_offsets()
+        recorded = self.recorded_offsets()
         if recorded:
             offset_ns = _offset_at(recorded, stamp_ns)
             return self._later(stream, stamp_ns + offset_ns, offset_ns)
-        if self._is_simulated():
+        if self.is_simulated():
             return self._to_simulated_ns(stamp_ns, stream)
         offset_ns = _offset_at(self._offsets, stamp_ns)
         ros_ns = stamp_ns + offset_ns
         # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
         # was set back since the offset was measured.
-        if ros_ns > self._ros_ns():
+        if ros_ns > self.ros_ns():
             self.measure(from_ns=stamp_ns)
             offset_ns = _offset_at(self._offsets, stamp_ns)
-            ros_ns = min(stamp_ns + offset_ns, self._ros_ns())
+            ros_ns = min(stamp_ns + offset_ns, self.ros_ns())
         # Simulations begin at 0. In a header, 0 means "no time", and a negative time is invalid.
         return self._later(stream, ros_ns, offset_ns) if ros_ns > 0 else None
 
@@ -172,7 +167,7 @@ class TimeBase:
     def _follow_simulation(self) -> tuple[int, int]:
         """Read both clocks, and measure how fast the ROS clock runs."""
         with self._lock:
-            now_ns, ros_ns = self._monotonic_ns(), self._ros_ns()
+            now_ns, ros_ns = self.monotonic_ns(), self.ros_ns()
             if self._seen and ros_ns < self._seen[-1][1]:  # a recording that restarts
                 self._seen.clear()
             if not self._seen or now_ns - self._seen[-1][0] >= RATE_STEP_NS:
@@ -186,18 +181,18 @@ class TimeBase:
             return now_ns, ros_ns
 
     def _note_whether_it_runs(self) -> None:
-        runs = self._ros_ns() > 0
+        runs = self.ros_ns() > 0
         if runs != self.runs:
             self.runs = runs
             if runs:
-                self._log.info("/clock runs: motion is published from now on")
+                self.log.info("/clock runs: motion is published from now on")
             else:
-                self._log.warning(WAITING_FOR_CLOCK)
+                self.log.warning(WAITING_FOR_CLOCK)
 
     def _read(self) -> tuple[int, int]:
         # The ROS clock was read between the two readings of the other one: at their middle, within
         # half the time between them.
-        before_ns = self._monotonic_ns()
-        ros_ns = self._ros_ns()
-        after_ns = self._monotonic_ns()
+        before_ns = self.monotonic_ns()
+        ros_ns = self.ros_ns()
+        after_ns = self.monotonic_ns()
         return after_ns - before_ns, ros_ns - (before_ns + after_ns) // 2
