@@ -27,10 +27,10 @@ from wheelwire.errors import BoardMismatch
 from . import diagnostics
 from .drivers import Drivers
 from .library_log import forward_library_log
+from .motion_estimator import PoseRecord
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import is_set
-from .pose_memory import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, create_services
 from .threads import NodeThreads, steady_clock
@@ -70,7 +70,8 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self.bridge = ParameterBridge(self, self._use_settings, problem)
         self._drivers = Drivers(self.setting, self.bridge.given, self.get_logger())
         self.threads = threads = NodeThreads(self)
-        self.poses = PoseMemory(self.get_logger())
+        self.poses: dict[str, PoseRecord] = {}
+        """The last pose of each board."""
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._is_finalized = False

@@ -22,7 +22,7 @@ from wheelwire.log.why.watch import StopWatch
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
 from .motion_estimator import MotionEstimator
-from .pose_memory import PoseNotes, noted
+from .pose_memory import PoseMemory, PoseNotes, noted
 from .publishers import MotionPublisher, Topics, frame
 from .reader import SampleReader
 from .robot_connection import RobotConnection
@@ -245,9 +245,11 @@ class OpenRobot:
             setting = ""  # each mock is a new robot, at its own place; a replay is not a robot
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
         path = pose_memory.path_of(setting, name, board_id)
-        longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
-        self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
-        resources.callback(self._node.poses.close)
+        memory = PoseMemory(
+            path, lambda: self._resets.board_id, self.estimator, node.poses, node.get_logger()
+        )
+        memory.open(first, self.connection.robot.ttl_max_s or LONGEST_TTL_S)
+        resources.callback(memory.close)
         self._notes.begin(first, self.estimator)
         self._notes.note(self.estimator.record(first=first))
 

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -151,51 +151,46 @@ class PoseNotes:
         return [_record({"format": FORMAT, **one}) for one in noted(self._robot, POSE) or ()]
 
 
+@dataclass
 class PoseMemory:
-    """Remembers the pose of each board from one opening of the robot to the next.
+    """Remembers the pose of a board from one opening of the robot to the next.
 
     In this process, and in a file for the next process. A thread writes the file at most once a
     second, and only after a change: a memory card may take longer than a sample may wait.
 
     Args:
+        path: The file; None for none.
+        board_id: Returns the identity of the present board. After another board was connected,
+            nothing is saved: that board's ticks do not continue this one's.
+        estimator: Before its first update.
+        closed: The last record of each board in this process.
         logger: The node's.
     """
 
-    def __init__(self, logger: Any) -> None:
-        self._logger = logger
-        self._closed: dict[str, PoseRecord] = {}
+    path: Path | None
+    board_id: Callable[[], str]
+    estimator: MotionEstimator
+    closed: dict[str, PoseRecord]
+    logger: Any
 
-    def open(
-        self,
-        path: Path | None,
-        board_id: Callable[[], str],
-        first: WheelSample,
-        estimator: MotionEstimator,
-        longest_drive_s: float,
-    ) -> None:
+    def __post_init__(self) -> None:
+        self._own = self.board_id()
+        self._saved: PoseRecord | None = None
+        self._has_failed = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="wheelwire pose", daemon=True)
+
+    def open(self, first: WheelSample, longest_drive_s: float) -> None:
         """Resume the odometry from the last pose, and save it from now on.
 
         Args:
-            path: The file; None for none.
-            board_id: Returns the identity of the present board. After another board was connected,
-                nothing is saved: that board's ticks do not continue this one's.
             first: The robot's first sample.
-            estimator: Before its first update.
             longest_drive_s: How long a robot drives on at most after its node has died.
         """
-        own = self._board_id = board_id()
-        self._present: Callable[[], PoseRecord | None] = lambda: (
-            estimator.record(own) if board_id() == own else None
-        )
-        self._path = path
-        self._saved: PoseRecord | None = None
-        self._has_failed = False
         record = self._find()
         if record is not None:
-            self._resume(record, first, estimator, longest_drive_s)
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="wheelwire pose", daemon=True)
-        if path is not None:
+            self._resume(record, first, longest_drive_s)
+        if self.path is not None:
             self._thread.start()
 
     def close(self) -> None:
@@ -205,8 +200,11 @@ class PoseMemory:
         if self._thread.is_alive():
             self._thread.join(JOIN_S)
         if record is not None:
-            final = self._closed[self._board_id] = replace(record, is_final=True)
+            final = self.closed[self._own] = replace(record, is_final=True)
             self._save(final)
+
+    def _present(self) -> PoseRecord | None:
+        return self.estimator.record(self._own) if self.board_id() == self._own else None
 
     def _run(self) -> None:
         while True:
@@ -219,8 +217,8 @@ class PoseMemory:
 
     def _save(self, record: PoseRecord) -> None:
         try:
-            if self._path is not None:
-                write(self._path, replace(record, saved_s=time.time()))
+            if self.path is not None:
+                write(self.path, replace(record, saved_s=time.time()))
         except PoseFileError as error:
             if not self._has_failed:
                 self._warn(str(error))
@@ -231,33 +229,27 @@ class PoseMemory:
     def _find(self) -> PoseRecord | None:
         found = None
         try:
-            found = read(self._path) if self._path is not None else None
+            found = read(self.path) if self.path is not None else None
         except PoseFileError as error:
             self._warn(str(error))
-        if found is not None and found.board_id != self._board_id:
-            self._warn(f"{self._path}: it is another board's")
+        if found is not None and found.board_id != self._own:
+            self._warn(f"{self.path}: it is another board's")
             found = None
-        return found or self._closed.get(self._board_id)
+        return found or self.closed.get(self._own)
 
-    def _resume(
-        self,
-        record: PoseRecord,
-        first: WheelSample,
-        estimator: MotionEstimator,
-        longest_drive_s: float,
-    ) -> None:
+    def _resume(self, record: PoseRecord, first: WheelSample, longest_drive_s: float) -> None:
         place = words(Pose(*record.pose))
         if record.boot_id == first.boot_id:
-            update = estimator.resume(record, first)
+            update = self.estimator.resume(record, first)
             turn = math.degrees(update.turn_rad)
-            self._logger.info(
+            self.logger.info(
                 f"the odometry goes on from {place}: meanwhile the wheels counted "
                 f"{update.distance_m:.3f} m and a turn of {turn:.1f} degrees"
             )
             return
-        off_m, off_rad = how_far_off(record, estimator.drive, longest_drive_s)
-        estimator.resume_after_reset(record, off_m, off_rad)
-        self._logger.warning(
+        off_m, off_rad = how_far_off(record, self.estimator.drive, longest_drive_s)
+        self.estimator.resume_after_reset(record, off_m, off_rad)
+        self.logger.warning(
             f"the odometry goes on from {place}, but the device was reset since and counted "
             f"nothing: the pose may be off by {off_m:.2f} m and {math.degrees(off_rad):.0f} "
             "degrees, and by more if somebody moved the robot; correct it with ~/set_pose or "
@@ -265,7 +257,7 @@ class PoseMemory:
         )
 
     def _warn(self, problem: str) -> None:
-        self._logger.warning(f"pose_file: {problem}; without it a restart loses the pose")
+        self.logger.warning(f"pose_file: {problem}; without it a restart loses the pose")
 
 
 def how_far_off(

@@ -23,6 +23,7 @@ from wheelwire_ros import pose_memory
 from wheelwire_ros.motion_estimator import MotionEstimator, PoseRecord
 from wheelwire_ros.pose_memory import MOVED_M, MOVED_RAD, PoseFileError, PoseMemory, how_far_off
 
+LOG = logging.getLogger("test")
 DRIVE = DifferentialDrive(0.2, 0.05, 1000, max_velocity_mps=0.4)
 RECORD = PoseRecord(
     board_id="0123456789ab",
@@ -120,9 +121,9 @@ def test_a_record_of_another_boot_is_where_it_begins() -> None:
 
 
 def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -> None:
-    path, board = tmp_path / "pose.json", ["01"]
-    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
-    memory.open(path, lambda: board[0], sample(boot_id=1), motions, 1.0)
+    path, board, motions = tmp_path / "pose.json", ["01"], MotionEstimator(DRIVE, 1e-4)
+    memory = PoseMemory(path, lambda: board[0], motions, {}, LOG)
+    memory.open(sample(boot_id=1), 1.0)
     motions.update(sample(boot_id=1, left_ticks=10))
     board[0] = "02"
     motions.update(sample(boot_id=2, left_ticks=500))
@@ -135,10 +136,10 @@ def test_the_file_is_replaced_whole_once_a_period_and_only_after_a_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pose_memory, "PERIOD_S", 0.05)
-    path = tmp_path / "pose.json"
-    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
+    path, motions = tmp_path / "pose.json", MotionEstimator(DRIVE, 1e-4)
+    memory = PoseMemory(path, lambda: "01", motions, {}, LOG)
     motions.update(sample())
-    memory.open(path, lambda: "01", sample(), motions, 1.0)
+    memory.open(sample(), 1.0)
     wait_until(path.exists, 10.0, "the file")
     files: dict[int, str] = {}
     begin_s = time.monotonic()
@@ -164,11 +165,11 @@ def test_an_unwritable_folder_is_reported_once(
 ) -> None:
     monkeypatch.setattr(pose_memory, "PERIOD_S", 0.001)
     (tmp_path / "file").touch()
-    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
-    path = tmp_path / "file" / "pose.json"
+    path, motions = tmp_path / "file" / "pose.json", MotionEstimator(DRIVE, 1e-4)
+    memory = PoseMemory(path, lambda: "01", motions, {}, LOG)
     tries = Mock(wraps=pose_memory.write)
     monkeypatch.setattr(pose_memory, "write", tries)
-    memory.open(path, lambda: "01", sample(), motions, 1.0)
+    memory.open(sample(), 1.0)
     motions.update(sample())
     wait_until(lambda: tries.call_count > 3, 10.0, "attempts to write")
     memory.close()
