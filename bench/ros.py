@@ -1,9 +1,9 @@
 """The ROS node.
 
 Client, node and peer are processes on loopback (Fast DDS); the robot is a simulator with 200 states
-a second. The peer is a bare rclpy node that publishes an empty `Odometry` at 50 Hz. Latency: from
-publishing `cmd_vel` to the setpoint on the node's port, or to the peer's callback. {MEASURED}
-interleaved rounds of {COMMANDS} commands, 100 a second.
+a second. The peer is a bare rclpy node that publishes the same four messages by a timer, at 50 Hz.
+Latency: from publishing `cmd_vel` to the setpoint on the node's port, or to the peer's callback.
+{MEASURED} interleaved rounds of {COMMANDS} commands, 100 a second.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ p99, then both with 2 further attached programs."""
 BESIDE_COUNTS = (300, 30)
 STREAMS = """\
 Jitter, of arrivals in another process and of stamps: the 99th percentile of the interval's
-deviation from the period. The node publishes all its topics, the peer `odom` alone; CPU is of
-one core."""
+deviation from the period. CPU is of one core: also of the link, the log of stops and
+diagnostics, which the peer has not."""
 
 
 @contextmanager

@@ -44,19 +44,38 @@ BARE_NODE = """
 import json, time
 from pathlib import Path
 import rclpy
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
+from sensor_msgs.msg import Imu, JointState
+from tf2_msgs.msg import TFMessage
 
 seen = {{}}
+covariance = [0.001] * 36
 rclpy.init()
 node = rclpy.create_node("bare")
-publisher = node.create_publisher(Odometry, "bare_odom", 10)
+publishers = [
+    node.create_publisher(type_, "bare_" + name, 100)
+    for type_, name in ((Odometry, "odom"), (JointState, "joints"), (TFMessage, "tf"), (Imu, "imu"))
+]
 
 def publish():
-    message = Odometry()
-    message.header.stamp = node.get_clock().now().to_msg()
-    publisher.publish(message)
+    odom, joints, imu, transform = Odometry(), JointState(), Imu(), TransformStamped()
+    for message in (odom, joints, imu, transform):
+        message.header.stamp = node.get_clock().now().to_msg()
+        message.header.frame_id = "odom"
+    odom.child_frame_id = transform.child_frame_id = "base_link"
+    odom.pose.pose.position.x = transform.transform.translation.x = 0.1
+    odom.pose.pose.orientation.z = transform.transform.rotation.z = 0.2
+    odom.twist.twist.linear.x = odom.twist.twist.angular.z = 0.3
+    odom.pose.covariance = odom.twist.covariance = covariance
+    joints.name = ["left_wheel_joint", "right_wheel_joint"]
+    joints.position = joints.velocity = [0.4, 0.5]
+    imu.angular_velocity.z = imu.linear_acceleration.z = 0.6
+    imu.angular_velocity_covariance = imu.linear_acceleration_covariance = covariance[:9]
+    messages = odom, joints, TFMessage(transforms=[transform]), imu
+    for publisher, message in zip(publishers, messages):
+        publisher.publish(message)
 
 def hear(twist):
     seen[twist.linear.y] = time.monotonic()
@@ -69,7 +88,8 @@ except (KeyboardInterrupt, ExternalShutdownException):
     pass
 Path("{file}").write_text(json.dumps(seen))
 """
-"""A node that ignores the Twists it receives, and publishes an Odometry by a timer."""
+"""A node that ignores the Twists it receives, and by a timer publishes what a robot's node does at
+its rate, built as ROS's tutorials build messages."""
 
 BARE_SERVICE = """
 import json, time
