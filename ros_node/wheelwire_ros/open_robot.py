@@ -69,8 +69,7 @@ class OpenRobot:
         """Whether the worker prepares a session, or will."""
         clock = node.get_clock()
         self._time_base = TimeBase(
-            # For each sample: rclpy takes ten times as long to read the same clock.
-            lambda: int(clock.now().nanoseconds) if clock.ros_time_is_active else time.time_ns(),
+            lambda: int(clock.now().nanoseconds),
             node.get_logger(),
             is_simulated=lambda: bool(clock.ros_time_is_active),
             note_offsets=lambda offsets: robot.note(OFFSET, offsets),

@@ -80,8 +80,7 @@ class SampleReader:
 
     def _read(self) -> None:
         boot_id: int | None = None
-        heard_s = time.monotonic()
-        due_s = heard_s + SILENCE_S  # when to call `on_silent`
+        self._note_heard()
         while not self._closing.is_set():
             try:
                 sample = self._samples.poll()
@@ -89,42 +88,43 @@ class SampleReader:
                 raise  # for good: the node ends, and its supervisor restarts it
             except (StopIteration, WheelwireError) as end:
                 if not self._closing.is_set():
-                    self._note_silence(
-                        end if isinstance(end, WheelwireError) else LinkClosed(ENDED)
-                    )
+                    lost = end if isinstance(end, WheelwireError) else LinkClosed(ENDED)
+                    self._note_silence(lost)
                 return
-            if sample is not None:
-                # `close` may have been called while it waited: no callback may run any more.
-                if self._closing.is_set():
-                    return
-                self.silence, heard_s = None, time.monotonic()
-                due_s = heard_s + SILENCE_S
-                if sample.boot_id != boot_id:
-                    boot_id = sample.boot_id
-                    self.on_change()
-                self.on_sample(sample)
-            elif (error := self._why_none(due_s)) is not None:
-                # The link may be about to find out that it is lost.
-                unexplained = isinstance(error, RequestTimeout)
-                if not unexplained or time.monotonic() - heard_s > UNEXPLAINED_S:
-                    boot_id = None  # the next sample is a change, even of the same boot
-                    self._note_silence(error)
-                self.on_silent()
-                # No burst after a gap.
-                due_s = max(due_s + self.silent_period_s, time.monotonic())
+            if sample is None:
+                self._wait()
+                continue  # `close` may have been called meanwhile: no callback may run any more
+            was_silent, self.silence = self.silence is not None, None
+            self._note_heard()
+            if was_silent or sample.boot_id != boot_id:
+                boot_id = sample.boot_id
+                self.on_change()
+            self.on_sample(sample)
 
-    def _why_none(self, until_s: float) -> WheelwireError | None:
-        """Wait for a sample; returns why none came."""
+    def _note_heard(self) -> None:
+        self._heard_s = time.monotonic()
+        self._due_s = self._heard_s + SILENCE_S
+        """When to call `on_silent`."""
+
+    def _wait(self) -> None:
+        """Wait for a sample; if none comes, find out why, and call `on_silent` if it is due."""
+        left_s = min(self._due_s - time.monotonic(), SILENCE_S)
         try:
-            if not self._samples.wait(max(until_s - time.monotonic(), LEAST_WAIT_S)):
+            if not self._samples.wait(max(left_s, LEAST_WAIT_S)):
                 self.robot.read(LEAST_WAIT_S)  # one that comes now is in the iterator, too
         except LinkClosed:
             # The iterator knows better: of a recording that was replayed it ends.
             if not self._samples.is_ready():
                 raise
         except WheelwireError as error:
-            return error
-        return None
+            now_s = time.monotonic()
+            # The link may be about to find out that it is lost.
+            if not isinstance(error, RequestTimeout) or now_s - self._heard_s > UNEXPLAINED_S:
+                self._note_silence(error)
+            if now_s >= self._due_s:
+                self.on_silent()
+                # No burst after a gap.
+                self._due_s = max(self._due_s + self.silent_period_s, now_s)
 
     def _note_silence(self, error: WheelwireError) -> None:
         # Another cause is news as well: a device that is silent at first, and then unplugged.
