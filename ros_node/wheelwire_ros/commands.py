@@ -181,19 +181,14 @@ class CommandSubscriber:
     def _subscribe(self) -> None:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
-        name = self._type.name
-        callback = self._on_stamped_twist if name == STAMPED else self._on_twist
         self._subscription = self._node.create_subscription(
-            TYPES[name], TOPIC, callback, NEWEST, callback_group=self._urgent
+            TYPES[self._type.name], TOPIC, self._obey, NEWEST, callback_group=self._urgent
         )
 
-    def _on_stamped_twist(self, message: TwistStamped, info: dict[str, int]) -> None:
-        self._obey(message.twist, time_ns(message.header.stamp), info)
-
-    def _on_twist(self, message: Twist, info: dict[str, int]) -> None:
-        self._obey(message, None, info)
-
-    def _obey(self, twist: Twist, stamp_ns: int | None, info: dict[str, int]) -> None:
+    def _obey(self, message: Any, info: dict[str, int]) -> None:
+        twist, stamp_ns = message, None
+        if isinstance(message, TwistStamped):
+            twist, stamp_ns = message.twist, time_ns(message.header.stamp)
         if self._type.decide():
             self._node.get_logger().info(
                 f"{self._topic} is {PACKAGE}{self._type.name}: its first message decided"

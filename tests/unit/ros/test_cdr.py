@@ -117,8 +117,12 @@ def test_battery_state(places: set[int], name: str) -> None:
     assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
     assert message.current == -1.5
     assert message.power_supply_status == message.POWER_SUPPLY_STATUS_DISCHARGING
+    assert message.power_supply_health == message.POWER_SUPPLY_HEALTH_UNKNOWN
     assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
-    assert message.capacity != message.capacity
+    for field in ("temperature", "charge", "capacity", "design_capacity"):
+        assert math.isnan(getattr(message, field)), field
+    for field in ("cell_voltage", "cell_temperature", "location", "serial_number"):
+        assert not len(getattr(message, field)), field
 
 
 @names
