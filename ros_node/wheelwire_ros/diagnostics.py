@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from wheelwire import BaseDriver, SensorState, SensorStatus, WheelwireError
+from wheelwire import BaseDriver, SensorStatus, WheelwireError
 from wheelwire.log.why.causes import cure_of_stores
 
 from .robot_connection import RobotConnection
@@ -95,7 +95,7 @@ def open_statuses(
         "link": (*link, values | link_values),
         "robot": _robot(view),
         "commands": _commands(connection, ignored_types),
-        **{f"sensor {status.info.name}": _sensor(status) for status in channels},
+        **{f"sensor {status.info.name}": channel_words(status) for status in channels},
     }
     return [
         status_of(f"{name}: {part}", level, message, identity.get("board_id", ""), values)
@@ -151,8 +151,7 @@ def _robot(view: View) -> Part:
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
         "resets_unacknowledged": state.resets,
-        **_control_counters(connection.robot),
-        **_memory(connection.robot),
+        **_counters(connection.robot),
     }
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
@@ -185,32 +184,27 @@ def _warnings(robot: BaseDriver, state: RobotState) -> list[str]:
     return warnings
 
 
-def _control_counters(robot: BaseDriver) -> dict[str, Any]:
-    """The latest counters of the control loop and the encoders; empty for other drivers."""
+def _counters(robot: BaseDriver) -> dict[str, Any]:
+    """What control loop, encoders and the chip's memory report, as far as known."""
+    values: dict[str, Any] = {}
     # Each call asks the robot without waiting, so this is the answer to the last report's call.
-    counters = robot.latest_control_counters()
-    if counters is None:
-        return {}
-    return {
-        "late_steps": counters.late_steps,
-        "latest_step_us": counters.latest_step_us,
-        "saturated_steps": counters.saturated_steps,
-        "left_illegal_transitions": counters.left_illegal,
-        "right_illegal_transitions": counters.right_illegal,
-    }
-
-
-def _memory(robot: BaseDriver) -> dict[str, int]:
-    """How much of the chip's memory is left, as known from the last report; empty if it is not."""
-    memory = robot.latest_memory()
-    if memory is None:
-        return {}
-    stacks = (memory.control_stack, memory.housekeeping_stack, memory.sensors_stack)
-    return {
-        "free_heap_bytes": memory.free_heap,
-        "least_free_heap_bytes": memory.least_free_heap,
-        "least_free_stack_bytes": min(filter(None, stacks), default=0),
-    }
+    counters, memory = robot.latest_control_counters(), robot.latest_memory()
+    if counters is not None:
+        values |= {
+            "late_steps": counters.late_steps,
+            "latest_step_us": counters.latest_step_us,
+            "saturated_steps": counters.saturated_steps,
+            "left_illegal_transitions": counters.left_illegal,
+            "right_illegal_transitions": counters.right_illegal,
+        }
+    if memory is not None:
+        stacks = (memory.control_stack, memory.housekeeping_stack, memory.sensors_stack)
+        values |= {
+            "free_heap_bytes": memory.free_heap,
+            "least_free_heap_bytes": memory.least_free_heap,
+            "least_free_stack_bytes": min(filter(None, stacks), default=0),
+        }
+    return values
 
 
 def _commands(connection: RobotConnection, ignored_types: list[str]) -> Part:
@@ -228,10 +222,3 @@ def _commands(connection: RobotConnection, ignored_types: list[str]) -> Part:
         "have all publishers publish one type, or set cmd_vel_type"
     )
     return WARN, message, values
-
-
-def _sensor(status: SensorStatus) -> Part:
-    limits, message, values = channel_words(status)
-    if status.state is not SensorState.OK:
-        return STALE, message, values
-    return WARN if limits else OK, message, values

@@ -301,8 +301,8 @@ class OpenRobot:
             now_s - newest.stamp, is_driven=now_s < self.connection.driven_until_s + STOPPING_S
         )
         stamp_ns = self._time_base.to_ros_ns(now_s, ODOM_STREAM)
-        if motion is not None and stamp_ns is not None:
-            self._publisher.publish_held(motion, stamp_ns)
+        if motion is not None:
+            self._publisher.publish(motion, None, stamp_ns)
 
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""

@@ -19,7 +19,6 @@ from sensor_msgs.msg import BatteryState, JointState
 
 from wheelwire import Pose
 from wheelwire.log import ros_messages
-from wheelwire.log.ros_messages import Layout
 
 from .motion_estimator import RobotMotion
 from .parameter_values import Get
@@ -110,22 +109,20 @@ class MotionPublisher:
             self._publishers.append(topics.publisher(TFMessage, "/tf", TF_DEPTH))
         self._battery = BatteryPublisher(topics, get) if has_battery else None
 
-    def publish_held(self, motion: RobotMotion, stamp_ns: int) -> None:
-        """Publish only odom, for a robot that sends no samples: nothing else is known."""
-        self._publishers[0].publish(self._messages.held(motion, stamp_ns))
-
-    def publish(self, motion: RobotMotion, stamp_ns: int, odom_ns: int | None) -> None:
-        """Publish the motion at one sample, stamped with the time of its measurement.
+    def publish(self, motion: RobotMotion, stamp_ns: int | None, odom_ns: int | None) -> None:
+        """Publish the motion, stamped with the time of its measurement.
 
         Args:
             motion: It.
-            stamp_ns: Later than the one before.
-            odom_ns: That of odom, which also has messages between samples. None: there is a later
-                one.
+            stamp_ns: Later than the one before. None: the robot sends no samples, so only odom is
+                known.
+            odom_ns: That of odom. None: there is a later one.
         """
         odom, *others = self._publishers
         if odom_ns is not None:
             odom.publish(self._messages.odometry(motion, odom_ns))
+        if stamp_ns is None:
+            return
         for publisher, message in zip(others, self._messages.fill(motion, stamp_ns), strict=True):
             publisher.publish(message)
         self.published += 1
@@ -197,20 +194,14 @@ class MotionMessages:
         self._joints = ros_messages.joint_state([*left, *right])
         self._transform = ros_messages.transforms(*self._frames) if has_transform else None
 
-    def held(self, motion: RobotMotion, stamp_ns: int) -> bytes:
-        """The nav_msgs/Odometry of a robot that sends no samples."""
-        diagonal = list(self._twist_diagonal)
-        if motion.twist_variances is not None:
-            for index, variance in zip((0, 5), motion.twist_variances, strict=True):
-                diagonal[index] = max(diagonal[index], variance)
-        template = ros_messages.odometry(*self._frames, diagonal)
-        return self._fill_odometry(template, motion, stamp_ns)
-
     def odometry(self, motion: RobotMotion, stamp_ns: int) -> bytes:
         """The nav_msgs/Odometry."""
-        return self._fill_odometry(self._odometry, motion, stamp_ns)
-
-    def _fill_odometry(self, template: Layout, motion: RobotMotion, stamp_ns: int) -> bytes:
+        template = self._odometry
+        if motion.twist_variances is not None:
+            diagonal = list(self._twist_diagonal)
+            for index, variance in zip((0, 5), motion.twist_variances, strict=True):
+                diagonal[index] = max(diagonal[index], variance)
+            template = ros_messages.odometry(*self._frames, diagonal)
         covariance = pose_covariance(motion.covariance, self._pose_diagonal)
         stamp = ros_messages.stamp(stamp_ns)
         return template.fill(*stamp, *planar(motion.pose), *covariance, *motion.twist)

@@ -199,7 +199,7 @@ class RobotConnection:
         # preparation: if the link was lost during it, the next call prepares the new session.
         self.connected_s = time.monotonic()
         self._limiter.rest()
-        boot_id = _boot_id(self.robot)
+        boot_id = self.robot.info.device.boot_id if self.robot.has_device else 0
         if self._boot_id not in (None, boot_id):
             # A sender that keeps commanding motion must not move a restarted or different device.
             # The device holds by itself, but only for less time than this took.
@@ -373,7 +373,3 @@ class RobotConnection:
         self._estop_unsent = True  # so that `follow` sends it again, even in the same session
         self.robot.estop()
         self._estop_unsent = False
-
-
-def _boot_id(robot: BaseDriver) -> int:
-    return robot.info.device.boot_id if robot.has_device else 0

@@ -40,7 +40,6 @@ ESTOPS = {
 }
 ACKNOWLEDGED_BY = "~/clear_fault acknowledges it"
 
-NO_LIMITS = Limits()
 _NO_NEWS = Held.ESTOP | Held.CONTACT | Held.FAULT | UNARMED
 """What the state says, or the status of the commands."""
 
@@ -69,7 +68,7 @@ class RobotState(NamedTuple):
     """Id of the device; empty where the driver does not report it."""
     stop: str = ""
     """Why the robot stopped, until it drives again."""
-    limits: Limits = NO_LIMITS
+    limits: Limits = Limits()
     """What the sensors keep it from."""
     odom_held: bool = False
     """Whether odom goes on without samples, with the last pose."""
@@ -96,10 +95,7 @@ class RobotState(NamedTuple):
     def words(self) -> str:
         """One sentence for a person."""
         # With the sensors' samples their names are known, too.
-        told = [
-            *filter(None, (self.cause, self.reset)),
-            *(self.limits.sentences or self.held),
-        ]
+        told = [*filter(None, (self.cause, self.reset)), *(self.limits.sentences or self.held)]
         if told:
             return "; ".join(told)
         return SupervisorState[self.state].doc if self.state else "connected"
@@ -214,7 +210,7 @@ class View(NamedTuple):
     """Whether this node has set the e-stop."""
     stop: str = ""
     """Why it stopped; empty while it drives."""
-    limits: Limits = NO_LIMITS
+    limits: Limits = Limits()
     """What the sensors keep it from."""
     odom_held: bool = False
     """Whether odom goes on without samples."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import Imu, PointCloud2, Range
 
 from wheelwire import (
@@ -237,11 +238,7 @@ class SensorPublisher:
     def _publish_range(self, sample: RangeSample) -> None:
         publisher = self._ranges.get(sample.name)  # None: it was added to its board since
         if publisher is not None:
-            bounds_m = sample.min_m, sample.max_m
-            name = self._range_frame + sample.name
-            message = ros_messages.range_(
-                name, sample.field_of_view_rad, *bounds_m, sample.distance_m
-            )
+            message = ros_messages.range_(self._range_frame + sample.name, sample)
             self._publish(publisher, message, sample.stamp, "ranges")
 
     def _publish_battery(self, sample: PowerSample) -> None:
@@ -297,8 +294,8 @@ def _reflex(info: SensorInfo) -> Reflex:
     return Reflex.NO_REVERSE if info.place in REAR_PLACES else Reflex.NO_FORWARD
 
 
-def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
-    """A channel in words: whether it limits the robot, its state, and its values."""
+def channel_words(status: SensorStatus) -> tuple[bytes, str, dict[str, Any]]:
+    """A channel's level in /diagnostics, its state in words, and its values."""
     info, sample = status.info, status.sample
     values: dict[str, Any] = {
         "state": "OK" if status.state is SensorState.OK else "STALE",
@@ -324,4 +321,7 @@ def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
         values["triggered"] = reading.triggered
         values["edges"] = reading.edges
     sentence = _sentence(status)
-    return bool(sentence), sentence or status.sentence, values
+    level = DiagnosticStatus.WARN if sentence else DiagnosticStatus.OK
+    if status.state is not SensorState.OK:
+        level = DiagnosticStatus.STALE
+    return level, sentence or status.sentence, values

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from wheelwire_protocol.codes import PeripheralKind, Place
 
-from ..samples import InputsSample, SensorInfo
+from ..samples import InputsSample, RangeSample, SensorInfo
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 """How a message begins. Fields are aligned relative to what follows it."""
@@ -359,17 +359,15 @@ def transforms(frame: str, child_frame: str) -> Layout:
     return _laid_out("tf2_msgs/TFMessage", {"transforms": [one]})
 
 
-def range_(
-    frame: str, field_of_view_rad: float, min_m: float, max_m: float, distance_m: float
-) -> Layout:
+def range_(frame: str, sample: RangeSample) -> Layout:
     """A distance, by ultrasound. Fill in stamp."""
     known = {
         "header": {"frame_id": frame},
         "radiation_type": 0,
-        "field_of_view": field_of_view_rad,
-        "min_range": min_m,
-        "max_range": max_m,
-        "range": distance_m,
+        "field_of_view": sample.field_of_view_rad,
+        "min_range": sample.min_m,
+        "max_range": sample.max_m,
+        "range": sample.distance_m,
         "variance": 0.0,
     }
     return _laid_out("sensor_msgs/Range", known)

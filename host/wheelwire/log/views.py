@@ -143,13 +143,7 @@ class Views:
 
     def _range(self, sample: RangeSample, time_ns: int) -> View:
         channel = Channel(f"/range/{sample.name}", *ros_messages.RANGE)
-        layout = ros_messages.range_(
-            f"range_{sample.name}",
-            sample.field_of_view_rad,
-            sample.min_m,
-            sample.max_m,
-            sample.distance_m,
-        )
+        layout = ros_messages.range_(f"range_{sample.name}", sample)
         return channel, time_ns, layout.fill(*self._stamp(sample.stamp))
 
     def _bumpers(self, measurement: InputsMeasurement, time_ns: int) -> Iterator[View]:

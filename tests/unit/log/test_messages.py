@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from wheelwire import RangeSample
 from wheelwire.log import ros_messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -86,7 +87,8 @@ def test_battery_state() -> None:
 
 
 def test_range() -> None:
-    data = ros_messages.range_("range_front", 0.25, 0.5, 4.0, 1.5).fill(3, 4)
+    sample = RangeSample(0, 0, "front", 1.5, 0.5, 4.0, 0.25, 0.0, 0.0)
+    data = ros_messages.range_("range_front", sample).fill(3, 4)
     message = same_again(data, "sensor_msgs/msg/Range")
     assert message.header.frame_id == "range_front"
     assert (message.field_of_view, message.min_range, message.max_range) == (0.25, 0.5, 4.0)

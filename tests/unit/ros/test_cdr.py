@@ -18,6 +18,7 @@ from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2, PointFie
 from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
+from wheelwire import RangeSample
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log import reader, ros_messages
 
@@ -144,7 +145,8 @@ def test_imu(places: set[int], name: str) -> None:
 @names
 @pytest.mark.parametrize("distance_m", [0.85, math.inf, -math.inf])
 def test_range(places: set[int], name: str, distance_m: float) -> None:
-    data = ros_messages.range_(name, 0.25, 0.5, 4.0, distance_m).fill(1, 2)
+    sample = RangeSample(0, 0, "front", distance_m, 0.5, 4.0, 0.25, 0.0, 0.0)
+    data = ros_messages.range_(name, sample).fill(1, 2)
     message = assert_same(data, Range, places)
     assert (message.header.stamp.sec, message.header.frame_id) == (1, name)
     assert message.radiation_type == Range.ULTRASOUND

@@ -204,7 +204,8 @@ def test_odom_goes_forward_where_a_silent_robot_is_back(parts: Parts) -> None:
     assert first_ns == pytest.approx(odom_ns, abs=1e7)
     clock_s[0] += 0.1
     parts.open._on_silent()
-    (_, held_ns) = parts.calls.publisher.publish_held.mock_calls[-1].args
+    (_, nothing, held_ns) = parts.calls.publisher.publish.mock_calls[-1].args
+    assert nothing is None
     clock_s[0] += 0.05
     parts.samples(sample(stamp=time.monotonic() - 0.1))
     (_, stamp_ns, back_ns) = parts.calls.publisher.publish.mock_calls[-1].args

@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from diagnostic_msgs.msg import DiagnosticStatus
+
 from wheelwire import (
     BatteryLevel,
     InputReading,
@@ -65,8 +67,8 @@ def test_a_triggered_input_says_what_it_does(
     limits = limits_of([status(one, sample)], sample)
     assert (limits.triggered, limits.reflexes) == ((one.name,), (reflex.name,))
     assert limits.sentences[0].startswith(words)
-    warns, message, values = channel_words(status(one, sample))
-    assert warns
+    level, message, values = channel_words(status(one, sample))
+    assert level == DiagnosticStatus.WARN
     assert message == limits.sentences[0]
     assert (values["state"], values["triggered"], values["edges"]) == ("OK", True, 3)
 
@@ -75,7 +77,7 @@ def test_free_and_healthy_sensors_limit_nothing() -> None:
     one = info(BUMPER, Place.FRONT)
     sample = inputs(one, triggered=False)
     assert limits_of([status(one, sample)], sample) == Limits()
-    assert channel_words(status(one, sample))[:2] == (False, "OK")
+    assert channel_words(status(one, sample))[:2] == (DiagnosticStatus.OK, "OK")
 
 
 @pytest.mark.parametrize(
@@ -85,7 +87,8 @@ def test_free_and_healthy_sensors_limit_nothing() -> None:
 def test_a_stale_sensor_is_reported_unless_it_may_pass(state: SensorState, is_told: bool) -> None:
     stale = status(info(PeripheralKind.IMU), state=state)
     assert bool(limits_of([stale], None).sentences) is is_told
-    _, message, values = channel_words(stale)
+    level, message, values = channel_words(stale)
+    assert level == DiagnosticStatus.STALE
     assert message.startswith(f"STALE, {state.name}")
     assert (values["state"], values["reason"]) == ("STALE", state.name)
     assert math.isnan(values["age_s"])
@@ -130,16 +133,16 @@ def ranged(distance_m: float) -> RangeSample:
 def test_a_range_limits_nothing() -> None:
     one = status(info(PeripheralKind.RANGE, Place.FRONT), ranged(-math.inf))
     assert limits_of([one], None) == Limits()
-    warns, message, values = channel_words(one)
-    assert (warns, message, values["distance_m"]) == (False, "OK", -math.inf)
+    level, message, values = channel_words(one)
+    assert (level, message, values["distance_m"]) == (DiagnosticStatus.OK, "OK", -math.inf)
 
 
 def test_a_voltage_is_in_the_words_of_its_channel() -> None:
     one = info(PeripheralKind.ANALOG, number=2)
     sample = inputs()._replace(analog={"analog_2": 3.3})
     assert limits_of([status(one, sample)], sample) == Limits()
-    warns, message, values = channel_words(status(one, sample))
-    assert (warns, message, values["voltage_v"]) == (False, "OK", 3.3)
+    level, message, values = channel_words(status(one, sample))
+    assert (level, message, values["voltage_v"]) == (DiagnosticStatus.OK, "OK", 3.3)
     assert "triggered" not in values
 
 
