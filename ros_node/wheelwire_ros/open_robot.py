@@ -22,7 +22,7 @@ from wheelwire.log.why.watch import StopWatch
 from . import diagnostics, parameters, pose_memory, robot_state, sensors
 from .commands import CommandSubscriber
 from .motion_estimator import MotionEstimator
-from .pose_memory import PoseMemory, PoseNotes, noted
+from .pose_memory import PoseMemory, PoseNotes
 from .publishers import MotionPublisher, Topics, frame
 from .reader import SampleReader
 from .robot_connection import RobotConnection
@@ -73,9 +73,14 @@ class OpenRobot:
             node.get_logger(),
             is_simulated=lambda: bool(clock.ros_time_is_active),
             note_offsets=lambda offsets: robot.note(OFFSET, offsets),
-            recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )
-        self._notes = PoseNotes(robot)
+        replay: Any = robot if hasattr(robot, "noted") else None
+        """The driver, if it replays a recording."""
+        if replay is not None:
+            self._time_base.recorded_offsets = lambda: [
+                Offset(*one) for one in replay.noted(OFFSET) or ()
+            ]
+        self._notes = PoseNotes(robot, replay)
         # An error below closes in reverse order what is open so far; `pop_all` leaves it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
@@ -289,7 +294,7 @@ class OpenRobot:
         """
         newest = self._newest
         # A pause in a recording does not mean a lost robot.
-        if newest is None or getattr(self.connection.robot, "noted", None) is not None:
+        if newest is None or self._notes.replay is not None:
             return
         if not self._is_held:
             self._is_held = True

@@ -110,21 +110,17 @@ def _record(found: Any) -> PoseRecord:
     return one
 
 
-def noted(robot: BaseDriver, name: str) -> Any:
-    """The note of this name in a recording; None for a real robot."""
-    ask = getattr(robot, "noted", None)
-    return None if ask is None else ask(name)
-
-
 class PoseNotes:
     """A recording's notes of where the node began, or was set to, each with its sample.
 
     Args:
-        robot: The driver, which records, or replays a recording.
+        robot: The driver, which may record.
+        replay: It, if it replays a recording.
     """
 
-    def __init__(self, robot: BaseDriver) -> None:
+    def __init__(self, robot: BaseDriver, replay: Any) -> None:
         self._robot = robot
+        self.replay = replay
         self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
 
     def note(self, record: PoseRecord | None) -> None:
@@ -148,7 +144,9 @@ class PoseNotes:
         return None
 
     def _records(self) -> list[PoseRecord]:
-        return [_record({"format": FORMAT, **one}) for one in noted(self._robot, POSE) or ()]
+        if self.replay is None:
+            return []
+        return [_record({"format": FORMAT, **one}) for one in self.replay.noted(POSE) or ()]
 
 
 @dataclass

@@ -197,7 +197,7 @@ def test_odom_goes_forward_where_a_silent_robot_is_back(parts: Parts) -> None:
     parts.open._time_base = TimeBase(
         lambda: round(clock_s[0] * 1e9), Mock(), is_simulated=lambda: True
     )
-    parts.calls.connection.robot.noted = None
+    parts.calls.notes.replay = None
     parts.calls.connection.driven_until_s = 0.0
     parts.samples(sample(stamp=time.monotonic() - 0.01))
     (_, first_ns, odom_ns) = parts.calls.publisher.publish.mock_calls[-1].args
