@@ -129,7 +129,7 @@ class CommandSubscriber:
         """Other message types that somebody publishes on this topic."""
         self._node = node
         self._connection = connection
-        self._urgent = topics.threads.urgent
+        self._urgent = topics.threads.urgent_group
         self._prepare = prepare
         self._clock = clock
         self._type = CommandType(command_type(get))
@@ -143,8 +143,8 @@ class CommandSubscriber:
         if get("publish_limited_velocity"):
             create = partial(node.create_publisher, TwistStamped, LIMITED_TOPIC, DEPTH)
             self._limited = topics.entity(create, node.destroy_publisher)
-        topics.threads.run_urgently(self._begin)
-        topics.resources.callback(topics.threads.run_urgently, self._end)
+        topics.threads.urgent.run(self._begin)
+        topics.resources.callback(topics.threads.urgent.run, self._end)
 
     def _begin(self) -> None:
         self._timer = self._node.create_timer(

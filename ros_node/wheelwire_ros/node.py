@@ -85,7 +85,7 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._state = StateReporter(
-            self, self._present_state, lambda: threads.call_soon(self.report)
+            self, self._present_state, lambda: threads.general.create_task(self.report)
         )
         create_services(self, threads)
         defer_transitions(self, threads)
@@ -97,7 +97,7 @@ class HardwareRobot(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         )
         """Until anything configures the node or shuts it down: then only users change its state."""
         if self.setting("autostart"):
-            threads.call_soon(self._start_soon)  # at once, not after the first period
+            threads.general.create_task(self._start_soon)  # at once, not after the first period
         else:
             self._autostart.cancel()
         self.update_state()

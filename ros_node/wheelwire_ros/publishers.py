@@ -76,8 +76,8 @@ class Topics:
         when the event handler of a publisher is destroyed while another thread prepares to wait for
         it.
         """
-        made = self.threads.run(create)
-        self.resources.callback(self.threads.run, partial(destroy, made))
+        made = self.threads.general.run(create)
+        self.resources.callback(self.threads.general.run, partial(destroy, made))
         return made
 
 

@@ -40,7 +40,7 @@ def create_services(node: Any, threads: NodeThreads) -> None:
     def trigger(action: Callable[[OpenRobot], str]) -> Callable[[Any, Any], Any]:
         return lambda _request, response: _answer(lambda: action(node.open_robot()), response)
 
-    urgent, stops, requests = threads.urgent, threads.stops, threads.requests
+    urgent, stops, requests = threads.urgent_group, threads.stops, threads.requests
     for type_, name, serve, group, worker in (
         (SetBool, "estop", estop, urgent, stops),
         (Trigger, "stop", trigger(_stop), urgent, stops),

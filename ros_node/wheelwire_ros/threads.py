@@ -3,7 +3,7 @@
 thread               callback group   runs
 general callbacks    the default one  parameters, lifecycle, the other services; diagnostics at 1 Hz
  (the main thread)                    and at each change
-urgent callbacks     `urgent`         cmd_vel, ~/estop and ~/stop; each 0.2 s who publishes cmd_vel
+urgent callbacks     `urgent_group`   cmd_vel, ~/estop and ~/stop; each 0.2 s who publishes cmd_vel
 stop workers         (4 threads)      e-stop and stop, until acknowledged
 request worker       (1 thread)       the robot's parameters, save, clear, preparing a new session
 transition worker    (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
@@ -11,7 +11,7 @@ samples              (its own)        reads the robot; odom, tf, joint_states, w
 pose                 (its own)        writes pose_file, at most once a second
 
 Only the workers and the thread of the samples wait for the robot.
-An entity is created and destroyed in the thread that waits for it: `run`, `run_urgently`.
+An entity is created and destroyed in the thread that waits for it: `NodeExecutor.run`.
 A callback that needs a worker is a coroutine: its executor runs other callbacks until the worker
 has finished. So nothing that the robot does, or does not do, delays an e-stop, a command or the
 answer of a parameter service.
@@ -54,7 +54,7 @@ def steady_clock() -> Clock:
     return Clock(clock_type=ClockType.STEADY_TIME)
 
 
-class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no types
+class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no types
     """Runs the callbacks of one node whose group belongs to it, and no others.
 
     Args:
@@ -126,31 +126,35 @@ class NodeThreads:
         node: An rclpy node.
 
     Attributes:
-        urgent: The callback group of what must not wait for other callbacks. While the threads
-            run, create and destroy its entities by `run_urgently`.
+        urgent_group: The callback group of what must not wait for other callbacks. While the
+            threads run, create and destroy its entities by `urgent.run`.
+        general: The executor of all others; `create_task` has it make a call soon.
+        urgent: The executor of that group.
         stops: The workers for e-stop and stop.
         requests: The worker for what asks the robot.
         transitions: The worker for lifecycle transitions.
     """
 
     def __init__(self, node: Any) -> None:
-        self.urgent = ReentrantCallbackGroup()
+        self.urgent_group = ReentrantCallbackGroup()
         self.stops = ThreadPoolExecutor(STOPS_AT_ONCE, "wheelwire stops")
         self.requests = ThreadPoolExecutor(1, "wheelwire requests")
         self.transitions = ThreadPoolExecutor(1, "wheelwire transitions")
-        self._general = _Executor(node, lambda group: group is not self.urgent, GENERAL_PAUSE_S)
+        self.general = NodeExecutor(
+            node, lambda group: group is not self.urgent_group, GENERAL_PAUSE_S
+        )
         # The urgent one finds the node by `get_nodes` alone: a node belongs to one executor.
-        self._general.add_node(node)
-        self._urgent = _Executor(node, lambda group: group is self.urgent)
+        self.general.add_node(node)
+        self.urgent = NodeExecutor(node, lambda group: group is self.urgent_group)
         self._thread = threading.Thread(target=self._run_urgent, name="urgent callbacks")
 
     def spin(self) -> None:
         """Run all callbacks until the context is shut down; raises what a callback raises."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._thread.start()
-        # Before it spins, `run_urgently` would make its call in the caller's thread.
-        self._urgent.started.wait()
-        self._general.spin()
+        # Before it spins, `run` would make its call in the caller's thread.
+        self.urgent.started.wait()
+        self.general.spin()
 
     def close(self) -> None:
         """End the executors, and wait for a running transition.
@@ -161,22 +165,10 @@ class NodeThreads:
             worker.shutdown(wait=False, cancel_futures=True)
         # The transition may be opening the robot, which the node then has to close.
         self.transitions.shutdown(wait=True, cancel_futures=True)
-        self._urgent.shutdown(0)
+        self.urgent.shutdown(0)
         if self._thread.is_alive():
             self._thread.join(JOIN_S)
-        self._general.shutdown(0)
-
-    def call_soon(self, callback: Callable[[], None]) -> None:
-        """Run a callback in the general thread; from any thread."""
-        self._general.create_task(callback)
-
-    def run(self, call: Callable[[], Result]) -> Result:
-        """Make a call in the general thread, and wait for it; returns or raises as the call."""
-        return self._general.run(call)
-
-    def run_urgently(self, call: Callable[[], Result]) -> Result:
-        """Make a call in the urgent thread, and wait for it; returns or raises as the call."""
-        return self._urgent.run(call)
+        self.general.shutdown(0)
 
     def fail(self, error: Exception) -> None:
         """Make `spin` raise the error; from any thread."""
@@ -185,7 +177,7 @@ class NodeThreads:
             raise error
 
         # An executor raises what its tasks raise, out of `spin`.
-        self.call_soon(raise_it)
+        self.general.create_task(raise_it)
 
     def defer(
         self,
@@ -201,8 +193,8 @@ class NodeThreads:
             waits: Whether a request waits for the robot; the service's thread serves the others.
         """
         serve_now: Serve = service.callback
-        is_urgent = service.callback_group is self.urgent
-        executor = self._urgent if is_urgent else self._general
+        is_urgent = service.callback_group is self.urgent_group
+        executor = self.urgent if is_urgent else self.general
 
         async def serve(request: Any, response: Any) -> Any:
             if not waits(request):
@@ -231,7 +223,7 @@ class NodeThreads:
     def _run_urgent(self) -> None:
         try:
             with suppress(ExternalShutdownException):
-                self._urgent.spin()
+                self.urgent.spin()
         except Exception as error:
             # Otherwise only this thread would end: the node would live on, and obey no command.
             self.fail(error)
