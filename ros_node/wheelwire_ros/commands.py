@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Set
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -101,6 +102,7 @@ def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int, rate: float
     return max(0, waited_ns, since_stamped_ns) / 1e9
 
 
+@dataclass
 class CommandSubscriber:
     """Sends each command to the robot as it arrives, or counts why not.
 
@@ -116,33 +118,29 @@ class CommandSubscriber:
         get: The node's settings.
     """
 
-    def __init__(
-        self,
-        topics: Topics,
-        connection: RobotConnection,
-        prepare: Callable[[], None],
-        clock: TimeBase,
-        get: Get,
-    ) -> None:
-        node = topics.node
+    topics: Topics
+    connection: RobotConnection
+    prepare: Callable[[], None]
+    clock: TimeBase
+    get: Get
+
+    def __post_init__(self) -> None:
+        topics = self.topics
         self.ignored_types: list[str] = []
         """Other message types that somebody publishes on this topic."""
-        self._node = node
-        self._connection = connection
+        self._node = topics.node
         self._urgent = topics.threads.urgent_group
-        self._prepare = prepare
-        self._clock = clock
-        self._type = CommandType(command_type(get))
+        self._type = CommandType(command_type(self.get))
         self._subscription: Any = None
         self._pace = Pace(LOG_PERIOD_S)
         self._logged_holds = 0
         """`RobotConnection.holds` when the log last said that the robot waits for a zero."""
-        self._topic = node.resolve_topic_name(TOPIC)
-        self._frame = frame("base_frame_id", get)
+        self._topic = self._node.resolve_topic_name(TOPIC)
+        self._frame = frame("base_frame_id", self.get)
         self._limited: Any = None
-        if get("publish_limited_velocity"):
-            create = partial(node.create_publisher, TwistStamped, LIMITED_TOPIC, DEPTH)
-            self._limited = topics.entity(create, node.destroy_publisher)
+        if self.get("publish_limited_velocity"):
+            create = partial(self._node.create_publisher, TwistStamped, LIMITED_TOPIC, DEPTH)
+            self._limited = topics.entity(create, self._node.destroy_publisher)
         topics.threads.urgent.run(self._begin)
         topics.resources.callback(topics.threads.urgent.run, self._end)
 
@@ -196,17 +194,17 @@ class CommandSubscriber:
         now_ns, received_ns = self._node.get_clock().now().nanoseconds, info["received_timestamp"]
         # By the wall clock. 0: the middleware does not report it.
         waited_ns = time.time_ns() - received_ns if received_ns else 0
-        age_s = command_age_s(stamp_ns, now_ns, waited_ns, self._clock.rate)
+        age_s = command_age_s(stamp_ns, now_ns, waited_ns, self.clock.rate)
         try:
             # On the monotonic clock from here on, so that setting a clock extends no command.
-            obeyed = self._connection.command(
+            obeyed = self.connection.command(
                 wheelwire.Twist(twist.linear.x, twist.angular.z), time.monotonic() - age_s
             )
         except CommandIgnored as ignored:
-            self._connection.ignored[ignored.reason] += 1
+            self.connection.ignored[ignored.reason] += 1
             self._log(ignored)
             # Perhaps the session is a new one; does nothing if it is prepared.
-            self._prepare()
+            self.prepare()
         else:
             self._publish_limited(obeyed)
 
@@ -222,8 +220,8 @@ class CommandSubscriber:
         if ignored.reason is Ignored.UNARMED:
             # Once. The node counts some of these commands as sent, because the robot reports their
             # refusal only with the next one.
-            is_due = self._logged_holds != self._connection.holds
-            self._logged_holds = self._connection.holds
+            is_due = self._logged_holds != self.connection.holds
+            self._logged_holds = self.connection.holds
         else:
             is_due = self._pace.is_due(time.monotonic(), ignored.reason)
         if is_due:

@@ -82,6 +82,7 @@ class Tuning:
         )
 
 
+@dataclass
 class RobotConnection:
     """Sends commands to one open driver.
 
@@ -99,15 +100,12 @@ class RobotConnection:
         on_session: Called by `follow` for each new session, to prepare it further.
     """
 
-    def __init__(
-        self,
-        robot: BaseDriver,
-        given: dict[str, float],
-        tuning: Tuning,
-        on_session: Callable[[], None],
-    ) -> None:
-        self.robot = robot
-        self.tuning = tuning
+    robot: BaseDriver
+    given: dict[str, float]
+    tuning: Tuning
+    on_session: Callable[[], None]
+
+    def __post_init__(self) -> None:
         self.connected_s = 0.0
         """When the current session was ready, on the monotonic clock."""
         self.obeyed = 0
@@ -133,8 +131,6 @@ class RobotConnection:
         self._limiter = SpeedLimiter()
         self._calibrated: tuple[object, DifferentialDrive | None] = None, None
         """The geometry and the tuning that `drive` was computed from last, and the result."""
-        self._given = given
-        self._on_session = on_session
         self._session: int | None = None
         """The session that is prepared."""
         self._sending = threading.Lock()
@@ -184,9 +180,9 @@ class RobotConnection:
                 if self.estopped:
                     self._send_estop()  # first: nothing else may make the robot ready to drive
             # A copy: another thread may add a value at any time.
-            for name, value in dict(self._given).items():
+            for name, value in dict(self.given).items():
                 self.robot.parameters.set(name, value)
-            self._on_session()
+            self.on_session()
         except (LinkClosed, LinkLost):
             # No problem of the session, which may not be open yet: a stored one would be logged
             # after the loss is over. The samples report the loss.
