@@ -8,13 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wheelwire import (
-    BaseDriver,
-    LinkClosed,
-    RequestTimeout,
-    WheelSample,
-    WheelwireError,
-)
+from wheelwire import BaseDriver, LinkClosed, RequestTimeout, WheelSample, WheelwireError
 
 SILENCE_S = 0.25
 UNEXPLAINED_S = 1.25

@@ -168,10 +168,7 @@ def test_no_stamp_means_now_and_one_from_the_future_gains_no_life(
 
 def test_stale_and_good_commands_together_do_not_flood_the_log(rig: Rig) -> None:
     before, start_s = rig.warnings("s old"), time.monotonic()
-    with (
-        rig.driving(),
-        Repeater(rig.commands, lambda: rig.stamped(0.3, age_s=0.6)),
-    ):
+    with rig.driving(), Repeater(rig.commands, lambda: rig.stamped(0.3, age_s=0.6)):
         rig.truth(lambda state: state.drive_on)
         time.sleep(LOG_PERIOD_S)
         wait(lambda: rig.ignored("stale") > 100, "a hundred stale commands")

@@ -102,9 +102,7 @@ def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:
     assert answers > CYCLES
 
 
-def test_a_refused_transition_changes_nothing_and_an_estop_outlives_a_cleanup(
-    graph: Graph,
-) -> None:
+def test_a_refused_transition_changes_nothing_and_an_estop_outlives_a_cleanup(graph: Graph) -> None:
     """Also with a driver whose supervisor ends with it."""
     diagnostics = Diagnostics(graph)
     with RobotNode(graph, driver_type="mock"):

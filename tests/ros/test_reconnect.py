@@ -183,8 +183,7 @@ def test_an_estop_outlives_a_reset_of_the_device(rig: Rig) -> None:
         boot_id = rig.simulator.reset()
         rig.truth(lambda state: state.boot_id == boot_id)
         latched = stop_host.wait(
-            rig.simulator,
-            lambda state: state.drive_on or state.state is SupervisorState.ESTOPPED,
+            rig.simulator, lambda state: state.drive_on or state.state is SupervisorState.ESTOPPED
         )
     assert not latched.drive_on
     wait(lambda: rig.graph.call(SetBool, f"{NODE}/estop", data=False).success, "the new session")

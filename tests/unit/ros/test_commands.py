@@ -6,14 +6,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from wheelwire_ros.commands import (
-    AUTO,
-    CHANCE_S,
-    PLAIN,
-    STAMPED,
-    CommandType,
-    command_age_s,
-)
+from wheelwire_ros.commands import AUTO, CHANCE_S, PLAIN, STAMPED, CommandType, command_age_s
 
 SECOND = 1_000_000_000
 NOW = 1_700_000_000 * SECOND

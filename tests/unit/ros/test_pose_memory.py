@@ -198,8 +198,7 @@ def test_how_far_a_robot_may_have_turned_is_twice_the_way_over_the_separation(
 def test_a_heading_is_the_turn_of_its_quaternion(degrees: float) -> None:
     half = math.radians(degrees) / 2
     message = Pose(
-        position=Point(x=1.0, y=-2.0),
-        orientation=Quaternion(z=math.sin(half), w=math.cos(half)),
+        position=Point(x=1.0, y=-2.0), orientation=Quaternion(z=math.sin(half), w=math.cos(half))
     )
     place = pose_memory.planar_pose(message)
     assert place == pytest.approx((1.0, -2.0, math.radians(degrees)))

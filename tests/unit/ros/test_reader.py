@@ -8,14 +8,7 @@ from typing import Any, cast
 import pytest
 
 from support.host_samples import sample
-from wheelwire import (
-    BaseDriver,
-    LinkClosed,
-    LinkLost,
-    RequestTimeout,
-    WheelSample,
-    WheelwireError,
-)
+from wheelwire import BaseDriver, LinkClosed, LinkLost, RequestTimeout, WheelSample, WheelwireError
 from wheelwire_ros.reader import UNEXPLAINED_S, SampleReader, sampling_rate_hz
 
 TIMEOUT_S = 30.0

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wheelwire import Twist
-from wheelwire_ros.speed_limiter import (
-    FIRST_STEP_S,
-    MAX_STEP_S,
-    AxisLimits,
-    Limits,
-    SpeedLimiter,
-)
+from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S, AxisLimits, Limits, SpeedLimiter
 
 TTL_S = 0.5
 PERIOD_S = 0.05
