@@ -16,14 +16,15 @@ from google.protobuf.message import DecodeError
 from pw_hdlc.decode import FrameDecoder
 from pw_hdlc.encode import ui_frame
 
-from wheelwire_protocol import Decoder, Encoder, decode_capture
+from wheelwire_protocol import Decoder, Encoder, decode_capture, messages
 from wheelwire_protocol.codec import CRC_SIZE
 from wheelwire_protocol.framing import CRC_RESIDUE
-from wheelwire_protocol.messages import WHEEL_STATE
 from wheelwire_protocol.types import WheelState
 
 os.environ["MAVLINK20"] = "1"
 from pymavlink.dialects.v20 import common  # the version is read at import
+
+WHEEL_STATE = messages.WheelState.message
 
 
 class Peer(ABC):

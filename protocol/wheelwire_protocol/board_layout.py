@@ -6,56 +6,52 @@ from construct import Struct
 
 from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Module
 from .codes import Chip, PeripheralKind, Place, Unit
-from .message import Field, chars, i8, u8, u16, u64
+from .message import Definition, chars, fields_of, i8, u8, u16, u64
 from .peripherals import Axis, PeripheralFlag, SensorChip
 from .power_stages import Stage
 
 
-def _pin(name: str) -> Field:
-    return i8(name, "GPIO; -1: none.")
+class Board(Definition):
+    """The packed struct in which a board is sent and stored."""
+
+    version = u8("Of this layout.")
+    chip = u8(codes=Chip)
+    module = u8(codes=Module)
+    stage = u8("Of both wheels.", Stage)
+    line = u8(codes=BoardLine)
+    name = chars(NAME_SIZE, "ASCII.")
+    pins = tuple(i8("GPIO; -1: none.", name=pin) for pin in PIN_FUNCTIONS)
+    encoder_pulls = u8(codes=EncoderPulls)
+    estop_contact = u8(codes=ContactKind)
+    pwm_frequency_hz = u16("Default of this parameter.", unit=Unit.HERTZ)
+    encoder_filter_ns = u16("Default of glitch_filter_ns.", unit=Unit.NANOSECOND)
+    battery_divider_permille = u16("Battery voltage / pin voltage x 1000.")
+    # 64 bits, because the GPIOs of an ESP32-S3 go up to 48.
+    pulldowns = u64("Bit n: GPIO n has an external pull-down.")
 
 
-def board_fields() -> list[Field]:
-    """The packed struct in which a board is sent and stored: its fields, in order."""
-    return [
-        u8("version", "Of this layout."),
-        u8("chip", codes=Chip),
-        u8("module", codes=Module),
-        u8("stage", "Of both wheels.", Stage),
-        u8("line", codes=BoardLine),
-        chars(NAME_SIZE, "name", "ASCII."),
-        *map(_pin, PIN_FUNCTIONS),
-        u8("encoder_pulls", codes=EncoderPulls),
-        u8("estop_contact", codes=ContactKind),
-        u16("pwm_frequency_hz", "Default of this parameter.", unit=Unit.HERTZ),
-        u16("encoder_filter_ns", "Default of glitch_filter_ns.", unit=Unit.NANOSECOND),
-        u16("battery_divider_permille", "Battery voltage / pin voltage x 1000."),
-        # 64 bits, because the GPIOs of an ESP32-S3 go up to 48.
-        u64("pulldowns", "Bit n: GPIO n has an external pull-down."),
-    ]
+class Peripheral(Definition):
+    """The packed struct in which one peripheral is sent and stored."""
+
+    kind = u8(codes=PeripheralKind)
+    chip = u8("Of an IMU, POWER or RANGE.", SensorChip)
+    place = u8(codes=Place)
+    flags = u8(codes=PeripheralFlag)
+    pin_a = i8("GPIO; -1: none.")
+    pin_b = i8("GPIO; -1: none.")
+    pin_c = i8("GPIO; -1: none.")
+    address = u8("On the I2C bus; 0: the chip's default.")
+    forward = u8(codes=Axis)
+    up = u8(codes=Axis)
+    value_a = u16("By kind: see SPEC.md.")
+    value_b = u16("By kind: see SPEC.md.")
+    value_c = u16("By kind: see SPEC.md.")
 
 
-BOARD = Struct(*board_fields())
-BOARD_SIZE: int = BOARD.sizeof()
+def size_of(packed: type[Definition]) -> int:
+    """The bytes of a packed struct."""
+    size: int = Struct(*fields_of(packed)).sizeof()
+    return size
 
 
-def peripheral_fields() -> list[Field]:
-    """The packed struct in which one peripheral is sent and stored: its fields, in order."""
-    return [
-        u8("kind", codes=PeripheralKind),
-        u8("chip", "Of an IMU, POWER or RANGE.", SensorChip),
-        u8("place", codes=Place),
-        u8("flags", codes=PeripheralFlag),
-        _pin("pin_a"),
-        _pin("pin_b"),
-        _pin("pin_c"),
-        u8("address", "On the I2C bus; 0: the chip's default."),
-        u8("forward", codes=Axis),
-        u8("up", codes=Axis),
-        u16("value_a", "By kind: see SPEC.md."),
-        u16("value_b", "By kind: see SPEC.md."),
-        u16("value_c", "By kind: see SPEC.md."),
-    ]
-
-
-PERIPHERAL_SIZE: int = Struct(*peripheral_fields()).sizeof()
+BOARD_SIZE, PERIPHERAL_SIZE = size_of(Board), size_of(Peripheral)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import enum
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import construct
 
@@ -18,30 +19,33 @@ CRC_SIZE = 4
 
 
 class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information
-    """One field of a message: a named construct with a unit and a doc.
+    """One field of a message: a construct with a unit, a doc and, for codes, their enumeration.
 
     A field whose name, unit and codes say everything has no doc.
 
     Args:
         subcon: One of construct's little-endian numbers, or `Bytes`.
-        name: Its name in every language.
         doc: What it means.
-        codes: The enumeration behind a coded value.
-        unit: Its unit.
+        codes: Of a coded value, what it may be.
+        unit: Of a number.
+        name: By default that of the attribute of a `Definition`.
     """
 
     def __init__(
         self,
         subcon: Any,
-        name: str,
         doc: str = "",
         codes: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
         *,
         unit: Unit = Unit.NONE,
+        name: str = "",
     ) -> None:
         super().__init__(subcon, newname=name, newdocs=doc)
         self.unit = unit
         self.enumeration = codes
+
+    def __set_name__(self, _: type, name: str) -> None:
+        self.name = name
 
     @property
     def is_text(self) -> bool:
@@ -63,20 +67,20 @@ u32, i32 = partial(Field, construct.Int32ul), partial(Field, construct.Int32sl)
 u64, f32 = partial(Field, construct.Int64ul), partial(Field, construct.Float32l)
 
 
-def chars(size: int, name: str, doc: str = "") -> Field:
+def chars(size: int, doc: str = "") -> Field:
     """So many bytes."""
-    return Field(construct.Bytes(size), name, doc)
+    return Field(construct.Bytes(size), doc)
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message: the construct of its body, and what is derived from it mechanically.
+    """One message, and what is derived from its fields mechanically.
 
     Attributes:
         id: First byte of the payload. 0x01..0x7f from the host, 0x80..0xff from the device.
         name: Its name in every language.
         doc: What it means, in one paragraph.
-        body: A construct `Struct` of `Field`s.
+        fields: The body's, in wire order.
         frozen: The layout is the same in every protocol version.
         answer: Of a request that is answered by more than an Ack, the answer's name.
         reads: It changes nothing, so every program may send it to a robot that another one drives.
@@ -85,15 +89,15 @@ class Message:
     id: int
     name: str
     doc: str
-    body: Any
+    fields: tuple[Field, ...]
     frozen: bool = False
     answer: str = ""
     reads: bool = False
 
-    @cached_property
-    def fields(self) -> tuple[Field, ...]:
-        """The body's fields, in wire order."""
-        return tuple(self.body.subcons)
+    @property
+    def body(self) -> Any:
+        """The construct of the body."""
+        return construct.Struct(*self.fields)
 
     @cached_property
     def body_format(self) -> str:
@@ -127,6 +131,42 @@ class Message:
         return self.id >= 0x80
 
 
-def message(id_: int, name: str, doc: str, *fields: Field, **properties: Any) -> Message:
-    """The message of these fields; `properties` are the other attributes of `Message`."""
-    return Message(id_, name, doc, construct.Struct(*fields), **properties)
+class Definition:
+    """A message, or what several have in common: its attributes are fields, in wire order.
+
+    An attribute is one field, or a tuple of fields that have names. Those of a base come first. The
+    keywords of a class are attributes of `Message`, for its subclasses, too; one that has an `id`
+    is a message, of its name and doc.
+    """
+
+    message: ClassVar[Message]
+    _keywords: ClassVar[dict[str, Any]] = {}
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        cls._keywords = cls._keywords | keywords
+        if "id" in keywords:
+            doc = cls.__doc__ or ""
+            cls.message = Message(
+                name=cls.__name__, doc=doc, fields=fields_of(cls), **cls._keywords
+            )
+
+
+def fields_of(definition: type[Definition]) -> tuple[Field, ...]:
+    """All fields of a definition, in wire order."""
+    found: list[Field] = []
+    for part in reversed(definition.__mro__):
+        for value in vars(part).values():
+            if isinstance(value, Field):
+                found.append(value)
+            elif isinstance(value, tuple):
+                found += [one for one in value if isinstance(one, Field)]
+    return tuple(found)
+
+
+def messages_in(definitions: Iterable[Any]) -> tuple[Message, ...]:
+    """The messages among these, in their order."""
+    return tuple(
+        one.message
+        for one in definitions
+        if isinstance(one, type) and issubclass(one, Definition) and "message" in vars(one)
+    )

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from construct import Struct
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,8 +33,9 @@ from wheelwire_protocol.board import (
     EncoderPulls,
     Module,
 )
-from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
+from wheelwire_protocol.board_layout import BOARD_SIZE, Board
 from wheelwire_protocol.codes import Chip, PeripheralKind, Place, channel_name
+from wheelwire_protocol.message import fields_of
 from wheelwire_protocol.power_stages import STAGES, Action, Level, Stage
 
 PINS = st.none() | st.integers(0, 127)
@@ -349,13 +351,14 @@ def test_a_board_survives_the_way_to_yaml_and_back(board: Configuration) -> None
 
 @given(BOARDS)
 def test_the_packed_board_is_what_construct_makes_of_it(board: Configuration) -> None:
-    parsed = BOARD.parse(board.packed()[:BOARD_SIZE])
+    layout = Struct(*fields_of(Board))
+    parsed = layout.parse(board.packed()[:BOARD_SIZE])
     assert parsed.version == 1
     assert parsed.name.rstrip(b"\0").decode() == board.name
     assert {f: parsed[f.name.lower()] for f in BoardPin} == {
         f: -1 if (pin := board.pin(f)) is None else pin for f in BoardPin
     }
-    assert BOARD.build(parsed) == board.packed()[:BOARD_SIZE]
+    assert layout.build(parsed) == board.packed()[:BOARD_SIZE]
 
 
 def test_a_damaged_board_is_not_read() -> None:

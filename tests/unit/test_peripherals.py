@@ -34,7 +34,8 @@ from wheelwire.errors import ConfigurationError
 from wheelwire.tools.files.board import load_board, parse_board, to_yaml
 from wheelwire.tools.files.peripherals import without_none
 from wheelwire.tools.files.robot import parse_config
-from wheelwire_protocol.board_layout import BOARD_SIZE, PERIPHERAL_SIZE, peripheral_fields
+from wheelwire_protocol import board_layout
+from wheelwire_protocol.board_layout import BOARD_SIZE, PERIPHERAL_SIZE
 from wheelwire_protocol.codes import (
     DIGITAL_INPUTS,
     MOST_PERIPHERALS,
@@ -43,6 +44,7 @@ from wheelwire_protocol.codes import (
     channel_name,
 )
 from wheelwire_protocol.core import check_peripherals
+from wheelwire_protocol.message import fields_of
 from wheelwire_protocol.peripherals import (
     IMUS,
     MOST_RANGES,
@@ -253,7 +255,7 @@ def test_an_entry_survives_the_way_to_bytes_and_back(entry: Peripheral) -> None:
     data = packed_entry(entry)
     assert len(data) == PERIPHERAL_SIZE
     assert unpacked_entry(data) == entry
-    layout = Struct(*peripheral_fields())
+    layout = Struct(*fields_of(board_layout.Peripheral))
     assert layout.build(layout.parse(data)) == data
 
 

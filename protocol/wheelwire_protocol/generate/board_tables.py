@@ -11,7 +11,8 @@ from ..board import (
     WARNINGS,
     BoardPin,
 )
-from ..board_layout import BOARD_SIZE, board_fields
+from ..board_layout import BOARD_SIZE, Board
+from ..message import fields_of
 from ..power_stages import OUTPUTS, STAGES, Action, Level, Stage, StageTable
 from .cpp import cpp_enum, cpp_header, cpp_struct, cpp_switch
 from .cpp_tables import cpp_literal, cpp_table
@@ -70,7 +71,7 @@ constexpr size_t kBoardPinCount = {len(BoardPin)};
     board = cpp_struct(
         "BoardDescription",
         "board",
-        board_fields(),
+        fields_of(Board),
         f"static constexpr size_t kSize = {BOARD_SIZE};",
         methods=f"/// The GPIO of a function; -1: none.\n{pin}\n\n",
         pin="-1",

@@ -9,7 +9,7 @@ from ..codes import (
     SupervisorEvent,
     SupervisorState,
 )
-from ..messages import MESSAGES, PING
+from ..messages import MESSAGES
 from .text import banner, constant_name
 
 NAMED = (RefusalCode, SupervisorState, SupervisorEvent, ConfigurationState)
@@ -35,7 +35,6 @@ def _names(enumeration: type[DocumentedEnum]) -> list[str]:
 def generate() -> str:
     """The text of `protocol_names.hpp`."""
     answers = {m: f"{m.answer or 'Ack'}::kId" if m.is_request else "0" for m in MESSAGES}
-    answers[PING] = "Pong::kId"
     lines = [
         f"// {banner('Names on the wire')}",
         "#pragma once",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ..board import CODES as BOARD_CODES
 from ..board import BoardFault, BoardPin
-from ..board_layout import board_fields, peripheral_fields
+from ..board_layout import Board, Peripheral
 from ..codes import (
     ENUMERATIONS,
     FLAGS,
@@ -32,8 +32,8 @@ from ..codes import (
     TrialAction,
     Unit,
 )
-from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import IMU, MESSAGES, PING, PROTOCOL_VERSION, SET_DUTY
+from ..message import CRC_SIZE, HEADER_SIZE, Field, Message, fields_of
+from ..messages import MESSAGES, PROTOCOL_VERSION, Request, Sample, Setpoint
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
 from ..peripherals import CODES as SENSOR_CODES
 from ..peripherals import FLAGS as SENSOR_FLAGS
@@ -112,11 +112,11 @@ class _Part(NamedTuple):
 
 
 _PARTS = (
-    _Part("request", PING.fields[:2]),
-    _Part("setpoint", SET_DUTY.fields[:3]),
-    _Part("sample", IMU.fields[:3]),
-    _Part("board", tuple(board_fields())),
-    _Part("peripheral", tuple(peripheral_fields())),
+    _Part("request", fields_of(Request)),
+    _Part("setpoint", fields_of(Setpoint)),
+    _Part("sample", fields_of(Sample)),
+    _Part("board", fields_of(Board)),
+    _Part("peripheral", fields_of(Peripheral)),
 )
 
 

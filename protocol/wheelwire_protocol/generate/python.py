@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..board_layout import board_fields, peripheral_fields
+from ..board_layout import Board, Peripheral
 from ..codes import Group
-from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import MESSAGES, PING, PROTOCOL_VERSION
+from ..message import CRC_SIZE, HEADER_SIZE, Field, Message, fields_of
+from ..messages import MESSAGES, PROTOCOL_VERSION, Ping
 from ..self_test import MESSAGES as SELF_TEST_MESSAGES
 from .text import banner, field_note, lines
 from .wire_layout import layout_hash, self_test_hash
@@ -60,7 +60,7 @@ def _packed_layout(what: str, fields: Iterable[Field]) -> str:
 def generate() -> str:
     """The text of `types.py`."""
     # A ping is never repeated: the time of its copy's answer would mean nothing.
-    requests = [m for m in MESSAGES if m.is_request and m is not PING]
+    requests = [m for m in MESSAGES if m.is_request and m is not Ping.message]
     answered = [m for m in requests if m.answer]
     answers = dict.fromkeys(["Ack", *(m.answer for m in answered)])
     grouped = [m for m in MESSAGES if m.group is not Group.BASE]
@@ -99,9 +99,9 @@ READ_ONLY: tuple[type[AnyRequest], ...] = (
 
 {_layouts("AnyMessage", MESSAGES)}
 
-{_packed_layout("board", board_fields())}
+{_packed_layout("board", fields_of(Board))}
 
-{_packed_layout("peripheral", peripheral_fields())}
+{_packed_layout("peripheral", fields_of(Peripheral))}
 
 GROUP_HASHES: dict[Group, int] = {{
 {lines(f"    Group.{g.name}: 0x{layout_hash(g):08X}," for g in Group)}

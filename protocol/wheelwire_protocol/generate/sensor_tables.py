@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ..board_layout import PERIPHERAL_SIZE, peripheral_fields
+from ..board_layout import PERIPHERAL_SIZE, Peripheral
 from ..codes import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES, Place
+from ..message import fields_of
 from ..peripherals import IMUS, MAX_SHUNT_UOHM, MOST_ANALOG, MOST_RANGES, POWERS, RANGES, Order
 from .cpp import cpp_header, cpp_struct
 from .cpp_tables import cpp_table
@@ -77,7 +78,9 @@ constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};
 /// A peripheral as it is sent and stored. Fields that are codes may be unknown ones."""
     size = f"static constexpr size_t kSize = {PERIPHERAL_SIZE};"
     parts = (
-        lines((constants, cpp_struct("Peripheral", "entry", peripheral_fields(), size, pin="-1"))),
+        lines(
+            (constants, cpp_struct("Peripheral", "entry", fields_of(Peripheral), size, pin="-1"))
+        ),
         _is_one_of("is_front", "A bumper there forbids driving forward.", FRONT_PLACES),
         _is_one_of("is_rear", "A bumper there forbids driving backward.", REAR_PLACES),
         "struct RegisterWrite {\nuint8_t at;\nuint8_t value;\n};",

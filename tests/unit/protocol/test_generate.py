@@ -100,8 +100,8 @@ def test_check_names_each_file_and_the_remedy(
 def test_a_new_message_goes_through(checkout: Path) -> None:
     definitions = checkout / "protocol/wheelwire_protocol/messages.py"
     text = definitions.read_text("utf-8")
-    new = 'NEW = message(0x1F, "Brandnew", "New.", _SESSION)'
-    definitions.write_text(text.replace("\nMESSAGES =", f"\n{new}\n\nMESSAGES ="), "utf-8")
+    new = 'class Brandnew(Request, id=0x1F):\n    "New."\n'
+    definitions.write_text(text.replace("\nMESSAGES =", f"\n{new}\nMESSAGES ="), "utf-8")
 
     check = run(checkout, "--check")
     assert (check.returncode, check.stderr.count("run make gen")) == (1, len(OF_MESSAGES))

@@ -2,7 +2,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from construct import Int16ul, Int32ul, Struct
+from construct import Int16ul, Int32ul
 
 from wheelwire_protocol import schema_hash
 from wheelwire_protocol.codes import Group, Unit
@@ -22,7 +22,8 @@ def test_the_hash_is_that_of_the_definitions() -> None:
 
 
 def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
-    return Message(id=0x1F, name="P", doc=doc, body=Struct(Field(subcon, name, doc, unit=unit)))
+    field = Field(subcon, doc, unit=unit, name=name)
+    return Message(id=0x1F, name="P", doc=doc, fields=(field,))
 
 
 PING = ping(Int32ul, "host_us", Unit.MICROSECOND, "a doc")
