@@ -67,7 +67,7 @@ constexpr size_t kBoardPinCount = {len(BoardPin)};
 
 /// A board as it is sent and stored. Fields that are codes may be unknown ones."""
     pins = ((f"BoardPin::{constant_name(f.name)}", f.name.lower()) for f in BoardPin)
-    pin = cpp_switch("int pin(BoardPin function) const", pins, "-1")
+    pin = cpp_switch("constexpr int pin(BoardPin function) const", pins, "-1")
     board = cpp_struct(
         "BoardDescription",
         "board",

@@ -93,7 +93,7 @@ def cpp_switch(signature: str, cases: Iterable[tuple[str, str]], otherwise: str)
     """A function that switches by its parameter.
 
     Args:
-        signature: Its result, name and parameter.
+        signature: What it is, its result, name and parameter.
         cases: A value of the parameter, and the result.
         otherwise: The result of other values; for an enumeration there is no default, so that a
             compiler reports a case that is missing.
@@ -102,7 +102,7 @@ def cpp_switch(signature: str, cases: Iterable[tuple[str, str]], otherwise: str)
     other = f"return {otherwise};"
     default, end = (f"default: {other}", "") if kind == "uint8_t" else ("", other)
     return f"""\
-constexpr {signature} {{
+{signature} {{
 switch ({parameter}) {{
 {lines(f"case {case}: return {result};" for case, result in cases)}
 {default}
@@ -228,7 +228,7 @@ constexpr PlatformDefault kPlatformDefaults[] = {{
 
 def _group_hashes() -> str:
     hashes = ((f"Group::{constant_name(g.name)}", f"0x{layout_hash(g):08x}") for g in Group)
-    function = cpp_switch("uint32_t hash_of(Group group)", hashes, "0")
+    function = cpp_switch("constexpr uint32_t hash_of(Group group)", hashes, "0")
     return f"/// Of the layout of a group of messages; 0: there is none.\n{function}"
 
 
@@ -238,13 +238,13 @@ def _groups() -> str:
         for m in MESSAGES
         if m.group is not Group.BASE
     )
-    function = cpp_switch("Group group_of(uint8_t id)", groups, "Group::kBase")
+    function = cpp_switch("constexpr Group group_of(uint8_t id)", groups, "Group::kBase")
     return f"/// The group of the message with this id; kBase also where there is none.\n{function}"
 
 
 def _body_sizes(function: str, messages: Iterable[Message]) -> str:
     sizes = ((f"{m.name}::kId", f"{m.name}::kSize") for m in messages)
-    text = cpp_switch(f"int {function}(uint8_t id)", sizes, "-1")
+    text = cpp_switch(f"constexpr int {function}(uint8_t id)", sizes, "-1")
     return f"/// Body size of the message with this id; -1 where there is none.\n{text}"
 
 

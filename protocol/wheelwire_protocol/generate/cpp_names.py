@@ -9,54 +9,38 @@ from ..codes import (
     SupervisorEvent,
     SupervisorState,
 )
+from ..message import Message
 from ..messages import MESSAGES
-from .text import banner, constant_name
+from .cpp import cpp_header, cpp_switch
+from .text import constant_name, lines
 
 NAMED = (RefusalCode, SupervisorState, SupervisorEvent, ConfigurationState)
 
 
-def _names(enumeration: type[DocumentedEnum]) -> list[str]:
+def _row(message: Message) -> str:
+    answer = f"{message.answer or 'Ack'}::kId" if message.is_request else "0"
+    return f'{{{message.name}::kId, "{message.name}", {answer}}},'
+
+
+def _names(enumeration: type[DocumentedEnum]) -> str:
     """A function from a code to its name; a code that has none is told by its number."""
     name = enumeration.__name__
-    return [
-        f"inline std::string name_of({name} code) {{",
-        "  switch (code) {",
-        *(
-            f'    case {name}::{constant_name(m.name)}:\n      return "{m.name}";'
-            for m in enumeration
-        ),
-        "  }",
-        '  return "code " + std::to_string(static_cast<int>(code));',
-        "}",
-        "",
-    ]
+    cases = ((f"{name}::{constant_name(m.name)}", f'"{m.name}"') for m in enumeration)
+    other = '"code " + std::to_string(static_cast<int>(code))'
+    return cpp_switch(f"inline std::string name_of({name} code)", cases, other)
 
 
 def generate() -> str:
     """The text of `protocol_names.hpp`."""
-    answers = {m: f"{m.answer or 'Ack'}::kId" if m.is_request else "0" for m in MESSAGES}
-    lines = [
-        f"// {banner('Names on the wire')}",
-        "#pragma once",
-        "",
-        "#include <string>",
-        "",
-        '#include "protocol.hpp"',
-        "",
-        "namespace wheelwire {",
-        "",
-        "struct MessageName {",
-        "  uint8_t id;",
-        "  const char* name;",
-        "  uint8_t answer;  ///< Of a request: the message that answers it.",
-        "};",
-        "",
-        "constexpr MessageName kMessageNames[] = {",
-        *(f'    {{{m.name}::kId, "{m.name}", {answer}}},' for m, answer in answers.items()),
-        "};",
-        "",
-        *(line for enumeration in NAMED for line in _names(enumeration)),
-        "}  // namespace wheelwire",
-        "",
-    ]
-    return "\n".join(lines)
+    table = f"""\
+struct MessageName {{
+uint8_t id;
+const char* name;
+uint8_t answer;  ///< Of a request: the message that answers it.
+}};
+
+constexpr MessageName kMessageNames[] = {{
+{lines(map(_row, MESSAGES))}
+}};"""
+    include = '#include <string>\n\n#include "protocol.hpp"'
+    return cpp_header("Names on the wire", include, (table, *map(_names, NAMED)))
