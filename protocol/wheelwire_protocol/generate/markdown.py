@@ -73,24 +73,8 @@ _NAMES_SAY_IT = (
     Held,
 )
 """Codes whose names, or SPEC.md, say what they mean."""
-_UNITS_IN_NAMES = (
-    Unit.NONE,
-    Unit.TICK,
-    Unit.COUNT,
-    Unit.MICROSECOND,
-    Unit.NANOSECOND,
-    Unit.SECOND,
-    Unit.MILLIMETRE,
-    Unit.METRE_PER_SECOND,
-    Unit.MILLIMETRE_PER_SECOND,
-    Unit.HERTZ,
-    Unit.MILLIVOLT,
-    Unit.MILLIAMPERE,
-    Unit.MILLIAMPERE_HOUR,
-    Unit.CENTIDEGREE_CELSIUS,
-    Unit.DUTY_Q15,
-)
-"""Units that every field's name ends in."""
+_UNITS_IN_WORDS = (Unit.RADIAN_PER_SECOND, Unit.METRE_PER_SECOND_SQUARED)
+"""All others are in the name of every field that has them."""
 _IN_FULL = (Stage, SensorEventCode)
 """A member's doc says after its first clause what the code means, not what follows from it."""
 
@@ -130,7 +114,7 @@ def wire_type(field: Field) -> str:
 
 def _note(field: Field) -> str:
     """What name and type of a field do not say: its unit and doc."""
-    unit = "" if field.unit in _UNITS_IN_NAMES else unit_note(field.unit).strip()
+    unit = unit_note(field.unit).strip() if field.unit in _UNITS_IN_WORDS else ""
     return f"{unit} {field.docs}".strip()
 
 
