@@ -24,19 +24,14 @@ if TYPE_CHECKING:
     from .framing import Counters, Encoder, encode_frame
     from .types import AnyMessage
 else:
-    _HOMES = {
-        "AnyMessage": "types",
-        "Counters": "framing",
-        "Decoder": "decoder",
-        "Encoder": "framing",
-        "PROTOCOL_VERSION": "codec",
-        "decode_capture": "bulk",
-        "dtype": "bulk",
-        "encode_frame": "framing",
-        "iter_capture": "bulk",
-        "message_id": "codec",
-        "schema_hash": "codec",
+    _MODULES = {
+        "bulk": "decode_capture dtype iter_capture",
+        "codec": "PROTOCOL_VERSION message_id schema_hash",
+        "decoder": "Decoder",
+        "framing": "Counters Encoder encode_frame",
+        "types": "AnyMessage",
     }
+    _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
     def __getattr__(name: str) -> Any:
         if name not in _HOMES:

@@ -24,8 +24,6 @@ from .codes import (
     SensorState,
 )
 
-PERIPHERAL_FORMAT = 1
-"""Version of the stored list. A device refuses any other."""
 MOST_ANALOG = 4
 """Analogue inputs of a list. Each has a number of its own, from 1."""
 MOST_RANGES = 3

@@ -14,7 +14,7 @@ from ..board import (
 from ..board_layout import BOARD_SIZE, Board
 from ..message import fields_of
 from ..power_stages import OUTPUTS, STAGES, Action, Level, Stage, StageTable
-from .cpp import cpp_enum, cpp_header, cpp_struct, cpp_switch
+from .cpp import cpp_enum, cpp_header, cpp_is_one_of, cpp_struct, cpp_switch
 from .cpp_tables import cpp_literal, cpp_table
 from .text import constant_name, lines
 
@@ -105,9 +105,6 @@ constexpr StageTable kStageTables[kStages] = {{
 
 /// GPIO numbers as bits.
 using PinMask = uint64_t;"""
-    warnings = " || ".join(
-        f"fault == BoardFault::{constant_name(f.name)}" for f in sorted(WARNINGS)
-    )
     parts = (
         lines((constants, board)),
         stages,
@@ -120,7 +117,10 @@ using PinMask = uint64_t;"""
             _MODULE,
             MODULES,
         ),
-        "/// What is worth a sentence, but refuses no board.\n"
-        f"constexpr bool is_warning(BoardFault fault) {{\nreturn {warnings};\n}}",
+        cpp_is_one_of(
+            "is_warning(BoardFault fault)",
+            "What is worth a sentence, but refuses no board.",
+            sorted(WARNINGS),
+        ),
     )
     return cpp_header("Boards", '#include "protocol.hpp"', parts)

@@ -111,6 +111,13 @@ switch ({parameter}) {{
 }}"""
 
 
+def cpp_is_one_of(signature: str, doc: str, members: Iterable[DocumentedEnum]) -> str:
+    """A function that is true for these members of an enumeration, its only parameter."""
+    kind, parameter = signature.partition("(")[2].rstrip(")").split()
+    tests = " || ".join(f"{parameter} == {kind}::{constant_name(m.name)}" for m in members)
+    return f"/// {doc}\nconstexpr bool {signature} {{\nreturn {tests};\n}}"
+
+
 def _member(field: Field, pin: str) -> str:
     array = f"[{field.format[:-1]}]" if field.is_text else ""
     kind = "char" if array else cpp_type(field)

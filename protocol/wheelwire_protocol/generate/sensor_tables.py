@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ..board_layout import PERIPHERAL_SIZE, Peripheral
-from ..codes import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES, Place
+from ..codes import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES
 from ..message import fields_of
 from ..peripherals import IMUS, MAX_SHUNT_UOHM, MOST_ANALOG, MOST_RANGES, POWERS, RANGES, Order
-from .cpp import cpp_header, cpp_struct
+from .cpp import cpp_header, cpp_is_one_of, cpp_struct
 from .cpp_tables import cpp_table
-from .text import constant_name, lines
+from .text import lines
 
 _IMU = """
 SensorChip chip
@@ -57,11 +57,6 @@ uint16_t farthest_mm
 """
 
 
-def _is_one_of(name: str, doc: str, places: tuple[Place, ...]) -> str:
-    tests = " || ".join(f"place == Place::{constant_name(place.name)}" for place in places)
-    return f"/// {doc}\nconstexpr bool {name}(Place place) {{\nreturn {tests};\n}}"
-
-
 def generate() -> str:
     """The text of `sensor_tables.hpp`."""
     most_writes = max(len(table.setup) for table in IMUS.values())
@@ -81,8 +76,12 @@ constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};
         lines(
             (constants, cpp_struct("Peripheral", "entry", fields_of(Peripheral), size, pin="-1"))
         ),
-        _is_one_of("is_front", "A bumper there forbids driving forward.", FRONT_PLACES),
-        _is_one_of("is_rear", "A bumper there forbids driving backward.", REAR_PLACES),
+        cpp_is_one_of(
+            "is_front(Place place)", "A bumper there forbids driving forward.", FRONT_PLACES
+        ),
+        cpp_is_one_of(
+            "is_rear(Place place)", "A bumper there forbids driving backward.", REAR_PLACES
+        ),
         "struct RegisterWrite {\nuint8_t at;\nuint8_t value;\n};",
         cpp_table(
             "ImuTable",
