@@ -95,11 +95,7 @@ class Core:
         self._outputs = abi.Outputs()
         self._taken = ctypes.create_string_buffer(_TAKE_SIZE)
 
-        def saved(_context: object, block: int | None, size: int) -> int:
-            # The core erases its store with a null pointer, which ctypes hands over as None.
-            return save(ctypes.string_at(block, size) if block else b"")
-
-        self._save = abi.Save(saved)  # ctypes keeps no reference; must live as long as the core
+        self._save = _saver(save)  # ctypes keeps no reference; must live as long as the core
         reported = abi.Identity(
             identity.board_id,
             identity.boot_id,
@@ -126,11 +122,7 @@ class Core:
             save: Stores the record. Called at each change, also while driving: it must be quick,
                 and must not raise.
         """
-
-        def saved(_context: object, block: int | None, size: int) -> int:
-            return save(ctypes.string_at(block, size) if block else b"")
-
-        self._save_latches = abi.Save(saved)  # as `_save`: it must live as long as the core
+        self._save_latches = _saver(save)  # as `_save`: it must live as long as the core
         self._library.wheelwire_core_latches(
             self._live, record, len(record), self._save_latches, None
         )
@@ -273,6 +265,16 @@ class Core:
         )
 
 
+def _saver(save: Callable[[bytes], bool]) -> Any:
+    """What the core calls to store a block."""
+
+    def saved(_context: object, block: int | None, size: int) -> int:
+        # The core erases its store with a null pointer, which ctypes hands over as None.
+        return save(ctypes.string_at(block, size) if block else b"")
+
+    return abi.Save(saved)
+
+
 Transfer: TypeAlias = Callable[[int, bytes, int], tuple[TransferResult, bytes, int]]
 """Writes bytes to an address, then, unless the number is 0, reads so many after a repeated start.
 Returns the result, what was read, and when it ended. It must not raise."""
@@ -340,15 +342,19 @@ def _stage_inputs(stage: abi.Stage) -> StageInputs:
     return StageInputs(stage.enable_q15, stage.in1_q15, stage.in2_q15, stage.pwm_q15, stage.dir_q15)
 
 
+def _issues(kind: type[ctypes.Structure], check: Any, packed: bytes) -> Any:
+    issues = (kind * _MOST_ISSUES)()
+    count = check(packed, len(packed), issues, _MOST_ISSUES)
+    # The core counts all issues, even if it had no room to write them.
+    return issues[: min(count, _MOST_ISSUES)]
+
+
 def check_board(packed: bytes) -> list[BoardIssue]:
     """What is wrong with the board of a packed configuration, by the core's own rules.
 
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    issues = (abi.BoardIssue * _MOST_ISSUES)()
-    count = load().wheelwire_board_check(packed, len(packed), issues, _MOST_ISSUES)
-    # The core counts all issues, even if it had no room to write them.
     return [
         BoardIssue(
             BoardFault(one.fault),
@@ -358,7 +364,7 @@ def check_board(packed: bytes) -> list[BoardIssue]:
             one.value,
             one.limit,
         )
-        for one in issues[: min(count, _MOST_ISSUES)]
+        for one in _issues(abi.BoardIssue, load().wheelwire_board_check, packed)
     ]
 
 
@@ -380,9 +386,7 @@ def check_peripherals(packed: bytes) -> list[PeripheralIssue]:
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    issues = (abi.PeripheralIssue * _MOST_ISSUES)()
-    count = load().wheelwire_peripherals_check(packed, len(packed), issues, _MOST_ISSUES)
     return [
         PeripheralIssue(PeripheralFault(one.fault), one.channel, one.pin, one.value, one.limit)
-        for one in issues[: min(count, _MOST_ISSUES)]
+        for one in _issues(abi.PeripheralIssue, load().wheelwire_peripherals_check, packed)
     ]
