@@ -44,7 +44,7 @@ class Action(enum.Enum):
     BRAKE = "brake"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StageTable:
     """A power stage as data.
 
@@ -54,7 +54,6 @@ class StageTable:
         pull_downs: Inputs that nothing in the stage holds low.
         max_frequency_hz: Highest frequency of the PWM.
         frequency_source: Where that limit is from.
-        pwm_outputs: The chip's PWM outputs that each wheel takes.
         can_coast: Whether the motor can turn freely while the stage is supplied.
         has_standby: Whether one more input switches both wheels' outputs off. It may be left
             unconnected to the chip, tied high.
@@ -64,11 +63,10 @@ class StageTable:
 
     parts: str
     rows: Mapping[Action, Mapping[str, Level]]
-    pull_downs: tuple[str, ...]
+    pull_downs: tuple[str, ...] = ()
     max_frequency_hz: int
     frequency_source: str
-    pwm_outputs: int
-    can_coast: bool
+    can_coast: bool = True
     coast: str
     brake: str
     release: str
@@ -80,6 +78,12 @@ class StageTable:
     def inputs(self) -> tuple[str, ...]:
         """The inputs of each wheel: each row has them all."""
         return tuple(self.rows[Action.COAST])
+
+    @property
+    def pwm_inputs(self) -> tuple[str, ...]:
+        """The inputs that ever take a duty; each needs a PWM output of the chip."""
+        rows = self.rows.values()
+        return tuple(pin for pin in OUTPUTS if any(r.get(pin) is Level.PWM for r in rows))
 
 
 def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, Level]]:
@@ -108,8 +112,6 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             pull_downs=("enable",),
             max_frequency_hz=40_000,
             frequency_source="L298 data sheet, commutation frequency",
-            pwm_outputs=1,
-            can_coast=True,
             coast="EN low: all four switches are off. So is the off time of the PWM.",
             brake="EN high, both inputs low: the motor is shorted through the lower switches.",
             release="EN low.",
@@ -124,11 +126,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             rows=_rows(
                 ("pwm", "in1", "in2"), coast="000", forward="p10", reverse="p01", brake="011"
             ),
-            pull_downs=(),
             max_frequency_hz=100_000,
             frequency_source="TB6612FNG data sheet, switching frequency",
-            pwm_outputs=1,
-            can_coast=True,
             coast="Both inputs low. PWM low alone brakes.",
             brake="Both inputs high, or PWM low, as in the PWM's off time.",
             release="Both inputs low, and standby if it is connected.",
@@ -142,11 +141,8 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
         Stage.IN_IN: StageTable(
             parts="DRV8833, DRV8871, MX1508",
             rows=_rows(("in1", "in2"), coast="00", forward="p0", reverse="0p", brake="11"),
-            pull_downs=(),
             max_frequency_hz=50_000,
             frequency_source="our limit, below the 200 kHz of the DRV8871's data sheet",
-            pwm_outputs=2,
-            can_coast=True,
             coast="Both inputs low. So is the off time of the PWM.",
             brake="Both inputs high.",
             release="Both inputs low, and nSLEEP (standby) if it is connected.",
@@ -165,8 +161,6 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             pull_downs=("enable",),
             max_frequency_hz=25_000,
             frequency_source="BTS7960 data sheet, up to 25 kHz",
-            pwm_outputs=2,
-            can_coast=True,
             coast="Enable (R_EN and L_EN together) low: both half bridges are off.",
             brake="Enable high, both inputs low: so the off time of the PWM brakes.",
             release="Enable low.",
@@ -182,7 +176,6 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             pull_downs=("pwm",),
             max_frequency_hz=20_000,
             frequency_source="Cytron MDD10A user's manual",
-            pwm_outputs=1,
             can_coast=False,
             coast="There is none: PWM low shorts the motor.",
             brake="PWM low.",

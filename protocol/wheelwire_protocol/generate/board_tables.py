@@ -30,7 +30,7 @@ def _stage_row(stage: Stage, table: StageTable) -> str:
     inputs, pull_downs = (
         frozenset(OUTPUTS.index(pin) for pin in pins) for pins in (table.inputs, table.pull_downs)
     )
-    values = (inputs, pull_downs, table.max_frequency_hz, table.pwm_outputs)
+    values = (inputs, pull_downs, table.max_frequency_hz, len(table.pwm_inputs))
     cells = ", ".join(map(cpp_literal, (*values, table.can_coast, table.has_standby)))
     return f"// {stage.name}\n{{{{{rows}}}, {cells}}},"
 

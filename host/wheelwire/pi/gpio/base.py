@@ -68,9 +68,8 @@ def inputs_of(board: Configuration) -> tuple[str, ...]:
 
 
 def pwm_inputs(board: Configuration) -> tuple[str, ...]:
-    """The inputs that ever take a duty."""
-    rows = STAGES[board.stage].rows.values()
-    return tuple(name for name in inputs_of(board) if any(r.get(name) is Level.PWM for r in rows))
+    """The inputs that ever take a duty, in the order of `OUTPUTS`."""
+    return STAGES[board.stage].pwm_inputs
 
 
 def pwm_pins(board: Configuration) -> tuple[int, ...]:
