@@ -55,7 +55,7 @@ BOX_PART_SIZE = 56
 
 
 class Setpoint(Definition):
-    """What every setpoint begins with."""
+    """What every setpoint has: for whom, which, and how long."""
 
     session_id = u32()
     command_seq = u32("Counts up; older ones are ignored.")
@@ -76,6 +76,13 @@ class Query(Request, reads=True):
 
 Answer = Request
 """It repeats the session and the number of its request."""
+
+
+class Dated(Definition):
+    """What is of one moment: the boot, and the device's clock."""
+
+    boot_id = u32()
+    t_us = u32("Device clock.", unit=Unit.MICROSECOND)
 
 
 # --- from the host -----------------------------------------------------------------------------
@@ -371,11 +378,9 @@ class ParameterEntry(Answer, id=0x86):
     maximum = f32()
 
 
-class Event(Definition, id=0x87):
+class Event(Dated, id=0x87):
     """Reports a change of state, or another incident."""
 
-    boot_id = u32()
-    t_us = u32("Device clock.", unit=Unit.MICROSECOND)
     code = u8(codes=EventCode)
     cause = u8(codes=SupervisorEvent)
     before = u8(codes=SupervisorState)
@@ -519,15 +524,8 @@ def _axes(name: str, doc: str) -> tuple[Field, ...]:
     return tuple(i16(doc, unit=Unit.COUNT, name=f"{name}_{axis}") for axis in "xyz")
 
 
-class Reported(Definition):
-    """What says when something was so."""
-
-    boot_id = u32()
-    t_us = u32("Device clock.", unit=Unit.MICROSECOND)
-
-
-class Sample(Reported):
-    """What says when a sensor measured something."""
+class Sample(Dated):
+    """What is of one sensor at one moment."""
 
     channel = u8()
 
@@ -571,7 +569,7 @@ class Power(Sample, id=0xD2):
     level = u8(codes=BatteryLevel)
 
 
-class Inputs(Reported, id=0xD3):
+class Inputs(Dated, id=0xD3):
     """All inputs, and what the sensors forbid."""
 
     levels = u16("Bit n: level at the pin of channel n.")
