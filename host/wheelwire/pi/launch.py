@@ -7,7 +7,6 @@ import os
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -104,28 +103,24 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> dict[str, Any]:
     """The result of the start. The process sends nothing else until it is spoken to."""
-    line, until = b"", time.monotonic() + START_TIMEOUT_S
-    while not line.endswith(b"\n"):
-        # Never 0, which would make the socket non-blocking.
-        connection.settimeout(max(0.001, until - time.monotonic()))
-        try:
-            data = connection.recv(4096)
-        except TimeoutError:
-            raise errors.DriverUnavailable(
-                f"the process that moves the pins did not start within {START_TIMEOUT_S:g} s: "
-                "its message, if any, is on standard error"
-            ) from None
-        except ConnectionError:
-            # A connection that is reset is an end like any other.
-            data = b""
-        if not data:
-            # It waits: only after that is the status known.
-            end(process)
-            raise errors.DriverUnavailable(
-                "the process that moves the pins ended at its start with status "
-                f"{process.returncode}: its message is on standard error"
-            )
-        line += data
+    connection.settimeout(START_TIMEOUT_S)
+    try:
+        with connection.makefile("rb") as lines:
+            line = lines.readline()
+    except TimeoutError:
+        raise errors.DriverUnavailable(
+            f"the process that moves the pins did not start within {START_TIMEOUT_S:g} s: "
+            "its message, if any, is on standard error"
+        ) from None
+    except ConnectionError:
+        line = b""  # a connection that is reset is an end like any other
+    if not line.endswith(b"\n"):
+        # It waits: only after that is the status known.
+        end(process)
+        raise errors.DriverUnavailable(
+            "the process that moves the pins ended at its start with status "
+            f"{process.returncode}: its message is on standard error"
+        )
     # As `SocketTransport` had made it, before the time-outs above.
     connection.setblocking(False)
     answer: dict[str, Any] = json.loads(line)
