@@ -41,12 +41,6 @@ constexpr Number draws(Number all) {
 #endif
 }
 
-/// Prints what was measured, for a comparison of two releases.
-inline double shown(const char* what, double value) {
-  std::printf("     %s: %.3f\n", what, value);
-  return value;
-}
-
 }  // namespace wheelwire::test
 
 #define TEST(name)                                                                     \
