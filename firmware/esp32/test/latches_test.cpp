@@ -177,14 +177,6 @@ TEST(a_record_that_cannot_be_read_is_an_estop) {
   CHECK(next.state() == SupervisorState::kIdle);
 }
 
-TEST(a_contact_that_is_open_at_the_start_latches) {
-  RobotBench bench;
-  bench.contact.open = true;
-  bench.start();
-  CHECK(bench.state() == SupervisorState::kEstopped);
-  CHECK(bench.latches.record.size() == Latches::kSize);
-}
-
 // --- after a clear -------------------------------------------------------------------------------
 
 namespace {

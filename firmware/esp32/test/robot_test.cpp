@@ -62,17 +62,6 @@ TEST(the_clock_is_synchronised_by_a_ping_of_this_session_only) {
   CHECK(!bench.driven());
 }
 
-TEST(without_a_session_nothing_drives) {
-  RobotBench bench;
-  bench.start();
-  SetWheelVelocity message = bench.velocity(0.2f, 0.2f);
-  message.session_id = 0;
-  bench.send(message);
-  bench.run(5);
-  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kNoSession);
-  CHECK(bench.of<Event>().empty());
-}
-
 // --- stops ---------------------------------------------------------------------------------------
 
 TEST(stop_and_estop_act_in_any_session) {
@@ -124,17 +113,6 @@ TEST(a_stop_brakes_or_coasts_as_asked_or_as_configured) {
     bench.run(5);
     CHECK(bench.left.brakes() == brakes && bench.right.brakes() == brakes && !bench.driven());
   }
-}
-
-TEST(a_brake_lasts_for_brake_time_and_then_coasts) {
-  OpenRobot bench;
-  CHECK(bench.set(kBrakeTimeS, 0.25f) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  bench.send(bench.stop());
-  bench.run(250);
-  CHECK(bench.brakes());
-  bench.run(2);
-  CHECK(bench.coasts());
 }
 
 TEST(a_contact_that_opens_latches_whether_driving_or_standing) {
@@ -194,17 +172,6 @@ TEST(a_setpoint_drives_until_it_expires_and_for_ttl_max_at_most) {
   }
 }
 
-TEST(the_same_number_with_a_later_expiry_is_no_new_setpoint) {
-  OpenRobot bench;
-  SetWheelVelocity message = bench.velocity(0.2f, 0.2f, 50'000);
-  bench.send(message);
-  bench.run(40);
-  message.expiry_us += 500'000;
-  bench.send(message);
-  bench.run(20);
-  CHECK(!bench.driven());
-}
-
 TEST(numbers_that_are_not_finite_drive_neither_wheel) {
   for (const float bad : {__builtin_nanf(""), __builtin_inff(), -__builtin_inff()}) {
     OpenRobot bench;
@@ -257,12 +224,6 @@ TEST(max_duty_limits_the_velocity_loop) {
     }
     CHECK(magnitude(bench.left.duty()) > 5'000);
   }
-}
-
-TEST(a_robot_that_is_told_to_stand_holds_its_wheels) {
-  OpenRobot bench;
-  bench.drive(0, 0);
-  CHECK(bench.state() == SupervisorState::kDriving && bench.brakes());
 }
 
 TEST(duty_setpoints_slew_from_what_is_driven) {
@@ -332,35 +293,6 @@ TEST(a_repeated_request_is_answered_and_not_done_again) {
   CHECK(bench.ask<ParameterValue>(ParameterGet{.parameter = id})->value == 0.75f);
 }
 
-TEST(request_ids_go_on_beyond_32767_and_beyond_65535) {
-  OpenRobot bench;
-  for (const int number : {20'000, 32'767, 32'768, 50'000, 65'535, 0, 1}) {
-    const auto id = static_cast<uint16_t>(number);
-    bench.request_id = static_cast<uint16_t>(id - 1);
-    CHECK(bench.refusal(ClearFault{}) == RefusalCode::kNone);
-    CHECK(bench.of<Ack>().back().request_id == id);
-  }
-}
-
-TEST(a_new_session_numbers_its_requests_and_setpoints_anew) {
-  OpenRobot bench;
-  bench.request_id = 999;
-  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  bench.send(bench.velocity(0.2f, 0.2f));
-  bench.send(RobotBench::hello(7));
-  bench.step();
-  bench.request_id = 0;
-  bench.command_seq = 0;
-  bench.greet();
-  bench.received.clear();
-  bench.request_id = 999;
-  const auto id = static_cast<uint8_t>(kMaxDuty);
-  CHECK(bench.ask<ParameterValue>(ParameterSet{.parameter = id, .value = 0.6f})->value == 0.6f);
-  bench.drive(0.2f, 0.2f);
-  CHECK(bench.driven());
-}
-
 TEST(a_parameter_beyond_the_last_is_unknown) {
   OpenRobot bench;
   const auto last = static_cast<uint8_t>(kParameterCount);
@@ -395,19 +327,6 @@ TEST(a_late_step_is_a_fault_while_driving_only) {
   bench.step(20'001);
   CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
   CHECK(bench.newest_state().overruns == 3);
-}
-
-TEST(a_fault_stays_until_it_is_cleared) {
-  DrivingRobot bench;
-  bench.step(50'000);
-  bench.run(100);
-  CHECK(bench.newest_state().faults == fault::kControlOverrun);
-  bench.drive(0.2f, 0.2f);
-  CHECK(!bench.driven());
-  CHECK(bench.clear_fault() == RefusalCode::kNone);
-  bench.run(5);
-  CHECK(bench.state() == SupervisorState::kIdle);
-  CHECK(bench.newest_state().faults == 0);
 }
 
 TEST(a_wheel_that_does_not_count_trips_its_own_fault) {

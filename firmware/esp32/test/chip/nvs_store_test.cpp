@@ -53,14 +53,6 @@ TEST(storage_that_cannot_be_opened_is_not_written) {
   CHECK(fake_nvs.blob == kSaved);
 }
 
-TEST(what_cannot_be_opened_is_formatted) {
-  fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
-  NvsStore store = started_store();
-  CHECK(store.format());
-  CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
-  CHECK(store.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
-}
-
 TEST(a_block_that_cannot_be_read_is_a_fault) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
   NvsStore store = started_store();

@@ -185,26 +185,6 @@ TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
   CHECK(fake_matrix.pulled_down[13]);  // GPIO 35 has no pull, this one has.
 }
 
-TEST(a_short_of_the_bus_costs_its_task_little_and_ends_with_the_short) {
-  SensorWorld world;
-  Sensors sensors;
-  std::vector<SensorState> states;
-  int64_t busy_since_us = fake_time_us;
-  int64_t longest_us = 0;
-  world.run_task(sensors, list_of({kImu}), 1500, [&] {
-    longest_us = std::max(longest_us, fake_time_us - busy_since_us);
-    busy_since_us = fake_time_us;
-    if (world.sleeps == 500) world.data_shorted = true;
-    if (world.sleeps == 1000) world.data_shorted = false;
-    ImuReading reading;
-    if (!sensors.take(0, reading)) return;
-    if (states.empty() || states.back() != reading.state) states.push_back(reading.state);
-  });
-  CHECK(states ==
-        std::vector<SensorState>({SensorState::kOk, SensorState::kHung, SensorState::kOk}));
-  CHECK(longest_us < 3'000);
-}
-
 TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
   SensorWorld world;
   Sensors sensors;

@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <cstring>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "check.hpp"
@@ -215,17 +214,6 @@ TEST(matrix_floating_and_on_trial) {
       expect(pair, "trial", pair.coast, on_trial.windings());
     }
   }
-}
-
-TEST(matrix_drives_while_stopped_on_two_pairs_alone) {
-  std::vector<std::pair<std::string, std::string>> driving;
-  for (const Pair& pair : kPairs) {
-    const std::string states = std::string(pair.coast) + pair.brake + pair.release + pair.floating;
-    if (states.find_first_of("FR") != std::string::npos)
-      driving.emplace_back(pair.active, pair.wired);
-  }
-  // Each brake is full reverse.
-  CHECK(driving == decltype(driving)({{"bts7960", "mdd10a"}, {"l298n", "mdd10a"}}));
 }
 
 /// Not a shipped board, but a common module: a DRV8833 that is never asleep. It follows a direction
