@@ -12,7 +12,7 @@
 #include "sensor_bench.hpp"
 
 using namespace wheelwire;
-using test::RobotBench;
+using namespace wheelwire::test;
 using Outcome = Rerun::Outcome;
 using box::Kind;
 
@@ -97,9 +97,9 @@ TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
 /// begins in the middle has the list's state in its first record.
 TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
   for (const bool begins_late : {false, true}) {
-    test::SensorBench bench(test::list_of(
-        {test::bumper(Place::kFront),
-         Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 39}}));
+    SensorBench bench(
+        list_of({bumper(Place::kFront),
+                 Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 39}}));
     std::vector<uint32_t> memory(box::kWords);
     BlackBox black_box(memory.data(), kRecordedOrigin);
     bench.device.start(bench.now_us);
@@ -422,7 +422,7 @@ TEST(damaged_boxes_are_read_without_harm) {
 }
 
 TEST(two_hundred_random_runs_re_run_bit_by_bit) {
-  for (uint32_t seed = 0; seed < test::draws(200u); ++seed) {
+  for (uint32_t seed = 0; seed < draws(200u); ++seed) {
     std::mt19937 random(seed);
     const auto chance = [&](uint32_t one_in) { return random() % one_in == 0; };
     RecordedRobot robot;

@@ -13,9 +13,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
-using test::CutFlash;
-using test::OpenRobot;
-using test::RobotBench;
+using namespace wheelwire::test;
 
 namespace {
 

@@ -5,8 +5,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
-using test::OpenRobot;
-using test::RobotBench;
+using namespace wheelwire::test;
 
 namespace {
 

@@ -7,9 +7,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
-using test::DrivingRobot;
-using test::OpenRobot;
-using test::RobotBench;
+using namespace wheelwire::test;
 
 TEST(latches_come_back_as_they_were) {
   for (const bool estop : {false, true}) {

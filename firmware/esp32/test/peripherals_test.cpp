@@ -7,9 +7,7 @@
 #include "sensor_bench.hpp"
 
 using namespace wheelwire;
-using test::battery;
-using test::bumper;
-using test::list_of;
+using namespace wheelwire::test;
 using enum PeripheralFault;
 
 namespace {

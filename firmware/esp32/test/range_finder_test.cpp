@@ -8,7 +8,7 @@
 #include "sensor_bench.hpp"
 
 using namespace wheelwire;
-using test::list_of;
+using namespace wheelwire::test;
 
 namespace {
 

@@ -7,12 +7,7 @@
 #include "twin_store.hpp"
 
 using namespace wheelwire;
-using test::battery;
-using test::bumper;
-using test::list_of;
-using test::RobotBench;
-using test::SensorBench;
-using test::SensorRobot;
+using namespace wheelwire::test;
 
 namespace {
 
@@ -362,7 +357,7 @@ TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
   };
   for (const auto& courses : cases) {
     Nobody nobody;
-    test::BenchSensors sensors;
+    BenchSensors sensors;
     SensorHub hub(nobody);
     hub.start(sensors, kGuard);
     uint64_t now_us = 0;
@@ -526,7 +521,7 @@ TEST(a_battery_that_nothing_measures_is_missing_after_a_second) {
 TEST(charge_is_counted_while_the_current_is_measured) {
   Nobody nobody;
   const PeripheralList list = list_of({kIna219});
-  test::BenchSensors sensors;
+  BenchSensors sensors;
   SensorHub hub(nobody);
   hub.start(sensors, list);
   const auto measure = [&](uint64_t t_us, int32_t milliamperes) {

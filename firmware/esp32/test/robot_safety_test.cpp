@@ -4,9 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
-using test::DrivingRobot;
-using test::OpenRobot;
-using test::RobotBench;
+using namespace wheelwire::test;
 
 namespace {
 

@@ -4,9 +4,7 @@
 #include "robot_bench.hpp"
 
 using namespace wheelwire;
-using test::DrivingRobot;
-using test::OpenRobot;
-using test::RobotBench;
+using namespace wheelwire::test;
 using enum StopMode;
 
 namespace {

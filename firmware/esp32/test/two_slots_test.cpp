@@ -4,8 +4,7 @@
 
 using namespace wheelwire;
 using enum ParameterId;
-using test::RobotBench;
-using test::SlotFlash;
+using namespace wheelwire::test;
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include "task_watchdog.hpp"
 
 using namespace wheelwire;
-using wheelwire::test::RobotBench;
+using namespace wheelwire::test;
 
 namespace {
 

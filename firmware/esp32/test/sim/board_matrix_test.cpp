@@ -11,15 +11,7 @@
 #include "wired_board.hpp"
 
 using namespace wheelwire;
-using wheelwire::sim::BridgeState;
-using wheelwire::sim::ChipPins;
-using wheelwire::sim::DrivenStage;
-using wheelwire::sim::kShippedBoards;
-using wheelwire::sim::kShippedBoardsOfEsp32;
-using wheelwire::sim::ShippedBoard;
-using wheelwire::sim::state_of;
-using wheelwire::sim::Winding;
-using wheelwire::sim::WiredBoard;
+using namespace wheelwire::sim;
 
 namespace {
 

@@ -5,11 +5,7 @@
 #include "power_stage.hpp"
 
 using namespace wheelwire;
-using wheelwire::sim::Bridge;
-using wheelwire::sim::BridgeModel;
-using wheelwire::sim::BridgeState;
-using wheelwire::sim::state_of;
-using wheelwire::sim::Winding;
+using namespace wheelwire::sim;
 
 namespace {
 

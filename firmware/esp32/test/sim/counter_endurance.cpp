@@ -15,8 +15,7 @@
 
 using wheelwire::kCounterLimit;
 using wheelwire::TickTotal;
-using wheelwire::sim::PulseCounter;
-using wheelwire::sim::Random;
+using namespace wheelwire::sim;
 
 namespace {
 

@@ -6,8 +6,7 @@
 #include "quadrature.hpp"
 
 using wheelwire::kCounterLimit;
-using wheelwire::sim::PulseCounter;
-using wheelwire::sim::Quadrature;
+using namespace wheelwire::sim;
 
 namespace {
 

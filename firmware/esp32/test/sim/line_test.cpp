@@ -4,9 +4,7 @@
 
 #include "check.hpp"
 
-using wheelwire::sim::Bytes;
-using wheelwire::sim::Line;
-using wheelwire::sim::LineTap;
+using namespace wheelwire::sim;
 
 namespace {
 

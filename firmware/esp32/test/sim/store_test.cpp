@@ -13,13 +13,7 @@
 #include "file.hpp"
 #include "protocol.hpp"
 
-using wheelwire::sim::Damage;
-using wheelwire::sim::File;
-using wheelwire::sim::Partition;
-using wheelwire::sim::PowerCut;
-using wheelwire::sim::Store;
-using wheelwire::sim::StoreWatch;
-using wheelwire::sim::WriteFate;
+using namespace wheelwire::sim;
 
 namespace {
 

@@ -2,8 +2,7 @@
 
 #include "check.hpp"
 
-using wheelwire::sim::Bytes;
-using wheelwire::sim::resample;
+using namespace wheelwire::sim;
 
 namespace {
 

@@ -15,7 +15,7 @@
 namespace {
 
 using wheelwire::VelocityEstimator;
-using wheelwire::sim::TickToTick;
+using namespace wheelwire::sim;
 
 constexpr uint32_t kWindow_us = 20'000;
 constexpr double kWheelRadius_m = 0.033;
