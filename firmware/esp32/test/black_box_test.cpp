@@ -31,8 +31,7 @@ struct RecordedRobot {
     bench.device.start(bench.now_us);
     bench.device.record(black_box);
     bench.step();
-    bench.send(RobotBench::hello(RobotBench::kNonce));
-    bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.greet();
     bench.arm();
     bench.step();
   }
@@ -105,8 +104,7 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
     bench.device.start(bench.now_us);
     if (!begins_late) bench.device.record(black_box);
     bench.step();
-    bench.send(RobotBench::hello(RobotBench::kNonce));
-    bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.greet();
     bench.arm();
     bench.step();
     bench.drive_on(0.2f, 0.2f, 60);

@@ -65,8 +65,7 @@ struct RobotWithBoxes {
     bench.device.record(keeper->black_box());
     bench.device.offer(*keeper);
     run(1);
-    bench.send(RobotBench::hello(RobotBench::kNonce));
-    bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.greet();
     bench.arm();
     run(1);
   }

@@ -7,6 +7,7 @@
 
 #include "check.hpp"
 #include "device.hpp"
+#include "frames.hpp"
 #include "memory_store.hpp"
 #include "power_stage.hpp"
 
@@ -108,11 +109,101 @@ struct BenchBattery final : BatterySense {
   uint16_t millivolts() override { return measured_mv; }
 };
 
-class RobotBench {
+/// The host at the other end of a line: sends exactly what a test says, and keeps what it is sent.
+class BenchHost {
  public:
-  static constexpr uint64_t kPeriodUs = 1000;
   static constexpr uint32_t kNonce = 0x1234;
   static constexpr uint32_t kBootId = 0xab00;
+
+  /// Of the last greeting.
+  uint32_t session_id() const { return nonce_ ^ kBootId; }
+  static Hello hello(uint32_t nonce) {
+    return {.nonce = nonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash};
+  }
+  /// Asks for a session, and synchronises its clock if `pings`, before the device reads its line.
+  void greet(uint32_t nonce = kNonce, bool pings = true) {
+    nonce_ = nonce;
+    send(hello(nonce));
+    if (pings) send(Ping{session_id(), ++request_id, 0});
+  }
+
+  /// Puts a frame on the line, for when the device reads it.
+  template <typename Message>
+  void send(const Message& message) {
+    const std::vector<uint8_t> frame = frame_of(message, seq_++);
+    line.to_device.insert(line.to_device.end(), frame.begin(), frame.end());
+  }
+  /// Sends a request under the session's next id, lets the device read it, and returns the answer.
+  template <typename Answer, typename Request>
+  std::optional<Answer> ask(Request request) {
+    request.session_id = session_id();
+    request.request_id = ++request_id;
+    send(request);
+    service();
+    for (const Answer& answer : of<Answer>()) {
+      if (answers<Request>(answer, request_id)) return answer;
+    }
+    return std::nullopt;
+  }
+  /// Why a request is refused; kNone when it is not.
+  template <typename Request>
+  RefusalCode refusal(const Request& request) {
+    const auto refused = ask<Refuse>(request);
+    return refused ? refused->code : RefusalCode::kNone;
+  }
+  RefusalCode set(ParameterId id, float value) {
+    return refusal(ParameterSet{.parameter = static_cast<uint8_t>(id), .value = value});
+  }
+  /// The device reads its line between two steps.
+  virtual void service() = 0;
+
+  template <typename Message>
+  std::vector<Message> of() const {
+    std::vector<Message> found;
+    for (const auto& [id, body] : received) {
+      if (id == Message::kId) found.push_back(Message::decode(body.data()));
+    }
+    return found;
+  }
+
+  BenchLine line;
+  std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
+  uint16_t request_id = 0;
+
+ protected:
+  /// With the bodies' sizes by the messages' ids.
+  explicit BenchHost(int (*sizes)(uint8_t) = body_size) : sizes_(sizes) {}
+  ~BenchHost() = default;
+
+  void collect() {
+    Frame frame{};
+    for (const uint8_t byte : line.to_host) {
+      if (!decoder_.feed(byte, frame)) continue;
+      const auto size = static_cast<size_t>(sizes_(frame.id));
+      received.emplace_back(frame.id, std::vector<uint8_t>(frame.body, frame.body + size));
+    }
+    line.to_host.clear();
+  }
+
+ private:
+  template <typename Request>
+  static bool answers(const Refuse& refuse, uint16_t id) {
+    return refuse.reference == id && refuse.message_id == Request::kId;
+  }
+  template <typename Request, typename Answer>
+  static bool answers(const Answer& answer, uint16_t id) {
+    return answer.request_id == id;
+  }
+
+  int (*sizes_)(uint8_t);
+  FrameDecoder decoder_{sizes_};
+  uint32_t nonce_ = kNonce;
+  uint16_t seq_ = 0;
+};
+
+class RobotBench : public BenchHost {
+ public:
+  static constexpr uint64_t kPeriodUs = 1000;
   static constexpr Identity kIdentity{.boot_id = kBootId,
                                       .reset_reason = ResetReason::kPowerOn,
                                       .board = Chip::kSimulated,
@@ -144,12 +235,6 @@ class RobotBench {
     received.clear();
     return *this;
   }
-  /// Asks for a session, and synchronises its clock if `pings`, before the next step.
-  void greet(uint32_t nonce = kNonce, bool pings = true) {
-    nonce_ = nonce;
-    send(hello(nonce));
-    if (pings) send(Ping{session_id(), ++request_id, 0});
-  }
   /// A zero setpoint, and a stop that leaves the windings open, before the next step.
   void arm() {
     send(velocity(0.0f, 0.0f));
@@ -161,42 +246,6 @@ class RobotBench {
     step();
   }
 
-  /// Of the last greeting.
-  uint32_t session_id() const { return nonce_ ^ kBootId; }
-  static Hello hello(uint32_t nonce) {
-    return {.nonce = nonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash};
-  }
-
-  /// Puts a frame on the line, for the next `step` or `service`.
-  template <typename Message>
-  void send(const Message& message) {
-    uint8_t body[Message::kSize];
-    message.encode(body);
-    uint8_t frame[kMaxFrame];
-    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
-    line.to_device.insert(line.to_device.end(), frame, frame + size);
-  }
-  /// Sends a request under the session's next id, lets the device read it, and returns the answer.
-  template <typename Answer, typename Request>
-  std::optional<Answer> ask(Request request) {
-    request.session_id = session_id();
-    request.request_id = ++request_id;
-    send(request);
-    service();
-    for (const Answer& answer : of<Answer>()) {
-      if (answers<Request>(answer, request_id)) return answer;
-    }
-    return std::nullopt;
-  }
-  /// Why a request is refused; kNone when it is not.
-  template <typename Request>
-  RefusalCode refusal(const Request& request) {
-    const auto refused = ask<Refuse>(request);
-    return refused ? refused->code : RefusalCode::kNone;
-  }
-  RefusalCode set(ParameterId id, float value) {
-    return refusal(ParameterSet{.parameter = static_cast<uint8_t>(id), .value = value});
-  }
   /// Sets all of these, of which none is refused.
   void configure(std::initializer_list<std::pair<ParameterId, float>> values) {
     for (const auto& [id, value] : values) CHECK(set(id, value) == RefusalCode::kNone);
@@ -238,8 +287,7 @@ class RobotBench {
   void run(int steps) {
     for (int i = 0; i < steps; ++i) step();
   }
-  /// The device reads its line between two steps.
-  void service() {
+  void service() final {
     device.service_link(now_us);
     collect();
   }
@@ -256,14 +304,6 @@ class RobotBench {
     encoders.counts.right = static_cast<int16_t>(encoders.counts.right + right_ticks);
   }
 
-  template <typename Message>
-  std::vector<Message> of() const {
-    std::vector<Message> found;
-    for (const auto& [id, body] : received) {
-      if (id == Message::kId) found.push_back(Message::decode(body.data()));
-    }
-    return found;
-  }
   size_t count(EventCode code) const {
     size_t found = 0;
     for (const Event& event : of<Event>()) found += event.code == code;
@@ -302,7 +342,6 @@ class RobotBench {
   BenchBridge left{now_us};
   BenchBridge right{now_us};
   BenchEncoders encoders;
-  BenchLine line;
   MemoryStore store;
   MemoryLatches latches;
   MemoryStore latch_store;
@@ -319,33 +358,7 @@ class RobotBench {
   Device device{{left_motor, right_motor, encoders, line, parameter_store_, latches, latched_store_,
                  contact, battery},
                 kIdentity};
-  std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
-  uint16_t request_id = 0;
   uint32_t command_seq = 0;
-
- private:
-  template <typename Request>
-  static bool answers(const Refuse& refuse, uint16_t id) {
-    return refuse.reference == id && refuse.message_id == Request::kId;
-  }
-  template <typename Request, typename Answer>
-  static bool answers(const Answer& answer, uint16_t id) {
-    return answer.request_id == id;
-  }
-
-  void collect() {
-    Frame frame{};
-    for (const uint8_t byte : line.to_host) {
-      if (!decoder_.feed(byte, frame)) continue;
-      const auto size = static_cast<size_t>(body_size(frame.id));
-      received.emplace_back(frame.id, std::vector<uint8_t>(frame.body, frame.body + size));
-    }
-    line.to_host.clear();
-  }
-
-  FrameDecoder decoder_{body_size};
-  uint32_t nonce_ = kNonce;
-  uint16_t seq_ = 0;
 };
 
 /// One that is ready to drive.

@@ -33,7 +33,8 @@ struct RecordedMotor final : MotorPort {
 };
 
 struct ChipLine final : Line {
-  test::BenchLine bytes;
+  test::BenchLine& bytes;
+  explicit ChipLine(test::BenchLine& of) : bytes(of) {}
 
   bool start() override { return true; }
   void notify(TaskHandle_t, uint32_t) override {}
@@ -49,33 +50,24 @@ int any_body_size(uint8_t id) {
 }
 
 /// A device with the self-test image, and its host.
-class SelfTestWorld {
+class SelfTestWorld : public test::BenchHost {
  public:
   SelfTestWorld() : SelfTestWorld(own_store_) {}
-  explicit SelfTestWorld(BlockStore& parameters) : store_(parameters) {
+  explicit SelfTestWorld(BlockStore& parameters) : BenchHost(any_body_size), store_(parameters) {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
     failures.clear();
     fake_sleep = [](TickType_t) {};
     device.start(now_us());
-    send(test::RobotBench::hello(test::RobotBench::kNonce));
-    send(Ping{kSession, ++request_id_, 0});
+    greet();
     step();
   }
   ~SelfTestWorld() { fake_sleep = nullptr; }
   SelfTestWorld(const SelfTestWorld&) = delete;
   SelfTestWorld& operator=(const SelfTestWorld&) = delete;
 
-  template <typename Message>
-  void send(const Message& message) {
-    uint8_t body[Message::kSize];
-    message.encode(body);
-    uint8_t frame[kMaxFrame];
-    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
-    line.bytes.to_device.insert(line.bytes.to_device.end(), frame, frame + size);
-  }
-  void service() {
+  void service() final {
     device.service_link(now_us());
     collect();
   }
@@ -83,24 +75,6 @@ class SelfTestWorld {
     fake_time_us += 1000;
     device.step(now_us());
     collect();
-  }
-  /// Sends a request under the next number; the first answer of this kind.
-  template <typename Answer, typename Request>
-  std::optional<Answer> ask(Request request) {
-    request.session_id = kSession;
-    request.request_id = ++request_id_;
-    received.clear();
-    send(request);
-    service();
-    for (const auto& [id, body] : received)
-      if (id == Answer::kId) return Answer::decode(body.data());
-    return std::nullopt;
-  }
-  /// Why a request is refused; kNone when it is not.
-  template <typename Request>
-  RefusalCode refusal(const Request& request) {
-    const auto refused = ask<Refuse>(request);
-    return refused ? refused->code : RefusalCode::kNone;
   }
   RefusalCode allow() { return refusal(SelfTestAllow{.permission = kSelfTestPermission}); }
   RefusalCode fail(Failure failure, uint8_t core) {
@@ -115,33 +89,20 @@ class SelfTestWorld {
   /// A setpoint of duties, and the steps in which it takes effect.
   void drive(int16_t left_q15, int16_t right_q15) {
     for (int i = 0; i < 50; ++i) {
-      send(SetDuty{kSession, ++command_seq_, now_us() + 100'000, left_q15, right_q15});
+      send(SetDuty{session_id(), ++command_seq_, now_us() + 100'000, left_q15, right_q15});
       step();
     }
   }
-
-  static constexpr uint32_t kSession = test::RobotBench::kNonce ^ test::RobotBench::kBootId;
 
   BoardDescription board = test::board_of(Stage::kEnableIn1In2);
   RecordedMotor left;
   RecordedMotor right;
   SharedState state;
-  ChipLine line;
+  ChipLine chip_line{line};
   SelfTest test{board, left, right, state};
-  SelfTestLine self_test_line{line, test};
-  std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
+  SelfTestLine self_test_line{chip_line, test};
 
  private:
-  void collect() {
-    Frame frame{};
-    for (const uint8_t byte : line.bytes.to_host) {
-      if (!decoder_.feed(byte, frame)) continue;
-      const auto size = static_cast<size_t>(any_body_size(frame.id));
-      received.emplace_back(frame.id, std::vector<uint8_t>(frame.body, frame.body + size));
-    }
-    line.bytes.to_host.clear();
-  }
-
   MemoryStore own_store_;
   BlockStore& store_;
   MemoryLatches latches_;
@@ -149,9 +110,6 @@ class SelfTestWorld {
   test::BenchEncoders encoders_;
   test::BenchContact contact_;
   test::BenchBattery battery_;
-  FrameDecoder decoder_{any_body_size};
-  uint16_t seq_ = 0;
-  uint16_t request_id_ = 0;
   uint32_t command_seq_ = 0;
 
  public:
@@ -240,14 +198,14 @@ TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
     passed.insert(passed.end(), out, out + size);
     return size;
   };
-  auto& to_device = world.line.bytes.to_device;
+  auto& to_device = world.line.to_device;
   for (int i = 0; i < 2000; ++i) {
     random = random * 1'664'525 + 1'013'904'223;
     const size_t before = to_device.size();
     switch (random >> 29) {
       case 0:
       case 1:
-        world.send(Ping{SelfTestWorld::kSession, static_cast<uint16_t>(i), random});
+        world.send(Ping{world.session_id(), static_cast<uint16_t>(i), random});
         break;
       case 2:  // A line with nothing but noise on it, longer than any frame.
         for (uint32_t byte = 0; byte < 200; ++byte)
@@ -257,18 +215,18 @@ TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
         to_device.push_back(0);
         break;
       case 4:
-        world.send(GroupGet{SelfTestWorld::kSession, static_cast<uint16_t>(i), Group::kStore});
+        world.send(GroupGet{world.session_id(), static_cast<uint16_t>(i), Group::kStore});
         break;
       default:
         // A delimiter ends what is in front of the frame, and is passed on, as the one before it.
         to_device.push_back(0);
         wanted.push_back(0);
-        world.send(SelfTestAllow{SelfTestWorld::kSession, static_cast<uint16_t>(i), 0});
+        world.send(SelfTestAllow{world.session_id(), static_cast<uint16_t>(i), 0});
         wanted.push_back(0);
         while (read(1 + random % 90) > 0) {
         }
-        CHECK(world.line.bytes.to_host.size() > 0);
-        world.line.bytes.to_host.clear();
+        CHECK(world.line.to_host.size() > 0);
+        world.line.to_host.clear();
         continue;
     }
     wanted.insert(wanted.end(), to_device.begin() + static_cast<long>(before), to_device.end());
@@ -286,7 +244,7 @@ TEST(a_question_that_is_repeated_is_answered_again_and_carried_out_once) {
   world.allow();
   for (int i = 0; i < 3; ++i) {
     world.received.clear();
-    world.send(SelfTestFail{SelfTestWorld::kSession, 77, Failure::kHang, 0, 0});
+    world.send(SelfTestFail{world.session_id(), 77, Failure::kHang, 0, 0});
     world.service();
     CHECK(world.received.size() == 1 && world.received[0].first == Ack::kId);
     world.work();
