@@ -50,9 +50,10 @@ struct StageBench {
     return Asks::kNothing;
   }
 
-  /// Control steps that call `act`. Adds what they ask of the stage to `seen`.
+  /// Control steps that call `act`. What they ask of the stage is then in `seen`.
   template <typename Act>
   void steps(int count, Act act) {
+    seen.clear();
     for (int i = 0; i < count; ++i) {
       act(robot.left_motor);
       for (int64_t ns = 0; ns < 1000 * kStepUs; ns += sample_ns)
@@ -109,7 +110,6 @@ TEST(a_reversal_shows_the_new_direction_with_the_new_duty_only) {
     bench.drive(kLong, 0.9);
     for (const int steps : {kLong, kLong, 3, 3, kLong}) {
       for (const double fraction : {-0.1, 0.6}) {
-        bench.seen.clear();
         bench.drive(steps, fraction);
         const Asks wanted = fraction > 0 ? Asks::kForward : Asks::kReverse;
         const Asks other = fraction > 0 ? Asks::kReverse : Asks::kForward;
@@ -127,7 +127,6 @@ TEST(a_drive_after_a_brake_or_a_full_drive_shows_its_own_duty_only) {
       StageBench bench(stage, frequency_hz);
       if (brakes) bench.steps(kLong, [](MotorPort& motor) { motor.brake(); });
       if (!brakes) bench.drive(kLong, 1.0);
-      bench.seen.clear();
       bench.drive(2 * kLong, -0.2);
       CHECK(bench.count(Asks::kForward) == 0);
       CHECK(bench.most_of_a_period(Asks::kReverse) <= 0.255);
@@ -141,7 +140,6 @@ TEST(a_coast_acts_at_once) {
     for (const double fraction : {0.5, 1.0, -1.0}) {
       StageBench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
-      bench.seen.clear();
       bench.steps(kLong, [](MotorPort& motor) { motor.coast(); });
       CHECK(bench.count(Asks::kForward) == 0 && bench.count(Asks::kReverse) == 0);
     }
@@ -154,7 +152,6 @@ TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
     bench.drive(kLong, 0.5);
     bench.drive(3, -0.5);
     bench.steps(1, [](MotorPort& motor) { motor.brake(); });
-    bench.seen.clear();
     bench.steps(kLong, [](MotorPort& motor) { motor.brake(); });
     CHECK(bench.count(Asks::kBrake) == bench.seen.size());
   });
@@ -165,7 +162,6 @@ TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
     for (const double fraction : {0.1, 0.5, 0.99}) {
       StageBench bench(stage, frequency_hz);
       bench.drive(kLong, fraction);
-      bench.seen.clear();
       bench.drive(60, fraction);
       const double part =
           static_cast<double>(bench.count(Asks::kForward)) / static_cast<double>(bench.seen.size());
@@ -178,12 +174,10 @@ TEST(at_full_duty_there_is_no_edge) {
   at_every_stage([](Stage stage, uint32_t frequency_hz) {
     StageBench bench(stage, frequency_hz);
     bench.drive(kLong, 0.3);
-    bench.seen.clear();
     bench.drive(kLong, 1.0);
     CHECK(bench.count(Asks::kForward) == bench.seen.size());
     // And none of it is left once the duty falls.
     bench.drive(kLong, 0.3);
-    bench.seen.clear();
     bench.drive(kLong, 0.3);
     CHECK(bench.most_of_a_period(Asks::kForward) <= 0.355);
   });

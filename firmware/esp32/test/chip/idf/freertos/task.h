@@ -17,6 +17,16 @@ inline std::function<uint32_t(TickType_t)> fake_wait;
 inline std::function<void(TickType_t)> fake_sleep;
 /// What it throws to end a task, which would never return.
 struct EndOfTask {};
+/// Runs a task to this end; false if it returns.
+template <typename Task>
+bool fake_run(Task task) {
+  try {
+    task();
+  } catch (const EndOfTask&) {
+    return true;
+  }
+  return false;
+}
 /// Of the task that was created last.
 inline UBaseType_t fake_priority = 0;
 
