@@ -2,48 +2,15 @@
 #include "i2c_chips.hpp"
 
 #include <cmath>
-#include <vector>
 
-#include "board.hpp"
 #include "check.hpp"
-#include "shipped_boards.hpp"
+#include "sensed_board.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::sim;
+using namespace wheelwire::test;
 
 namespace {
-
-/// A board with these peripherals, whose readings are taken each millisecond.
-struct ChipsBench {
-  explicit ChipsBench(const std::vector<Peripheral>& entries, uint64_t seed = 1) : board(seed) {
-    board.take_up(kBoardL298n);
-    for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
-    board.sensors.take_up(list);
-  }
-
-  void run(int milliseconds) {
-    for (int i = 0; i < milliseconds; ++i) {
-      board.run_until(board.now() + 1'000'000, true);
-      for (size_t channel = 0; channel < list.count; ++channel) {
-        ImuReading imu;
-        if (board.sensors.take(channel, imu)) imus.push_back(imu);
-        PowerReading power;
-        if (board.sensors.take(channel, power)) powers.push_back(power);
-      }
-    }
-  }
-  /// Without what came before.
-  void run_afresh(int milliseconds) {
-    imus.clear();
-    powers.clear();
-    run(milliseconds);
-  }
-
-  SimulatedBoard board;
-  PeripheralList list;
-  std::vector<ImuReading> imus;
-  std::vector<PowerReading> powers;
-};
 
 constexpr Peripheral imu_entry(SensorChip chip, Axis forward, Axis up, int8_t interrupt = -1) {
   return {.kind = PeripheralKind::kImu,
@@ -79,14 +46,14 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
   for (const ImuTable& table : kImuTables) {
     // Forward is -z, up is x: left is y, which is x cross -z.
     for (const int8_t interrupt : {int8_t{-1}, int8_t{35}}) {
-      ChipsBench bench{{imu_entry(table.chip, Axis::kMinusZ, Axis::kX, interrupt)}};
+      SensedBoard bench{{imu_entry(table.chip, Axis::kMinusZ, Axis::kX, interrupt)}};
       PlantModel model = bench.board.plant.model();
       model.slope_rad = 0.1;
       model.wheels[kLeft].blocked = model.wheels[kRight].blocked = true;
       bench.board.plant.configure(model);
       bench.board.sensors.chips.imu.bias_radps = 0.2;
       bench.run(300);
-      bench.run_afresh(2000);
+      bench.run(2000);
       CHECK(is_near(static_cast<double>(bench.imus.size()), 400, 18));
       const double g = 9.80665 / table.accelerometer_mps2;
       CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0), g * std::cos(0.1), 5));
@@ -101,13 +68,13 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
 }
 
 TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
-  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
   const double g = 9.80665 / imu_table_of(SensorChip::kMpu6050)->accelerometer_mps2;
   ImuFaults& imu = bench.board.sensors.chips.imu;
   bench.run(300);
   const auto check_gravity = [&](double x, double z) {
     bench.run(20);
-    bench.run_afresh(500);
+    bench.run(500);
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0), x, 10));
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 2), z, 10));
   };
@@ -121,7 +88,7 @@ TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
 
 TEST(a_power_sensor_measures_the_motors_supply) {
   for (const SensorChip chip : {SensorChip::kIna219, SensorChip::kIna226}) {
-    ChipsBench bench{{power_entry(chip, 500)}};
+    SensedBoard bench{{power_entry(chip, 500)}};
     PlantModel model = bench.board.plant.model();
     model.supply_ohm = 0.2;
     bench.board.plant.configure(model);
@@ -139,40 +106,30 @@ TEST(a_power_sensor_measures_the_motors_supply) {
   }
 }
 
-TEST(a_hung_bus_takes_all_that_is_on_it_and_lets_go_of_it) {
-  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
-                    power_entry(SensorChip::kIna219, 1000)}};
+TEST(each_fault_of_a_bus_takes_what_it_concerns_and_lets_go_of_it) {
+  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
+                     power_entry(SensorChip::kIna219, 1000)}};
   bench.run(500);
+  const auto is_after = [&bench](int milliseconds, SensorState imu, SensorState power) {
+    bench.run(milliseconds);
+    return !bench.imus.empty() && bench.imus.back().state == imu && !bench.powers.empty() &&
+           bench.powers.back().state == power;
+  };
   bench.board.sensors.chips.imu.bus_hung = true;
-  bench.run_afresh(500);
-  CHECK(!bench.imus.empty() && bench.imus.back().state == SensorState::kHung);
-  CHECK(!bench.powers.empty() && bench.powers.back().state == SensorState::kHung);
+  CHECK(is_after(500, SensorState::kHung, SensorState::kHung));
   bench.board.sensors.chips.imu.bus_hung = false;
-  bench.run_afresh(500);
-  CHECK(bench.imus.back().state == SensorState::kOk);
-  CHECK(bench.powers.back().state == SensorState::kOk);
-}
-
-TEST(a_power_sensor_that_lost_its_settings_gets_them_again) {
-  ChipsBench bench{{power_entry(SensorChip::kIna219, 1000)}};
-  bench.run(500);
-  bench.board.sensors.chips.reset_power_sensors();
-  bench.run_afresh(350);
-  CHECK(bench.powers.size() >= 2 && bench.powers.front().state == SensorState::kReset);
-  CHECK(bench.powers.back().state == SensorState::kOk);
-}
-
-TEST(one_chip_is_absent_and_the_other_on_its_bus_is_not) {
-  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
-                    power_entry(SensorChip::kIna219, 1000)}};
+  CHECK(is_after(500, SensorState::kOk, SensorState::kOk));
   bench.board.sensors.chips.power_absent = true;
-  bench.run(500);
-  CHECK(bench.imus.back().state == SensorState::kOk);
-  CHECK(bench.powers.back().state == SensorState::kAbsent);
+  CHECK(is_after(500, SensorState::kOk, SensorState::kAbsent));
+  bench.board.sensors.chips.power_absent = false;
+  CHECK(is_after(500, SensorState::kOk, SensorState::kOk));
+  bench.board.sensors.chips.reset_power_sensors();
+  CHECK(is_after(350, SensorState::kOk, SensorState::kOk));
+  CHECK(bench.powers.size() >= 2 && bench.powers.front().state == SensorState::kReset);
 }
 
 TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
-  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
   BoardDescription wired = kBoardL298n;
   wired.left_encoder_a = 17;
   bench.board.wire(wired);
@@ -181,12 +138,11 @@ TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
 }
 
 TEST(samples_go_on_after_a_reset_of_the_processor) {
-  ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ, 35)}};
+  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ, 35)}};
   bench.run(500);
   bench.board.reset();
-  bench.board.take_up(kBoardL298n);
-  bench.board.sensors.take_up(bench.list);
-  bench.run_afresh(500);
+  bench.start();
+  bench.run(500);
   CHECK(bench.imus.size() >= 75 && bench.imus.back().state == SensorState::kOk);
   for (const ImuReading& reading : bench.imus) CHECK(reading.t_us <= bench.board.device_us());
 }
@@ -222,11 +178,11 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
        {g * std::sin(0.3), g * std::cos(0.3) * std::sin(0.4), g * std::cos(0.3) * std::cos(0.4)}},
   };
   for (const Case& one : cases) {
-    ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     bench.run(300);
     bench.board.plant.held() = one.tilt;
-    bench.run_afresh(2000);
+    bench.run(2000);
     // Rates that turn the robot's axes from level to the tilt, sample by sample.
     double to_level[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     for (const ImuReading& reading : bench.imus) {
@@ -242,7 +198,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
     const Attitude expected(one.tilt);
     for (size_t i = 0; i < 3; ++i)
       for (size_t j = 0; j < 3; ++j) CHECK(is_near(to_level[i][j], expected.to_level[i][j], 0.02));
-    bench.run_afresh(500);
+    bench.run(500);
     for (size_t i = 0; i < 3; ++i)
       CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, i) * table.accelerometer_mps2,
                     one.expected[i], 0.05));
@@ -251,23 +207,23 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
 
 TEST(an_imu_feels_hands_that_push_and_turn) {
   for (const bool is_raised : {false, true}) {
-    ChipsBench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     PlantModel model = bench.board.plant.model();
     model.wheels_free = is_raised;
     bench.board.plant.configure(model);
     bench.run(300);
     bench.board.plant.push() = {.forward_mps = 1.0, .turn_radps = 1.5};
-    bench.run_afresh(500);  // It takes half a second to that speed.
+    bench.run(500);  // It takes half a second to that speed.
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0) * table.accelerometer_mps2,
                   kPushGrowth.forward_mps, 0.1));
-    bench.run_afresh(1000);
+    bench.run(1000);
     CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5, 0.01));
     CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 1) * table.accelerometer_mps2, 1.5,
                   0.05));
     bench.board.plant.held() = {.roll_rad = 0.5};
     bench.run(600);
-    bench.run_afresh(500);
+    bench.run(500);
     CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 1) * table.gyro_radps, 1.5 * std::sin(0.5),
                   0.01));
     CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5 * std::cos(0.5),

@@ -1,14 +1,12 @@
 // The simulated range sensors and analogue inputs, each with its own truth.
 #include "range_sensors.hpp"
 
-#include <map>
-
-#include "board.hpp"
 #include "check.hpp"
-#include "shipped_boards.hpp"
+#include "sensed_board.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::sim;
+using namespace wheelwire::test;
 
 namespace {
 
@@ -30,45 +28,18 @@ constexpr Peripheral analog_entry(uint16_t number, int8_t pin, uint16_t divider_
 constexpr Peripheral kImu{
     .kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050, .pin_a = 16, .pin_b = 17};
 
-/// A board with these peripherals, whose readings are taken each millisecond.
-struct RangeBench {
-  explicit RangeBench(std::initializer_list<Peripheral> entries) {
-    board.take_up(kBoardL298n);
-    for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
-    board.sensors.take_up(list);
-  }
-
-  void run(int milliseconds) {
-    ranges.clear();
-    analogs.clear();
-    for (int i = 0; i < milliseconds; ++i) {
-      board.run_until(board.now() + 1'000'000, true);
-      for (size_t channel = 0; channel < list.count; ++channel) {
-        RangeReading range;
-        if (board.sensors.take(channel, range)) ranges[channel].push_back(range);
-        AnalogReading analog;
-        if (board.sensors.take(channel, analog)) analogs[channel].push_back(analog);
-      }
-    }
-  }
-  double& distance_m(Place place) {
-    return board.sensors.ranges.world.distance_m[static_cast<size_t>(place)];
-  }
-
-  SimulatedBoard board{1};
-  PeripheralList list;
-  std::map<size_t, std::vector<RangeReading>> ranges;  ///< By channel, of the last run.
-  std::map<size_t, std::vector<AnalogReading>> analogs;
-};
+double& distance_m(SensedBoard& bench, Place place) {
+  return bench.board.sensors.ranges.world.distance_m[static_cast<size_t>(place)];
+}
 
 }  // namespace
 
 TEST(each_range_sensor_measures_what_is_on_its_side) {
-  RangeBench bench({range_entry(Place::kFront, 21, 34), range_entry(Place::kLeft, 5, 35),
-                    range_entry(Place::kRight, 12, 36)});
-  bench.distance_m(Place::kFront) = 0.5;
-  bench.distance_m(Place::kLeft) = 3.0;
-  bench.distance_m(Place::kRight) = 10.0;
+  SensedBoard bench({range_entry(Place::kFront, 21, 34), range_entry(Place::kLeft, 5, 35),
+                     range_entry(Place::kRight, 12, 36)});
+  distance_m(bench, Place::kFront) = 0.5;
+  distance_m(bench, Place::kLeft) = 3.0;
+  distance_m(bench, Place::kRight) = 10.0;
   bench.run(2000);
   const int expected_mm[] = {500, 3000, 0};
   for (size_t channel = 0; channel < 3; ++channel) {
@@ -82,7 +53,7 @@ TEST(each_range_sensor_measures_what_is_on_its_side) {
 }
 
 TEST(a_bus_that_hangs_keeps_the_task_and_the_ranges_are_measured_all_the_same) {
-  RangeBench bench({kImu, range_entry(Place::kFront, 21, 34)});
+  SensedBoard bench({kImu, range_entry(Place::kFront, 21, 34)});
   bench.board.sensors.chips.imu.bus_hung = true;
   bench.run(2000);
   CHECK(bench.ranges[1].size() >= 28);
@@ -91,7 +62,7 @@ TEST(a_bus_that_hangs_keeps_the_task_and_the_ranges_are_measured_all_the_same) {
 
 /// Its wires lead to where the other board has a motor.
 TEST(a_range_sensor_on_the_pins_of_another_board_is_absent) {
-  RangeBench bench({range_entry(Place::kFront, 21, 34)});
+  SensedBoard bench({range_entry(Place::kFront, 21, 34)});
   bench.board.wire(kBoardDrv8833);  // Its standby is at GPIO 21.
   bench.run(300);
   CHECK(!bench.ranges[0].empty());
@@ -99,11 +70,10 @@ TEST(a_range_sensor_on_the_pins_of_another_board_is_absent) {
 }
 
 TEST(a_start_of_the_firmware_begins_anew) {
-  RangeBench bench({range_entry(Place::kFront, 21, 34)});
+  SensedBoard bench({range_entry(Place::kFront, 21, 34)});
   bench.run(63);  // It listens now.
   bench.board.reset();
-  bench.board.take_up(kBoardL298n);
-  bench.board.sensors.take_up(bench.list);
+  bench.start();
   bench.run(500);
   CHECK(bench.ranges[0].size() >= 7);
   for (const RangeReading& reading : bench.ranges[0]) {
@@ -113,7 +83,7 @@ TEST(a_start_of_the_firmware_begins_anew) {
 }
 
 TEST(an_analogue_input_reads_its_own_voltage_behind_its_divider) {
-  RangeBench bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
+  SensedBoard bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
   bench.board.sensors.analog_v = {2.0, 9.0, 6.0, 9.0};
   bench.run(1000);
   CHECK(bench.analogs[0].size() == 10 && bench.analogs[1].size() == 10);
