@@ -52,19 +52,3 @@ TEST(a_tick_is_the_rim_between_two_counts) {
   CHECK(parameters.set(kCountsPerRevolution, 1000) == RefusalCode::kNone);
   CHECK(magnitude(make_config(parameters).um_per_tick_q10 - 321'699) <= 1);  // 2 pi 50 mm / 1000
 }
-
-TEST(switches_arrive_each_at_its_place) {
-  CHECK(config_with(kLeftMotorInverted, 1).left_motor_inverted);
-  CHECK(!config_with(kLeftMotorInverted, 1).right_motor_inverted);
-  CHECK(config_with(kRightMotorInverted, 1).right_motor_inverted);
-  CHECK(config_with(kLeftEncoderInverted, 1).left_encoder_inverted);
-  CHECK(!config_with(kLeftEncoderInverted, 1).right_encoder_inverted);
-  CHECK(config_with(kRightEncoderInverted, 1).right_encoder_inverted);
-  CHECK(config_with(kMotorsSwapped, 1).motors_swapped);
-  CHECK(!config_with(kMotorsSwapped, 1).encoders_swapped);
-  CHECK(config_with(kEncodersSwapped, 1).encoders_swapped);
-  CHECK(config_with(kEstopInputEnabled, 1).estop_input_enabled);
-  CHECK(!config_with(kEstopInputEnabled, 0).estop_input_enabled);
-  CHECK(config_with(kStopMode, 1).stop_mode == StopMode::kCoast);
-  CHECK(config_with(kStopMode, 2).stop_mode == StopMode::kBrake);
-}

@@ -19,16 +19,6 @@ std::vector<SupervisorEvent> causes(const RobotBench& bench) {
 
 }  // namespace
 
-TEST(a_step_that_comes_too_late_is_a_fault_although_a_stop_is_waiting) {
-  DrivingRobot bench;
-  bench.received.clear();
-  bench.send(bench.stop());
-  bench.step(40'000);
-  CHECK(bench.state() == SupervisorState::kFault);
-  CHECK(bench.device.faults() == fault::kControlOverrun);
-  CHECK(causes(bench) == std::vector{SupervisorEvent::kFault});
-}
-
 TEST(a_setpoint_read_in_the_step_at_which_the_last_one_expires_drives_on) {
   OpenRobot bench;
   bench.send(bench.velocity(0.2f, 0.2f, 20 * RobotBench::kPeriodUs));

@@ -229,10 +229,3 @@ TEST(a_clear_ends_what_the_wheels_have_shown) {
   bench.drive(0, 0, 1);
   CHECK(steps_to_fault() >= first - 5);
 }
-
-TEST(the_same_motion_against_a_setpoint_is_a_fault) {
-  OpenRobot bench;
-  CHECK(bench.set(kMaxDuty, 0.2f) == RefusalCode::kNone);
-  turn_for(bench, 1500, -1, 0.1f);
-  CHECK(bench.state() == SupervisorState::kFault);
-}

@@ -231,12 +231,6 @@ TEST(a_sensor_that_does_not_answer_is_absent_within_two_rounds) {
   }
 }
 
-TEST(a_sensor_that_was_never_there_is_absent) {
-  RangeRig rig;
-  rig.echoes[0].is_absent = true;
-  CHECK(rig.until(SensorState::kAbsent) <= 2 * kPeriodUs);
-}
-
 TEST(an_output_that_stays_high_is_hung_and_is_not_triggered) {
   for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
     RangeRig rig;

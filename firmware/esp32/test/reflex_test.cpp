@@ -256,18 +256,6 @@ TEST(a_robot_that_is_lifted_is_in_no_fault_until_it_is_to_drive) {
   CHECK(bench.last_refusal() == RefusalCode::kFault);
 }
 
-TEST(a_power_stage_that_trips_is_a_fault) {
-  SensorBench bench(list_of({Peripheral{
-      .kind = PeripheralKind::kStageFault, .flags = peripheralflag::kTriggeredLow, .pin_a = 36}}));
-  bench.set_level(0, true);
-  bench.open();
-  bench.drive_on(0.2f, 0.2f, 20);
-  CHECK(bench.driven());
-  bench.set_level(0, false);
-  bench.step();
-  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
-}
-
 // --- the battery ---------------------------------------------------------------------------------
 
 TEST(a_battery_limits_and_then_stops) {

@@ -30,11 +30,3 @@ TEST(only_the_wheel_that_is_to_drive_gets_a_duty) {
     CHECK(board.standby < 0 || (once_high_pins() & mask_of(board.standby)) != 0);
   });
 }
-
-TEST(nothing_is_driven_before_the_start) {
-  fake_matrix = {};
-  const BoardDescription board = board_of(Stage::kEnableIn1In2);
-  WiredRobot robot(board);
-  robot.left_motor.drive(1000);
-  CHECK(fake_matrix.ever_high.empty());
-}

@@ -110,38 +110,6 @@ TEST(bridge_counts_a_reversal_without_a_pause) {
   }
 }
 
-/// An L298N and a BTS7960 do the same with each other's inputs, but for the PWM's off time.
-bool are_interchangeable(size_t a, size_t b) {
-  const auto is_one = [](size_t stage) {
-    return stage == static_cast<size_t>(Stage::kEnableIn1In2) ||
-           stage == static_cast<size_t>(Stage::kHalfBridges);
-  };
-  return is_one(a) && is_one(b);
-}
-
-/// The tables differ where it matters: with the table of another stage the winding does not brake,
-/// coast or drive as asked.
-TEST(bridge_shows_the_truth_table_of_another_stage) {
-  for (size_t stage = 0; stage < kStages; ++stage) {
-    for (size_t table = 0; table < kStages; ++table) {
-      if (stage == table) continue;
-      Bridge bridge(static_cast<Stage>(stage));
-      PowerStage motor(bridge, kStageTables[table]);
-      motor.drive(kHalf);
-      const bool forward = bridge.state().on == Winding::kForward &&
-                           bridge.state().signed_duty() < 0.51 && bridge.state().drives();
-      motor.coast();
-      motor.drive(-kHalf);
-      const bool reverse = bridge.state().on == Winding::kReverse &&
-                           bridge.state().signed_duty() > -0.51 && bridge.state().drives();
-      motor.coast();
-      motor.brake();
-      const bool brakes = bridge.state().shorted() == 1.0;
-      CHECK((forward && reverse && brakes) == are_interchangeable(stage, table));
-    }
-  }
-}
-
 /// Between high and low the PWM of a direction input turns the winding: the motor sees the average.
 TEST(bridge_with_the_pwm_on_a_direction_alternates) {
   StageOutputs inputs;
