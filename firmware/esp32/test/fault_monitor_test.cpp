@@ -24,14 +24,21 @@ struct Bench {
   WheelFault step(const WheelOutput& output, int32_t umps) {
     return monitor.update(output, ticks, umps, 1000, kThresholds);
   }
-  /// Steps until a fault trips; 0: none within 3 s.
-  int steps_to(WheelFault fault, const WheelOutput& output, int32_t umps = 0) {
+  /// Calls `each` with the step's number until a fault trips, and returns when; -1: it is another
+  /// one, 0: none within 3 s.
+  template <typename Each>
+  int steps_to(WheelFault fault, Each each) {
     for (int i = 1; i <= 3000; ++i) {
-      if (umps != 0) ticks += i % 2 * sign(umps);
-      const WheelFault found = step(output, umps);
+      const WheelFault found = each(i);
       if (found != WheelFault::kNone) return found == fault ? i : -1;
     }
     return 0;
+  }
+  int steps_to(WheelFault fault, const WheelOutput& output, int32_t umps = 0) {
+    return steps_to(fault, [&](int i) {
+      if (umps != 0) ticks += i % 2 * sign(umps);
+      return step(output, umps);
+    });
   }
 };
 
@@ -56,13 +63,10 @@ TEST(a_wheel_that_stands_at_its_limit_trips_however_low_that_is) {
 
 TEST(an_encoder_that_trembles_on_an_edge_does_not_hide_a_wheel_that_stands) {
   Bench bench;
-  int steps = 0;
-  WheelFault fault = WheelFault::kNone;
-  while (steps < 1000 && fault == WheelFault::kNone) {
-    bench.ticks = ++steps % 2;
-    fault = bench.step(open_loop(20'000), 0);
-  }
-  CHECK(fault == WheelFault::kNotCounting && steps == 500);
+  CHECK(bench.steps_to(WheelFault::kNotCounting, [&](int i) {
+    bench.ticks = i % 2;
+    return bench.step(open_loop(20'000), 0);
+  }) == 500);
 }
 
 TEST(below_its_limit_and_the_threshold_a_wheel_may_stand) {
@@ -77,13 +81,12 @@ TEST(without_a_loop_there_is_no_limit_to_stand_at) {
 
 TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
   Bench bench;
-  WheelFault fault = WheelFault::kNone;
-  for (int i = 0; i < 1500 && fault == WheelFault::kNone; ++i) {
+  const int steps = bench.steps_to(WheelFault::kNotCounting, [&](int i) {
     WheelOutput output = at_limit(kLow_q15);
     if (i % 100 < 20) output.duty_q15 /= 2;
-    fault = bench.step(output, 0);
-  }
-  CHECK(fault == WheelFault::kNotCounting);
+    return bench.step(output, 0);
+  });
+  CHECK(steps > 0 && steps <= 1500);
 }
 
 TEST(a_wheel_that_is_driven_in_bursts_trips_all_the_same) {
@@ -145,25 +148,19 @@ TEST(in_open_loop_speed_that_grows_against_the_drive_is_reversed_and_one_that_fa
     ++bench.ticks;
     CHECK(bench.step(open_loop(-32'767), umps) == WheelFault::kNone);
   }
-  WheelFault seen = WheelFault::kNone;
-  int32_t umps = 0;
-  while (seen == WheelFault::kNone && umps < 400'000) {
+  const int steps = bench.steps_to(WheelFault::kReversed, [&](int i) {
     ++bench.ticks;
-    seen = bench.step(open_loop(-32'767), umps += 1000);
-  }
-  CHECK(seen == WheelFault::kReversed && umps <= 152'000);
+    return bench.step(open_loop(-32'767), 1000 * i);
+  });
+  CHECK(steps > 0 && steps <= 152);
 }
 
 TEST(and_one_that_gains_speed_is_so_sooner) {
   Bench bench;
-  int steps = 0;
-  WheelFault fault = WheelFault::kNone;
-  while (steps < 1000 && fault == WheelFault::kNone) {
-    ++steps;
+  CHECK(bench.steps_to(WheelFault::kReversed, [&](int i) {
     bench.ticks -= 1;
-    fault = bench.step(at_limit(kLow_q15), -1000 * steps);
-  }
-  CHECK(fault == WheelFault::kReversed && steps == 151);
+    return bench.step(at_limit(kLow_q15), -1000 * i);
+  }) == 151);
 }
 
 TEST(a_heavy_robot_that_rolls_back_ever_slower_is_sound) {

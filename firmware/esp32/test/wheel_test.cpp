@@ -30,8 +30,8 @@ class WheelBench {
     return fault;
   }
   /// The steps of the closed loop until a fault, of a wheel that ticks every so many; 0: none.
-  int steps_to_fault(WheelFault expected, int tick_every) {
-    for (int step = 1; step < 5000; ++step) {
+  int steps_to_fault(WheelFault expected, int tick_every, int most = 5000) {
+    for (int step = 1; step < most; ++step) {
       const WheelFault fault = velocity(kSetpoint_umps, tick_every && step % tick_every == 0);
       if (fault != WheelFault::kNone) return fault == expected ? step : -1;
     }
@@ -48,54 +48,41 @@ class WheelBench {
   int16_t counter_ = 0;
 };
 
-/// The ways in which a wheel's drive ends.
+/// The ways in which a wheel's drive ends; the last one ends its closed loop alone.
 constexpr void (*kEnds[])(Wheel&) = {
     [](Wheel& wheel) { wheel.coast(); },
     [](Wheel& wheel) { wheel.brake(); },
-};
-
-constexpr void (*kInterruptions[])(Wheel&) = {
-    kEnds[0],
-    kEnds[1],
     [](Wheel& wheel) { wheel.drive_duty(0, false); },
 };
 
-/// An encoder that loses edges: seldom a tick at a high duty.
-constexpr int kLosing = 40;
-
 }  // namespace
 
-TEST(what_an_implausible_encoder_showed_outlives_each_end_of_the_closed_loop_but_no_clear) {
-  const auto least = static_cast<int>(WheelBench().config.plausibility_time_us / 1000);
-  const int fresh = WheelBench().steps_to_fault(WheelFault::kImplausible, kLosing);
-  CHECK(fresh >= least);
-  for (const auto interrupt : kInterruptions) {
-    WheelBench bench;
-    for (int step = 1; step < fresh - 10; ++step)
-      CHECK(bench.velocity(WheelBench::kSetpoint_umps, step % kLosing == 0) == WheelFault::kNone);
-    interrupt(bench.wheel);
-    WheelBench cleared = bench;
-    const int again = bench.steps_to_fault(WheelFault::kImplausible, kLosing);
-    CHECK(again > 0 && again < least);
-    cleared.wheel.end_evidence();
-    CHECK(cleared.steps_to_fault(WheelFault::kImplausible, kLosing) >= least);
-  }
-}
-
-TEST(what_a_wheel_showed_that_does_not_count_outlives_each_end_of_its_drive_but_no_clear) {
-  const auto least = static_cast<int>(WheelBench().config.faults.stall_time_us / 1000);
-  const int fresh = WheelBench().steps_to_fault(WheelFault::kNotCounting, 0);
-  CHECK(fresh >= least);
-  for (const auto end : kEnds) {
-    WheelBench bench;
-    for (int step = 1; step < fresh - 10; ++step)
-      CHECK(bench.velocity(WheelBench::kSetpoint_umps) == WheelFault::kNone);
-    end(bench.wheel);
-    WheelBench cleared = bench;
-    const int again = bench.steps_to_fault(WheelFault::kNotCounting, 0);
-    CHECK(again > 0 && again < least);
-    cleared.wheel.end_evidence();
-    CHECK(cleared.steps_to_fault(WheelFault::kNotCounting, 0) >= least);
+TEST(what_a_wheel_showed_outlives_each_end_of_its_drive_but_no_clear) {
+  const ControlConfig config = WheelBench().config;
+  const struct {
+    WheelFault fault;
+    int tick_every;
+    uint32_t time_us;
+    size_t ends;
+  } shown[] = {
+      // An encoder that loses edges: seldom a tick at a high duty.
+      {WheelFault::kImplausible, 40, config.plausibility_time_us, 3},
+      {WheelFault::kNotCounting, 0, config.faults.stall_time_us, 2},
+  };
+  for (const auto& [fault, tick_every, time_us, ends] : shown) {
+    const auto least = static_cast<int>(time_us / 1000);
+    const int fresh = WheelBench().steps_to_fault(fault, tick_every);
+    CHECK(fresh >= least);
+    for (size_t i = 0; i < ends; ++i) {
+      WheelBench bench;
+      CHECK(bench.steps_to_fault(fault, tick_every, fresh - 10) == 0);
+      kEnds[i](bench.wheel);
+      WheelBench cleared = bench;
+      const int again = bench.steps_to_fault(fault, tick_every);
+      CHECK(again > 0 && again < least);
+      cleared.wheel.end_evidence();
+      CHECK(cleared.steps_to_fault(fault, tick_every) >= least);
+    }
   }
 }
 
