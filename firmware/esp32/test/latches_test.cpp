@@ -9,6 +9,16 @@ using namespace wheelwire;
 using enum ParameterId;
 using namespace wheelwire::test;
 
+namespace {
+
+/// Why a setpoint is refused; kNone when it drives.
+RefusalCode refusal_of_drive(RobotBench& bench, int steps = 20) {
+  bench.drive(0.2f, 0.2f, steps);
+  return bench.driven() ? RefusalCode::kNone : bench.last_refusal();
+}
+
+}  // namespace
+
 TEST(latches_come_back_as_they_were) {
   for (const bool estop : {false, true}) {
     for (const uint32_t faults : {0u, 1u, 0xffffu}) {
@@ -49,9 +59,7 @@ TEST(what_is_latched_survives_a_reset_with_its_flags_until_it_is_cleared) {
     second.survive_reset(first).open();
     CHECK(second.state() == (estop ? SupervisorState::kEstopped : SupervisorState::kFault));
     CHECK(second.device.faults() == (fault ? fault::kControlOverrun : 0));
-    second.drive(0.2f, 0.2f);
-    CHECK(!second.driven());
-    CHECK(second.last_refusal() == (estop ? RefusalCode::kEstopped : RefusalCode::kFault));
+    CHECK(refusal_of_drive(second) == (estop ? RefusalCode::kEstopped : RefusalCode::kFault));
     if (fault) CHECK(second.clear_fault() == RefusalCode::kNone);  // Below an e-stop, too.
     RobotBench third;
     third.survive_reset(second).open();
@@ -193,8 +201,7 @@ struct ClearedRobot : DrivingRobot {
 TEST(a_clear_does_not_restart_a_program_that_goes_on_sending) {
   ClearedRobot bench;
   for (int i = 0; i < 100; ++i) {
-    bench.drive(0.2f, 0.2f);
-    CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+    CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
   }
   CHECK(bench.state() == SupervisorState::kIdle);
 }
@@ -203,8 +210,7 @@ TEST(a_zero_setpoint_arms_and_an_expired_one_does_not) {
   for (const bool by_duty : {false, true}) {
     ClearedRobot bench;
     bench.send(bench.velocity(0.0f, 0.0f, 0));
-    bench.drive(0.2f, 0.2f);
-    CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
+    CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
     if (by_duty) bench.drive_duty(0, 0, 20);
     if (!by_duty) bench.drive(0.0f, 0.0f);
     CHECK(bench.state() == SupervisorState::kDriving && !bench.driven());
@@ -216,11 +222,9 @@ TEST(a_zero_setpoint_arms_and_an_expired_one_does_not) {
 TEST(a_gap_arms_and_starts_at_the_latest_setpoint) {
   ClearedRobot bench;
   bench.run(900);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench, 1) == RefusalCode::kUnarmed);
   bench.run(998);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench, 1) == RefusalCode::kUnarmed);
   bench.run(999);
   bench.drive(0.2f, 0.2f);
   CHECK(bench.driven());
@@ -240,19 +244,16 @@ TEST(a_setpoint_counts_as_having_come_whatever_it_is_refused_for) {
       bench.run(50);
     }
     if (reason == kUnsynchronised) bench.send(Ping{bench.session_id(), 1, 0});
-    bench.drive(0.2f, 0.2f, 5);
-    CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+    CHECK(refusal_of_drive(bench, 5) == RefusalCode::kUnarmed);
   }
 }
 
 TEST(neither_a_stop_nor_a_new_session_arms) {
   ClearedRobot bench;
   bench.send(bench.stop());
-  bench.drive(0.2f, 0.2f);
-  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
   bench.greet(RobotBench::kNonce + 1);
-  bench.drive(0.2f, 0.2f);
-  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
 }
 
 TEST(a_clear_with_nothing_to_clear_disarms_nothing) {
@@ -272,8 +273,7 @@ TEST(no_program_drives_on_by_itself_whatever_the_gap_is) {
       bench.estop();
       CHECK(bench.clear_estop() == RefusalCode::kNone);
       for (int i = 0; i < 5; ++i) {
-        bench.drive(0.2f, 0.2f, period_ms);
-        CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+        CHECK(refusal_of_drive(bench, period_ms) == RefusalCode::kUnarmed);
       }
     }
   }
@@ -285,8 +285,7 @@ TEST(a_longer_gap_counts_as_it_is) {
   bench.estop();
   CHECK(bench.clear_estop() == RefusalCode::kNone);
   bench.run(1990);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench, 1) == RefusalCode::kUnarmed);
 }
 
 TEST(turning_about_one_wheel_does_not_arm) {
@@ -313,8 +312,7 @@ TEST(a_program_that_drove_before_a_start_does_not_drive_after_it) {
     if (keeps_memory) second.survive_reset(first);
     second.connect();
     for (int i = 0; i < 100; ++i) {
-      second.drive(0.2f, 0.2f);
-      CHECK(!second.driven() && second.last_refusal() == RefusalCode::kUnarmed);
+      CHECK(refusal_of_drive(second) == RefusalCode::kUnarmed);
     }
     second.drive(0.0f, 0.0f);
     second.drive(0.2f, 0.2f);
@@ -328,8 +326,7 @@ TEST(the_time_before_a_session_is_no_gap) {
   bench.start();
   bench.run(3000);
   bench.greet();
-  bench.drive(0.2f, 0.2f);
-  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
 }
 
 TEST(a_stop_and_a_deadline_do_not_disarm) {
@@ -347,8 +344,7 @@ TEST(a_cleared_fault_disarms_as_well) {
   DrivingRobot bench;
   bench.step(50'000);
   CHECK(bench.clear_fault() == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
+  CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
 }
 
 // --- a write to flash and a setpoint in one step -------------------------------------------------

@@ -216,31 +216,31 @@ TEST(one_without_its_plug_or_whose_output_stays_high_takes_nothing_from_the_othe
 
 // --- faults --------------------------------------------------------------------------------------
 
-TEST(a_sensor_that_does_not_answer_is_absent_within_two_rounds) {
-  for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
-    RangeRig rig;
-    rig.run(5 * kPeriodUs + phase_us);
-    CHECK(rig.state() == SensorState::kOk);
-    rig.echoes[0].is_absent = true;
-    CHECK(rig.until(SensorState::kAbsent) <= 2 * kPeriodUs + 5'000);
-    rig.readings.clear();
-    rig.run(1'000'000);
-    CHECK(rig.readings.empty() && rig.state() == SensorState::kAbsent);
-    rig.echoes[0].is_absent = false;
-    CHECK(rig.until(SensorState::kOk) <= 2 * kPeriodUs);
-  }
-}
-
-TEST(an_output_that_stays_high_is_hung_and_is_not_triggered) {
-  for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
-    RangeRig rig;
-    rig.run(5 * kPeriodUs + phase_us);
-    rig.echoes[0].is_stuck = true;
-    const size_t triggers = rig.echoes[0].triggered_us.size();
-    CHECK(rig.until(SensorState::kHung) <= RangeFinder::kHungUs + 2 * kPeriodUs);
-    CHECK(rig.echoes[0].triggered_us.size() == triggers);
-    rig.echoes[0].is_stuck = false;
-    CHECK(rig.until(SensorState::kOk) <= 2 * kPeriodUs);
+TEST(a_sensor_that_does_not_answer_is_absent_and_one_that_stays_high_is_hung_and_not_triggered) {
+  const struct {
+    bool Echo::* fault;
+    SensorState state;
+    uint64_t limit_us;
+  } faults[] = {
+      {&Echo::is_absent, SensorState::kAbsent, 2 * kPeriodUs + 5'000},
+      {&Echo::is_stuck, SensorState::kHung, RangeFinder::kHungUs + 2 * kPeriodUs},
+  };
+  for (const auto& [fault, state, limit_us] : faults) {
+    for (uint64_t phase_us = 0; phase_us < kPeriodUs; phase_us += 2900) {
+      RangeRig rig;
+      Echo& echo = rig.echoes[0];
+      rig.run(5 * kPeriodUs + phase_us);
+      CHECK(rig.state() == SensorState::kOk);
+      echo.*fault = true;
+      const size_t triggers = echo.triggered_us.size();
+      CHECK(rig.until(state) <= limit_us);
+      CHECK(state == SensorState::kAbsent || echo.triggered_us.size() == triggers);
+      rig.readings.clear();
+      rig.run(1'000'000);
+      CHECK(rig.readings.empty() && rig.state() == state);
+      echo.*fault = false;
+      CHECK(rig.until(SensorState::kOk) <= 2 * kPeriodUs);
+    }
   }
 }
 

@@ -440,16 +440,18 @@ TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
 }
 
 TEST(a_battery_that_was_not_read_yet_refuses_setpoints_and_then_stops) {
-  SensorBench bench(kGuard);
-  bench.battery.measured_mv = 0;
-  bench.open();
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kBooting);
-  CHECK(bench.state() == SupervisorState::kIdle);
-  bench.run(1000);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kFault);
-  CHECK(bench.device.faults() == fault::kExternal);
+  for (const bool has_divider : {true, false}) {
+    SensorBench bench(kGuard, has_divider);
+    bench.battery.measured_mv = 0;
+    bench.open();
+    bench.drive(0.2f, 0.2f, 1);
+    CHECK(bench.last_refusal() == RefusalCode::kBooting);
+    CHECK(bench.state() == SupervisorState::kIdle);
+    bench.run(1000);
+    bench.drive(0.2f, 0.2f, 1);
+    CHECK(bench.last_refusal() == RefusalCode::kFault);
+    CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
+  }
 }
 
 TEST(a_divider_whose_wire_breaks_stops_the_robot) {
@@ -494,16 +496,6 @@ TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
   measure(bench, 5800);
   bench.drive_on(0.2f, 0.2f, 20);
   CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
-}
-
-TEST(a_battery_that_nothing_measures_is_missing_after_a_second) {
-  SensorRobot bench(kGuard, false);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kBooting);
-  bench.run(1000);
-  bench.drive(0.2f, 0.2f, 1);
-  CHECK(bench.last_refusal() == RefusalCode::kFault);
-  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
 }
 
 TEST(charge_is_counted_while_the_current_is_measured) {
@@ -738,20 +730,22 @@ TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
 
 // --- rolling -------------------------------------------------------------------------------------
 
-TEST(a_robot_that_rolls_while_a_bumper_holds_it_is_reported) {
-  SensorRobot bench(kBumpers);
-  bench.set_level(0, true);
-  for (int i = 0; i < 1500; ++i) {
-    bench.send(bench.velocity(0.2f, 0.2f));
-    bench.roll(1);  // 0.576 m/s
+TEST(a_robot_that_rolls_while_nothing_drives_or_a_bumper_holds_it_is_reported) {
+  for (const bool is_held : {false, true}) {
+    SensorRobot bench(kBumpers);
+    bench.set_level(0, is_held);
+    for (int i = 0; i < 1500; ++i) {
+      if (is_held) bench.send(bench.velocity(0.2f, 0.2f));
+      bench.roll(1);  // 0.576 m/s
+    }
+    CHECK(bench.count(EventCode::kRolling) == 1);
+    for (const Event& event : bench.of<Event>()) {
+      if (event.code != EventCode::kRolling) continue;
+      CHECK(event.after == (is_held ? SupervisorState::kDriving : SupervisorState::kIdle));
+      CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
+    }
+    CHECK((bench.state() == SupervisorState::kDriving) == is_held && !forward(bench));
   }
-  CHECK(bench.count(EventCode::kRolling) == 1);
-  for (const Event& event : bench.of<Event>()) {
-    if (event.code != EventCode::kRolling) continue;
-    CHECK(event.after == SupervisorState::kDriving);
-    CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
-  }
-  CHECK(bench.state() == SupervisorState::kDriving && !forward(bench));
 }
 
 TEST(a_robot_that_a_bumper_lets_drive_back_does_not_roll) {

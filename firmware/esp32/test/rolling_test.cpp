@@ -54,17 +54,6 @@ TEST(a_gentle_push_is_not_reported) {
   CHECK(reported_after(monitor, 60'000, [](int) { return kThreshold - 1; }) == -1);
 }
 
-TEST(a_robot_that_rolls_while_nothing_drives_sends_an_event_with_its_speed) {
-  OpenRobot bench;
-  bench.roll(1500);  // 0.576 m/s
-  CHECK(bench.count(EventCode::kRolling) == 1);
-  for (const Event& event : bench.of<Event>()) {
-    if (event.code != EventCode::kRolling) continue;
-    CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
-    CHECK(event.after == SupervisorState::kIdle);
-  }
-}
-
 TEST(a_robot_that_rolls_is_reported_to_the_next_host_as_well) {
   RobotBench bench;
   bench.start();
