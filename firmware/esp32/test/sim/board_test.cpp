@@ -38,46 +38,32 @@ struct Bench {
 
 }  // namespace
 
-TEST(board_counts_where_the_encoders_are) {
+TEST(board_counts_the_encoder_that_lies_on_its_pins) {
+  using B = BoardDescription;
+  const struct {
+    void (*rewire)(B&);
+    bool swapped;  ///< The encoders' own wires.
+    int left, right;
+  } cases[] = {
+      {[](B&) {}, false, 180, -360},
+      {[](B& b) { b.left_encoder_a = 16, b.left_encoder_b = 17; }, false, 0, -360},
+      {[](B& b) { b.right_encoder_a = 16, b.right_encoder_b = 17; }, true, -360, 0},
+      // Each has the other's, with A and B exchanged.
+      {[](B& b) {
+         std::swap(b.left_encoder_a, b.right_encoder_b);
+         std::swap(b.left_encoder_b, b.right_encoder_a);
+       },
+       false, 360, -180},
+  };
   Bench bench;
-  const EncoderCounts counts = bench.turned();
-  CHECK(counts.left == 180 && counts.right == -360);
-}
-
-TEST(board_counts_nothing_where_no_encoder_is) {
-  Bench bench;
-  BoardDescription wired = kBoardL298n;
-  wired.left_encoder_a = 16;
-  wired.left_encoder_b = 17;
-  bench.wire_and_start(wired);
-  EncoderCounts counts = bench.turned();
-  CHECK(counts.left == 0 && counts.right == -360);
-  bench.wire_and_start(kBoardL298n);
-  counts = bench.turned();
-  CHECK(counts.left == 180 && counts.right == -360);
-}
-
-TEST(board_counts_the_encoder_that_lies_on_the_pins) {
-  Bench bench;
-  BoardDescription wired = kBoardL298n;
-  std::swap(wired.left_encoder_a, wired.right_encoder_b);
-  std::swap(wired.left_encoder_b, wired.right_encoder_a);
-  bench.wire_and_start(wired);
-  // Each has the other's, with A and B exchanged.
-  const EncoderCounts counts = bench.turned();
-  CHECK(counts.left == 360 && counts.right == -180);
-}
-
-/// The faults of the encoders' own wires come on top.
-TEST(board_swaps_the_encoders_of_the_wired_board) {
-  Bench bench;
-  BoardDescription wired = kBoardL298n;
-  wired.right_encoder_a = 16;
-  wired.right_encoder_b = 17;
-  bench.wire_and_start(wired);
-  bench.board.wiring.swapped = true;
-  const EncoderCounts counts = bench.turned();
-  CHECK(counts.left == -360 && counts.right == 0);
+  for (const auto& one : cases) {
+    BoardDescription wired = kBoardL298n;
+    one.rewire(wired);
+    bench.wire_and_start(wired);
+    bench.board.wiring.swapped = one.swapped;
+    const EncoderCounts counts = bench.turned();
+    CHECK(counts.left == one.left && counts.right == one.right);
+  }
 }
 
 TEST(board_sees_its_contact_on_its_own_pin_alone) {

@@ -19,6 +19,12 @@ namespace {
 
 constexpr uint8_t kBlock[] = {1, 2, 3};
 
+/// The size of what it holds.
+size_t loaded(Store& store) {
+  uint8_t out[8] = {};
+  return store.load(out, sizeof out);
+}
+
 void keeps_what_is_saved(Store& store) {
   uint8_t out[8] = {};
   CHECK(store.load(out, sizeof out) == 0);
@@ -63,8 +69,7 @@ struct Folder {
   size_t load(uint32_t& faults) const {
     Store store;
     store.keep_in(std::make_unique<File>(path));
-    uint8_t out[8] = {};
-    const size_t size = store.load(out, sizeof out);
+    const size_t size = loaded(store);
     faults = store.faults();
     return size;
   }
@@ -85,8 +90,7 @@ TEST(store_in_a_file) {
   CHECK(store.save(kBlock, sizeof kBlock));
   Store another;
   another.keep_in(std::make_unique<File>(path));
-  uint8_t out[8] = {};
-  CHECK(another.load(out, sizeof out) == 3);
+  CHECK(loaded(another) == 3);
   another.damage(Damage::kBoth);
   CHECK(::access(path.c_str(), F_OK) != 0);
 }
@@ -111,8 +115,7 @@ TEST(a_file_has_two_slots_that_hold_the_same) {
     CHECK(folder.load(faults) == 3 && faults == 0);
     Store store;
     store.keep_in(std::make_unique<File>(folder.path));
-    uint8_t out[8] = {};
-    CHECK(store.load(out, sizeof out) == 3 && store.has_lost_copy() && store.is_incomplete());
+    CHECK(loaded(store) == 3 && store.has_lost_copy() && store.is_incomplete());
     CHECK(store.repair() && folder.read() == whole);
   }
   const std::string too_large = std::string(whole).replace(kSlotAt[0], 2, "\xff\xff");
@@ -136,8 +139,7 @@ TEST(a_slot_that_time_damages_is_empty_as_nvs_leaves_it) {
     Store store;
     CHECK(store.save(kBlock, sizeof kBlock));
     store.damage(what);
-    uint8_t out[8] = {};
-    CHECK(store.load(out, sizeof out) == (what == Damage::kBoth ? 0u : 3u));
+    CHECK(loaded(store) == (what == Damage::kBoth ? 0u : 3u));
     CHECK(store.has_lost_copy() == (what != Damage::kBoth) && store.faults() == 0);
   }
 }
@@ -149,8 +151,7 @@ TEST(a_block_that_another_store_records_is_missed) {
   configuration.record(parameters, latches);
   CHECK(parameters.save(kBlock, sizeof kBlock));
   parameters.damage(Damage::kBoth);
-  uint8_t out[8] = {};
-  CHECK(parameters.load(out, sizeof out) == 0);
+  CHECK(loaded(parameters) == 0);
   CHECK(parameters.faults() == wheelwire::fault::kStoreUnreadable);
 }
 
@@ -160,15 +161,14 @@ TEST(a_save_ends_what_made_a_store_unreadable) {
   in_file.keep_in(std::make_unique<File>(folder.path));
   Store in_memory;
   for (Store* const store : {&in_memory, &in_file}) {
-    uint8_t out[8] = {};
     CHECK(store->save(kBlock, sizeof kBlock));
     store->unreadable = wheelwire::fault::kStoreNewer;
-    CHECK(store->load(out, sizeof out) == 0 && store->faults() == wheelwire::fault::kStoreNewer);
+    CHECK(loaded(*store) == 0 && store->faults() == wheelwire::fault::kStoreNewer);
     store->failing = true;
     CHECK(!store->save(kBlock, 1) && store->faults() == wheelwire::fault::kStoreNewer);
     store->failing = false;
     CHECK(store->save(kBlock, 1) && store->faults() == 0);
-    CHECK(store->load(out, sizeof out) == 1 && store->faults() == 0);
+    CHECK(loaded(*store) == 1 && store->faults() == 0);
   }
 }
 
@@ -176,8 +176,7 @@ TEST(store_in_a_file_that_cannot_be_written) {
   Store store;
   store.keep_in(std::make_unique<File>("/nonexistent/parameters"));
   CHECK(!store.save(kBlock, sizeof kBlock));
-  uint8_t out[8] = {};
-  CHECK(store.load(out, sizeof out) == 0);
+  CHECK(loaded(store) == 0);
 }
 
 TEST(stores_in_a_partition_that_cannot_be_opened_are_formatted_together) {
@@ -188,11 +187,10 @@ TEST(stores_in_a_partition_that_cannot_be_opened_are_formatted_together) {
   board.lie_in(flash);
   CHECK(board.save(kBlock, sizeof kBlock));
   flash.faults = 256;
-  uint8_t out[8] = {};
-  CHECK(board.load(out, sizeof out) == 0 && board.faults() == 256);
+  CHECK(loaded(board) == 0 && board.faults() == 256);
   CHECK(!parameters.save(kBlock, sizeof kBlock));
   CHECK(parameters.format());
-  CHECK(board.load(out, sizeof out) == 0 && board.faults() == 0);
+  CHECK(loaded(board) == 0 && board.faults() == 0);
   CHECK(board.save(kBlock, sizeof kBlock));
 }
 
@@ -215,14 +213,12 @@ TEST(a_watch_may_refuse_each_write) {
   store.watch = &deny;
   CHECK(!store.save(kBlock, 1));
   CHECK(deny.asked == 2);  // Each write is tried twice.
-  uint8_t out[8] = {};
-  CHECK(store.load(out, sizeof out) == 3);
+  CHECK(loaded(store) == 3);
 }
 
 TEST(the_power_may_fail_in_any_write_of_a_save) {
   const uint8_t first[] = {1};
   const uint8_t second[] = {2, 2};
-  uint8_t out[8] = {};
   for (const uint32_t write : {1u, 2u, 3u}) {
     Store store;
     PowerCut cut;
@@ -231,7 +227,7 @@ TEST(the_power_may_fail_in_any_write_of_a_save) {
     cut.writes_left = write;
     CHECK(store.save(second, sizeof second) == (write == 3));
     CHECK(cut.has_failed == (write != 3) && cut.writes_left == (write == 3 ? 1u : 0u));
-    CHECK(store.load(out, sizeof out) == (write == 1 ? 1u : 2u));
+    CHECK(loaded(store) == (write == 1 ? 1u : 2u));
     CHECK(store.has_lost_copy() == (write != 3));
   }
 }
