@@ -41,10 +41,13 @@ TEST(the_integral_does_not_wind_up_against_the_limit) {
 }
 
 TEST(extreme_inputs_stay_within_the_limit) {
-  Controller controller;
-  for (const int32_t target : {INT32_MAX, -INT32_MAX, 0}) {
-    for (const int32_t error : {INT32_MAX, -INT32_MAX, 0}) {
-      CHECK(magnitude(controller.update(target, error, kNominal, kPlainGains)) <= 32'767);
+  for (const int32_t limit_q15 : {32'767, 9'830}) {
+    ControllerGains gains = kPlainGains;
+    gains.limit_q15 = limit_q15;
+    Controller controller;
+    for (const int32_t target : {INT32_MAX, -INT32_MAX, 0}) {
+      for (const int32_t error : {INT32_MAX, -INT32_MAX, 0})
+        CHECK(magnitude(controller.update(target, error, kNominal, gains)) <= limit_q15);
     }
   }
 }

@@ -198,14 +198,6 @@ struct ClearedRobot : DrivingRobot {
 
 }  // namespace
 
-TEST(a_clear_does_not_restart_a_program_that_goes_on_sending) {
-  ClearedRobot bench;
-  for (int i = 0; i < 100; ++i) {
-    CHECK(refusal_of_drive(bench) == RefusalCode::kUnarmed);
-  }
-  CHECK(bench.state() == SupervisorState::kIdle);
-}
-
 TEST(a_zero_setpoint_arms_and_an_expired_one_does_not) {
   for (const bool by_duty : {false, true}) {
     ClearedRobot bench;

@@ -211,19 +211,6 @@ TEST(each_wheel_falls_to_a_lowered_max_duty_at_the_slew_limit) {
   CHECK(before <= 3'277);
 }
 
-TEST(max_duty_limits_the_velocity_loop) {
-  for (const float mps : {0.4f, -0.4f}) {
-    OpenRobot bench;
-    CHECK(bench.set(kMaxDuty, 0.3f) == RefusalCode::kNone);
-    bench.send(bench.velocity(mps, mps, 900'000));
-    for (int i = 0; i < 400; ++i) {
-      bench.step();
-      CHECK(magnitude(bench.left.duty()) <= 9'830 && magnitude(bench.right.duty()) <= 9'830);
-    }
-    CHECK(magnitude(bench.left.duty()) > 5'000);
-  }
-}
-
 TEST(duty_setpoints_slew_from_what_is_driven) {
   OpenRobot bench;
   bench.drive_duty(30'000, 30'000, 10);
@@ -339,15 +326,6 @@ TEST(a_wheel_that_does_not_count_trips_its_own_fault) {
     CHECK(bench.newest_state().faults ==
           (left ? fault::kLeftNotCounting : fault::kRightNotCounting));
   }
-}
-
-TEST(a_driver_that_failed_cannot_be_cleared) {
-  OpenRobot bench;
-  bench.device.report_driver_failure();
-  bench.step();
-  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
-  bench.drive(0.2f, 0.2f);
-  CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
 }
 
 // --- the line ------------------------------------------------------------------------------------

@@ -103,13 +103,3 @@ TEST(saved_swaps_hold_from_the_start) {
   const WheelState state = bench.newest_state();
   CHECK(state.left_ticks == 9 && state.right_ticks == 2);
 }
-
-TEST(nothing_is_swapped_while_driving) {
-  for (const ParameterId id : {kMotorsSwapped, kEncodersSwapped}) {
-    OpenRobot bench;
-    bench.drive(0.2f, 0.1f);
-    CHECK(bench.set(id, 1) == RefusalCode::kNotStopped);
-    bench.step();
-    CHECK(bench.left.duty() > bench.right.duty());
-  }
-}
