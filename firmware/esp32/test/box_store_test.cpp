@@ -131,6 +131,26 @@ LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) 
   return ledger.counts(0);
 }
 
+/// The boxes are the old ones, and perhaps the new one, which may have replaced an old one. Each is
+/// whole.
+void check_old_or_new(const Images& old, BoxStore& boxes, uint32_t number, uint32_t faults) {
+  const Images found = images(boxes);
+  CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
+  for (const auto& [found_number, image] : found) {
+    const auto same = old.find(found_number);
+    if (same != old.end()) {
+      CHECK(same->second == image);
+    } else {
+      CHECK(found_number == number && boxes.head(0)->faults == faults);
+    }
+  }
+  // No old box was erased for a missing new one, except a ninth: its slot is that of the next box.
+  CHECK(found.contains(number) || found.size() >= std::min(old.size(), BoxStore::kSlots - 1));
+}
+
+constexpr CutFlash::Cut kCuts[] = {CutFlash::Cut::kBefore, CutFlash::Cut::kInside,
+                                   CutFlash::Cut::kAfter};
+
 }  // namespace
 
 TEST(a_box_is_found_again_with_its_head) {
@@ -170,30 +190,6 @@ TEST(the_only_box_of_a_cause_outlasts_many_of_another) {
   CHECK(boxes.head(7)->number == 1 && boxes.head(7)->cause == BoxCause::kReset);
   CHECK(boxes.head(6)->number == 23);
 }
-
-namespace {
-
-/// The boxes are the old ones, and perhaps the new one, which may have replaced an old one. Each is
-/// whole.
-void check_old_or_new(const Images& old, BoxStore& boxes, uint32_t number, uint32_t faults) {
-  const Images found = images(boxes);
-  CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
-  for (const auto& [found_number, image] : found) {
-    const auto same = old.find(found_number);
-    if (same != old.end()) {
-      CHECK(same->second == image);
-    } else {
-      CHECK(found_number == number && boxes.head(0)->faults == faults);
-    }
-  }
-  // No old box was erased for a missing new one, except a ninth: its slot is that of the next box.
-  CHECK(found.contains(number) || found.size() >= std::min(old.size(), BoxStore::kSlots - 1));
-}
-
-constexpr CutFlash::Cut kCuts[] = {CutFlash::Cut::kBefore, CutFlash::Cut::kInside,
-                                   CutFlash::Cut::kAfter};
-
-}  // namespace
 
 TEST(a_cut_at_any_operation_leaves_the_old_boxes_or_these_and_the_new_one) {
   for (const uint32_t stored : {0u, 3u, 8u, 12u}) {

@@ -42,6 +42,12 @@ class DriveBench {
   }
 };
 
+ControlConfig config_with(std::initializer_list<std::pair<ParameterId, float>> values) {
+  Parameters parameters;
+  for (const auto& [id, value] : values) CHECK(parameters.set(id, value) == RefusalCode::kNone);
+  return make_config(parameters);
+}
+
 }  // namespace
 
 TEST(what_a_wheel_was_behind_before_a_stop_is_not_made_up_after_it) {
@@ -54,16 +60,6 @@ TEST(what_a_wheel_was_behind_before_a_stop_is_not_made_up_after_it) {
   bench.follow(200'000, 0);
   CHECK(magnitude(bench.drive.left().behind_um()) < 100);
 }
-
-namespace {
-
-ControlConfig config_with(std::initializer_list<std::pair<ParameterId, float>> values) {
-  Parameters parameters;
-  for (const auto& [id, value] : values) CHECK(parameters.set(id, value) == RefusalCode::kNone);
-  return make_config(parameters);
-}
-
-}  // namespace
 
 TEST(a_supply_that_is_set_counts_from_the_next_step_on) {
   using enum ParameterId;

@@ -50,6 +50,15 @@ constexpr WheelOutput at_limit(int32_t limit_q15, int32_t direction = 1) {
   return {.duty_q15 = limit_q15 * direction, .limit_q15 = limit_q15, .direction = direction};
 }
 
+/// Turns the left wheel steadily for some steps, at a setpoint of the left wheel's.
+void turn_for(RobotBench& bench, int steps, int ticks_per_8_steps, float setpoint) {
+  for (int i = 0; i < steps; ++i) {
+    if (i % 100 == 0) bench.send(bench.velocity(setpoint, 0));
+    if (i % 8 == 0) bench.turn(ticks_per_8_steps, 0);
+    bench.step();
+  }
+}
+
 }  // namespace
 
 TEST(a_wheel_that_stands_at_its_limit_trips_however_low_that_is) {
@@ -182,19 +191,6 @@ TEST(braking_downhill_for_ever_is_no_reversal) {
 }
 
 // --- in a robot ----------------------------------------------------------------------------------
-
-namespace {
-
-/// Turns the left wheel steadily for some steps, at a setpoint of the left wheel's.
-void turn_for(RobotBench& bench, int steps, int ticks_per_8_steps, float setpoint) {
-  for (int i = 0; i < steps; ++i) {
-    if (i % 100 == 0) bench.send(bench.velocity(setpoint, 0));
-    if (i % 8 == 0) bench.turn(ticks_per_8_steps, 0);
-    bench.step();
-  }
-}
-
-}  // namespace
 
 TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
   OpenRobot bench;

@@ -180,12 +180,6 @@ bool are_consecutive(const std::vector<ImuReading>& readings, size_t from = 1) {
 
 constexpr bool kInterrupt = true;
 
-}  // namespace
-
-// --- decoding ------------------------------------------------------------------------------------
-
-namespace {
-
 /// The first reading of a chip that measures these bytes.
 ImuReading decoded(SensorChip kind, uint8_t address, uint8_t identity_register, uint8_t identity,
                    uint8_t data_register, const std::vector<uint8_t>& bytes) {
@@ -202,7 +196,40 @@ ImuReading decoded(SensorChip kind, uint8_t address, uint8_t identity_register, 
   return reading;
 }
 
+/// Its second reading.
+PowerReading measured(Bus& bus, PowerDriver& driver) {
+  driver.poll();
+  bus.time_us += 200'000;
+  driver.poll();
+  PowerReading reading;
+  CHECK(driver.take(reading));
+  return reading;
+}
+
+/// A power sensor that measures, and its driver, 300 ms after the start.
+struct PowerRig {
+  PowerRig() {
+    bus.chips[0x40].words = {{0, 0x399f}, {1, 100}, {2, 0x3a98}};
+    run(300'000);
+  }
+  void run(uint64_t duration_us) {
+    for (const uint64_t end_us = now_us + duration_us; now_us < end_us; now_us += 1000) {
+      if (bus.time_us > now_us) continue;  // The task is busy.
+      bus.time_us = now_us;
+      driver.poll();
+      PowerReading reading;
+      if (driver.take(reading)) readings.push_back(reading);
+    }
+  }
+  Bus bus;
+  uint64_t now_us = 0;
+  PowerDriver driver{*power_table_of(SensorChip::kIna219), I2cChip{bus, 0x40}, 1000};
+  std::vector<PowerReading> readings;
+};
+
 }  // namespace
+
+// --- decoding ------------------------------------------------------------------------------------
 
 TEST(an_mpu_sends_the_high_byte_first) {
   // x 0x0102 = 258, y -2, z 8192; 0 counts; x 655, y -655, z 0x7fff.
@@ -237,20 +264,6 @@ TEST(an_mpu9250_of_either_identity_is_known) {
   CHECK(decoded(SensorChip::kMpu9250, 0x68, 0x75, 0x71, 0x3b, bytes).temperature_cdeg == 2200);
   CHECK(decoded(SensorChip::kMpu9250, 0x69, 0x75, 0x73, 0x3b, bytes).temperature_cdeg == 2200);
 }
-
-namespace {
-
-/// Its second reading.
-PowerReading measured(Bus& bus, PowerDriver& driver) {
-  driver.poll();
-  bus.time_us += 200'000;
-  driver.poll();
-  PowerReading reading;
-  CHECK(driver.take(reading));
-  return reading;
-}
-
-}  // namespace
 
 TEST(an_ina219_measures_by_its_shunt) {
   Bus bus;
@@ -506,31 +519,6 @@ TEST(a_slow_clock_of_the_chip_is_not_frozen_and_loses_nothing) {
   }
   CHECK(taken >= 165);
 }
-
-namespace {
-
-/// A power sensor that measures, and its driver, 300 ms after the start.
-struct PowerRig {
-  PowerRig() {
-    bus.chips[0x40].words = {{0, 0x399f}, {1, 100}, {2, 0x3a98}};
-    run(300'000);
-  }
-  void run(uint64_t duration_us) {
-    for (const uint64_t end_us = now_us + duration_us; now_us < end_us; now_us += 1000) {
-      if (bus.time_us > now_us) continue;  // The task is busy.
-      bus.time_us = now_us;
-      driver.poll();
-      PowerReading reading;
-      if (driver.take(reading)) readings.push_back(reading);
-    }
-  }
-  Bus bus;
-  uint64_t now_us = 0;
-  PowerDriver driver{*power_table_of(SensorChip::kIna219), I2cChip{bus, 0x40}, 1000};
-  std::vector<PowerReading> readings;
-};
-
-}  // namespace
 
 TEST(a_steady_voltage_is_no_fault) {
   PowerRig rig;

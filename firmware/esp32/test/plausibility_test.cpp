@@ -41,6 +41,21 @@ int steps_to_implausible(int32_t duty_q15, int32_t umps, int tick_every = 1) {
   return steps_to_implausible(monitor, duty_q15, umps, tick_every);
 }
 
+/// Steps until it trips while a wheel whose encoder reports this share of its speed is driven at
+/// full duty from rest, by a robot so many times heavier than its feed-forward says; 0: never.
+int steps_to_trip_from_rest(double seen, double heaviness, int direction = 1,
+                            double start_mps = 0) {
+  PlausibilityMonitor monitor;
+  double speed_mps = start_mps;
+  for (int step = 1; step <= 4000; ++step) {
+    const double needed = 1.365 * speed_mps + 0.055;
+    speed_mps += (1.0 - needed) / (0.143 * heaviness) * 1e-3;
+    const auto measured = static_cast<int32_t>(speed_mps * seen * 1e6) * direction;
+    if (trips(monitor, 32'767 * direction, measured)) return step;
+  }
+  return 0;
+}
+
 }  // namespace
 
 TEST(a_lower_battery_allows_more_duty) {
@@ -146,25 +161,6 @@ TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
   CHECK(duty_limit(400'000, 3 * kNominal, kDefaultGains) == 32'767);
   CHECK(while_accelerating(30'000, INT32_MAX, kDefaultGains) == 32'767);
 }
-
-namespace {
-
-/// Steps until it trips while a wheel whose encoder reports this share of its speed is driven at
-/// full duty from rest, by a robot so many times heavier than its feed-forward says; 0: never.
-int steps_to_trip_from_rest(double seen, double heaviness, int direction = 1,
-                            double start_mps = 0) {
-  PlausibilityMonitor monitor;
-  double speed_mps = start_mps;
-  for (int step = 1; step <= 4000; ++step) {
-    const double needed = 1.365 * speed_mps + 0.055;
-    speed_mps += (1.0 - needed) / (0.143 * heaviness) * 1e-3;
-    const auto measured = static_cast<int32_t>(speed_mps * seen * 1e6) * direction;
-    if (trips(monitor, 32'767 * direction, measured)) return step;
-  }
-  return 0;
-}
-
-}  // namespace
 
 TEST(a_heavy_robot_is_plausible_for_as_long_as_it_gains_speed) {
   for (const int direction : {1, -1}) {

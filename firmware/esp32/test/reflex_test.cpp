@@ -30,6 +30,78 @@ constexpr Peripheral kMpu6050 = {.kind = PeripheralKind::kImu,
 
 bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
 
+/// It drove until its bumper opened, and the bumper is free again.
+struct BumpedRobot : SensorRobot {
+  BumpedRobot() : SensorRobot(kBumpers) {
+    drive_on(0.2f, 0.2f, 100);
+    set_level(0, true);
+    drive_on(0.2f, 0.2f, 100);
+    CHECK(!driven());
+    set_level(0, false);
+    run(60);
+  }
+};
+
+struct Nobody final : SensorObserver {
+  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
+  void on_reading(size_t, const ImuReading&, uint16_t) override {}
+  void on_reading(size_t, const RangeReading&, uint16_t) override {}
+};
+
+/// A voltage that lasts for some time, and the battery's level at its end.
+struct Phase {
+  uint16_t millivolts;
+  int milliseconds;
+  BatteryLevel level;
+};
+/// The phases follow each other so many times.
+struct Course {
+  int times;
+  std::vector<Phase> phases;
+};
+
+/// A robot whose battery was at STOP, and has recovered without its load.
+struct EmptyRobot : SensorRobot {
+  EmptyRobot() : SensorRobot(kGuard) {
+    battery.measured_mv = 6300;
+    drive_on(0.2f, 0.2f, 2100);
+    CHECK(device.faults() == fault::kExternal && !driven());
+    battery.measured_mv = 6900;
+    run(100);
+    CHECK(clear_fault() == RefusalCode::kCausePresent);
+  }
+};
+
+/// A reset of the processor; the battery has 6.9 V.
+void survive(const SensorBench& before, SensorBench& after) {
+  after.survive_reset(before);
+  after.battery.measured_mv = 6900;
+}
+
+/// What the power sensor measures now.
+void measure(SensorBench& bench, uint16_t millivolts) {
+  bench.sensors.power =
+      PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
+}
+
+const Peripheral kRange{.kind = PeripheralKind::kRange,
+                        .chip = SensorChip::kHcSr04,
+                        .place = Place::kFront,
+                        .pin_a = 21,
+                        .pin_b = 34};
+const PeripheralList kAnalog = list_of(
+    {Peripheral{.kind = PeripheralKind::kAnalog, .pin_a = 35, .value_a = 4000, .value_b = 2}});
+
+/// What it was sent of the input, after a reading.
+std::vector<uint16_t> inputs_after(SensorBench& bench, uint16_t pin_mv, int milliseconds) {
+  bench.sensors.analog = AnalogReading{.pin_mv = pin_mv};
+  bench.received.clear();
+  bench.run(milliseconds);
+  std::vector<uint16_t> found;
+  for (const Inputs& inputs : bench.of<Inputs>()) found.push_back(inputs.analog_2_mv);
+  return found;
+}
+
 }  // namespace
 
 // --- bumpers -------------------------------------------------------------------------------------
@@ -79,22 +151,6 @@ TEST(the_robot_backs_out_and_is_free_after_a_while) {
   bench.drive_on(0.1f, 0.1f, 40);
   CHECK(forward(bench));
 }
-
-namespace {
-
-/// It drove until its bumper opened, and the bumper is free again.
-struct BumpedRobot : SensorRobot {
-  BumpedRobot() : SensorRobot(kBumpers) {
-    drive_on(0.2f, 0.2f, 100);
-    set_level(0, true);
-    drive_on(0.2f, 0.2f, 100);
-    CHECK(!driven());
-    set_level(0, false);
-    run(60);
-  }
-};
-
-}  // namespace
 
 TEST(a_bumper_that_is_free_again_does_not_restart_the_program) {
   BumpedRobot bench;
@@ -285,28 +341,6 @@ TEST(a_battery_limits_and_then_stops) {
   CHECK(bench.clear_fault() == RefusalCode::kNone);
 }
 
-namespace {
-
-struct Nobody final : SensorObserver {
-  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
-  void on_reading(size_t, const ImuReading&, uint16_t) override {}
-  void on_reading(size_t, const RangeReading&, uint16_t) override {}
-};
-
-/// A voltage that lasts for some time, and the battery's level at its end.
-struct Phase {
-  uint16_t millivolts;
-  int milliseconds;
-  BatteryLevel level;
-};
-/// The phases follow each other so many times.
-struct Course {
-  int times;
-  std::vector<Phase> phases;
-};
-
-}  // namespace
-
 TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
   using enum BatteryLevel;
   const std::vector<Course> cases[] = {
@@ -358,34 +392,6 @@ TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
         }
   }
 }
-
-namespace {
-
-/// A robot whose battery was at STOP, and has recovered without its load.
-struct EmptyRobot : SensorRobot {
-  EmptyRobot() : SensorRobot(kGuard) {
-    battery.measured_mv = 6300;
-    drive_on(0.2f, 0.2f, 2100);
-    CHECK(device.faults() == fault::kExternal && !driven());
-    battery.measured_mv = 6900;
-    run(100);
-    CHECK(clear_fault() == RefusalCode::kCausePresent);
-  }
-};
-
-/// A reset of the processor; the battery has 6.9 V.
-void survive(const SensorBench& before, SensorBench& after) {
-  after.survive_reset(before);
-  after.battery.measured_mv = 6900;
-}
-
-/// What the power sensor measures now.
-void measure(SensorBench& bench, uint16_t millivolts) {
-  bench.sensors.power =
-      PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
-}
-
-}  // namespace
 
 TEST(a_reset_charges_no_battery) {
   EmptyRobot first;
@@ -600,28 +606,6 @@ TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
   CHECK(bench.of<Inputs>().size() == 2);
   CHECK(bench.of<Inputs>().back().edges_0 == 0);
 }
-
-namespace {
-
-const Peripheral kRange{.kind = PeripheralKind::kRange,
-                        .chip = SensorChip::kHcSr04,
-                        .place = Place::kFront,
-                        .pin_a = 21,
-                        .pin_b = 34};
-const PeripheralList kAnalog = list_of(
-    {Peripheral{.kind = PeripheralKind::kAnalog, .pin_a = 35, .value_a = 4000, .value_b = 2}});
-
-/// What it was sent of the input, after a reading.
-std::vector<uint16_t> inputs_after(SensorBench& bench, uint16_t pin_mv, int milliseconds) {
-  bench.sensors.analog = AnalogReading{.pin_mv = pin_mv};
-  bench.received.clear();
-  bench.run(milliseconds);
-  std::vector<uint16_t> found;
-  for (const Inputs& inputs : bench.of<Inputs>()) found.push_back(inputs.analog_2_mv);
-  return found;
-}
-
-}  // namespace
 
 TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
   Peripheral imu = kMpu6050;

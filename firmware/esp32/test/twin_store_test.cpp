@@ -72,6 +72,39 @@ struct Slots {
   }
 };
 
+struct RecordedStores {
+  Slots configuration;
+  Slots other;
+  Slots latches;
+
+  /// Calls `use` with two stores, the first recording the second, as after a start.
+  template <typename Use>
+  auto with(Use use) {
+    TwinStore first(configuration.slots[0], configuration.slots[1]);
+    TwinStore second(other.slots[0], other.slots[1]);
+    TwinStore third(latches.slots[0], latches.slots[1]);
+    if (is_of_latches)
+      first.record(third, second);
+    else
+      first.record(second, third);
+    return use(first, second);
+  }
+  Found start(bool of_configuration = false) {
+    return with([&](TwinStore& first, TwinStore& second) {
+      return Slots::start(of_configuration ? first : second);
+    });
+  }
+  bool save(const Block& block, bool of_configuration = false) {
+    return with([&](TwinStore& first, TwinStore& second) {
+      return (of_configuration ? first : second).save(block.data(), block.size());
+    });
+  }
+  bool save_configuration(const Block& block) { return save(block, true); }
+  void clear(Slots& slots) { slots[0] = slots[1] = {}; }
+
+  bool is_of_latches = false;  ///< The other block holds the latches.
+};
+
 }  // namespace
 
 TEST(a_save_is_done_once_both_slots_hold_it) {
@@ -212,43 +245,6 @@ TEST(what_earlier_firmware_wrote_is_named) {
 }
 
 // --- which blocks exist --------------------------------------------------------------------------
-
-namespace {
-
-struct RecordedStores {
-  Slots configuration;
-  Slots other;
-  Slots latches;
-
-  /// Calls `use` with two stores, the first recording the second, as after a start.
-  template <typename Use>
-  auto with(Use use) {
-    TwinStore first(configuration.slots[0], configuration.slots[1]);
-    TwinStore second(other.slots[0], other.slots[1]);
-    TwinStore third(latches.slots[0], latches.slots[1]);
-    if (is_of_latches)
-      first.record(third, second);
-    else
-      first.record(second, third);
-    return use(first, second);
-  }
-  Found start(bool of_configuration = false) {
-    return with([&](TwinStore& first, TwinStore& second) {
-      return Slots::start(of_configuration ? first : second);
-    });
-  }
-  bool save(const Block& block, bool of_configuration = false) {
-    return with([&](TwinStore& first, TwinStore& second) {
-      return (of_configuration ? first : second).save(block.data(), block.size());
-    });
-  }
-  bool save_configuration(const Block& block) { return save(block, true); }
-  void clear(Slots& slots) { slots[0] = slots[1] = {}; }
-
-  bool is_of_latches = false;  ///< The other block holds the latches.
-};
-
-}  // namespace
 
 TEST(a_block_that_is_gone_is_damaged_and_not_one_that_never_was) {
   for (const bool has_configuration : {false, true}) {

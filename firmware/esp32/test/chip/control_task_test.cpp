@@ -89,25 +89,6 @@ int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
   return longest_us;
 }
 
-}  // namespace
-
-TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
-  for (const bool can_create : {false, true}) {
-    for (const int64_t bytes_every_us : {300, 10'000, 49'000, 60'000, 10'000'000}) {
-      fake_timer_creation = can_create ? ESP_OK : ESP_FAIL;
-      fake_timer_start = ESP_FAIL;
-      Rig rig;
-      CHECK(rig.start());
-      CHECK(longest_without_a_step_us(rig.device, bytes_every_us) < kTaskWatchdogUs * 6 / 10);
-      CHECK(rig.device.faults() & fault::kDriverFailed);
-      CHECK(rig.device.state() == SupervisorState::kFault);
-    }
-  }
-  fake_timer_creation = fake_timer_start = ESP_OK;
-}
-
-namespace {
-
 RecorderMemory recorder_memory;
 
 /// A chip that starts after `reason`, with its task, its recorder and a host on its line.
@@ -167,19 +148,6 @@ void blank_flash() {
       .on_call = {},
       .bytes = std::vector<uint8_t>(RecorderKeeper::kFlashSize, 0xff)};
 }
-
-}  // namespace
-
-TEST(a_fault_s_box_is_stored_by_the_task_within_the_watchdog_s_limit) {
-  blank_flash();
-  std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
-  const BoxValue newest = newest_after_a_run(ResetReason::kPowerOn, true);
-  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kFault);
-  CHECK(newest.faults == fault::kDriverFailed);
-  CHECK(fake_partition.erasures > 8);
-}
-
-namespace {
 
 /// A host that opens a session, asks ten times a second, and notes how long each answer took.
 class AskingLine final : public Line {
@@ -243,6 +211,30 @@ class AskingLine final : public Line {
 };
 
 }  // namespace
+
+TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
+  for (const bool can_create : {false, true}) {
+    for (const int64_t bytes_every_us : {300, 10'000, 49'000, 60'000, 10'000'000}) {
+      fake_timer_creation = can_create ? ESP_OK : ESP_FAIL;
+      fake_timer_start = ESP_FAIL;
+      Rig rig;
+      CHECK(rig.start());
+      CHECK(longest_without_a_step_us(rig.device, bytes_every_us) < kTaskWatchdogUs * 6 / 10);
+      CHECK(rig.device.faults() & fault::kDriverFailed);
+      CHECK(rig.device.state() == SupervisorState::kFault);
+    }
+  }
+  fake_timer_creation = fake_timer_start = ESP_OK;
+}
+
+TEST(a_fault_s_box_is_stored_by_the_task_within_the_watchdog_s_limit) {
+  blank_flash();
+  std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
+  const BoxValue newest = newest_after_a_run(ResetReason::kPowerOn, true);
+  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kFault);
+  CHECK(newest.faults == fault::kDriverFailed);
+  CHECK(fake_partition.erasures > 8);
+}
 
 TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   constexpr int64_t kEraseUs = 400'000;

@@ -146,6 +146,20 @@ void expect(const Pair& pair, const char* state, const char* wanted, char seen) 
   wheelwire::test::report(__FILE__, __LINE__, "the winding does what the table says");
 }
 
+/// Whether the stage drives at some levels of the inputs that nothing holds.
+bool may_drive_afloat(Stage stage, uint8_t held_low) {
+  const StageTable& table = *table_of(stage);
+  for (unsigned levels = 0; levels < 1U << kStageInputs; ++levels) {
+    StageOutputs inputs;
+    for (size_t i = 0; i < kStageInputs; ++i) {
+      const bool floats = (table.inputs & ~held_low) >> i & 1;
+      inputs.duty_q15[i] = floats && (levels >> i & 1) ? kHigh_q15 : uint16_t{0};
+    }
+    if (state_of(stage, inputs).drives()) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 TEST(matrix_has_every_pair_of_shipped_boards) {
@@ -240,24 +254,6 @@ TEST(matrix_of_a_drv8833_that_is_never_asleep) {
     CHECK(robot.windings() == row.release);
   }
 }
-
-namespace {
-
-/// Whether the stage drives at some levels of the inputs that nothing holds.
-bool may_drive_afloat(Stage stage, uint8_t held_low) {
-  const StageTable& table = *table_of(stage);
-  for (unsigned levels = 0; levels < 1U << kStageInputs; ++levels) {
-    StageOutputs inputs;
-    for (size_t i = 0; i < kStageInputs; ++i) {
-      const bool floats = (table.inputs & ~held_low) >> i & 1;
-      inputs.duty_q15[i] = floats && (levels >> i & 1) ? kHigh_q15 : uint16_t{0};
-    }
-    if (state_of(stage, inputs).drives()) return true;
-  }
-  return false;
-}
-
-}  // namespace
 
 /// The pull-downs that a stage's table requires hold it off, whatever its other inputs pick up.
 /// Without them it may drive.

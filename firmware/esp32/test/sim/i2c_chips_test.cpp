@@ -40,6 +40,18 @@ bool is_near(double value, double expected, double within) {
   return std::abs(value - expected) <= within;
 }
 
+/// The rotation that maps the axes of a robot at `tilt` to a level robot's, column by column.
+struct Attitude {
+  explicit Attitude(const Tilt& tilt) {
+    const double sr = std::sin(tilt.roll_rad), cr = std::cos(tilt.roll_rad);
+    const double sp = std::sin(tilt.pitch_rad), cp = std::cos(tilt.pitch_rad);
+    const double rows[3][3] = {{cp, sp * sr, sp * cr}, {0, cr, -sr}, {-sp, cp * sr, cp * cr}};
+    for (size_t i = 0; i < 3; ++i)
+      for (size_t j = 0; j < 3; ++j) to_level[i][j] = rows[i][j];
+  }
+  double to_level[3][3];
+};
+
 }  // namespace
 
 TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
@@ -146,22 +158,6 @@ TEST(samples_go_on_after_a_reset_of_the_processor) {
   CHECK(bench.imus.size() >= 75 && bench.imus.back().state == SensorState::kOk);
   for (const ImuReading& reading : bench.imus) CHECK(reading.t_us <= bench.board.device_us());
 }
-
-namespace {
-
-/// The rotation that maps the axes of a robot at `tilt` to a level robot's, column by column.
-struct Attitude {
-  explicit Attitude(const Tilt& tilt) {
-    const double sr = std::sin(tilt.roll_rad), cr = std::cos(tilt.roll_rad);
-    const double sp = std::sin(tilt.pitch_rad), cp = std::cos(tilt.pitch_rad);
-    const double rows[3][3] = {{cp, sp * sr, sp * cr}, {0, cr, -sr}, {-sp, cp * sr, cp * cr}};
-    for (size_t i = 0; i < 3; ++i)
-      for (size_t j = 0; j < 3; ++j) to_level[i][j] = rows[i][j];
-  }
-  double to_level[3][3];
-};
-
-}  // namespace
 
 TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
   const double g = 9.80665;

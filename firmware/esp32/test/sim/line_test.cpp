@@ -13,6 +13,13 @@ size_t read_all(Line& line) {
   return line.read(buffer, sizeof buffer);
 }
 
+struct Tap final : LineTap {
+  std::vector<size_t> read;
+  size_t written = 0;
+  void on_read(const uint8_t*, size_t size) override { read.push_back(size); }
+  void on_write(const uint8_t*, size_t size) override { written += size; }
+};
+
 }  // namespace
 
 TEST(line_carries_no_faster_than_its_baud_rate) {
@@ -72,17 +79,6 @@ TEST(line_tells_when_the_next_wire_falls_idle) {
   line.carry(line.until_idle(), true);
   CHECK(line.until_idle() == 0.0 && read_all(line) == 100);
 }
-
-namespace {
-
-struct Tap final : LineTap {
-  std::vector<size_t> read;
-  size_t written = 0;
-  void on_read(const uint8_t*, size_t size) override { read.push_back(size); }
-  void on_write(const uint8_t*, size_t size) override { written += size; }
-};
-
-}  // namespace
 
 TEST(a_tap_sees_one_frame_after_the_other_and_the_end) {
   Line line;

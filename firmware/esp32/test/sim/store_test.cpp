@@ -38,15 +38,6 @@ void keeps_what_is_saved(Store& store) {
   CHECK(store.format() && store.load(out, sizeof out) == 3);  // It can be opened.
 }
 
-}  // namespace
-
-TEST(store_in_memory) {
-  Store store;
-  keeps_what_is_saved(store);
-}
-
-namespace {
-
 /// A folder with a file for a store, both gone at the end.
 struct Folder {
   char name[64] = "/tmp/wheelwire-store-XXXXXX";
@@ -79,7 +70,20 @@ struct Folder {
 constexpr size_t kSlotAt[] = {4, 4 + 1024};
 constexpr size_t kFileSize = 4 + 2 * 1024;
 
+struct Deny final : StoreWatch {
+  int asked = 0;
+  WriteFate fate_of_write(const Store&, int) override {
+    ++asked;
+    return WriteFate::kUntouched;
+  }
+};
+
 }  // namespace
+
+TEST(store_in_memory) {
+  Store store;
+  keeps_what_is_saved(store);
+}
 
 TEST(store_in_a_file) {
   const Folder folder;
@@ -193,18 +197,6 @@ TEST(stores_in_a_partition_that_cannot_be_opened_are_formatted_together) {
   CHECK(loaded(board) == 0 && board.faults() == 0);
   CHECK(board.save(kBlock, sizeof kBlock));
 }
-
-namespace {
-
-struct Deny final : StoreWatch {
-  int asked = 0;
-  WriteFate fate_of_write(const Store&, int) override {
-    ++asked;
-    return WriteFate::kUntouched;
-  }
-};
-
-}  // namespace
 
 TEST(a_watch_may_refuse_each_write) {
   Store store;
