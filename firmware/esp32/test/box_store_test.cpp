@@ -2,7 +2,7 @@
 // anything is written, and what a host reads of it.
 #include "box_store.hpp"
 
-#include <cstring>
+#include <array>
 #include <map>
 
 #include "check.hpp"
@@ -34,6 +34,13 @@ bool store(BoxStore& boxes, CutFlash& flash, uint32_t seed, BoxCause cause = Box
   return !flash.is_off();
 }
 
+/// A box in flash as its re-run takes it.
+std::vector<uint32_t> memory_in(BoxStore& boxes, uint32_t number) {
+  std::vector<uint32_t> image(kBoxImageWords);
+  CHECK(boxes.read(number, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize));
+  return {image.begin() + BoxHead::kWords, image.end()};
+}
+
 using Images = std::map<uint32_t, std::vector<uint8_t>>;
 
 /// All boxes by their numbers.
@@ -42,9 +49,7 @@ Images images(BoxStore& boxes) {
   for (size_t age = 0; const BoxHead* const head = boxes.head(age); ++age) {
     std::vector<uint8_t> image(kBoxImageSize);
     CHECK(boxes.read(head->number, 0, image.data(), image.size()));
-    std::vector<uint32_t> memory(box::kWords);
-    std::memcpy(memory.data(), image.data() + BoxHead::kSize, image.size() - BoxHead::kSize);
-    CHECK(box_check(memory.data()) == head->check);
+    CHECK(box_check(memory_in(boxes, head->number).data()) == head->check);
     all[head->number] = image;
   }
   return all;
@@ -124,11 +129,19 @@ uint32_t resets(const LedgerCounts& counts, ResetReason reason) {
 }
 uint32_t deadlines(const LedgerCounts& counts) { return stops(counts, SupervisorEvent::kDeadline); }
 
-/// What a ledger knows that starts now.
-LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) {
-  Ledger ledger(flash, BoxStore::kSize, memory);
-  ledger.start(reason);
-  return ledger.counts(0);
+using LedgerMemory = std::array<uint8_t, Ledger::kMemorySize>;
+
+struct StartedLedger : Ledger {
+  StartedLedger(CutFlash& flash, LedgerMemory& memory, ResetReason reason = ResetReason::kPowerOn)
+      : Ledger(flash, BoxStore::kSize, memory.data()) {
+    start(reason);
+  }
+  void count_deadline() { count(SupervisorEvent::kDeadline, SupervisorState::kDriving); }
+};
+
+/// What a ledger knows that starts now, in a copy of this memory.
+LedgerCounts counts_after(ResetReason reason, CutFlash& flash, LedgerMemory memory = {}) {
+  return StartedLedger(flash, memory, reason).counts(0);
 }
 
 /// The boxes are the old ones, and perhaps the new one, which may have replaced an old one. Each is
@@ -258,8 +271,7 @@ TEST(a_cut_while_a_robot_stores_a_box_leaves_its_parameters_and_its_counts) {
       robot.flash.power_on();
       StartedBoxes boxes(robot.flash);
       CHECK(images(boxes).size() <= 1);
-      uint8_t memory[Ledger::kMemorySize]{};
-      const LedgerCounts counts = counts_after(ResetReason::kPowerOn, robot.flash, memory);
+      const LedgerCounts counts = counts_after(ResetReason::kPowerOn, robot.flash);
       CHECK(resets(counts, ResetReason::kPowerOn) == 2);
     }
   }
@@ -293,9 +305,8 @@ TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
   CHECK(robot.keeper->store().count() == 1);
   const BoxHead& head = *robot.keeper->store().head(0);
   CHECK(head.cause == BoxCause::kEstop && head.board == 0x77 && head.origin.boot_id == 3);
-  std::vector<uint32_t> image(kBoxImageWords);
-  CHECK(robot.keeper->store().read(1, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize));
-  CHECK(Rerun(image.data() + BoxHead::kWords).run() == Rerun::Outcome::kSame);
+  const auto recorded = memory_in(robot.keeper->store(), 1);
+  CHECK(Rerun(recorded.data()).run() == Rerun::Outcome::kSame);
   // It records again, and the box written to flash re-runs, too.
   CHECK(!robot.keeper->black_box().is_closed());
   robot.run(15'000);
@@ -350,9 +361,8 @@ TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
     if (!panics) continue;
     const BoxHead& head = *second.keeper->store().head(0);
     CHECK(head.cause == BoxCause::kReset && head.reset_reason == ResetReason::kPanic);
-    std::vector<uint32_t> image(kBoxImageWords);
-    second.keeper->store().read(1, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize);
-    Rerun rerun(image.data() + BoxHead::kWords);
+    const auto recorded = memory_in(second.keeper->store(), 1);
+    Rerun rerun(recorded.data());
     CHECK(rerun.run() == Rerun::Outcome::kSame && rerun.steps() == 32);
     CHECK(!second.keeper->black_box().is_closed());
   }
@@ -360,19 +370,17 @@ TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
 
 TEST(the_ledger_counts_across_resets) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  uint8_t memory[Ledger::kMemorySize]{};
-  Ledger first(flash, BoxStore::kSize, memory);
-  first.start(ResetReason::kPowerOn);
-  first.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  LedgerMemory memory{};
+  StartedLedger first(flash, memory);
+  first.count_deadline();
   first.count(SupervisorEvent::kDeadline, SupervisorState::kTimedOut);
   first.count(SupervisorEvent::kEstop, SupervisorState::kIdle);
   CHECK(first.work(10'000'000));
   first.count(SupervisorEvent::kStop, SupervisorState::kDriving);
   CHECK(!first.work(609'000'000));
   CHECK(first.work(610'000'000) && !first.work(2'000'000'000));
-  std::fill(std::begin(memory), std::end(memory), uint8_t{0});  // As a cut of the power does.
-  Ledger second(flash, BoxStore::kSize, memory);
-  second.start(ResetReason::kBrownout);
+  memory = {};  // As a cut of the power does.
+  StartedLedger second(flash, memory, ResetReason::kBrownout);
   const LedgerCounts counts = second.counts(5'000'000);
   CHECK(counts.uptime_s == 615);
   CHECK(resets(counts, ResetReason::kPowerOn) == 1);
@@ -387,25 +395,22 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
   for (const uint32_t entries : {0u, 5u, 31u, 32u, 255u, 256u, 700u}) {
     for (size_t cut = 0; cut < 3; ++cut) {
       CutFlash flash(RecorderKeeper::kFlashSize);
-      uint8_t memory[3][Ledger::kMemorySize]{};  // Lost with the power.
-      Ledger before(flash, BoxStore::kSize, memory[0]);
-      before.start(ResetReason::kPowerOn);
+      LedgerMemory memory[3]{};  // Lost with the power.
+      StartedLedger before(flash, memory[0]);
       uint64_t now_us = 10'000'000;
-      const auto write = [&now_us](Ledger& ledger, CutFlash& power) {
+      const auto write = [&now_us](StartedLedger& ledger, CutFlash& power) {
         now_us += 600'000'000;
-        ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+        ledger.count_deadline();
         for (int i = 0; i < 5 && !power.is_off(); ++i) ledger.work(now_us);
       };
       for (uint32_t i = 0; i < entries; ++i) write(before, flash);
       flash.cut_after(cut);
       write(before, flash);
       flash.power_on();
-      Ledger after(flash, BoxStore::kSize, memory[1]);
-      after.start(ResetReason::kPowerOn);
+      StartedLedger after(flash, memory[1]);
       CHECK(deadlines(after.counts(0)) == entries || deadlines(after.counts(0)) == entries + 1);
       write(after, flash);
-      Ledger later(flash, BoxStore::kSize, memory[2]);
-      later.start(ResetReason::kPowerOn);
+      const StartedLedger later(flash, memory[2]);
       CHECK(deadlines(later.counts(0)) == deadlines(after.counts(0)));
     }
   }
@@ -413,30 +418,27 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
 
 TEST(a_reset_of_the_processor_loses_no_count) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  uint8_t memory[Ledger::kMemorySize];
-  std::fill(std::begin(memory), std::end(memory), uint8_t{0xa5});  // As a power-on leaves it.
+  LedgerMemory memory;
+  memory.fill(0xa5);  // As a power-on leaves it.
   for (uint32_t boot = 0; boot < 5; ++boot) {
-    Ledger ledger(flash, BoxStore::kSize, memory);
-    ledger.start(boot == 0 ? ResetReason::kPowerOn : ResetReason::kPanic);
+    StartedLedger ledger(flash, memory, boot == 0 ? ResetReason::kPowerOn : ResetReason::kPanic);
     CHECK(deadlines(ledger.counts(0)) == boot);
     CHECK(ledger.counts(0).uptime_s == 4 * boot);
     CHECK(resets(ledger.counts(0), ResetReason::kPanic) == boot);
     for (uint64_t now_us = 1000; now_us < 4'500'000; now_us += 1000) ledger.note_time(now_us);
-    ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+    ledger.count_deadline();
   }
   CHECK(flash.operations == 0);
 }
 
 TEST(what_is_in_flash_is_not_counted_twice) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  uint8_t memory[Ledger::kMemorySize]{};
-  uint8_t before_write[Ledger::kMemorySize];
-  Ledger ledger(flash, BoxStore::kSize, memory);
-  ledger.start(ResetReason::kPowerOn);
-  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
-  std::copy(std::begin(memory), std::end(memory), before_write);
+  LedgerMemory memory{};
+  StartedLedger ledger(flash, memory);
+  ledger.count_deadline();
+  const LedgerMemory before_write = memory;
   CHECK(ledger.work(20'000'000));
-  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  ledger.count_deadline();
   // A panic between the write and what follows it leaves the memory of before: flash knows more.
   const LedgerCounts torn = counts_after(ResetReason::kPanic, flash, before_write);
   CHECK(deadlines(torn) == 1);
@@ -448,34 +450,27 @@ TEST(what_is_in_flash_is_not_counted_twice) {
 
 TEST(counts_in_memory_that_are_damaged_or_of_another_flash_are_not_believed) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  uint8_t memory[Ledger::kMemorySize]{};
-  Ledger ledger(flash, BoxStore::kSize, memory);
-  ledger.start(ResetReason::kPowerOn);
-  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
-  const auto counted = [&flash](const uint8_t* from) {
-    uint8_t copy[Ledger::kMemorySize];
-    std::copy_n(from, sizeof copy, copy);
-    return counts_after(ResetReason::kPanic, flash, copy)
-        .stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
-  };
+  LedgerMemory memory{};
+  StartedLedger ledger(flash, memory);
+  ledger.count_deadline();
+  const auto counted = [&] { return deadlines(counts_after(ResetReason::kPanic, flash, memory)); };
   // A reset in the middle of a write leaves one of the two records whole.
-  for (size_t i = 0; i < sizeof memory; ++i) {
-    memory[i] ^= 1;
-    CHECK(counted(memory) == 1);
-    memory[i] ^= 1;
+  for (uint8_t& byte : memory) {
+    byte ^= 1;
+    CHECK(counted() == 1);
+    byte ^= 1;
   }
   memory[5] ^= 1;
   memory[LedgerCounts::kSize + 5] ^= 1;
-  CHECK(counted(memory) == 0);
+  CHECK(counted() == 0);
   memory[5] ^= 1;
-  CHECK(counted(memory) == 1);
+  CHECK(counted() == 1);
   CutFlash written(RecorderKeeper::kFlashSize);
-  uint8_t other[Ledger::kMemorySize]{};
-  Ledger elsewhere(written, BoxStore::kSize, other);
-  elsewhere.start(ResetReason::kPowerOn);
+  LedgerMemory other{};
+  StartedLedger elsewhere(written, other);
   CHECK(elsewhere.work(10'000'000));
   flash = written;
-  CHECK(counted(memory) == 0);
+  CHECK(counted() == 0);
 }
 
 TEST(a_boot_loop_writes_nothing_and_is_counted) {
