@@ -8,11 +8,10 @@
 #include "check.hpp"
 #include "esp_system.h"
 #include "esp_task_wdt.h"
-#include "frames.hpp"
+#include "fake_line.hpp"
 #include "partition_flash.hpp"
 #include "pins.hpp"
 #include "recorder_keeper.hpp"
-#include "robot_bench.hpp"
 #include "stage_boards.hpp"
 #include "task_watchdog.hpp"
 #include "wired_robot.hpp"
@@ -25,27 +24,20 @@ namespace {
 constexpr uint32_t kBytesCame = 2;
 constexpr int64_t kTaskWatchdogUs = 100'000;
 
-struct SilentLine final : Line {
-  bool start() override { return true; }
-  void notify(TaskHandle_t, uint32_t) override {}
-  void push() override {}
-  size_t read(uint8_t*, size_t) override { return 0; }
-  bool write(const uint8_t*, size_t) override { return true; }
-  uint32_t bytes_per_second() const override { return 92'160; }
-};
-
 /// A robot at rest, with all that a task needs.
 struct Rig {
   const BoardDescription board = board_of(Stage::kEnableIn1In2);
   WiredRobot robot{board};
-  SilentLine line;
+  FakeLine line;
   MemoryStore store;
   MemoryLatches latches;
   MemoryStore latch_store;
   BenchBattery battery;
-  Device device = device_on(line, Identity{});
+  Device device = device_on(line);
 
-  Device device_on(Line& any, const Identity& identity) {
+  Device device_on(Line& any) {
+    Identity identity = RobotBench::kIdentity;
+    identity.capabilities = capability::kRestart;
     return Device{{.left_motor = robot.left_motor,
                    .right_motor = robot.right_motor,
                    .encoders = robot.encoders,
@@ -66,7 +58,7 @@ struct Rig {
 /// Runs the task for a second, in which bytes come every `bytes_every_us`, and no timer ever wakes
 /// it. Returns the longest time without a step.
 int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
-  static SilentLine line;
+  static FakeLine line;
   static DeadMan dead_man;
   static SharedState state;
   ControlTask task{device, line, dead_man, state, nullptr};
@@ -93,8 +85,8 @@ RecorderMemory recorder_memory;
 
 /// A chip that starts after `reason`, with its task, its recorder and a host on its line.
 struct StartedChip {
-  StartedChip(ResetReason reason, Line& line, const Identity& identity = {})
-      : device(rig.device_on(line, identity)),
+  StartedChip(ResetReason reason, Line& line)
+      : device(rig.device_on(line)),
         recorder(recorder_memory, flash, {}, reason, 0),
         task(device, line, dead_man, state, &recorder) {
     CHECK(rig.start() && start_task_watchdog() && flash.start(RecorderKeeper::kFlashSize));
@@ -127,7 +119,7 @@ struct StartedChip {
 /// How a start after `reason` goes on until 20 s after it: a fault at 2 s if `fails`, and flash
 /// that takes 400 ms to erase a sector. Returns the newest box in it then, and how many there are.
 BoxValue newest_after_a_run(ResetReason reason, bool fails) {
-  SilentLine line;
+  FakeLine line;
   StartedChip chip(reason, line);
   fake_partition.on_call = [](bool erases) {
     CHECK(!erases || fake_task_watchdog.timeout_ms > 400);
@@ -150,64 +142,40 @@ void blank_flash() {
 }
 
 /// A host that opens a session, asks ten times a second, and notes how long each answer took.
-class AskingLine final : public Line {
+class AskingHost final : public BenchHost, public FakeLine {
  public:
+  AskingHost() : FakeLine(BenchHost::line) {}
+
   std::vector<int64_t> waits_us;
   int64_t restarts_us = INT64_MAX;  ///< When it asks for a restart.
 
-  bool start() override { return true; }
-  void notify(TaskHandle_t, uint32_t) override {}
-  void push() override {}
-  uint32_t bytes_per_second() const override { return 92'160; }
-
-  /// Has a host send what is due by now.
+  /// Sends what is due by now.
   void advance() {
-    if (!is_open_) {
-      send(
-          Hello{
-              .nonce = kNonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash},
-          fake_time_us);
-      is_open_ = true;
+    if (next_us_ == 0) {
+      greet(kNonce, false);
       next_us_ = fake_time_us + kIntervalUs;
     }
     for (; next_us_ <= fake_time_us; next_us_ += kIntervalUs) {
-      send(GroupGet{kNonce, ++request_id_, Group::kRecorder}, next_us_);
-      if (next_us_ >= restarts_us) send(Restart{kNonce, ++request_id_}, next_us_);
+      send(GroupGet{session_id(), ++request_id, Group::kRecorder});
+      sent_us_[request_id] = next_us_;
+      if (next_us_ >= restarts_us) send(Restart{session_id(), ++request_id});
     }
-  }
-  size_t read(uint8_t* out, size_t capacity) override {
-    const size_t size = std::min(capacity, waiting_.size());
-    std::copy_n(waiting_.begin(), size, out);
-    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(size));
-    return size;
   }
   bool write(const uint8_t* data, size_t size) override {
-    Frame frame{};
-    for (size_t i = 0; i < size; ++i) {
-      if (!decoder_.feed(data[i], frame) || frame.id != GroupInfo::kId) continue;
-      waits_us.push_back(fake_time_us - sent_us_.at(GroupInfo::decode(frame.body).request_id));
-    }
-    return true;
+    received.clear();
+    const bool is_taken = FakeLine::write(data, size);
+    collect();
+    for (const GroupInfo& info : of<GroupInfo>())
+      waits_us.push_back(fake_time_us - sent_us_.at(info.request_id));
+    return is_taken;
   }
+  void service() override {}  // Its task reads the line.
 
  private:
-  static constexpr uint32_t kNonce = 0x1234;
   static constexpr int64_t kIntervalUs = 100'000;
 
-  template <typename Message>
-  void send(const Message& message, int64_t at_us) {
-    const std::vector<uint8_t> frame = frame_of(message, seq_++);
-    waiting_.insert(waiting_.end(), frame.begin(), frame.end());
-    sent_us_[request_id_] = at_us;
-  }
-
-  bool is_open_ = false;
   int64_t next_us_ = 0;
-  uint16_t request_id_ = 0;
-  uint16_t seq_ = 0;
-  std::vector<uint8_t> waiting_;
   std::map<uint16_t, int64_t> sent_us_;
-  FrameDecoder decoder_{body_size};
 };
 
 }  // namespace
@@ -240,8 +208,8 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   constexpr int64_t kEraseUs = 400'000;
   blank_flash();
   std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
-  AskingLine line;
-  StartedChip chip(ResetReason::kPowerOn, line);
+  AskingHost host;
+  StartedChip chip(ResetReason::kPowerOn, host);
   int calls = 0;
   int most_calls = 0;
   bool is_started = false;
@@ -258,29 +226,27 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
     is_started = true;
     calls = 0;
     if (fake_time_us >= 2'000'000) chip.device.report_driver_failure();
-    line.advance();
+    host.advance();
   });
   CHECK(chip.recorder.store().count() == 1 && fake_partition.erasures > 16);
   CHECK(most_calls == 2);  // A change and a read: a machine on which each is slow answers, too.
   CHECK(shortest_rest_us >= kEraseUs);
-  CHECK(line.waits_us.size() >= 398);
-  CHECK(*std::max_element(line.waits_us.begin(), line.waits_us.end()) <= kEraseUs + 2'000);
+  CHECK(host.waits_us.size() >= 398);
+  CHECK(*std::max_element(host.waits_us.begin(), host.waits_us.end()) <= kEraseUs + 2'000);
   fake_partition = {};
 }
 
 TEST(a_restart_that_is_asked_for_leaves_no_box_to_a_boot_that_crashes_at_once) {
   blank_flash();
-  AskingLine line;
-  line.restarts_us = 2'000'000;
-  Identity identity{};
-  identity.capabilities = capability::kRestart;
-  StartedChip chip(ResetReason::kPowerOn, line, identity);
+  AskingHost host;
+  host.restarts_us = 2'000'000;
+  StartedChip chip(ResetReason::kPowerOn, host);
   bool restarted = false;
   fake_restart = [&] {
     restarted = true;
     throw EndOfTask{};
   };
-  chip.run_until(20'000'000, [&] { line.advance(); });
+  chip.run_until(20'000'000, [&] { host.advance(); });
   fake_restart = [] {};
   CHECK(restarted);
   RecorderKeeper next{recorder_memory, chip.flash, {}, ResetReason::kPanic, 0};

@@ -6,8 +6,8 @@
 #include "esp_cpu.h"
 #include "esp_rom_sys.h"
 #include "fail_core.hpp"
+#include "fake_line.hpp"
 #include "freertos/task.h"
-#include "robot_bench.hpp"
 #include "self_test_line.hpp"
 #include "stage_boards.hpp"
 #include "wired_robot.hpp"
@@ -30,18 +30,6 @@ struct RecordedMotor final : MotorPort {
   void drive(int16_t duty_q15) override { duty = duty_q15, brakes = false; }
   void brake() override { duty = 0, brakes = true; }
   void coast() override { duty = 0, brakes = false; }
-};
-
-struct ChipLine final : Line {
-  test::BenchLine& bytes;
-  explicit ChipLine(test::BenchLine& of) : bytes(of) {}
-
-  bool start() override { return true; }
-  void notify(TaskHandle_t, uint32_t) override {}
-  void push() override {}
-  size_t read(uint8_t* out, size_t capacity) override { return bytes.read(out, capacity); }
-  bool write(const uint8_t* data, size_t size) override { return bytes.write(data, size); }
-  uint32_t bytes_per_second() const override { return 0; }
 };
 
 int any_body_size(uint8_t id) {
@@ -98,7 +86,7 @@ class SelfTestWorld : public test::BenchHost {
   RecordedMotor left;
   RecordedMotor right;
   SharedState state;
-  ChipLine chip_line{line};
+  test::FakeLine chip_line{line};
   SelfTest test{board, left, right, state};
   SelfTestLine self_test_line{chip_line, test};
 
