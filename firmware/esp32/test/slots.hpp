@@ -10,26 +10,33 @@
 
 namespace wheelwire::test {
 
-/// A slot in flash. Where the power goes in the middle of a write, what was there is lost.
-class CutSlot final : public BlockStore {
+/// A slot in flash, whose saves go wrong as a test says.
+class FakeSlot final : public BlockStore {
  public:
-  explicit CutSlot(int& writes_left) : writes_left_(writes_left) {}
+  explicit FakeSlot(int* writes_left = nullptr) : left(writes_left) {}
 
   size_t load(uint8_t* out, size_t capacity) override { return memory.load(out, capacity); }
   bool save(const uint8_t* data, size_t size) override {
-    if (writes_left_ <= 0) {
-      if (writes_left_-- == 0 && loses) memory.block.clear();
+    ++saves;
+    if (left != nullptr && *left <= 0) {
+      if ((*left)-- == 0 && loses) memory.block.clear();
       return false;
     }
-    --writes_left_;
-    return memory.save(data, size);
+    if (left != nullptr) --*left;
+    if (lost == 0) return memory.save(data, size);
+    --lost;
+    if (!keeps_old) memory.block.clear();
+    return true;
   }
+  uint32_t faults() override { return found; }
 
   MemoryStore memory;
-  bool loses = true;
-
- private:
-  int& writes_left_;
+  int* left;               ///< So many more before the power fails,
+  bool loses = true;       ///< in the middle of a write: what was there is lost.
+  int lost = 0;            ///< So many saves are taken, and lost,
+  bool keeps_old = false;  ///< with what was there before, or without.
+  int saves = 0;
+  uint32_t found = 0;
 };
 
 /// Outlives each device on it. By StoredBlock.
@@ -37,10 +44,10 @@ struct SlotFlash {
   static constexpr int kPlenty = 1'000'000;
 
   int writes_left = kPlenty;
-  std::array<std::array<CutSlot, 2>, kStoredBlocks> slots{
-      {{CutSlot(writes_left), CutSlot(writes_left)},
-       {CutSlot(writes_left), CutSlot(writes_left)},
-       {CutSlot(writes_left), CutSlot(writes_left)}}};
+  std::array<std::array<FakeSlot, 2>, kStoredBlocks> slots{
+      {{FakeSlot(&writes_left), FakeSlot(&writes_left)},
+       {FakeSlot(&writes_left), FakeSlot(&writes_left)},
+       {FakeSlot(&writes_left), FakeSlot(&writes_left)}}};
   std::array<TwinStore, kStoredBlocks> stores{
       {{slots[0][0], slots[0][1]}, {slots[1][0], slots[1][1]}, {slots[2][0], slots[2][1]}}};
 

@@ -1,11 +1,12 @@
 #include "twin_store.hpp"
 
 #include "check.hpp"
-#include "memory_store.hpp"
 #include "protocol.hpp"
+#include "slots.hpp"
 #include "wire.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
@@ -13,30 +14,6 @@ using Block = std::vector<uint8_t>;
 
 const Block kOld{1, 2, 3};
 const Block kNew{4, 5};
-
-/// A slot whose saves can go wrong.
-class BadSlot final : public BlockStore {
- public:
-  size_t load(uint8_t* out, size_t capacity) override { return memory.load(out, capacity); }
-  bool save(const uint8_t* data, size_t size) override {
-    ++saves;
-    if (left != nullptr && (*left)-- <= 0) return false;
-    if (lost > 0) {
-      --lost;
-      if (!keeps_old) memory.block.clear();
-      return true;
-    }
-    return memory.save(data, size);
-  }
-  uint32_t faults() override { return found; }
-
-  MemoryStore memory;
-  int lost = 0;            ///< So many saves are taken, and lost,
-  bool keeps_old = false;  ///< with what was there before, or without.
-  int saves = 0;
-  int* left = nullptr;  ///< So many more before the power fails.
-  uint32_t found = 0;
-};
 
 /// What a start finds, which knows nothing of the one before.
 struct Found {
@@ -47,7 +24,7 @@ struct Found {
 };
 
 struct Slots {
-  BadSlot slots[2];
+  FakeSlot slots[2];
 
   Block& operator[](int slot) { return slots[slot].memory.block; }
   bool save(const Block& block) {
@@ -68,7 +45,7 @@ struct Slots {
     return store.repair();
   }
   void cut_after(int& writes) {
-    for (BadSlot& slot : slots) slot.left = &writes;
+    for (FakeSlot& slot : slots) slot.left = &writes;
   }
 };
 
@@ -165,11 +142,10 @@ TEST(a_power_cut_at_any_write_leaves_the_old_block_or_the_new_one) {
     for (int writes = 0; writes < 3; ++writes) {
       Slots slots;
       CHECK(slots.save(kOld));
+      for (FakeSlot& slot : slots.slots) slot.loses = loses;
       int left = writes;
       slots.cut_after(left);
       CHECK(slots.save(kNew) == (writes == 2));
-      // What was being written is lost.
-      if (loses && writes < 2) slots[writes == 0 ? 1 : 0].clear();
       slots.cut_after(left = 99);
       const Found found = slots.start();
       CHECK(found.faults == 0 && found.block == (writes == 0 ? kOld : kNew));
