@@ -19,32 +19,6 @@ BoardDescription wroom() {
   return board;
 }
 
-Peripheral imu() {
-  return {.kind = PeripheralKind::kImu,
-          .chip = SensorChip::kMpu6050,
-          .pin_a = 16,
-          .pin_b = 17,
-          .pin_c = 35,
-          .forward = Axis::kY,
-          .up = Axis::kZ};
-}
-
-Peripheral power() {
-  return {.kind = PeripheralKind::kPower,
-          .chip = SensorChip::kIna219,
-          .pin_a = 16,
-          .pin_b = 17,
-          .value_a = 1000};
-}
-
-Peripheral range() {
-  return {.kind = PeripheralKind::kRange,
-          .chip = SensorChip::kHcSr04,
-          .place = Place::kFront,
-          .pin_a = 21,
-          .pin_b = 34};
-}
-
 Peripheral analog(uint16_t number = 1, int8_t pin = 34) {
   return {.kind = PeripheralKind::kAnalog, .pin_a = pin, .value_a = 2000, .value_b = number};
 }
@@ -80,22 +54,22 @@ Peripheral on_bus(Peripheral entry, int8_t number) {
 }  // namespace
 
 TEST(peripherals_that_can_be_used) {
-  CHECK(fault_of({imu(), power(), bumper(Place::kFront), bumper(Place::kFrontRight, 39),
+  CHECK(fault_of({kImu, kPowerSensor, bumper(Place::kFront), bumper(Place::kFrontRight, 39),
                   battery(7000, 6800, 6400)}) == kNone);
   CHECK(fault_of(kBoardOfEsp32, {}) == kNone);
-  CHECK(fault_of({range(), analog(1, 35), analog(4, 36)}) == kNone);
-  CHECK(fault_of(kBoardOfEsp32, {range(), analog(2, 39)}) == kNone);
+  CHECK(fault_of({kRangeSensor, analog(1, 35), analog(4, 36)}) == kNone);
+  CHECK(fault_of(kBoardOfEsp32, {kRangeSensor, analog(2, 39)}) == kNone);
 }
 
 TEST(an_imu_may_have_any_bias) {
   for (const uint16_t counts : std::initializer_list<uint16_t>{1, 0x7fff, 0x8000, 0xffff})
     CHECK(fault_of({changed(
-              imu(), [counts](auto& e) { e.value_a = e.value_b = e.value_c = counts; })}) == kNone);
+              kImu, [counts](auto& e) { e.value_a = e.value_b = e.value_c = counts; })}) == kNone);
 }
 
 TEST(a_range_sensor_may_be_at_any_side_and_a_bumper_not) {
   for (const Place place : {Place::kFront, Place::kRearLeft, Place::kLeft, Place::kRight})
-    CHECK(fault_of({changed(range(), [place](auto& e) { e.place = place; })}) == kNone);
+    CHECK(fault_of({changed(kRangeSensor, [place](auto& e) { e.place = place; })}) == kNone);
   for (const Place place : {Place::kLeft, Place::kRight})
     CHECK(fault_of({bumper(place)}) == kPlace);
 }
@@ -104,7 +78,7 @@ TEST(a_range_sensor_may_be_at_any_side_and_a_bumper_not) {
 TEST(there_are_as_many_range_sensors_as_the_chip_times_echoes) {
   PeripheralList list = list_of({});
   for (const Place place : {Place::kFront, Place::kRear, Place::kLeft, Place::kRight}) {
-    list.entries[list.count] = range();
+    list.entries[list.count] = kRangeSensor;
     list.entries[list.count++].place = place;
     bool is_too_many = false;
     check_peripherals(list, wroom(), [&](const PeripheralIssue& issue) {
@@ -117,7 +91,7 @@ TEST(there_are_as_many_range_sensors_as_the_chip_times_echoes) {
 }
 
 TEST(peripherals_by_the_pins_of_the_module) {
-  CHECK(fault_of(kBoardOfEsp32, {imu()}) == kPinOfMemory);
+  CHECK(fault_of(kBoardOfEsp32, {kImu}) == kPinOfMemory);
 }
 
 TEST(each_rule_of_peripherals) {
@@ -128,41 +102,41 @@ TEST(each_rule_of_peripherals) {
     Change change;
   };
   const Case cases[] = {
-      {kKind, imu(), [](auto& e) { e.kind = PeripheralKind::kNone; }},
-      {kKind, imu(), [](auto& e) { e.kind = static_cast<PeripheralKind>(99); }},
-      {kChip, imu(), [](auto& e) { e.chip = SensorChip::kIna219; }},
-      {kChip, power(), [](auto& e) { e.chip = SensorChip::kMpu6050; }},
+      {kKind, kImu, [](auto& e) { e.kind = PeripheralKind::kNone; }},
+      {kKind, kImu, [](auto& e) { e.kind = static_cast<PeripheralKind>(99); }},
+      {kChip, kImu, [](auto& e) { e.chip = SensorChip::kIna219; }},
+      {kChip, kPowerSensor, [](auto& e) { e.chip = SensorChip::kMpu6050; }},
       {kPlace, bumper(Place::kFront), [](auto& e) { e.place = Place::kNone; }},
       {kNormallyOpen, bumper(Place::kFront),
        [](auto& e) { e.flags = peripheralflag::kTriggeredLow; }},
-      {kPinMissing, imu(), [](auto& e) { e.pin_a = -1; }},
+      {kPinMissing, kImu, [](auto& e) { e.pin_a = -1; }},
       {kPinMissing, bumper(Place::kFront), [](auto& e) { e.pin_a = -1; }},
       {kPinAbsent, bumper(Place::kFront), [](auto& e) { e.pin_a = 37; }},
       {kPinTaken, bumper(Place::kFront), [](auto& e) { e.pin_a = 25; }},
-      {kPinTaken, imu(), [](auto& e) { e.pin_b = e.pin_a; }},
+      {kPinTaken, kImu, [](auto& e) { e.pin_b = e.pin_a; }},
       {kPinOfMemory, bumper(Place::kFront), [](auto& e) { e.pin_a = 6; }},
       {kPinOfLink, bumper(Place::kFront), [](auto& e) { e.pin_a = 3; }},
       {kPinStrapping, bumper(Place::kFront), [](auto& e) { e.pin_a = 12; }},
-      {kPinInputOnly, imu(), [](auto& e) { e.pin_a = 34; }},
+      {kPinInputOnly, kImu, [](auto& e) { e.pin_a = 34; }},
       {kNoPull, bumper(Place::kFront), [](auto& e) { e.flags = peripheralflag::kPullUp; }},
-      {kOrientation, imu(), [](auto& e) { e.up = Axis::kMinusY; }},
-      {kCode, imu(), [](auto& e) { e.up = static_cast<Axis>(6); }},
-      {kCode, imu(), [](auto& e) { e.address = 0x78; }},
-      {kShunt, power(), [](auto& e) { e.value_a = 0; }},
+      {kOrientation, kImu, [](auto& e) { e.up = Axis::kMinusY; }},
+      {kCode, kImu, [](auto& e) { e.up = static_cast<Axis>(6); }},
+      {kCode, kImu, [](auto& e) { e.address = 0x78; }},
+      {kShunt, kPowerSensor, [](auto& e) { e.value_a = 0; }},
       {kCode, bumper(Place::kFront),
        [](auto& e) {
          e.kind = PeripheralKind::kCliff;
          e.place = static_cast<Place>(9);
        }},
-      {kChip, range(), [](auto& e) { e.chip = SensorChip::kMpu6050; }},
-      {kChip, imu(), [](auto& e) { e.chip = SensorChip::kHcSr04; }},
-      {kPlace, range(), [](auto& e) { e.place = Place::kNone; }},
-      {kPinInputOnly, range(), [](auto& e) { e.pin_a = 35; }},
-      {kPinMissing, range(), [](auto& e) { e.pin_a = -1; }},
-      {kPinMissing, range(), [](auto& e) { e.pin_b = -1; }},
-      {kPinTaken, range(), [](auto& e) { e.pin_b = e.pin_a; }},
-      {kPinTaken, range(), [](auto& e) { e.pin_a = 25; }},
-      {kPinStrapping, range(), [](auto& e) { e.pin_b = 12; }},
+      {kChip, kRangeSensor, [](auto& e) { e.chip = SensorChip::kMpu6050; }},
+      {kChip, kImu, [](auto& e) { e.chip = SensorChip::kHcSr04; }},
+      {kPlace, kRangeSensor, [](auto& e) { e.place = Place::kNone; }},
+      {kPinInputOnly, kRangeSensor, [](auto& e) { e.pin_a = 35; }},
+      {kPinMissing, kRangeSensor, [](auto& e) { e.pin_a = -1; }},
+      {kPinMissing, kRangeSensor, [](auto& e) { e.pin_b = -1; }},
+      {kPinTaken, kRangeSensor, [](auto& e) { e.pin_b = e.pin_a; }},
+      {kPinTaken, kRangeSensor, [](auto& e) { e.pin_a = 25; }},
+      {kPinStrapping, kRangeSensor, [](auto& e) { e.pin_b = 12; }},
       {kNoAdc, analog(), [](auto& e) { e.pin_a = 21; }},
       {kPinMissing, analog(), [](auto& e) { e.pin_a = -1; }},
       {kPinTaken, analog(), [](auto& e) { e.pin_a = 33; }},
@@ -193,15 +167,15 @@ TEST(each_pin_of_a_peripheral_is_another) {
       e.pin_c = c;
     });
   };
-  CHECK(fault_of({with_pins(imu(), 16, 17, 21)}) == kNone);
-  CHECK(fault_of({with_pins(imu(), 16, 17, 16)}) == kPinTaken);
-  CHECK(fault_of({with_pins(imu(), 16, 17, 17)}) == kPinTaken);
-  CHECK(fault_of({with_pins(imu(), 16, 16, -1)}) == kPinTaken);
-  CHECK(fault_of({with_pins(range(), 16, 16, -1)}) == kPinTaken);
+  CHECK(fault_of({with_pins(kImu, 16, 17, 21)}) == kNone);
+  CHECK(fault_of({with_pins(kImu, 16, 17, 16)}) == kPinTaken);
+  CHECK(fault_of({with_pins(kImu, 16, 17, 17)}) == kPinTaken);
+  CHECK(fault_of({with_pins(kImu, 16, 16, -1)}) == kPinTaken);
+  CHECK(fault_of({with_pins(kRangeSensor, 16, 16, -1)}) == kPinTaken);
 }
 
 TEST(a_pin_that_is_missing_is_not_taken) {
-  for (Peripheral entry : {imu(), power(), range()}) {
+  for (Peripheral entry : {kImu, kPowerSensor, kRangeSensor}) {
     entry.pin_a = entry.pin_b = entry.pin_c = -1;
     int taken = 0;
     check_peripherals(list_of({entry}), wroom(), [&taken](const PeripheralIssue& issue) {
@@ -213,48 +187,49 @@ TEST(a_pin_that_is_missing_is_not_taken) {
 
 TEST(two_of_a_kind_at_one_place_or_at_one_address) {
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kFront, 39)}) == kTwice);
-  CHECK(fault_of({imu(), changed(power(), [](auto& e) { e.address = 0x68; })}) == kTwice);
+  CHECK(fault_of({kImu, changed(kPowerSensor, [](auto& e) { e.address = 0x68; })}) == kTwice);
   BoardDescription board = wroom();
   board.led = -1;
-  CHECK(fault_of(board, {imu(), changed(power(), [](auto& e) {
+  CHECK(fault_of(board, {kImu, changed(kPowerSensor, [](auto& e) {
                            e.address = 0x68;
                            e.pin_a = 21;
                            e.pin_b = 22;
                          })}) == kNone);
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kRear)}) == kPinTaken);
-  CHECK(fault_of({range(), changed(range(), [](auto& e) {
+  CHECK(fault_of({kRangeSensor, changed(kRangeSensor, [](auto& e) {
                     e.pin_a = 16;
                     e.pin_b = 35;
                   })}) == kTwice);
   CHECK(fault_of({analog(2), analog(2, 35)}) == kTwice);
   CHECK(fault_of({analog(1), analog(2)}) == kPinTaken);
-  CHECK(fault_of({range(), analog()}) == kPinTaken);
+  CHECK(fault_of({kRangeSensor, analog()}) == kPinTaken);
 }
 
 TEST(a_computer_has_its_buses_by_number) {
-  CHECK(fault_of(pi(), {on_bus(imu(), 1), on_bus(power(), 1), bumper(Place::kFront, 8)}) == kNone);
-  CHECK(fault_of(pi(), {on_bus(imu(), 0), on_bus(power(), 3), battery(9000, 8000, 7000)}) == kNone);
-  CHECK(fault_of(pi(), {imu()}) == kBus);
-  CHECK(fault_of({on_bus(imu(), 1)}) == kBus);
-  CHECK(fault_of(pi(), {on_bus(imu(), -1)}) == kPinMissing);
-  CHECK(fault_of(pi(), {changed(on_bus(imu(), 1), [](auto& e) { e.pin_c = 7; })}) ==
-        kNotOnThisChip);
-  CHECK(fault_of(pi(), {on_bus(imu(), 1),
-                        changed(on_bus(power(), 1), [](auto& e) { e.address = 0x68; })}) == kTwice);
+  CHECK(fault_of(pi(), {on_bus(kImu, 1), on_bus(kPowerSensor, 1), bumper(Place::kFront, 8)}) ==
+        kNone);
+  CHECK(fault_of(pi(), {on_bus(kImu, 0), on_bus(kPowerSensor, 3), battery(9000, 8000, 7000)}) ==
+        kNone);
+  CHECK(fault_of(pi(), {kImu}) == kBus);
+  CHECK(fault_of({on_bus(kImu, 1)}) == kBus);
+  CHECK(fault_of(pi(), {on_bus(kImu, -1)}) == kPinMissing);
+  CHECK(fault_of(pi(), {changed(on_bus(kImu, 1), [](auto& e) { e.pin_c = 7; })}) == kNotOnThisChip);
+  CHECK(fault_of(pi(), {on_bus(kImu, 1), changed(on_bus(kPowerSensor, 1),
+                                                 [](auto& e) { e.address = 0x68; })}) == kTwice);
   CHECK(fault_of(pi(), {battery(9000, 8000, 7000)}) == kNoBattery);
 }
 
 TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
   for (const int8_t pin : {int8_t{2}, int8_t{3}}) {
-    CHECK(fault_of(pi(), {on_bus(imu(), 1), bumper(Place::kFront, pin)}) == kPinTaken);
-    CHECK(fault_of(pi(), {bumper(Place::kFront, pin), on_bus(imu(), 1)}) == kPinTaken);
-    CHECK(fault_of(pi(), {on_bus(imu(), 3), bumper(Place::kFront, pin)}) == kNone);
+    CHECK(fault_of(pi(), {on_bus(kImu, 1), bumper(Place::kFront, pin)}) == kPinTaken);
+    CHECK(fault_of(pi(), {bumper(Place::kFront, pin), on_bus(kImu, 1)}) == kPinTaken);
+    CHECK(fault_of(pi(), {on_bus(kImu, 3), bumper(Place::kFront, pin)}) == kNone);
     BoardDescription with_contact = pi();
     with_contact.estop = pin;
-    CHECK(fault_of(with_contact, {on_bus(imu(), 1)}) == kPinTaken);
+    CHECK(fault_of(with_contact, {on_bus(kImu, 1)}) == kPinTaken);
   }
   // The number of a bus is not a pin.
-  CHECK(fault_of(pi(), {on_bus(imu(), 7), bumper(Place::kFront, 7)}) == kNone);
+  CHECK(fault_of(pi(), {on_bus(kImu, 7), bumper(Place::kFront, 7)}) == kNone);
 }
 
 TEST(a_computer_times_no_echoes_and_measures_no_voltage) {

@@ -15,19 +15,6 @@ const PeripheralList kBumpers = list_of({bumper(Place::kFrontLeft), bumper(Place
 const PeripheralList kCliff =
     list_of({Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 36}});
 const PeripheralList kGuard = list_of({battery(7000, 6800, 6400)});
-constexpr Peripheral kIna219 = {.kind = PeripheralKind::kPower,
-                                .chip = SensorChip::kIna219,
-                                .pin_a = 16,
-                                .pin_b = 17,
-                                .value_a = 1000};
-
-constexpr Peripheral kMpu6050 = {.kind = PeripheralKind::kImu,
-                                 .chip = SensorChip::kMpu6050,
-                                 .pin_a = 16,
-                                 .pin_b = 17,
-                                 .forward = Axis::kY,
-                                 .up = Axis::kZ};
-
 bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
 
 /// It drove until its bumper opened, and the bumper is free again.
@@ -84,11 +71,6 @@ void measure(SensorBench& bench, uint16_t millivolts) {
       PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
 }
 
-const Peripheral kRange{.kind = PeripheralKind::kRange,
-                        .chip = SensorChip::kHcSr04,
-                        .place = Place::kFront,
-                        .pin_a = 21,
-                        .pin_b = 34};
 const PeripheralList kAnalog = list_of(
     {Peripheral{.kind = PeripheralKind::kAnalog, .pin_a = 35, .value_a = 4000, .value_b = 2}});
 
@@ -479,7 +461,7 @@ TEST(a_battery_that_is_only_measured_stops_nothing) {
 }
 
 TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
-  SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}), false);
+  SensorBench bench(list_of({battery(7000, 6800, 6400), kPowerSensor}), false);
   measure(bench, 7400);
   bench.open();
   for (int i = 0; i < 10; ++i) {
@@ -495,7 +477,7 @@ TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
 }
 
 TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
-  SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}));
+  SensorBench bench(list_of({battery(7000, 6800, 6400), kPowerSensor}));
   bench.battery.measured_mv = 7600;
   measure(bench, 5800);
   bench.open();
@@ -506,7 +488,7 @@ TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
 
 TEST(charge_is_counted_while_the_current_is_measured) {
   Nobody nobody;
-  const PeripheralList list = list_of({kIna219});
+  const PeripheralList list = list_of({kPowerSensor});
   BenchSensors sensors;
   SensorHub hub(nobody);
   hub.start(sensors, list);
@@ -546,7 +528,7 @@ TEST(a_host_that_did_not_ask_is_sent_nothing) {
 }
 
 TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
-  SensorRobot bench(list_of({kMpu6050, bumper(Place::kFront)}));
+  SensorRobot bench(list_of({kImu, bumper(Place::kFront)}));
   CHECK(bench.refusal(SensorStream{.rate_hz = 200}) == RefusalCode::kNone);
   bench.run(5);
   CHECK(bench.of<SensorInfo>().size() == 2 && bench.of<Inputs>().size() == 1);
@@ -577,7 +559,7 @@ TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
 }
 
 TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
-  SensorRobot bench(list_of({kMpu6050}));
+  SensorRobot bench(list_of({kImu}));
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.sensors.imu = ImuReading{.state = SensorState::kOk, .t_us = bench.now_us};
   bench.run(11);
@@ -594,7 +576,7 @@ TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
 }
 
 TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
-  SensorRobot bench(list_of({kMpu6050, bumper(Place::kFront)}));
+  SensorRobot bench(list_of({kImu, bumper(Place::kFront)}));
   bench.refusal(SensorStream{.rate_hz = 200});
   bench.run(100);
   bench.received.clear();
@@ -608,7 +590,7 @@ TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
 }
 
 TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
-  Peripheral imu = kMpu6050;
+  Peripheral imu = kImu;
   imu.value_a = 3;
   imu.value_b = 0xffff;
   imu.value_c = 0x8000;
@@ -620,7 +602,7 @@ TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
 }
 
 TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
-  SensorBench bench(list_of({kRange}));
+  SensorBench bench(list_of({kRangeSensor}));
   bench.sensors.range = RangeReading{.state = SensorState::kOk, .t_us = 1};
   bench.open();
   CHECK(bench.of<Range>().empty());  // No host has asked.
@@ -654,9 +636,9 @@ TEST(on_a_slow_line_states_go_before_ranges_and_these_before_an_imu) {
     bool leaves_room;
   };
   const Case cases[] = {
-      {list_of({kMpu6050}), 150, 150 * state, true},
-      {list_of({kRange, kMpu6050}), 100, 100 * state + 17 * frame_size(Range::kSize), true},
-      {list_of({kMpu6050}), 188, 188 * state, false},
+      {list_of({kImu}), 150, 150 * state, true},
+      {list_of({kRangeSensor, kImu}), 100, 100 * state + 17 * frame_size(Range::kSize), true},
+      {list_of({kImu}), 188, 188 * state, false},
   };
   for (const Case& one : cases) {
     SensorBench bench(one.list);

@@ -39,6 +39,23 @@ inline PeripheralList list_of(std::initializer_list<Peripheral> entries) {
   return list;
 }
 
+constexpr Peripheral kImu{.kind = PeripheralKind::kImu,
+                          .chip = SensorChip::kMpu6050,
+                          .pin_a = 16,
+                          .pin_b = 17,
+                          .pin_c = 35,
+                          .forward = Axis::kY,
+                          .up = Axis::kZ};
+constexpr Peripheral kPowerSensor{.kind = PeripheralKind::kPower,
+                                  .chip = SensorChip::kIna219,
+                                  .pin_a = 16,
+                                  .pin_b = 17,
+                                  .value_a = 1000};
+constexpr Peripheral kRangeSensor{.kind = PeripheralKind::kRange,
+                                  .chip = SensorChip::kHcSr04,
+                                  .place = Place::kFront,
+                                  .pin_a = 21,
+                                  .pin_b = 34};
 inline Peripheral bumper(Place place, int8_t pin = 36) {
   return {.kind = PeripheralKind::kBumper, .place = place, .pin_a = pin};
 }

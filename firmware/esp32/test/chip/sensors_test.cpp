@@ -6,6 +6,7 @@
 #include "esp_timer.h"
 #include "freertos/task.h"
 #include "pin_chip.hpp"
+#include "sensor_bench.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::test;
@@ -16,18 +17,6 @@ constexpr int kData = 16;
 constexpr int kClock = 17;
 constexpr int kInterrupt = 35;
 constexpr UBaseType_t kControlPriority = configMAX_PRIORITIES - 1;
-
-PeripheralList list_of(std::initializer_list<Peripheral> entries) {
-  PeripheralList list;
-  for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
-  return list;
-}
-
-constexpr Peripheral kImu{.kind = PeripheralKind::kImu,
-                          .chip = SensorChip::kMpu6050,
-                          .pin_a = kData,
-                          .pin_b = kClock,
-                          .pin_c = kInterrupt};
 
 /// Levels of the pins; a chip on two of them.
 class SensorWorld {
