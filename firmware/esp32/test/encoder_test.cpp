@@ -48,12 +48,6 @@ TEST(hovering_at_a_limit_counts_nothing_twice) {
   CHECK(total.ticks() == kCounterLimit - 1);
 }
 
-TEST(an_inverted_encoder_counts_the_other_way) {
-  TickTotal total;
-  CHECK(total.update(10, true) == -10);
-  CHECK(total.ticks() == -10);
-}
-
 TEST(totals_that_exchange_their_registers_keep_what_they_counted) {
   TickTotal left(100);
   TickTotal right(-200);
@@ -62,10 +56,4 @@ TEST(totals_that_exchange_their_registers_keep_what_they_counted) {
   left.exchange_registers(right);
   CHECK(left.update(-228, false) == 2 && right.update(115, false) == 5);
   CHECK(left.ticks() == 12 && right.ticks() == -25);
-}
-
-TEST(the_register_before_the_first_reading_is_no_travel) {
-  TickTotal total(1234);
-  CHECK(total.update(1235, false) == 1);
-  CHECK(total.ticks() == 1);
 }

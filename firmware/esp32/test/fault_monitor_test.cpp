@@ -78,12 +78,9 @@ TEST(an_encoder_that_trembles_on_an_edge_does_not_hide_a_wheel_that_stands) {
   }) == 500);
 }
 
-TEST(below_its_limit_and_the_threshold_a_wheel_may_stand) {
+TEST(below_its_limit_and_the_threshold_a_wheel_may_stand_and_without_a_loop_there_is_no_limit) {
   const WheelOutput gentle{.duty_q15 = 4000, .limit_q15 = kLow_q15, .direction = 1};
   CHECK(Bench().steps_to(WheelFault::kNotCounting, gentle) == 0);
-}
-
-TEST(without_a_loop_there_is_no_limit_to_stand_at) {
   CHECK(Bench().steps_to(WheelFault::kNotCounting, open_loop(14'000)) == 0);
   CHECK(Bench().steps_to(WheelFault::kReversed, open_loop(14'000), -100'000) == 0);
 }

@@ -110,15 +110,6 @@ TEST(stage_zero_duty_coasts) {
   }
 }
 
-TEST(stage_drives_at_once_after_it_coasted) {
-  Port port;
-  PowerStage motor(port, table(Stage::kEnableIn1In2));
-  motor.drive(kDuty);
-  motor.coast();
-  motor.drive(-kDuty);
-  CHECK(port.now == inputs(kDuty, 0, kHigh));
-}
-
 TEST(changes_come_in_an_order_that_never_drives_by_accident) {
   using enum StageInput;
   std::vector<StageInput> order;
