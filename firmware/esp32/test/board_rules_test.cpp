@@ -33,8 +33,7 @@ constexpr BoardDescription good() {
 
 static_assert(first_issue(good()).fault == BoardFault::kNone);
 
-template <typename Change>
-std::vector<BoardIssue> issues(Change change) {
+std::vector<BoardIssue> issues(auto change) {
   BoardDescription board = good();
   change(board);
   std::vector<BoardIssue> found;
@@ -43,8 +42,7 @@ std::vector<BoardIssue> issues(Change change) {
 }
 
 /// Whether a change of a good board has this one fault and no other.
-template <typename Change>
-bool only(BoardFault fault, Change change) {
+bool only(BoardFault fault, auto change) {
   const std::vector<BoardIssue> found = issues(change);
   return found.size() == 1 && found[0].fault == fault;
 }

@@ -26,8 +26,7 @@ struct Bench {
   }
   /// Calls `each` with the step's number until a fault trips, and returns when; -1: it is another
   /// one, 0: none within 3 s.
-  template <typename Each>
-  int steps_to(WheelFault fault, Each each) {
+  int steps_to(WheelFault fault, auto each) {
     for (int i = 1; i <= 3000; ++i) {
       const WheelFault found = each(i);
       if (found != WheelFault::kNone) return found == fault ? i : -1;

@@ -20,8 +20,7 @@ void drive_on(RobotBench& bench) {
 }
 
 /// What is said of the end of a drive, which `end` ends.
-template <typename End>
-Hold stopped_by(End end) {
+Hold stopped_by(auto end) {
   OpenRobot bench;
   drive_on(bench);
   end(bench);

@@ -23,8 +23,7 @@ Peripheral analog(uint16_t number = 1, int8_t pin = 34) {
   return {.kind = PeripheralKind::kAnalog, .pin_a = pin, .value_a = 2000, .value_b = number};
 }
 
-template <typename Change>
-Peripheral changed(Peripheral entry, Change change) {
+Peripheral changed(Peripheral entry, auto change) {
   change(entry);
   return entry;
 }

@@ -25,8 +25,7 @@ class Port final : public StagePort {
 };
 
 /// The inputs after each of two calls for an action, from a stage that coasts.
-template <typename Act>
-StageOutputs after(Stage stage, Act act) {
+StageOutputs after(Stage stage, auto act) {
   Port port;
   PowerStage motor(port, table(stage));
   act(motor);

@@ -12,8 +12,7 @@ constexpr int32_t kThreshold = 250'000;
 
 /// After how many ms of the speeds that `speed(ms)` gives the robot is reported as rolling; -1: it
 /// is not.
-template <typename Speed>
-int reported_after(RollingMonitor& monitor, int duration_ms, Speed speed,
+int reported_after(RollingMonitor& monitor, int duration_ms, auto speed,
                    uint32_t measured_us = 20'000) {
   for (int ms = 0; ms < duration_ms; ++ms)
     if (monitor.update(speed(ms), static_cast<uint64_t>(ms) * 1000, kThreshold, measured_us))

@@ -7,8 +7,7 @@ using enum SupervisorState;
 
 namespace {
 
-template <typename Visit>
-void for_each_transition(Visit&& visit) {
+void for_each_transition(auto&& visit) {
   for (size_t s = 0; s < kStateCount; ++s) {
     for (size_t e = 0; e < kEventCount; ++e) {
       const auto state = static_cast<SupervisorState>(s);

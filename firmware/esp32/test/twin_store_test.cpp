@@ -55,8 +55,7 @@ struct RecordedStores {
   Slots latches;
 
   /// Calls `use` with two stores, the first recording the second, as after a start.
-  template <typename Use>
-  auto with(Use use) {
+  auto with(auto use) {
     TwinStore first(configuration.slots[0], configuration.slots[1]);
     TwinStore second(other.slots[0], other.slots[1]);
     TwinStore third(latches.slots[0], latches.slots[1]);

@@ -95,8 +95,7 @@ struct StartedChip {
   ~StartedChip() { fake_partition.on_call = {}; }
 
   /// From half a second after the start on. `each_ms` is called each millisecond.
-  template <typename Each>
-  void run_until(int64_t end_us, Each each_ms) {
+  void run_until(int64_t end_us, auto each_ms) {
     fake_time_us = 500'000;
     fake_wait = [&](TickType_t) -> uint32_t {
       fake_time_us += 1'000;

@@ -30,8 +30,7 @@ struct Watched {
   Watched(const Watched&) = delete;
 
   /// Control steps that call `act` on both motors, each with its check.
-  template <typename Act>
-  void steps(int count, bool drives, Act act) {
+  void steps(int count, bool drives, auto act) {
     for (int i = 0; i < count; ++i) {
       act(robot.left_motor);
       act(robot.right_motor);
@@ -53,8 +52,7 @@ struct Watched {
   FakeGptimer* timer = nullptr;
 };
 
-template <typename Test>
-void watch_every_stage(Test test) {
+void watch_every_stage(auto test) {
   on_every_stage([&](const BoardDescription& board) {
     Watched watched(board);
     test(watched);

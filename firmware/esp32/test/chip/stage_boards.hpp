@@ -34,8 +34,7 @@ constexpr bool all_can_be_used() {
 static_assert(all_can_be_used());
 
 /// Calls `test` with a board of each stage.
-template <typename Test>
-void on_every_stage(Test test) {
+void on_every_stage(auto test) {
   for (size_t i = 0; i < kStages; ++i) test(board_of(static_cast<Stage>(i)));
 }
 

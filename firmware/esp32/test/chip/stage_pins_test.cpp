@@ -51,8 +51,7 @@ struct StageBench {
   }
 
   /// Control steps that call `act`. What they ask of the stage is then in `seen`.
-  template <typename Act>
-  void steps(int count, Act act) {
+  void steps(int count, auto act) {
     seen.clear();
     for (int i = 0; i < count; ++i) {
       act(robot.left_motor);
@@ -90,8 +89,7 @@ struct StageBench {
 };
 
 /// And at every frequency.
-template <typename Test>
-void at_every_stage(Test test) {
+void at_every_stage(auto test) {
   on_every_stage([&](const BoardDescription& board) {
     for (const uint32_t frequency_hz : kFrequencies) test(board.stage, frequency_hz);
   });

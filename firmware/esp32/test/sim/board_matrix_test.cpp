@@ -85,8 +85,7 @@ struct WiredUp {
     right_stage.start(active, 1);
   }
   /// Two control periods: in the first one after a drive the stage coasts.
-  template <typename Action>
-  void twice(Action act) {
+  void twice(auto act) {
     for (int i = 0; i < 2; ++i)
       for (PowerStage* motor : {&left, &right}) act(*motor);
   }
@@ -126,8 +125,7 @@ struct WiredUp {
 
 /// Each state as it is reached from a start, from either direction and from a brake, with either
 /// level on inputs that nothing holds.
-template <typename Check>
-void for_each_way(const Pair& pair, Check check) {
+void for_each_way(const Pair& pair, auto check) {
   for (const bool floating_level : {false, true}) {
     for (const int duty : {0, 8'000, -8'000, 32'767, -32'767}) {
       WiredUp robot(board_named(pair.active), board_named(pair.wired), floating_level);

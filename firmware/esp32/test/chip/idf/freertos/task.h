@@ -18,8 +18,7 @@ inline std::function<void(TickType_t)> fake_sleep;
 /// What it throws to end a task, which would never return.
 struct EndOfTask {};
 /// Runs a task to this end; false if it returns.
-template <typename Task>
-bool fake_run(Task task) {
+bool fake_run(auto task) {
   try {
     task();
   } catch (const EndOfTask&) {

@@ -23,8 +23,7 @@ struct rwdt_dev_t {
   /// What the other core does before an access.
   std::function<void()> on_access;
 
-  template <typename Write>
-  void write(Write change) {
+  void write(auto change) {
     if (on_access) {
       // What it does is itself not disturbed.
       const std::function<void()> other = std::exchange(on_access, nullptr);
@@ -33,8 +32,7 @@ struct rwdt_dev_t {
     }
     change();
   }
-  template <typename Write>
-  void write_protected(Write change) {
+  void write_protected(auto change) {
     write([&] {
       if (is_writable) change();
     });
