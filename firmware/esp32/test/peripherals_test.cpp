@@ -95,12 +95,11 @@ TEST(peripherals_by_the_pins_of_the_module) {
 
 TEST(each_rule_of_peripherals) {
   using Change = void (*)(Peripheral&);
-  struct Case {
+  const struct {
     PeripheralFault fault;
     Peripheral entry;
     Change change;
-  };
-  const Case cases[] = {
+  } cases[] = {
       {kKind, kImu, [](auto& e) { e.kind = PeripheralKind::kNone; }},
       {kKind, kImu, [](auto& e) { e.kind = static_cast<PeripheralKind>(99); }},
       {kChip, kImu, [](auto& e) { e.chip = SensorChip::kIna219; }},
@@ -144,7 +143,7 @@ TEST(each_rule_of_peripherals) {
       {kCode, analog(), [](auto& e) { e.value_b = 0; }},
       {kCode, analog(), [](auto& e) { e.value_b = 5; }},
   };
-  for (const Case& one : cases) CHECK(fault_of({changed(one.entry, one.change)}) == one.fault);
+  for (const auto& one : cases) CHECK(fault_of({changed(one.entry, one.change)}) == one.fault);
 }
 
 TEST(a_battery_needs_falling_bounds_and_something_that_measures_it) {

@@ -183,14 +183,13 @@ TEST(speed_that_an_encoder_hides_is_not_taken_for_weight) {
 }
 
 TEST(a_heavy_robot_that_touches_an_obstacle_while_it_gains_speed_is_plausible) {
-  struct Touch {
+  const struct {
     double heaviness;  ///< So many times heavier than the feed-forward says.
     int at_ms;
     double left;  ///< What the obstacle leaves of the speed.
     int held_ms;
     double duty;
-  };
-  const Touch touches[] = {
+  } touches[] = {
       // It is slowed down,
       {4, 300, 0.3, 200, 0.85},
       {4, 300, 0.6, 120, 1.0},
@@ -201,7 +200,7 @@ TEST(a_heavy_robot_that_touches_an_obstacle_while_it_gains_speed_is_plausible) {
       {4, 200, 0.0, 200, 1.0},
       {6, 150, 0.0, 200, 0.85},
   };
-  for (const Touch& touch : touches) {
+  for (const auto& touch : touches) {
     for (const int direction : {1, -1}) {
       PlausibilityMonitor monitor;
       double speed_mps = 0;

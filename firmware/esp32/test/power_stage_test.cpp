@@ -42,11 +42,10 @@ void coast(PowerStage& motor) { motor.coast(); }
 }  // namespace
 
 TEST(stage_truth_tables_are_those_of_the_data_sheets) {
-  struct Row {
+  const struct {
     Stage stage;
     StageOutputs forward, reverse, brake, coast;
-  };
-  const Row rows[] = {
+  } rows[] = {
       {Stage::kEnableIn1In2, inputs(kDuty, kHigh, 0), inputs(kDuty, 0, kHigh), inputs(kHigh, 0, 0),
        inputs(0, 0, 0)},
       {Stage::kPwmIn1In2, inputs(0, kHigh, 0, kDuty), inputs(0, 0, kHigh, kDuty),
@@ -59,7 +58,7 @@ TEST(stage_truth_tables_are_those_of_the_data_sheets) {
        inputs(0, 0, 0)},
   };
   static_assert(sizeof rows / sizeof rows[0] == kStages);
-  for (const Row& row : rows) {
+  for (const auto& row : rows) {
     CHECK(after(row.stage, drive_forward) == row.forward);
     CHECK(after(row.stage, reverse) == row.reverse);
     CHECK(after(row.stage, brake) == row.brake);

@@ -135,19 +135,18 @@ TEST(the_length_of_a_pulse_is_a_distance_and_its_middle_the_time) {
 }
 
 TEST(what_cannot_be_measured_is_no_distance) {
-  struct Case {
+  const struct {
     uint32_t length_us;
     RangeQuality quality;
     uint16_t distance_mm;
-  };
-  const Case cases[] = {
+  } cases[] = {
       {30, RangeQuality::kNear, 0},     {113, RangeQuality::kNear, 0},
       {117, RangeQuality::kGood, 20},   {23'324, RangeQuality::kGood, 4000},
       {23'330, RangeQuality::kFar, 0},  {29'999, RangeQuality::kFar, 0},
       {38'000, RangeQuality::kFar, 0},  {55'000, RangeQuality::kFar, 0},
       {200'000, RangeQuality::kFar, 0},
   };
-  for (const Case& one : cases) {
+  for (const auto& one : cases) {
     RangeRig rig;
     rig.echoes[0].length_us = one.length_us;
     const RangeReading found = rig.newest();

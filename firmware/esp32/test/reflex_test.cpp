@@ -629,18 +629,17 @@ TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
 TEST(on_a_slow_line_states_go_before_ranges_and_these_before_an_imu) {
   const double state = frame_size(WheelState::kSize);
   const double imu = frame_size(Imu::kSize);
-  struct Case {
+  const struct {
     PeripheralList list;
     uint16_t state_rate_hz;
     double others;  ///< Bytes per second of all but the IMU.
     bool leaves_room;
-  };
-  const Case cases[] = {
+  } cases[] = {
       {list_of({kImu}), 150, 150 * state, true},
       {list_of({kRangeSensor, kImu}), 100, 100 * state + 17 * frame_size(Range::kSize), true},
       {list_of({kImu}), 188, 188 * state, false},
   };
-  for (const Case& one : cases) {
+  for (const auto& one : cases) {
     SensorBench bench(one.list);
     bench.line.rate = 11'520;
     bench.open();

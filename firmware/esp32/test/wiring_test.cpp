@@ -14,12 +14,11 @@ constexpr std::initializer_list<std::pair<ParameterId, float>> kBothSwapped = {
 }  // namespace
 
 TEST(each_motor_and_each_encoder_has_its_inversion_and_pairs_are_swapped) {
-  struct Case {
+  const struct {
     std::initializer_list<std::pair<ParameterId, float>> parameters;
     int left_duty, right_duty;    ///< At the bridges, of a setpoint of 8000 and 3000.
     int left_ticks, right_ticks;  ///< Of counters that count 10 and 25.
-  };
-  const Case cases[] = {
+  } cases[] = {
       {{}, 8'000, 3'000, 10, 25},
       {{{kLeftMotorInverted, 1}}, -8'000, 3'000, 10, 25},
       {{{kRightMotorInverted, 1}}, 8'000, -3'000, 10, 25},
@@ -32,7 +31,7 @@ TEST(each_motor_and_each_encoder_has_its_inversion_and_pairs_are_swapped) {
       {{{kLeftMotorInverted, 1}, {kMotorsSwapped, 1}}, 3'000, -8'000, 10, 25},
       {{{kLeftEncoderInverted, 1}, {kEncodersSwapped, 1}}, 8'000, 3'000, -25, 10},
   };
-  for (const Case& one : cases) {
+  for (const auto& one : cases) {
     OpenRobot bench;
     bench.configure(one.parameters);
     bench.drive_duty(8'000, 3'000);

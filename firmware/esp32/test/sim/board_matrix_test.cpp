@@ -225,18 +225,17 @@ TEST(matrix_floating_and_on_trial) {
 TEST(matrix_of_a_drv8833_that_is_never_asleep) {
   BoardDescription wired = board_named("drv8833");
   wired.standby = -1;
-  struct Row {
+  const struct {
     const char* active;
     char coast;  // After forward.
     char brake;
     char release;  // While it drives forward.
-  };
-  constexpr Row kRows[] = {{"bts7960", 'o', 'o', 'o'},
-                           {"drv8833", 'o', 's', 'o'},
-                           {"l298n", 'F', 'o', 'F'},
-                           {"mdd10a", 'F', 'o', 'F'},
-                           {"tb6612", 'o', 's', 'o'}};
-  for (const Row& row : kRows) {
+  } kRows[] = {{"bts7960", 'o', 'o', 'o'},
+               {"drv8833", 'o', 's', 'o'},
+               {"l298n", 'F', 'o', 'F'},
+               {"mdd10a", 'F', 'o', 'F'},
+               {"tb6612", 'o', 's', 'o'}};
+  for (const auto& row : kRows) {
     WiredUp robot(board_named(row.active), wired, true);
     CHECK(robot.windings() == 'o');
     robot.start();

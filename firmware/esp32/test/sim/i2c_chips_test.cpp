@@ -161,11 +161,10 @@ TEST(samples_go_on_after_a_reset_of_the_processor) {
 
 TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
   const double g = 9.80665;
-  struct Case {
+  const struct {
     Tilt tilt;
     double expected[3];
-  };
-  const Case cases[] = {
+  } cases[] = {
       {{}, {0, 0, g}},
       {{.pitch_rad = 0.5}, {-g * std::sin(0.5), 0, g * std::cos(0.5)}},  // nose down
       {{.roll_rad = 0.5}, {0, g * std::sin(0.5), g * std::cos(0.5)}},    // right side down
@@ -173,7 +172,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
       {{.roll_rad = 0.4, .pitch_rad = -0.3},
        {g * std::sin(0.3), g * std::cos(0.3) * std::sin(0.4), g * std::cos(0.3) * std::cos(0.4)}},
   };
-  for (const Case& one : cases) {
+  for (const auto& one : cases) {
     SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     bench.run(300);
