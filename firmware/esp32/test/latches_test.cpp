@@ -47,11 +47,9 @@ TEST(latches_come_back_as_they_were) {
 }
 
 TEST(what_is_latched_survives_a_reset_with_its_flags_until_it_is_cleared) {
-  struct Case {
-    bool estop;
-    bool fault;
-  };
-  for (const auto& [estop, fault] : {Case{true, false}, Case{false, true}, Case{true, true}}) {
+  using Latched = std::pair<bool, bool>;
+  for (const auto& [estop, fault] :
+       {Latched{true, false}, Latched{false, true}, Latched{true, true}}) {
     DrivingRobot first;
     if (fault) first.step(50'000);
     if (estop) first.estop();
@@ -274,11 +272,8 @@ TEST(no_program_drives_on_by_itself_whatever_the_gap_is) {
 }
 
 TEST(turning_about_one_wheel_does_not_arm) {
-  struct Case {
-    float left;
-    float right;
-  };
-  for (const auto& [left, right] : {Case{0.0f, 0.2f}, Case{0.2f, 0.0f}, Case{-0.2f, 0.0f}}) {
+  using Wheels = std::pair<float, float>;
+  for (const auto& [left, right] : {Wheels{0.0f, 0.2f}, Wheels{0.2f, 0.0f}, Wheels{-0.2f, 0.0f}}) {
     ClearedRobot bench;
     bench.drive(left, right);
     CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);

@@ -132,13 +132,7 @@ BoxValue newest_after_a_run(ResetReason reason, bool fails) {
   return newest;
 }
 
-void blank_flash() {
-  fake_partition = {
-      .label = "recorder",
-      .entry = {.size = RecorderKeeper::kFlashSize, .erase_size = kFlashSector, .readonly = false},
-      .on_call = {},
-      .bytes = std::vector<uint8_t>(RecorderKeeper::kFlashSize, 0xff)};
-}
+void blank_flash() { fake_partition = blank_partition("recorder", RecorderKeeper::kFlashSize); }
 
 /// A host that opens a session, asks ten times a second, and notes how long each answer took.
 class AskingHost final : public BenchHost, public FakeLine {

@@ -16,6 +16,12 @@ NvsStore started_store(const char* key = "parameters") {
   return store;
 }
 
+/// The size of what it holds, at most 8 bytes.
+size_t loaded(NvsStore& store) {
+  uint8_t block[8];
+  return store.load(block, sizeof block);
+}
+
 uint32_t fault_at_start(esp_err_t found) {
   fake_nvs = {.init_result = found, .read_result = ESP_OK, .blob = kSaved};
   return started_store().faults();
@@ -26,12 +32,12 @@ uint32_t fault_at_start(esp_err_t found) {
 TEST(a_saved_block_is_read_back) {
   fake_nvs = {};
   NvsStore store = started_store();
-  uint8_t block[8];
-  CHECK(store.load(block, sizeof block) == 0);
+  CHECK(loaded(store) == 0);
   CHECK(store.save(kSaved.data(), kSaved.size()));
+  uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 3 && block[2] == 3);
   CHECK(store.faults() == 0);
-  CHECK(store.format() && store.load(block, sizeof block) == 3);  // It can be opened.
+  CHECK(store.format() && loaded(store) == 3);  // It can be opened.
   CHECK(fake_nvs.erasures == 0);
 }
 
@@ -47,17 +53,15 @@ TEST(storage_that_cannot_be_opened_is_told_apart_and_left_alone) {
 TEST(storage_that_cannot_be_opened_is_not_written) {
   fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES);
   NvsStore store = started_store();
-  uint8_t block[8];
-  CHECK(store.load(block, sizeof block) == 0);
-  CHECK(!store.save(block, sizeof block));
+  CHECK(loaded(store) == 0);
+  CHECK(!store.save(kSaved.data(), 1));
   CHECK(fake_nvs.blob == kSaved);
 }
 
 TEST(a_block_that_cannot_be_read_is_a_fault) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
   NvsStore store = started_store();
-  uint8_t block[8];
-  CHECK(store.load(block, sizeof block) == 0);
+  CHECK(loaded(store) == 0);
   CHECK(store.faults() == fault::kStoreUnreadable);
   CHECK(store.format() && fake_nvs.erasures == 0);  // The other blocks are left alone.
 }
@@ -81,7 +85,6 @@ TEST(a_block_can_be_saved_after_another_one_has_formatted) {
 TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
   NvsStore store = started_store();
-  uint8_t block[8];
-  CHECK(store.load(block, sizeof block) == 9);
+  CHECK(loaded(store) == 9);
   CHECK(store.faults() == 0);
 }

@@ -11,13 +11,6 @@ namespace {
 
 constexpr uint32_t kSize = RecorderKeeper::kFlashSize;
 
-FakePartition partition_of(uint32_t size) {
-  return {.label = "recorder",
-          .entry = {.size = size, .erase_size = 4096, .readonly = false},
-          .on_call = {},
-          .bytes = std::vector<uint8_t>(size, 0xff)};
-}
-
 bool starts(const FakePartition& partition) {
   fake_partition = partition;
   return PartitionFlash{}.start(kSize);
@@ -26,22 +19,22 @@ bool starts(const FakePartition& partition) {
 }  // namespace
 
 TEST(only_a_partition_that_has_room_and_can_be_written_is_used) {
-  CHECK(starts(partition_of(kSize)));
+  CHECK(starts(blank_partition("recorder", kSize)));
   CHECK(!starts({}));
-  FakePartition other = partition_of(kSize);
+  FakePartition other = blank_partition("recorder", kSize);
   other.label = "coredump";
   CHECK(!starts(other));
-  CHECK(!starts(partition_of(kSize - kFlashSector)));
-  FakePartition readonly = partition_of(kSize);
+  CHECK(!starts(blank_partition("recorder", kSize - kFlashSector)));
+  FakePartition readonly = blank_partition("recorder", kSize);
   readonly.entry.readonly = true;
   CHECK(!starts(readonly));
-  FakePartition coarse = partition_of(kSize);
+  FakePartition coarse = blank_partition("recorder", kSize);
   coarse.entry.erase_size = 65536;
   CHECK(!starts(coarse));
 }
 
 TEST(what_was_written_is_read_back_until_its_sector_is_erased) {
-  CHECK(starts(partition_of(kSize)));
+  CHECK(starts(blank_partition("recorder", kSize)));
   PartitionFlash flash;
   CHECK(flash.start(kSize));
   const uint8_t data[] = {1, 2, 3};
@@ -54,7 +47,7 @@ TEST(what_was_written_is_read_back_until_its_sector_is_erased) {
 }
 
 TEST(an_operation_that_fails_is_reported) {
-  fake_partition = partition_of(kSize);
+  fake_partition = blank_partition("recorder", kSize);
   PartitionFlash flash;
   CHECK(flash.start(kSize));
   uint8_t byte = 0;
@@ -64,7 +57,7 @@ TEST(an_operation_that_fails_is_reported) {
 }
 
 TEST(the_task_watchdog_waits_for_each_operation) {
-  fake_partition = partition_of(kSize);
+  fake_partition = blank_partition("recorder", kSize);
   PartitionFlash flash;
   CHECK(flash.start(kSize) && start_task_watchdog());
   const uint32_t usual_ms = fake_task_watchdog.timeout_ms;

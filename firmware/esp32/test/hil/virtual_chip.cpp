@@ -60,11 +60,7 @@ void initialise_memory() {
 VirtualChip::VirtualChip() : board_(test::board_of(Stage::kEnableIn1In2)) {
   fake_time_us = 1'000'000;
   memset(&recorder_memory, 0x5a, sizeof recorder_memory);
-  fake_partition = {
-      .label = "recorder",
-      .entry = {.size = RecorderKeeper::kFlashSize, .erase_size = kFlashSector, .readonly = false},
-      .on_call = {},
-      .bytes = std::vector<uint8_t>(RecorderKeeper::kFlashSize, 0xff)};
+  fake_partition = blank_partition("recorder", RecorderKeeper::kFlashSize);
 }
 
 End VirtualChip::run(const std::function<void()>& plan) {

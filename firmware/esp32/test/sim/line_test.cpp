@@ -8,6 +8,11 @@ using namespace wheelwire::sim;
 
 namespace {
 
+void host_write(Line& line, size_t size) {
+  const Bytes data(size, 0x55);
+  line.host_write(data.data(), data.size());
+}
+
 size_t read_all(Line& line) {
   uint8_t buffer[2 * Line::kReceiveCapacity];
   return line.read(buffer, sizeof buffer);
@@ -26,8 +31,7 @@ TEST(line_carries_no_faster_than_its_baud_rate) {
   Line line;
   line.set_baud(115200);
   CHECK(line.bytes_per_second() == 11520);
-  const Bytes data(1000, 0x55);
-  line.host_write(data.data(), data.size());
+  host_write(line, 1000);
   line.carry(0.01, true);
   CHECK(read_all(line) == 115);
   line.carry(1.0, true);
@@ -36,20 +40,18 @@ TEST(line_carries_no_faster_than_its_baud_rate) {
 
 TEST(line_without_a_baud_rate_carries_at_once) {
   Line line;
-  const Bytes data(1000, 0x55);
-  line.host_write(data.data(), data.size());
+  host_write(line, 1000);
   line.carry(0.0, true);
   CHECK(read_all(line) == 1000);
 }
 
 TEST(line_loses_and_counts_what_the_device_cannot_take) {
   Line line;
-  const Bytes data(Line::kReceiveCapacity + 10, 0x55);
-  line.host_write(data.data(), data.size());
+  host_write(line, Line::kReceiveCapacity + 10);
   line.carry(0.0, true);
   CHECK(line.lost_to_device() == 10);
   CHECK(read_all(line) == Line::kReceiveCapacity);
-  line.host_write(data.data(), 5);
+  host_write(line, 5);
   line.carry(0.0, false);
   CHECK(line.lost_to_device() == 15 && read_all(line) == 0);
 }

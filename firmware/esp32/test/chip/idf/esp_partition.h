@@ -31,6 +31,13 @@ struct FakePartition {
   int erasures = 0;
 };
 inline FakePartition fake_partition;
+/// One that is erased, with sectors as the chip's flash has them.
+inline FakePartition blank_partition(const char* label, uint32_t size) {
+  return {.label = label,
+          .entry = {.size = size, .erase_size = 4096, .readonly = false},
+          .on_call = {},
+          .bytes = std::vector<uint8_t>(size, 0xff)};
+}
 
 inline const esp_partition_t* esp_partition_find_first(esp_partition_type_t type,
                                                        esp_partition_subtype_t, const char* label) {

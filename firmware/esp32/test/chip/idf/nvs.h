@@ -21,7 +21,6 @@ struct FakeNvs {
   esp_err_t read_result = ESP_OK;
   std::vector<uint8_t> blob;
   int erasures = 0;
-  int open_handles = 0;
 };
 
 inline FakeNvs fake_nvs;
@@ -30,11 +29,8 @@ inline std::function<void()> fake_on_commit;
 
 inline esp_err_t nvs_open(const char*, nvs_open_mode_t, nvs_handle_t* handle) {
   *handle = 7;
-  ++fake_nvs.open_handles;
   return ESP_OK;
 }
-
-inline void nvs_close(nvs_handle_t) { --fake_nvs.open_handles; }
 
 inline esp_err_t nvs_get_blob(nvs_handle_t, const char*, void* out, size_t* size) {
   if (fake_nvs.read_result != ESP_OK) return fake_nvs.read_result;
@@ -47,12 +43,6 @@ inline esp_err_t nvs_get_blob(nvs_handle_t, const char*, void* out, size_t* size
 inline esp_err_t nvs_set_blob(nvs_handle_t, const char*, const void* data, size_t size) {
   const auto* bytes = static_cast<const uint8_t*>(data);
   fake_nvs.blob.assign(bytes, bytes + size);
-  return ESP_OK;
-}
-
-inline esp_err_t nvs_erase_key(nvs_handle_t, const char*) {
-  if (fake_nvs.blob.empty()) return ESP_ERR_NVS_NOT_FOUND;
-  fake_nvs.blob.clear();
   return ESP_OK;
 }
 
