@@ -547,25 +547,6 @@ TEST(a_power_sensor_s_faults_have_names) {
   CHECK(rig.readings.back().state == SensorState::kHung && rig.bus.recoveries > 0);
 }
 
-TEST(a_chip_on_the_same_bus_goes_on_while_the_other_one_is_absent) {
-  Bus bus;
-  bus.chips[0x40].words = {{0, 0x399f}, {1, 100}, {2, 0x3a98}};
-  I2cSensors sensors;
-  sensors.add(0, {.kind = PeripheralKind::kImu, .chip = SensorChip::kLsm6ds3}, bus, nullptr);
-  sensors.add(1, {.kind = PeripheralKind::kPower, .chip = SensorChip::kIna219, .value_a = 1000},
-              bus, nullptr);
-  int readings = 0;
-  for (uint64_t now_us = 0; now_us < 1'000'000; now_us += 1000) {
-    bus.time_us = now_us;
-    sensors.poll();
-    ImuReading imu;
-    if (sensors.take(0, imu)) CHECK(imu.state == SensorState::kAbsent);
-    PowerReading power;
-    if (sensors.take(1, power) && power.state == SensorState::kOk) ++readings;
-  }
-  CHECK(readings >= 8);
-}
-
 TEST(a_round_ends_soon_when_all_chips_hang_and_the_next_one_goes_on_after_it) {
   constexpr uint64_t kMostUs = 4 * I2cBus::kTransferUs;
   Bus bus;

@@ -24,6 +24,9 @@ constexpr ControllerGains kDefaultGains{
 constexpr Supply kSupply{.nominal_mv = 6100, .drop_mv = 1300, .unmeasured_mv = 6200};
 constexpr uint32_t kTime_us = 300'000;
 
+/// The most duty that is plausible at 0.1 m/s.
+const int32_t kNeeded = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
+
 /// Whether a step at this duty and speed trips.
 bool trips(PlausibilityMonitor& monitor, int32_t duty_q15, int32_t umps, bool ticks = true) {
   return monitor.update(duty_q15, umps, ticks, kNominal, kPeriod_us, kTime_us, kDefaultGains);
@@ -68,11 +71,10 @@ TEST(a_lower_battery_allows_more_duty) {
 }
 
 TEST(duty_beyond_feed_forward_and_margin_trips_after_its_time) {
-  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
-  CHECK(magnitude(needed - to_q15(0.1365f + 0.055f + 0.38f)) < 10);
-  CHECK(steps_to_implausible(needed, 100'000) == 0);
-  CHECK(steps_to_implausible(-needed, -100'000) == 0);
-  const int tripped = steps_to_implausible(needed + 3000, 100'000);
+  CHECK(magnitude(kNeeded - to_q15(0.1365f + 0.055f + 0.38f)) < 10);
+  CHECK(steps_to_implausible(kNeeded, 100'000) == 0);
+  CHECK(steps_to_implausible(-kNeeded, -100'000) == 0);
+  const int tripped = steps_to_implausible(kNeeded + 3000, 100'000);
   CHECK(tripped >= 300 && tripped < 450);
 }
 
@@ -103,7 +105,6 @@ TEST(a_wheel_that_a_load_slows_down_needs_no_less_duty) {
 }
 
 TEST(excess_adds_up_across_short_gaps) {
-  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
   struct Share {
     int excessive;
     int of;
@@ -116,7 +117,7 @@ TEST(excess_adds_up_across_short_gaps) {
     PlausibilityMonitor monitor;
     bool tripped = false;
     for (int step = 0; step < 10'000; ++step) {
-      const int32_t duty = step % share.of < share.excessive ? needed + 3000 : needed;
+      const int32_t duty = step % share.of < share.excessive ? kNeeded + 3000 : kNeeded;
       tripped |= trips(monitor, duty, 100'000);
     }
     CHECK(tripped == share.trips);
@@ -124,9 +125,8 @@ TEST(excess_adds_up_across_short_gaps) {
 }
 
 TEST(backwards_is_judged_as_forwards_is) {
-  const int32_t needed = duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains);
-  CHECK(steps_to_implausible(-needed - 3000, -100'000) ==
-        steps_to_implausible(needed + 3000, 100'000));
+  CHECK(steps_to_implausible(-kNeeded - 3000, -100'000) ==
+        steps_to_implausible(kNeeded + 3000, 100'000));
 }
 
 TEST(a_stop_does_not_end_the_excess_and_a_clear_does) {
@@ -146,9 +146,7 @@ TEST(an_impossible_speed_does_not_blind_the_check) {
   for (const int32_t speed : {200'000'000, INT32_MAX, INT32_MIN + 1})
     for (int step = 0; step < 500; ++step) CHECK(!trips(monitor, 32'767, speed));
   for (int step = 0; step < 500; ++step) trips(monitor, 0, 200'000'000);
-  const int32_t excessive =
-      duty_for(100'000, kDefaultGains.margin_q15, kNominal, kDefaultGains) + 3000;
-  const int steps = steps_to_implausible(monitor, excessive, 100'000);
+  const int steps = steps_to_implausible(monitor, kNeeded + 3000, 100'000);
   CHECK(steps > 0 && steps <= 450);
 }
 

@@ -61,20 +61,3 @@ TEST(a_robot_that_rolls_is_reported_to_the_next_host_as_well) {
   bench.roll(2000);
   CHECK(bench.count(EventCode::kRolling) == 1);
 }
-
-TEST(a_brake_until_driven_lasts) {
-  OpenRobot bench;
-  CHECK(bench.set(ParameterId::kStopMode, 3) == RefusalCode::kNone);
-  bench.drive(0.2f, 0.2f);
-  bench.send(bench.stop());
-  bench.run(20'000);
-  CHECK(bench.brakes());
-  bench.send(Estop{});
-  bench.run(1000);
-  CHECK(bench.left.brakes());
-  CHECK(bench.clear_estop() == RefusalCode::kNone);
-  bench.run(1000);
-  CHECK(bench.left.brakes());
-  bench.drive(0.2f, 0.2f);
-  CHECK(bench.driven());
-}

@@ -68,6 +68,13 @@ TEST(an_estop_brakes_until_the_wheels_are_still_and_again_while_it_is_latched) {
   CHECK(!action.brakes(15 * kBrakeUs, false, false));
 }
 
+TEST(a_brake_until_driven_outlasts_an_estop) {
+  StopAction action;
+  action.begin(kBrakeUntilDriven, false, 0, kBrakeUs);
+  action.begin_estop(kBrake, 0, kBrakeUs);
+  for (const bool is_latched : {true, false}) CHECK(action.brakes(20 * kBrakeUs, true, is_latched));
+}
+
 TEST(a_stop_that_follows_an_estop_leaves_it_as_it_is) {
   StopAction action;
   action.begin_estop(kBrake, 0, kBrakeUs);
