@@ -18,10 +18,11 @@ constexpr int32_t kNominal = 4096;     ///< The supply that the feed-forward was
 
 /// Shows its duty.
 struct BenchMotor final : MotorPort {
-  void drive(int16_t duty_q15) override { duty = duty_q15; }
-  void brake() override { duty = 0; }
-  void coast() override { duty = 0; }
+  void drive(int16_t duty_q15) override { duty = duty_q15, brakes = false; }
+  void brake() override { duty = 0, brakes = true; }
+  void coast() override { duty = 0, brakes = false; }
   int16_t duty = 0;
+  bool brakes = false;
 };
 
 /// One half of a bridge. Records for how long EN was low when the inputs switched.

@@ -352,25 +352,15 @@ TEST(what_the_line_has_no_room_for_is_dropped_and_counted) {
 }
 
 TEST(a_dropped_frame_leaves_a_gap_in_the_sequence) {
-  struct Last final : ByteStream {
-    std::vector<uint8_t> frame;
-    bool full = false;
-    size_t read(uint8_t*, size_t) override { return 0; }
-    bool write(const uint8_t* data, size_t size) override {
-      if (!full) frame.assign(data, data + size);
-      return !full;
-    }
-    uint32_t bytes_per_second() const override { return 0; }
-  } line;
+  BenchLine line;
   Link link(line);
+  for (const size_t room : {SIZE_MAX, size_t{0}, size_t{0}, SIZE_MAX}) {
+    line.room = room;
+    link.send(Ack{1, 1, 1});
+  }
   FrameDecoder decoder(body_size);
   Frame frame{};
-  for (const bool full : {false, true, true, false}) {
-    line.full = full;
-    link.send(Ack{1, 1, 1});
-    if (full) continue;
-    for (const uint8_t byte : line.frame) decoder.feed(byte, frame);
-  }
+  for (const uint8_t byte : line.to_host) decoder.feed(byte, frame);
   CHECK(decoder.counters().seq_lost == 2);
   CHECK(link.send_dropped() == 2 && link.frames_sent() == 2);
 }

@@ -24,14 +24,6 @@ constexpr uint8_t kB = 19;
 /// What was done to a core.
 std::vector<std::pair<int, Failure>> failures;
 
-struct RecordedMotor final : MotorPort {
-  int duty = 0;
-  bool brakes = false;
-  void drive(int16_t duty_q15) override { duty = duty_q15, brakes = false; }
-  void brake() override { duty = 0, brakes = true; }
-  void coast() override { duty = 0, brakes = false; }
-};
-
 int any_body_size(uint8_t id) {
   const int size = body_size(id);
   return size < 0 ? self_test_body_size(id) : size;
@@ -83,8 +75,8 @@ class SelfTestWorld : public test::BenchHost {
   }
 
   BoardDescription board = test::board_of(Stage::kEnableIn1In2);
-  RecordedMotor left;
-  RecordedMotor right;
+  test::BenchMotor left;
+  test::BenchMotor right;
   SharedState state;
   test::FakeLine chip_line{line};
   SelfTest test{board, left, right, state};

@@ -49,6 +49,7 @@ class SensorWorld {
     fake_sleep = nullptr;
   }
 
+  Sensors sensors;
   std::map<int, int> levels;
   PinChip chip;
   bool data_shorted = false;
@@ -56,7 +57,7 @@ class SensorWorld {
 
   /// Runs the task for this long. The chip measures 200 times a second; `each_ms` is called each
   /// millisecond.
-  void run_task(Sensors& sensors, const PeripheralList& list, int milliseconds,
+  void run_task(const PeripheralList& list, int milliseconds,
                 const std::function<void()>& each_ms) {
     fake_sleep = [&, milliseconds](TickType_t ticks) {
       CHECK(ticks == 1);
@@ -86,8 +87,7 @@ class SensorWorld {
 TEST(inputs_have_the_pulls_of_their_entries_and_no_task) {
   SensorWorld world;
   world.levels = {{34, 1}, {13, 0}, {14, 1}};
-  Sensors sensors;
-  CHECK(sensors.start(list_of(
+  CHECK(world.sensors.start(list_of(
       {{.kind = PeripheralKind::kBattery},
        {.kind = PeripheralKind::kBumper, .pin_a = 34},
        {.kind = PeripheralKind::kCliff, .flags = peripheralflag::kPullUp, .pin_a = 13},
@@ -95,15 +95,14 @@ TEST(inputs_have_the_pulls_of_their_entries_and_no_task) {
   CHECK(!fake_matrix.pulled_up[34] && !fake_matrix.pulled_down[34]);
   CHECK(fake_matrix.pulled_up[13] && !fake_matrix.pulled_down[13]);
   CHECK(!fake_matrix.pulled_up[14] && fake_matrix.pulled_down[14]);
-  CHECK(sensors.levels() == 0b1010);
+  CHECK(world.sensors.levels() == 0b1010);
   CHECK(fake_core == -1);  // No task was created.
 }
 
 TEST(a_level_has_changed_when_two_samples_say_so) {
   SensorWorld world;
   world.levels[34] = 0;
-  Sensors sensors;
-  CHECK(sensors.start(list_of({{.kind = PeripheralKind::kBumper, .pin_a = 34}})));
+  CHECK(world.sensors.start(list_of({{.kind = PeripheralKind::kBumper, .pin_a = 34}})));
   std::vector<int> samples;
   fake_level = [&samples](gpio_num_t) {
     const int level = samples.front();
@@ -111,21 +110,20 @@ TEST(a_level_has_changed_when_two_samples_say_so) {
     return level;
   };
   samples = {1, 0};  // A spike.
-  CHECK(sensors.levels() == 0 && samples.empty());
+  CHECK(world.sensors.levels() == 0 && samples.empty());
   samples = {1, 1};
-  CHECK(sensors.levels() == 1 && samples.empty());
+  CHECK(world.sensors.levels() == 1 && samples.empty());
   samples = {1};
-  CHECK(sensors.levels() == 1 && samples.empty());
+  CHECK(world.sensors.levels() == 1 && samples.empty());
   samples = {0, 1};
-  CHECK(sensors.levels() == 1 && samples.empty());
+  CHECK(world.sensors.levels() == 1 && samples.empty());
   samples = {0, 0};
-  CHECK(sensors.levels() == 0 && samples.empty());
+  CHECK(world.sensors.levels() == 0 && samples.empty());
 }
 
 TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {
   SensorWorld world;
-  Sensors sensors;
-  world.run_task(sensors, list_of({kImu}), 300, [] {});
+  world.run_task(list_of({kImu}), 300, [] {});
   CHECK(fake_matrix.open_drain[kData] && fake_matrix.open_drain[kClock]);
   CHECK(fake_matrix.pulled_up[kData] && fake_matrix.pulled_up[kClock]);
   CHECK(!fake_matrix.ever_high.contains(kData) && !fake_matrix.ever_high.contains(kClock));
@@ -134,12 +132,11 @@ TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {
 
 TEST(the_task_reads_an_imu_at_its_interrupt_s_time) {
   SensorWorld world;
-  Sensors sensors;
   std::vector<ImuReading> readings;
   int64_t edge_us = 0;
-  world.run_task(sensors, list_of({{.kind = PeripheralKind::kBattery}, kImu}), 500, [&] {
+  world.run_task(list_of({{.kind = PeripheralKind::kBattery}, kImu}), 500, [&] {
     ImuReading reading;
-    if (!sensors.take(1, reading)) return;
+    if (!world.sensors.take(1, reading)) return;
     CHECK(reading.state == SensorState::kOk && reading.bound_us == ImuDriver::kEdgeBoundUs);
     CHECK(readings.empty() || reading.gyro[2] - readings.back().gyro[2] == 1);
     edge_us = static_cast<int64_t>(reading.t_us);
@@ -153,17 +150,16 @@ TEST(the_task_reads_an_imu_at_its_interrupt_s_time) {
 
 TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
   SensorWorld world;
-  Sensors sensors;
   Peripheral second = kImu;
   second.chip = SensorChip::kLsm6ds3;
   second.place = Place::kRear;
   second.pin_c = 13;
   int absent = 0;
   int ok = 0;
-  world.run_task(sensors, list_of({kImu, second}), 400, [&] {
+  world.run_task(list_of({kImu, second}), 400, [&] {
     ImuReading reading;
-    if (sensors.take(0, reading) && reading.state == SensorState::kOk) ++ok;
-    if (sensors.take(1, reading) && reading.state == SensorState::kAbsent) ++absent;
+    if (world.sensors.take(0, reading) && reading.state == SensorState::kOk) ++ok;
+    if (world.sensors.take(1, reading) && reading.state == SensorState::kAbsent) ++absent;
   });
   CHECK(ok > 50 && absent >= 3);
   CHECK(fake_isr_services == 1);
@@ -172,7 +168,6 @@ TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
 
 TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
   SensorWorld world;
-  Sensors sensors;
   PeripheralList list = list_of({kImu});
   for (const int8_t pin : std::initializer_list<int8_t>{13, 21, 26})
     list.entries[list.count++] = {.kind = PeripheralKind::kRange,
@@ -191,7 +186,7 @@ TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
     fake_capture.edge(pin + 1, true, rise);
     falls.push_back({pin + 1, rise + static_cast<uint32_t>(pin) * 100 * 80});
   };
-  world.run_task(sensors, list, 2000, [&] {
+  world.run_task(list, 2000, [&] {
     for (const auto& [pin, ticks] : falls) {
       // The interrupt comes at the end of the pulse.
       fake_time_us += pin * 100;
@@ -200,7 +195,7 @@ TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
     falls.clear();
     for (size_t channel = 1; channel < 4; ++channel) {
       RangeReading reading;
-      if (!sensors.take(channel, reading)) continue;
+      if (!world.sensors.take(channel, reading)) continue;
       ++measured[channel];
       CHECK(reading.state == SensorState::kOk && reading.quality == RangeQuality::kGood);
       const uint32_t pulse_us = static_cast<uint32_t>(list.entries[channel].pin_a) * 100;
@@ -213,13 +208,12 @@ TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
 
 TEST(range_sensors_alone_have_the_task_too) {
   SensorWorld world;
-  Sensors sensors;
   std::vector<SensorState> states;
   const Peripheral range{
       .kind = PeripheralKind::kRange, .chip = SensorChip::kHcSr04, .pin_a = 21, .pin_b = 34};
-  world.run_task(sensors, list_of({range}), 500, [&] {
+  world.run_task(list_of({range}), 500, [&] {
     RangeReading reading;
-    if (sensors.take(0, reading)) states.push_back(reading.state);
+    if (world.sensors.take(0, reading)) states.push_back(reading.state);
   });
   CHECK(states.size() >= 5);
   for (const SensorState state : states) CHECK(state == SensorState::kAbsent);
@@ -230,9 +224,8 @@ TEST(a_pin_that_cannot_be_set_up_is_reported) {
        {kImu, Peripheral{.kind = PeripheralKind::kCliff, .pin_a = 34},
         Peripheral{.kind = PeripheralKind::kRange, .chip = SensorChip::kHcSr04, .pin_a = 21}}) {
     SensorWorld world;
-    Sensors sensors;
     fake_gpio_result = ESP_FAIL;
-    CHECK(!sensors.start(list_of({entry})));
+    CHECK(!world.sensors.start(list_of({entry})));
     CHECK(fake_core == -1);
     fake_gpio_result = ESP_OK;
   }
