@@ -60,6 +60,12 @@ class Wires final : public I2cLines {
   uint64_t held_until_us_ = 0;
 };
 
+bool reads_a_register(SoftI2c& bus, Wires& wires) {
+  wires.chip.registers[7] = 42;
+  uint8_t byte = 0;
+  return bus.read(PinChip::kAddress, 7, &byte, 1) == I2cResult::kOk && byte == 42;
+}
+
 }  // namespace
 
 TEST(registers_are_written_and_read_back_over_two_pins) {
@@ -100,19 +106,17 @@ TEST(a_line_that_is_held_low_costs_no_more_than_the_limit) {
     CHECK(wires.time_us - start_us <= 2 * I2cBus::kTransferUs + 100);
     wires.clock_shorted = wires.data_shorted = false;
     bus.recover();
-    wires.chip.registers[7] = 42;
-    CHECK(bus.read(PinChip::kAddress, 7, &byte, 1) == I2cResult::kOk && byte == 42);
+    CHECK(reads_a_register(bus, wires));
   }
 }
 
 TEST(a_chip_may_hold_the_clock_for_a_while) {
   Wires wires;
   SoftI2c bus{wires};
-  wires.chip.registers[7] = 42;
   wires.stretch_us = 50;
-  uint8_t byte = 0;
-  CHECK(bus.read(PinChip::kAddress, 7, &byte, 1) == I2cResult::kOk && byte == 42);
+  CHECK(reads_a_register(bus, wires));
   wires.stretch_us = I2cBus::kTransferUs / 30;
+  uint8_t byte = 0;
   CHECK(bus.read(PinChip::kAddress, 7, &byte, 1) == I2cResult::kHung);
 }
 
@@ -138,7 +142,6 @@ TEST(nine_clocks_free_a_chip_that_was_interrupted) {
     if (!wires.is_free()) CHECK(bus.read(PinChip::kAddress, 0, &byte, 1) == I2cResult::kHung);
     bus.recover();
     CHECK(wires.is_free());
-    wires.chip.registers[7] = 42;
-    CHECK(bus.read(PinChip::kAddress, 7, &byte, 1) == I2cResult::kOk && byte == 42);
+    CHECK(reads_a_register(bus, wires));
   }
 }

@@ -45,15 +45,15 @@ void clear_estop(SlotFlash& flash) {
   robot.run(3000);
 }
 
-/// Loses both slots of a block.
-void lose(SlotFlash& flash, StoredBlock block, bool are_gone) {
+enum class Loss { kGone, kDamaged, kOutdated };
+
+/// Loses both slots of a block. Those of earlier firmware are no good, either.
+void lose(SlotFlash& flash, StoredBlock block, Loss loss) {
   for (const int slot : {0, 1}) {
     std::vector<uint8_t>& bytes = flash.bytes(block, slot);
-    if (are_gone) {
-      bytes.clear();
-    } else {
-      bytes.back() ^= 1;
-    }
+    if (loss == Loss::kGone) bytes.clear();
+    if (loss == Loss::kDamaged) bytes.back() ^= 1;
+    if (loss == Loss::kOutdated) bytes = sealed({1, 2, 3}, 1);
   }
 }
 
@@ -83,16 +83,17 @@ TEST(a_robot_drives_on_the_saved_values_though_a_slot_is_damaged) {
   }
 }
 
-TEST(a_robot_whose_saved_values_are_damaged_or_gone_does_not_drive_on_defaults) {
-  for (const bool are_gone : {true, false}) {
+TEST(a_robot_whose_saved_values_are_damaged_outdated_or_gone_does_not_drive_on_defaults) {
+  for (const Loss loss : {Loss::kGone, Loss::kDamaged, Loss::kOutdated}) {
     for (const bool loads : {true, false}) {
       SlotFlash flash;
       save_duty(flash, 0.5f);
-      lose(flash, StoredBlock::kParameterValues, are_gone);
+      lose(flash, StoredBlock::kParameterValues, loss);
       SlotRobot robot{flash};
       robot.open().drive(0.2f, 0.2f);
       CHECK(robot.state() == SupervisorState::kFault && !robot.driven());
-      CHECK(robot.of<WheelState>().back().faults == fault::kStoreUnreadable);
+      CHECK(robot.of<WheelState>().back().faults ==
+            (loss == Loss::kOutdated ? fault::kStoreOutdated : fault::kStoreUnreadable));
       CHECK(robot.clear_fault() == RefusalCode::kCausePresent);
       const ParameterSave one{.parameter = static_cast<uint8_t>(kMaxDuty)};
       CHECK(robot.refusal(one) == RefusalCode::kStoreFailed);
@@ -114,25 +115,14 @@ TEST(a_robot_whose_saved_values_are_damaged_or_gone_does_not_drive_on_defaults) 
   }
 }
 
-TEST(a_robot_whose_values_are_of_earlier_firmware_says_so_and_does_not_drive) {
-  SlotFlash flash;
-  save_duty(flash, 0.5f);
-  for (const int slot : {0, 1})
-    flash.bytes(StoredBlock::kParameterValues, slot) = sealed({1, 2, 3}, 1);
-  SlotRobot robot{flash};
-  robot.open().drive(0.2f, 0.2f);
-  CHECK(robot.state() == SupervisorState::kFault && !robot.driven());
-  CHECK(robot.of<WheelState>().back().faults == fault::kStoreOutdated);
-}
-
 TEST(damaged_latches_are_an_estop_until_it_is_cleared) {
-  for (const bool are_gone : {true, false}) {
+  for (const Loss loss : {Loss::kGone, Loss::kDamaged}) {
     for (const bool was_cleared : {true, false}) {
       for (const bool keeps_memory : {true, false}) {
         SlotFlash flash;
         latch_estop(flash);
         if (was_cleared) clear_estop(flash);
-        lose(flash, StoredBlock::kLatches, are_gone);
+        lose(flash, StoredBlock::kLatches, loss);
         SlotRobot robot{flash};
         if (keeps_memory) {
           uint8_t record[Latches::kSize];

@@ -31,12 +31,14 @@ PinMask lurking() {
 }
 
 /// From a reset of the CPU, which leaves all registers of the pins, to the control task.
-void start(WiredRobot& robot, ConfigurationState state, const BoardDescription& board) {
-  bootloader_before_init();
-  CHECK(float_pins());
-  CHECK(take_pins(state, board));
-  if (is_confirmed(state)) CHECK(robot.start(Parameters{}));
-}
+struct StartedRobot : WiredRobot {
+  StartedRobot(ConfigurationState state, const BoardDescription& of) : WiredRobot(of) {
+    bootloader_before_init();
+    CHECK(float_pins());
+    CHECK(take_pins(state, of));
+    if (is_confirmed(state)) CHECK(start(Parameters{}));
+  }
+};
 
 void power_on() {
   fake_matrix = {};
@@ -69,8 +71,7 @@ TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
   for (const ConfigurationState state :
        {ConfigurationState::kDamaged, ConfigurationState::kBuiltIn}) {
     power_on();
-    WiredRobot robot(kImageBoard);
-    start(robot, state, kImageBoard);
+    StartedRobot robot(state, kImageBoard);
     robot.left_motor.drive(20'000);
     robot.right_motor.brake();
     CHECK(driven_pins() == 0);
@@ -83,8 +84,7 @@ TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone) {
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     on_every_stage([state](const BoardDescription& board) {
       power_on();
-      WiredRobot robot(board);
-      start(robot, state, board);
+      StartedRobot robot(state, board);
       CHECK(driven_pins() == stage_pins(board));
     });
   }
@@ -94,13 +94,11 @@ TEST(the_pins_of_the_previous_board_float_after_a_change) {
   on_every_stage([](const BoardDescription& former) {
     on_every_stage([&former](const BoardDescription& board) {
       power_on();
-      WiredRobot driver(former);
-      start(driver, ConfigurationState::kStored, former);
+      StartedRobot driver(ConfigurationState::kStored, former);
       driver.left_motor.drive(20'000);
       driver.right_motor.drive(-20'000);
 
-      WiredRobot robot(board);
-      start(robot, ConfigurationState::kTrial, board);
+      StartedRobot robot(ConfigurationState::kTrial, board);
       CHECK(driven_pins() == stage_pins(board) && lurking() == 0);
       CHECK((driven_pins() & encoder_pins(board)) == 0);
     });
@@ -111,23 +109,19 @@ TEST(no_encoder_fights_an_output_of_the_previous_board) {
   const BoardDescription former = board_of(Stage::kPwmIn1In2);
   const BoardDescription board = with_encoders_on_outputs_of(former);
   power_on();
-  WiredRobot driver(former);
-  start(driver, ConfigurationState::kStored, former);
+  StartedRobot driver(ConfigurationState::kStored, former);
   driver.left_motor.drive(20'000);
   CHECK((driven_pins() & encoder_pins(board)) == encoder_pins(board));
-  WiredRobot robot(board);
-  start(robot, ConfigurationState::kStored, board);
+  StartedRobot robot(ConfigurationState::kStored, board);
   CHECK((driven_pins() & encoder_pins(board)) == 0);
 }
 
 TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   power_on();
   const BoardDescription former = board_of(Stage::kPwmIn1In2);
-  WiredRobot driver(former);
-  start(driver, ConfigurationState::kStored, former);
+  StartedRobot driver(ConfigurationState::kStored, former);
   driver.left_motor.drive(20'000);
-  WiredRobot robot(kImageBoard);
-  start(robot, ConfigurationState::kBuiltIn, kImageBoard);
+  StartedRobot robot(ConfigurationState::kBuiltIn, kImageBoard);
   CHECK(driven_pins() == 0 && lurking() == 0);
   // Again: nothing is left for the bootloader.
   bootloader_before_init();
@@ -138,8 +132,7 @@ TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
   const BoardDescription board = board_of(Stage::kEnableIn1In2);
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     power_on();
-    WiredRobot robot(board);
-    start(robot, state, board);
+    StartedRobot robot(state, board);
     robot.left_motor.drive(20'000);
     bootloader_before_init();
     CHECK(driven_pins() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
@@ -155,8 +148,7 @@ TEST(the_board_says_who_pulls_the_encoders_up) {
     BoardDescription board = board_of(Stage::kEnableIn1In2);
     board.encoder_pulls = pulls;
     if (pulls == EncoderPulls::kExternal) board.left_encoder_a = 36;  // An input only.
-    WiredRobot robot(board);
-    start(robot, ConfigurationState::kStored, board);
+    StartedRobot robot(ConfigurationState::kStored, board);
     for (const BoardPin function : kEncoderPins)
       CHECK(fake_matrix.pulled_up[board.pin(function)] == (pulls == EncoderPulls::kInternal));
   }

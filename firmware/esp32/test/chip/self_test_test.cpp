@@ -328,7 +328,7 @@ TEST(after_the_reset_it_tells_what_failed_and_when) {
   CHECK(world.ask<SelfTestLast>(SelfTestLastGet{})->failure == Failure::kNone);
 }
 
-TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage) {
+TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage_and_edges_in_spikes_count_once) {
   SelfTestWorld world;
   Loop loop;
   world.allow();
@@ -341,12 +341,6 @@ TEST(it_plays_an_encoder_at_the_pins_of_the_power_stage) {
     CHECK(std::abs(loop.ticks() - before) == std::abs(edges));
   }
   CHECK(loop.ticks() == 0);
-}
-
-TEST(edges_in_spikes_count_once) {
-  SelfTestWorld world;
-  Loop loop;
-  world.allow();
   world.refusal(
       SelfTestTurn{.pin_a = kEnable, .pin_b = kIn1, .edges = 0, .edge_us = 5, .spikes = 100});
   world.work();
