@@ -165,11 +165,7 @@ TEST(a_flash_that_cannot_be_written_is_not_tried_at_every_step) {
   CHECK(!bench.latch_store.block.empty());
 }
 
-TEST(a_record_that_cannot_be_read_is_an_estop) {
-  RobotBench damaged;
-  damaged.latches.record = {1, 2, 3};
-  damaged.open();
-  CHECK(damaged.state() == SupervisorState::kEstopped);
+TEST(a_block_that_cannot_be_read_is_an_estop) {
   RobotBench flash;
   flash.latch_store.block = {1, 2, 3};
   flash.open();

@@ -36,6 +36,15 @@ PeripheralFault fault_of(std::initializer_list<Peripheral> entries) {
   return fault_of(wroom(), entries);
 }
 
+/// All issues of this fault.
+std::vector<PeripheralIssue> issues_of(const PeripheralList& list, PeripheralFault fault) {
+  std::vector<PeripheralIssue> found;
+  check_peripherals(list, wroom(), [&](const PeripheralIssue& issue) {
+    if (issue.fault == fault) found.push_back(issue);
+  });
+  return found;
+}
+
 /// A computer with the pins of a header.
 BoardDescription pi() {
   BoardDescription board = wroom();
@@ -79,13 +88,10 @@ TEST(there_are_as_many_range_sensors_as_the_chip_times_echoes) {
   for (const Place place : {Place::kFront, Place::kRear, Place::kLeft, Place::kRight}) {
     list.entries[list.count] = kRangeSensor;
     list.entries[list.count++].place = place;
-    bool is_too_many = false;
-    check_peripherals(list, wroom(), [&](const PeripheralIssue& issue) {
-      if (issue.fault != kTooManyRanges) return;
-      is_too_many = true;
+    const auto too_many = issues_of(list, kTooManyRanges);
+    CHECK(too_many.empty() == (list.count < 4));
+    for (const PeripheralIssue& issue : too_many)
       CHECK(issue.channel == 3 && issue.limit == kMostRanges);
-    });
-    CHECK(is_too_many == (list.count == 4));
   }
 }
 
@@ -175,11 +181,7 @@ TEST(each_pin_of_a_peripheral_is_another) {
 TEST(a_pin_that_is_missing_is_not_taken) {
   for (Peripheral entry : {kImu, kPowerSensor, kRangeSensor}) {
     entry.pin_a = entry.pin_b = entry.pin_c = -1;
-    int taken = 0;
-    check_peripherals(list_of({entry}), wroom(), [&taken](const PeripheralIssue& issue) {
-      taken += issue.fault == kPinTaken;
-    });
-    CHECK(taken == 0 && fault_of({entry}) == kPinMissing);
+    CHECK(issues_of(list_of({entry}), kPinTaken).empty() && fault_of({entry}) == kPinMissing);
   }
 }
 

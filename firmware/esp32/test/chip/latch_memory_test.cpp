@@ -48,19 +48,13 @@ TEST(latches_are_read_back_after_a_reset) {
   }
 }
 
-TEST(after_a_power_on_nothing_is_known) {
+TEST(a_reset_that_takes_one_memory_leaves_the_latches_and_after_a_power_on_nothing_is_known) {
   for (const uint8_t content : {uint8_t{0x00}, uint8_t{0x5a}, uint8_t{0xff}}) {
+    Latches found;
     save(kEstop);
     lose_rtc_memory(content);
     lose_main_memory(content);
-    Latches found;
     CHECK(!load(found));
-  }
-}
-
-TEST(a_reset_that_takes_one_memory_leaves_the_latches) {
-  for (const uint8_t content : {uint8_t{0x00}, uint8_t{0x5a}, uint8_t{0xff}}) {
-    Latches found;
     save(kFault);
     lose_rtc_memory(content);
     CHECK(load(found) && found == kFault);
