@@ -6,21 +6,13 @@
 using namespace wheelwire;
 using namespace wheelwire::test;
 
-TEST(nothing_is_high_while_the_motors_start) {
+TEST(nothing_is_high_while_the_motors_start_and_then_the_wheel_that_is_to_drive_alone) {
   on_every_stage([](const BoardDescription& board) {
     fake_matrix = {};
     WiredRobot robot(board);
     CHECK(robot.start(Parameters{}));
     CHECK(fake_matrix.pwm.runs);
     CHECK((once_high_pins() & stage_pins(board)) == 0);
-  });
-}
-
-TEST(only_the_wheel_that_is_to_drive_gets_a_duty) {
-  on_every_stage([](const BoardDescription& board) {
-    fake_matrix = {};
-    WiredRobot robot(board);
-    CHECK(robot.start(Parameters{}));
     robot.left_motor.drive(1000);
     PinMask wheels[2] = {0, 0};
     for (size_t wheel = 0; wheel < 2; ++wheel)
