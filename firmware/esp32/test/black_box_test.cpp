@@ -5,7 +5,6 @@
 #include <memory>
 #include <random>
 
-#include "check.hpp"
 #include "core_hash.hpp"
 #include "rerun.hpp"
 #include "robot_bench.hpp"

@@ -5,7 +5,6 @@
 #include <array>
 #include <map>
 
-#include "check.hpp"
 #include "core_hash.hpp"
 #include "cut_flash.hpp"
 #include "recorder_keeper.hpp"

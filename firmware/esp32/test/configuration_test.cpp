@@ -1,7 +1,6 @@
 #include "configuration.hpp"
 
 #include "built_in_boards.hpp"
-#include "check.hpp"
 #include "parameters.hpp"
 #include "sensor_bench.hpp"
 #include "slots.hpp"

@@ -1,6 +1,5 @@
 #include "contradictions.hpp"
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

@@ -1,4 +1,3 @@
-#include "check.hpp"
 #include "drive.hpp"
 #include "robot_bench.hpp"
 #include "slew.hpp"

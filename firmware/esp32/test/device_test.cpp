@@ -1,6 +1,5 @@
 // The order of a control step: faults, then the link, then contact and deadline, then outputs and
 // state.
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

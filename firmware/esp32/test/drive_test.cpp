@@ -4,7 +4,6 @@
 #include <initializer_list>
 #include <utility>
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

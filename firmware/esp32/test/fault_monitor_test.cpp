@@ -1,6 +1,5 @@
 #include "fault_monitor.hpp"
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

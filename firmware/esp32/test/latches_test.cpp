@@ -1,7 +1,6 @@
 // What survives a reset, and what ends it.
 #include "latches.hpp"
 
-#include "check.hpp"
 #include "memory_store.hpp"
 #include "robot_bench.hpp"
 

@@ -1,6 +1,5 @@
 #include "path.hpp"
 
-#include "check.hpp"
 #include "following_error.hpp"
 #include "robot_bench.hpp"
 

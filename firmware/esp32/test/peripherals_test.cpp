@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "built_in_boards.hpp"
-#include "check.hpp"
 #include "sensor_bench.hpp"
 
 using namespace wheelwire;

@@ -4,7 +4,6 @@
 #include <deque>
 #include <vector>
 
-#include "check.hpp"
 #include "sensor_bench.hpp"
 
 using namespace wheelwire;

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "check.hpp"
 #include "sensor_bench.hpp"
 #include "twin_store.hpp"
 

@@ -1,5 +1,4 @@
 // Stops, faults, the e-stop, and what may change during them, at the robot's pins.
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

@@ -1,5 +1,4 @@
 // Sessions, setpoints, requests and driving of a whole robot, at its pins and on its line.
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

@@ -1,6 +1,5 @@
 #include "rolling.hpp"
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

@@ -1,6 +1,5 @@
 #include "stop_action.hpp"
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

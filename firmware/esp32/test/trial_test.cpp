@@ -1,5 +1,4 @@
 // A trial of parameters: what ends it, and what is active afterwards.
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "check.hpp"
 #include "fixed.hpp"
 #include "robot_bench.hpp"
 

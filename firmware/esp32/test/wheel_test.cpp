@@ -1,7 +1,6 @@
 // A wheel ends what its parts have begun whenever it stops or is driven in another way.
 #include "wheel.hpp"
 
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

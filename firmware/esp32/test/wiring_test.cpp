@@ -1,5 +1,4 @@
 // motors_swapped and encoders_swapped, wherever a wheel meets a pin.
-#include "check.hpp"
 #include "robot_bench.hpp"
 
 using namespace wheelwire;

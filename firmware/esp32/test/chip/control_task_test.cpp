@@ -5,7 +5,6 @@
 #include <map>
 #include <vector>
 
-#include "check.hpp"
 #include "esp_system.h"
 #include "esp_task_wdt.h"
 #include "fake_line.hpp"

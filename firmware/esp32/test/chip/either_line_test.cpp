@@ -1,6 +1,5 @@
 #include "either_line.hpp"
 
-#include "check.hpp"
 #include "fake_line.hpp"
 
 using namespace wheelwire;

@@ -1,6 +1,5 @@
 #include "housekeeping.hpp"
 
-#include "check.hpp"
 #include "esp_system.h"
 #include "freertos/task.h"
 #include "robot_bench.hpp"

@@ -1,6 +1,5 @@
 #include "ota_trial.hpp"
 
-#include "check.hpp"
 #include "esp_ota_ops.h"
 #include "image_trial.hpp"
 #include "robot_bench.hpp"

@@ -2,7 +2,6 @@
 // its line, since the core must not notice it.
 #include "self_test.hpp"
 
-#include "check.hpp"
 #include "esp_cpu.h"
 #include "esp_rom_sys.h"
 #include "fail_core.hpp"

@@ -1,7 +1,6 @@
 // The board's peripherals at the chip's pins, and the task that reads a bus.
 #include "sensors.hpp"
 
-#include "check.hpp"
 #include "driver/gpio.h"
 #include "esp_timer.h"
 #include "freertos/task.h"
