@@ -153,22 +153,14 @@ TEST(a_handler_that_panics_again_and_again_does_not_feed_its_watchdog) {
 
 TEST(the_other_core_ends_no_guard_of_a_panic) {
   // While the handler of one core runs, up to the stall, the other one goes on: it drives, stops,
-  // or its dead-man fires. ESP-IDF's handler arms the watchdog once more, by esp_panic_handler_
-  // enable_rtc_wdt() of v5.5.3.
+  // or its dead-man fires. ESP-IDF's handler arms the watchdog once more.
   for (void (*const other_core)() : {feed_drive_watchdog, disarm_drive_watchdog}) {
     for (const bool idf_arms : {false, true}) {
       reset_chip();
       prepare_drive_watchdog();
       drive_for_ms(1);
       idf_handler = [&](void*) {
-        if (idf_arms) {
-          wdt_hal_context_t watchdog;
-          wdt_hal_init(&watchdog, WDT_RWDT, 0, false);
-          wdt_hal_write_protect_disable(&watchdog);
-          wdt_hal_config_stage(&watchdog, WDT_STAGE0, 1'500'000, WDT_STAGE_ACTION_RESET_RTC);
-          wdt_hal_enable(&watchdog);
-          wdt_hal_write_protect_enable(&watchdog);
-        }
+        if (idf_arms) fake_panic_arms_watchdog();
         other_core();
       };
       // Before each access of the handler, too.

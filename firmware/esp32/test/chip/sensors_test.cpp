@@ -108,16 +108,14 @@ TEST(a_level_has_changed_when_two_samples_say_so) {
     samples.erase(samples.begin());
     return level;
   };
-  samples = {1, 0};  // A spike.
-  CHECK(world.sensors.levels() == 0 && samples.empty());
-  samples = {1, 1};
-  CHECK(world.sensors.levels() == 1 && samples.empty());
-  samples = {1};
-  CHECK(world.sensors.levels() == 1 && samples.empty());
-  samples = {0, 1};
-  CHECK(world.sensors.levels() == 1 && samples.empty());
-  samples = {0, 0};
-  CHECK(world.sensors.levels() == 0 && samples.empty());
+  const struct {
+    std::vector<int> samples;
+    uint16_t levels;
+  } looks[] = {{{1, 0}, 0}, {{1, 1}, 1}, {{1}, 1}, {{0, 1}, 1}, {{0, 0}, 0}};  // First a spike.
+  for (const auto& look : looks) {
+    samples = look.samples;
+    CHECK(world.sensors.levels() == look.levels && samples.empty());
+  }
 }
 
 TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {

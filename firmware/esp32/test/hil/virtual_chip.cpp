@@ -238,12 +238,7 @@ void VirtualChip::crash(int core, Panic how) {
 void VirtualChip::handle_panic() {
   note_release();
   fake_rwdt.on_access = nullptr;
-  wdt_hal_context_t watchdog;
-  wdt_hal_init(&watchdog, WDT_RWDT, 0, false);
-  wdt_hal_write_protect_disable(&watchdog);
-  wdt_hal_config_stage(&watchdog, WDT_STAGE0, 1'500'000, WDT_STAGE_ACTION_RESET_RTC);
-  wdt_hal_enable(&watchdog);
-  wdt_hal_write_protect_enable(&watchdog);
+  fake_panic_arms_watchdog();
   if (how_ == Panic::kInterrupted) disarm_drive_watchdog();
   // The stall.
   is_locked_ = how_ == Panic::kLocked;

@@ -30,3 +30,13 @@ inline void wdt_hal_init(wdt_hal_context_t* watchdog, wdt_inst_t, uint32_t, bool
     rwdt_ll_disable_stage(watchdog->device, stage);
   wdt_hal_write_protect_enable(watchdog);
 }
+
+/// What esp_panic_handler_enable_rtc_wdt() of ESP-IDF 5.5.3 does.
+inline void fake_panic_arms_watchdog() {
+  wdt_hal_context_t watchdog;
+  wdt_hal_init(&watchdog, WDT_RWDT, 0, false);
+  wdt_hal_write_protect_disable(&watchdog);
+  wdt_hal_config_stage(&watchdog, WDT_STAGE0, 1'500'000, WDT_STAGE_ACTION_RESET_RTC);
+  wdt_hal_enable(&watchdog);
+  wdt_hal_write_protect_enable(&watchdog);
+}
