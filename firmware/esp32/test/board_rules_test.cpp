@@ -49,10 +49,6 @@ bool only(BoardFault fault, auto change) {
 
 }  // namespace
 
-TEST(board_without_a_fault_has_no_issue) {
-  CHECK(issues([](BoardDescription&) {}).empty());
-}
-
 TEST(board_of_a_named_module_has_the_pins_that_this_one_leaves_free) {
   CHECK(only(BoardFault::kPinOfMemory, [](auto& b) { b.left_encoder_a = 16; }));
   for (const int8_t pin : {int8_t{16}, int8_t{17}}) {

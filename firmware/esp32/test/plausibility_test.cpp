@@ -123,11 +123,6 @@ TEST(excess_adds_up_across_short_gaps) {
   }
 }
 
-TEST(backwards_is_judged_as_forwards_is) {
-  CHECK(steps_to_implausible(-kNeeded - 3000, -100'000) ==
-        steps_to_implausible(kNeeded + 3000, 100'000));
-}
-
 TEST(a_stop_does_not_end_the_excess_and_a_clear_does) {
   PlausibilityMonitor monitor;
   const int first = steps_to_implausible(monitor, 32'767, 100'000);

@@ -38,13 +38,6 @@ TEST(line_carries_no_faster_than_its_baud_rate) {
   CHECK(read_all(line) == 885);
 }
 
-TEST(line_without_a_baud_rate_carries_at_once) {
-  Line line;
-  host_write(line, 1000);
-  line.carry(0.0, true);
-  CHECK(read_all(line) == 1000);
-}
-
 TEST(line_loses_and_counts_what_the_device_cannot_take) {
   Line line;
   host_write(line, Line::kReceiveCapacity + 10);
