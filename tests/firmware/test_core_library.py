@@ -9,10 +9,10 @@ import pytest
 from support.library_robot import LibraryRobot
 from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
-from wheelwire_protocol.codes import Chip, Fault, RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.codes import Chip, RefusalCode, SupervisorState
 from wheelwire_protocol.core import Core, Identity, StageInputs
 from wheelwire_protocol.native import NativeMissingError
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
     ControlCounters,
@@ -21,7 +21,6 @@ from wheelwire_protocol.types import (
     ParameterGet,
     ParameterList,
     ParameterReset,
-    ParameterSave,
     ParameterSet,
     ParameterValue,
 )
@@ -77,18 +76,6 @@ def test_a_duty_becomes_pins_until_the_deadline(robot: LibraryRobot) -> None:
     assert robot.outputs.left == robot.outputs.right == BRAKE
 
 
-def test_ticks_are_reported_and_wrap() -> None:
-    robot = LibraryRobot()
-    robot.left_ticks, robot.right_ticks = 2**31 - 10, -(2**31) + 10
-    robot.open()
-    robot.left_ticks += 100
-    robot.right_ticks -= 100
-    robot.step()
-    robot.step()
-    assert robot.samples[-1].left_ticks == 100
-    assert robot.samples[-1].right_ticks == -100
-
-
 def test_no_tick_is_lost_in_a_step_that_came_late(robot: LibraryRobot) -> None:
     robot.left_ticks += 100_000
     robot.right_ticks -= 60_000
@@ -96,32 +83,6 @@ def test_no_tick_is_lost_in_a_step_that_came_late(robot: LibraryRobot) -> None:
         robot.step()
     assert robot.samples[-1].left_ticks == 100_000
     assert robot.samples[-1].right_ticks == -60_000
-
-
-def test_a_stop_between_two_steps_acts_at_once(robot: LibraryRobot) -> None:
-    drive(robot, 0.5, 0.5)
-    robot.session.stop(StopMode.COAST, lambda _result: None, robot.now_us)
-    robot.core.feed(robot.session.take_output())
-    outputs = robot.core.service(robot.now_us + 1)
-    assert outputs.state is SupervisorState.IDLE
-    assert outputs.left.enable_q15 == outputs.right.enable_q15 == COAST
-
-
-def test_a_host_that_hangs_up_ends_its_drive_and_its_session_at_once(robot: LibraryRobot) -> None:
-    drive(robot, 0.5, 0.5)
-    robot.set_duty(0.5, 0.5)
-    unread = robot.session.take_output()
-    outputs = robot.core.hang_up(robot.now_us)
-    assert outputs.state is SupervisorState.IDLE
-    assert (outputs.left.enable_q15, outputs.right.enable_q15) == (0, 0)
-    robot.core.feed(unread)
-    assert robot.core.service(robot.now_us).state is SupervisorState.IDLE
-    robot.core.take()  # the refusal
-    for _ in range(200):
-        robot.now_us += 10_000
-        assert robot.core.step(robot.now_us, 0, 0).state is SupervisorState.IDLE
-        assert not robot.core.take()
-    assert outputs.left != BRAKE
 
 
 def test_after_a_host_that_hung_up_the_next_one_drives(robot: LibraryRobot) -> None:
@@ -179,13 +140,6 @@ def test_an_open_contact_is_an_estop_where_one_is_fitted() -> None:
     assert refused.value.code == RefusalCode.CAUSE_PRESENT
 
 
-def test_a_failed_pin_is_a_fault_for_good(robot: LibraryRobot) -> None:
-    robot.core.fail()
-    outputs = robot.step()
-    assert outputs.state is SupervisorState.FAULT
-    assert outputs.faults == Fault.DRIVER_FAILED
-
-
 def test_a_computer_has_its_own_defaults_and_a_reset_restores_them(robot: LibraryRobot) -> None:
     assert robot.outputs.period_us == 10_000
     assert parameter(robot, "estop_input_enabled") == 0
@@ -199,11 +153,6 @@ def test_a_computer_has_its_own_defaults_and_a_reset_restores_them(robot: Librar
     assert entry.default_value == 100
 
 
-def test_a_chip_has_those_of_the_table() -> None:
-    robot = LibraryRobot(board=Chip.SIMULATED).start()
-    assert robot.outputs.period_us == 1_000
-
-
 def test_presets_are_defaults_and_are_checked() -> None:
     robot = LibraryRobot()
     radius = PARAMETER_BY_NAME["wheel_radius"].id
@@ -215,46 +164,6 @@ def test_presets_are_defaults_and_are_checked() -> None:
     robot.request(ParameterSet(0, 0, radius, 0.06))
     robot.request(ParameterReset(0, 0))
     assert parameter(robot, "wheel_radius") == pytest.approx(0.05)
-
-
-def test_what_was_saved_comes_back_and_precedes_presets() -> None:
-    blocks: list[bytes] = []
-
-    def save(block: bytes) -> bool:
-        blocks.append(block)
-        return True
-
-    robot = LibraryRobot(save=save).open()
-    radius = PARAMETER_BY_NAME["wheel_radius"].id
-    robot.request(ParameterSet(0, 0, radius, 0.07))
-    robot.request(ParameterSave(0, 0, 0))
-    again = LibraryRobot(stored=blocks[-1])
-    again.core.preset(radius, 0.05)
-    again.open()
-    assert parameter(again, "wheel_radius") == pytest.approx(0.07)
-    robot.request(ParameterSet(0, 0, radius, 0.08))
-    robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
-    kept = LibraryRobot(stored=blocks[-1]).open()
-    assert parameter(kept, "wheel_radius") == pytest.approx(0.07)  # 0.08 was only tried
-    robot.request(ParameterReset(0, 0))
-    empty = LibraryRobot(stored=blocks[-1])
-    empty.core.preset(radius, 0.05)
-    assert parameter(empty.open(), "wheel_radius") == pytest.approx(0.05)
-    robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
-    third = LibraryRobot(stored=blocks[-1]).open()
-    assert parameter(third, "wheel_radius") == pytest.approx(0.033)
-
-
-def test_a_store_that_fails_is_a_refusal() -> None:
-    with pytest.raises(DeviceRefused) as refused:
-        LibraryRobot(save=lambda _block: False).open().request(ParameterSave(0, 0, 0))
-    assert refused.value.code == RefusalCode.STORE_FAILED
-
-
-@pytest.mark.parametrize("block", [b"x", b"\0" * 5000])
-def test_a_corrupt_block_leaves_the_defaults(block: bytes) -> None:
-    robot = LibraryRobot(stored=block).open()
-    assert parameter(robot, "wheel_radius") == pytest.approx(PARAMETERS[0].default)
 
 
 def test_a_closed_core_says_so() -> None:

@@ -48,14 +48,6 @@ def set_radius(host: RawHost, request_id: int, value: float) -> ParameterSet:
     return ParameterSet(host.session_id, request_id, RADIUS, value)
 
 
-def test_a_repeat_is_answered_again_and_not_done_again(host: RawHost) -> None:
-    first = set_radius(host, 1, 0.04)
-    answer = host.ask(first, ParameterValue)
-    host.ask(set_radius(host, 2, 0.05), ParameterValue)
-    assert host.ask(first, ParameterValue) == answer
-    assert get(host, 3) == pytest.approx(0.05)
-
-
 def test_a_refusal_is_repeated_too(host: RawHost) -> None:
     message = set_radius(host, 1, 99)
     assert refusal(host, message) is RefusalCode.OUT_OF_RANGE

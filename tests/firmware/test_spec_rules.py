@@ -107,7 +107,8 @@ def test_refusals_of_a_parameter_have_an_order(host: RawHost) -> None:
 
 def test_the_version_is_looked_at_before_the_schema(host: RawHost) -> None:
     both = Hello(1, PROTOCOL_VERSION + 1, schema_hash() ^ 1)
-    assert host.ask(both, DeviceHello).refusal == RefusalCode.PROTOCOL_VERSION
+    answer = host.ask(both, DeviceHello)
+    assert (answer.refusal, answer.schema_hash) == (RefusalCode.PROTOCOL_VERSION, schema_hash())
 
 
 @pytest.mark.parametrize("mode", [4, 255])

@@ -209,6 +209,12 @@ def test_another_file_than_a_box_of_this_core_is_refused_and_not_exported(
     assert not (checkout / BOXES).exists()
 
 
+def test_a_box_of_another_core_still_says_why_the_robot_stopped(image: bytes, box: Path) -> None:
+    box.write_bytes(of_core(image, 0xC0FFEE))
+    (stop,) = run_json("why", str(box))
+    assert stop["cause"] == "contact_open"
+
+
 def test_wrong_usage_is_named(box: Path, tmp_path: Path) -> None:
     for arguments, text in (
         (["--rerun", str(tmp_path / "none.box")], None),
