@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from support.core_host import CoreHost
+from support.library_robot import LibraryRobot
 from wheelwire.errors import ConfigurationError
 from wheelwire.pi import storage
 from wheelwire.pi.core import make_core
@@ -22,11 +22,10 @@ SETTINGS = McuSettings("l298n", Pins())
 
 def state_after_a_start(*messages: Estop | ClearEstop) -> SupervisorState:
     """Start a core, send it these, and end it without a word, as SIGKILL does."""
-    core = make_core(SETTINGS)
-    host = CoreHost(core)
+    robot = LibraryRobot(core=make_core(SETTINGS)).open()
     for message in messages:
-        host.ask(message)
-    return SupervisorState(core.step(10_000_000, 0, 0).state)
+        robot.request(message)
+    return robot.step().state
 
 
 def test_an_estop_outlives_the_process_until_it_is_cleared() -> None:

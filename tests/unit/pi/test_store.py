@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from support.core_host import CoreHost
 from support.full_disk import no_space
+from support.library_robot import LibraryRobot
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused
 from wheelwire.pi.core import active_parameters, make_core
@@ -65,7 +65,7 @@ def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(
 
 
 def _save_on(settings: McuSettings) -> None:
-    CoreHost(make_core(settings)).ask(ParameterSave(0, 0, 0))
+    LibraryRobot(core=make_core(settings)).open().request(ParameterSave(0, 0, 0))
 
 
 def test_a_change_takes_effect_at_once() -> None:
