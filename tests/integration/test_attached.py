@@ -111,17 +111,6 @@ def test_commands_that_only_look_attach(robot: SerialDriver, simulator: Simulato
     assert robot.sessions == 1
 
 
-def test_a_stop_stops_until_the_holder_drives_again(
-    robot: SerialDriver, simulator: Simulator
-) -> None:
-    robot.parameters.set("ttl_max_s", 5)
-    robot.set_velocity(0.1, 0.0, ttl=5.0)
-    assert OURS in attached("stop", simulator.port)
-    wait_until(lambda: robot.read().state is SupervisorState.IDLE)
-    robot.set_velocity(0.1, 0.0, ttl=1.0)
-    wait_until(lambda: robot.read().state is SupervisorState.DRIVING)
-
-
 def test_an_estop_stops_the_program_that_drives(robot: SerialDriver, simulator: Simulator) -> None:
     robot.set_velocity(0.1, 0.0, ttl=1.0)
     assert "stopped and latched; once" in attached("estop", simulator.port)

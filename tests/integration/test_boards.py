@@ -293,12 +293,6 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
             again.board.restart()
 
 
-async def test_peripherals_are_taken_up_in_virtual_time_on_asyncio() -> None:
-    async with aio.open_driver("mock", realtime=False) as robot:
-        await robot.board.take_up(WITH_BUMPERS)
-        assert await robot.board.read() == (ConfigurationState.STORED, WITH_BUMPERS)
-
-
 def test_both_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> None:
     both = replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals)
     with SerialDriver(simulator.port) as robot:

@@ -323,18 +323,6 @@ def test_errors_are_one_line_that_helps(
     assert simulator.get("drive_on") == 0
 
 
-def test_wrong_usage_is_exit_code_2() -> None:
-    assert run("params", "get").returncode == 2
-    assert run("nonsense").returncode == 2
-    assert run("monitor", "/dev/none", "--seconds", "-1").returncode == 2
-    assert run("params", "set", "/dev/none", "max_duty", "1", "--svae").returncode == 2
-
-
-def test_no_simulator_says_how_to_build_it(tmp_path: Path) -> None:
-    result = run("sim", WHEELWIRE_FWSIM=str(tmp_path / "missing"))
-    assert str(tmp_path) in check_error(result, errors.SimulatorNotFound)
-
-
 @contextmanager
 def sim(link: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A simulator in a process of its own, and the first line that it printed."""

@@ -79,12 +79,6 @@ def test_asking_who_is_there_costs_another_robot_nothing(cables: Cables) -> None
         assert other.statistics.sessions == sessions
 
 
-def test_a_board_that_is_not_there_is_named_with_those_that_are(cables: Cables) -> None:
-    board_id = cables.board_id("tty1")
-    with pytest.raises(PortUnavailable, match=f"{board_id} at .*tty1"):
-        SerialDriver(cables.pattern, board_id="0123456789ab")
-
-
 def test_no_port_matches(tmp_path: Path) -> None:
     with pytest.raises(PortUnavailable, match="nor any such port"):
         SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")

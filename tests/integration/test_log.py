@@ -16,15 +16,11 @@ from support.command import PROGRAM, run, run_json
 from support.processes import interruptible
 from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
-from wheelwire.cli.app import application
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RecordingError
 from wheelwire.log.reader import is_complete, metadata
-from wheelwire.robot import calls as requests
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import load_board
-from wheelwire_protocol.codes import Group
-from wheelwire_protocol.types import GroupGet
 
 
 def started(*arguments: str) -> subprocess.Popen[str]:
@@ -172,24 +168,6 @@ def test_a_robot_without_sensors(tmp_path: Path) -> None:
         result = run("log", "record", simulator.port, str(path), "--seconds", "0.5")
     assert result.returncode == 0, result.stderr
     assert run_json("sensors", str(path)) == []
-
-
-def test_firmware_without_sensors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "day.mcap"
-    monkeypatch.setattr(
-        requests,
-        "GroupGet",
-        lambda session, request, group: GroupGet(
-            session, request, 77 if group is Group.SENSOR else group
-        ),
-    )
-    with Simulator(link=tmp_path / "port") as simulator:
-        application()(
-            ("log", "record", simulator.port, str(path), "--seconds", "0.5"), standalone_mode=False
-        )
-    assert is_complete(path)
-    assert len(messages(path, "WheelState")) > 20
-    assert messages(path, "Inputs") == []
 
 
 def test_ctrl_c_at_once(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from support.command import output, run_json
 from support.gpio_chip_process import GpioChip
 from support.i2c_bus import I2cBuses
 from support.processes import children
@@ -119,14 +118,6 @@ def test_samples_states_and_stamps(robot: Robot) -> None:
     samples = robot.imu.samples()
     numbers = [next(samples).sample for _ in range(100)]
     assert len(set(numbers)) == 100
-
-
-def test_the_command_shows_them(scene: Scene, robot: Robot) -> None:
-    robot.power.read(WAIT_S)
-    found = {one["channel"]: one for one in run_json("sensors", str(scene.file))}
-    assert set(found) == {"imu", "power", "bumper.front"}
-    assert found["imu"]["rate_hz"] == 200
-    assert "imu" in output("sensors", str(scene.file))
 
 
 def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: Robot) -> None:

@@ -50,15 +50,6 @@ def test_each_range_sensor_has_its_name(robot: MockDriver) -> None:
     assert [one.info.name for one in robot.sensors.channels] == NAMES
 
 
-def test_a_stale_range_is_never_handed_out(robot: MockDriver) -> None:
-    robot.ranges.read(FRONT)
-    robot.simulator.set("range.absent", 1)
-    robot.advance(1.0)
-    assert robot.ranges.latest == {}
-    with pytest.raises(errors.SensorStale, match=r"range.front is STALE"):
-        robot.ranges.read(FRONT)
-
-
 def test_a_robot_without_range_sensors_says_so() -> None:
     with MockDriver(realtime=False) as robot:
         with pytest.raises(errors.SensorMissing, match="no range sensor: name it in the board"):

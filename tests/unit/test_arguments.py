@@ -142,13 +142,6 @@ def test_an_option_of_the_simulated_robot_with_it(option: str, bad: Any) -> None
         wheelwire.open_driver("mock", **{option: bad})
 
 
-def test_an_option_that_a_driver_does_not_have_or_needs() -> None:
-    with pytest.raises(errors.InvalidArgument, match="no option 'prot': did you mean 'port'"):
-        wheelwire.open_driver("serial", port="x", prot="y")  # type: ignore[call-overload]
-    with pytest.raises(errors.InvalidArgument, match="port"):
-        wheelwire.open_driver("serial")
-
-
 @each("bad", [None, 5, [], {}])
 def test_a_driver_that_has_no_name(bad: Any) -> None:
     with pytest.raises(errors.DriverUnavailable):

@@ -250,14 +250,6 @@ def test_a_value_is_active_once_its_change_is_confirmed() -> None:
     assert found == [pytest.approx(0.05), {1: pytest.approx(0.05)}]
 
 
-def test_a_value_for_another_session_answers_no_request_of_this_one(line: VirtualLine) -> None:
-    line.device.mute = True
-    outcomes = line.post(ParameterGet(0, 0, 1))
-    line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 99.0))
-    line.run(0.01)
-    assert outcomes == []
-
-
 def test_a_pong_for_another_session_sets_no_clock(line: VirtualLine) -> None:
     line.device.mute = True
     pings = len(line.sent_of(Ping))
