@@ -21,10 +21,8 @@ from wheelwire.pi.i2c import BusReader
 from wheelwire_protocol.codes import (
     Chip,
     ConfigurationState,
-    Fault,
     PeripheralKind,
     Place,
-    Reflex,
     RefusalCode,
     SensorState,
     SupervisorState,
@@ -38,7 +36,6 @@ from wheelwire_protocol.types import (
     ConfigurationValue,
     ConfigurationWrite,
     Imu,
-    Inputs,
     Power,
     SensorInfo,
     SensorStream,
@@ -50,11 +47,6 @@ BUMPER = DigitalInput(PeripheralKind.BUMPER, Place.FRONT, 8)
 HANGS_MS = 500
 REPORTED_MS = 100
 """After this a transfer that has not ended is reported."""
-
-
-def started(*peripherals: Peripheral) -> PiRobot:
-    """A robot whose sensors have been read for a while, and that may be driven."""
-    return streaming(PiRobot(*peripherals).open())
 
 
 def streaming(robot: PiRobot) -> PiRobot:
@@ -139,29 +131,6 @@ def test_a_chip_is_unplugged_and_plugged(robot: PiRobot, channel: int) -> None:
     robot.chips.by_address[ADDRESSES[channel]] = chip
     robot.run_ms(500)
     assert robot.states(channel)[-1] is SensorState.OK
-
-
-def test_another_chip_counts_as_absent(robot: PiRobot) -> None:
-    robot.chips.imu.identity = 0x69
-    robot.chips.imu.power_on()
-    robot.run_ms(1000)
-    assert robot.states(IMU_CHANNEL) == [SensorState.RESET, SensorState.ABSENT]
-
-
-@pytest.mark.parametrize("channel", [IMU_CHANNEL, POWER_CHANNEL])
-def test_a_chip_that_lost_its_settings_is_set_up_again(robot: PiRobot, channel: int) -> None:
-    robot.chips.by_address[ADDRESSES[channel]].power_on()
-    robot.run_ms(500)
-    assert robot.states(channel) == [SensorState.RESET, SensorState.OK]
-
-
-def test_an_imu_that_repeats_itself_is_frozen(robot: PiRobot) -> None:
-    robot.chips.imu.frozen = True
-    robot.run_ms(200)
-    assert robot.states(IMU_CHANNEL)[-1] is SensorState.FROZEN
-    robot.chips.imu.frozen = False
-    robot.run_ms(500)
-    assert robot.states(IMU_CHANNEL)[-1] is SensorState.OK
 
 
 @pytest.mark.parametrize(
@@ -276,15 +245,6 @@ def test_half_an_answer_counts_as_no_answer(robot: PiRobot) -> None:
     assert robot.states(IMU_CHANNEL)[-1] is SensorState.HUNG
 
 
-def test_an_empty_battery_stops_the_robot() -> None:
-    robot = started(IMU, POWER, LEVELS)
-    robot.chips.power.millivolts = 9_500
-    drives(robot, 1900)  # a motor that starts may pull it down so far
-    with pytest.raises(AssertionError):
-        drives(robot, 300)
-    assert Fault.EXTERNAL in robot.outputs.faults
-
-
 def test_an_empty_battery_stops_the_next_process_too() -> None:
     records = [b""]
 
@@ -310,39 +270,6 @@ def test_an_empty_battery_stops_the_next_process_too() -> None:
     after.run_ms(11_000)
     after.request(ClearFault(0, 0))
     assert after.outputs.faults == 0
-
-
-def test_a_guarded_battery_that_nobody_measures_stops_the_robot() -> None:
-    robot = started(IMU, POWER, LEVELS)
-    drives(robot, 100)
-    robot.failure = TransferResult.HUNG
-    robot.run_ms(500)
-    assert Fault.EXTERNAL in robot.outputs.faults
-
-
-def test_a_robot_with_a_guarded_battery_waits_for_its_first_measurement() -> None:
-    robot = PiRobot(IMU, POWER, LEVELS)
-    robot.reads = False
-    robot.start().session.connect(robot.now_us)
-    robot.wait_open()
-    robot.set_duty(0.3, 0.3)
-    robot.step()
-    with pytest.raises(DeviceRefused):  # of the first one
-        robot.set_duty(0.3, 0.3)
-    robot.reads = True
-    robot.arm()
-    drives(robot, 100)
-
-
-def test_a_bumper_acts_in_the_core() -> None:
-    robot = started(IMU, BUMPER)
-    drives(robot, 100)
-    robot.levels = 1 << 1
-    for _ in range(2):
-        robot.set_duty(0.3, 0.3)
-        robot.step()
-    assert robot.outputs.left.in1_q15 == robot.outputs.left.in2_q15
-    assert robot.of(Inputs)[-1].reflexes == Reflex.NO_FORWARD
 
 
 def test_a_host_reads_the_list_and_cannot_write_it(robot: PiRobot) -> None:
@@ -412,7 +339,7 @@ def test_a_bus_without_chips_has_nothing_to_do(robot: PiRobot) -> None:
 
 
 def test_an_address_of_its_own() -> None:
-    robot = started(replace(IMU, address=0x69))
+    robot = streaming(PiRobot(replace(IMU, address=0x69)).open())
     robot.run_ms(500)
     assert robot.states(IMU_CHANNEL)[-1:] != [SensorState.OK]
     robot.chips.by_address[0x69] = robot.chips.imu

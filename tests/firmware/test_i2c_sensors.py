@@ -6,7 +6,7 @@ from statistics import fmean, stdev
 
 import pytest
 
-from support.raw import RawHost
+from support.sensing import SensingHost
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import SensorStale
 from wheelwire_protocol.codes import SensorEventCode, SensorState, SupervisorState
@@ -17,7 +17,6 @@ from wheelwire_protocol.types import (
     SensorInfo,
     SensorStream,
     SetStreamRate,
-    SetWheelVelocity,
     WheelState,
 )
 
@@ -29,7 +28,7 @@ SETTLE_MS = 100
 RETRY_MS = 100
 
 
-class SensingHost(RawHost):
+class ImuHost(SensingHost):
     """A host that asks for all samples, of a robot whose IMU measures."""
 
     def __init__(self, seed: int = 1, /, **settings: float) -> None:
@@ -41,15 +40,6 @@ class SensingHost(RawHost):
         self.open()
         self.send(SetStreamRate(self.session_id, 1, 100), SensorStream(self.session_id, 2, 200))
         self.run_ms(2 * SETTLE_MS)
-        self._commands = 0
-
-    def states(self) -> list[tuple[int, SensorState]]:
-        """Each change of the IMU's state, with the device clock."""
-        return [
-            (event.t_us, SensorState(event.value))
-            for event in self.of(SensorEvent)
-            if (event.channel, event.code) == (IMU, SensorEventCode.STATE)
-        ]
 
     def identities(self) -> list[int]:
         """What another chip in the IMU's place has said it is."""
@@ -57,33 +47,12 @@ class SensingHost(RawHost):
             event.value for event in self.of(SensorEvent) if event.code == SensorEventCode.IDENTITY
         ]
 
-    def ms_until(self, state: SensorState) -> float:
-        """Lets time pass until the device says so; how long it took by its clock."""
-        self.received.clear()
-        start_us = self.device_us
-        for _ in range(5000):
-            self.run_ms(1)
-            for t_us, found in self.states():
-                if found is state:
-                    return (t_us - start_us) / 1e3
-        pytest.fail(f"it never was {state.name}: {self.states()}")
-
-    def drive(self, left_mps: float, right_mps: float, milliseconds: int) -> None:
-        """Command 50 times a second."""
-        for _ in range(milliseconds // 20):
-            self._commands += 1
-            expiry_us = (self.device_us + 500_000) % 2**32
-            self.send(
-                SetWheelVelocity(self.session_id, self._commands, expiry_us, left_mps, right_mps)
-            )
-            self.run_ms(20)
-
     def yaw_rates(self) -> list[float]:
         """What was received. [rad/s]"""
         return [sample.gyro_z * TABLE.gyro_radps for sample in self.of(Imu)]
 
 
-def accelerations(host: SensingHost) -> tuple[float, float, float]:
+def accelerations(host: ImuHost) -> tuple[float, float, float]:
     """The means of what was received, in the chip's axes. [m/s^2]"""
     samples = host.of(Imu)
     scale = TABLE.accelerometer_mps2
@@ -98,7 +67,7 @@ def accelerations(host: SensingHost) -> tuple[float, float, float]:
 
 
 def test_at_rest_it_measures_gravity_and_its_own_noise() -> None:
-    host = SensingHost()
+    host = ImuHost()
     host.received.clear()
     host.run_ms(5000)
     samples = host.of(Imu)
@@ -116,7 +85,7 @@ def test_at_rest_it_measures_gravity_and_its_own_noise() -> None:
 
 
 def test_the_yaw_rate_is_that_of_the_body_and_its_integral_the_heading() -> None:
-    host = SensingHost()
+    host = ImuHost()
     host.received.clear()
     before = host.sim.get("true.heading_rad")
     host.drive(-0.1, 0.1, 3000)
@@ -127,7 +96,7 @@ def test_the_yaw_rate_is_that_of_the_body_and_its_integral_the_heading() -> None
 
 
 def test_a_wheel_that_slips_turns_the_body_and_not_the_odometry() -> None:
-    host = SensingHost(**{"left.slip": 0.3})
+    host = ImuHost(**{"left.slip": 0.3})
     host.received.clear()
     host.drive(0.2, 0.2, 3000)
     wheels = host.of(WheelState)[-1]
@@ -139,7 +108,7 @@ def test_a_wheel_that_slips_turns_the_body_and_not_the_odometry() -> None:
 
 
 def test_what_drives_forward_is_felt_in_the_axis_that_points_there() -> None:
-    host = SensingHost()
+    host = ImuHost()
     info = host.of(SensorInfo)[-1]
     assert info.channel == IMU
     host.received.clear()
@@ -150,7 +119,7 @@ def test_what_drives_forward_is_felt_in_the_axis_that_points_there() -> None:
 
 
 def test_bias_and_noise_are_variables() -> None:
-    host = SensingHost(**{"imu.bias": 0.05, "imu.noise": 4})
+    host = ImuHost(**{"imu.bias": 0.05, "imu.noise": 4})
     host.received.clear()
     host.run_ms(5000)
     assert fmean(host.yaw_rates()) == pytest.approx(0.05, abs=1e-3)
@@ -182,7 +151,7 @@ def test_bias_and_noise_are_variables() -> None:
 def test_a_fault_has_its_name_in_time_and_ends(
     variable: str, state: SensorState, within_ms: int, back_within_ms: int
 ) -> None:
-    host = SensingHost()
+    host = ImuHost()
     host.sim.set(variable, 1)
     assert host.ms_until(state) <= within_ms
     host.received.clear()
@@ -192,16 +161,8 @@ def test_a_fault_has_its_name_in_time_and_ends(
     assert host.ms_until(SensorState.OK) <= back_within_ms
 
 
-def test_a_chip_that_loses_its_settings_is_reset_and_gets_them_again() -> None:
-    host = SensingHost()
-    host.sim.set("imu.reset", 1)
-    assert host.sim.get("imu.reset") == 0
-    assert host.ms_until(SensorState.RESET) <= 3 * PERIOD_MS + 2
-    assert host.ms_until(SensorState.OK) <= SETTLE_MS + 2 * PERIOD_MS + 2
-
-
 def test_a_robot_without_the_chip_says_so_and_drives() -> None:
-    host = SensingHost(**{"imu.absent": 1})
+    host = ImuHost(**{"imu.absent": 1})
     (info,) = [info for info in host.of(SensorInfo) if info.channel == IMU]
     assert info.state == SensorState.ABSENT
     host.drive(0.2, 0.2, 1000)
@@ -209,7 +170,7 @@ def test_a_robot_without_the_chip_says_so_and_drives() -> None:
 
 
 def test_a_bus_that_hangs_leaves_the_control_steps_on_time() -> None:
-    calm, hung = SensingHost(), SensingHost()
+    calm, hung = ImuHost(), ImuHost()
     hung.sim.set("imu.bus_hung", 1)
     assert hung.ms_until(SensorState.HUNG) <= PERIOD_MS + 2 * 5 + 2
     calm.run_ms(round((hung.device_us - calm.device_us) / 1e3))
@@ -225,7 +186,7 @@ def test_a_bus_that_hangs_leaves_the_control_steps_on_time() -> None:
 
 
 def test_another_chip_says_in_each_session_what_it_is() -> None:
-    host = SensingHost(1, **{"imu.identity": 0x19})
+    host = ImuHost(1, **{"imu.identity": 0x19})
     assert host.identities() == [0x19]
     host.received.clear()
     host.hello(nonce=7)  # the session is another one

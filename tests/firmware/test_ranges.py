@@ -8,12 +8,12 @@ import pytest
 
 from support.cases import each
 from support.raw import RawHost
+from support.sensing import SensingHost
 from wheelwire_protocol.codec import BOARD, BY_TYPE, assembled, fingerprint_of
 from wheelwire_protocol.codes import (
     PeripheralKind,
     Place,
     RangeQuality,
-    SensorEventCode,
     SensorState,
     SupervisorState,
 )
@@ -30,10 +30,8 @@ from wheelwire_protocol.types import (
     PeripheralSet,
     Range,
     Restart,
-    SensorEvent,
     SensorInfo,
     SensorStream,
-    SetWheelVelocity,
     WheelState,
 )
 
@@ -81,7 +79,7 @@ ANALOG_MS = 100
 DIVIDER = 3
 
 
-class RangingHost(RawHost):
+class RangingHost(SensingHost):
     """A host that asks for all samples, of a robot with a range sensor and two analogue inputs."""
 
     def __init__(self, seed: int = 1) -> None:
@@ -100,19 +98,6 @@ class RangingHost(RawHost):
         )
         self.send(SensorStream(self.session_id, 2, 200))
         self.run_ms(300)
-        self._commands = 0
-
-    def ms_until(self, state: SensorState, channel: int = RANGE) -> float:
-        """Lets time pass until the device says so; how long it took by its clock."""
-        self.received.clear()
-        start_us = self.device_us
-        for _ in range(5000):
-            self.run_ms(1)
-            for event in self.of(SensorEvent):
-                found = (event.channel, event.code, event.value)
-                if found == (channel, SensorEventCode.STATE, state):
-                    return (event.t_us - start_us) / 1e3
-        pytest.fail(f"it never was {state.name}: {self.of(SensorEvent)}")
 
     def newest(self, milliseconds: int = 2 * ROUND_MS + 2 * POLL_MS) -> Range:
         """The newest measurement after this time."""
@@ -125,14 +110,6 @@ class RangingHost(RawHost):
         self.received.clear()
         self.run_ms(milliseconds)
         return self.of(Inputs)
-
-    def drive(self, milliseconds: int) -> None:
-        """Command 50 times a second."""
-        for _ in range(milliseconds // 20):
-            self._commands += 1
-            expiry_us = (self.device_us + 500_000) % 2**32
-            self.send(SetWheelVelocity(self.session_id, self._commands, expiry_us, 0.1, 0.1))
-            self.run_ms(20)
 
 
 @pytest.fixture
@@ -196,7 +173,7 @@ def test_one_whose_echo_stays_high_is_hung_and_delays_no_control_step() -> None:
     calm.run_ms(round((hung.device_us - calm.device_us) / 1e3))
     for one in (calm, hung):
         one.received.clear()
-        one.drive(2000)
+        one.drive(0.1, 0.1, 2000)
     assert not hung.of(Range)
     assert hung.sim.state is SupervisorState.DRIVING
     assert hung.of(WheelState)  # the same states, at the same times
@@ -216,23 +193,6 @@ def test_they_are_measured_before_their_dividers(host: RangingHost) -> None:
     assert (newest.analog_2_mv, newest.analog_3_mv) == (0, 0)
     assert newest.analog_4_mv == pytest.approx(1250, abs=1)
     assert newest.stale == 0
-
-
-def test_they_are_sent_when_they_moved_by_50_mv_at_the_pin_and_each_second(
-    host: RangingHost,
-) -> None:
-    host.inputs(1100)
-    # A step of 0.15 V is 50 mV behind the divider; each of these is from the last one.
-    steps = ((0.140, False), (0.295, True), (0.435, False), (0.295, False), (0.140, True))
-    for volts, comes_early in steps:
-        host.received.clear()
-        while not host.of(Inputs):
-            host.run_ms(1)
-        host.sim.set("analog.1_v", volts)
-        early = host.inputs(ANALOG_MS + 30)
-        assert bool(early) == comes_early, volts
-        last = early or host.inputs(1000)
-        assert last[-1].analog_1_mv == pytest.approx(1000 * volts, abs=DIVIDER)
 
 
 def test_zero_volts_are_a_value_and_no_reading_is_missing(host: RangingHost) -> None:
