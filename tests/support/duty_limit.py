@@ -18,6 +18,7 @@ from wheelwire.errors import DeviceRefused
 from wheelwire_protocol.codes import Fault
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .plausibility import Sound, Trip, trips
 from .virtual import VirtualRobot
 
 FAILURES = ("encoder_dead", "encoder_reversed", "motor_reversed", "blocked")
@@ -150,8 +151,6 @@ def is_in_time(failure: Failure, found: Detection) -> bool:
 
 # --- sound robots --------------------------------------------------------------------------------
 
-RUN_S = 12.0
-"""Then another robot starts."""
 SPARE = 1.15
 """Torque at the limit over what starts the loaded wheel: at 1 the motor cannot turn it."""
 GRAVITY = 9.81
@@ -159,50 +158,17 @@ RADIUS_M = 0.033
 STATIC_NM = 0.009
 
 
-class Trip(NamedTuple):
-    """A fault that a sound robot must not raise."""
-
-    run: int
-    faults: Fault
-    max_duty: float
-    settings: dict[str, float]
+def healthy(seconds: float, seed: int) -> list[Trip]:
+    """Drive sound robots so long, mostly faster than their limits allow."""
+    return trips(seconds, seed, sound_robot)
 
 
-@dataclass(frozen=True)
-class SoundRobot:
-    """A robot whose loaded wheels turn at their limit.
+def sound_robot(random: Random) -> Sound:
+    """Any supply, several kilogrammes, a slope or loads, a weak motor; the limit is just enough.
 
     Its load is within `plausibility_margin`, and it starts below `stall_duty`: more than that is a
     fault by those parameters.
     """
-
-    max_duty: float
-    settings: dict[str, float]
-
-    def drive(self, random: Random) -> Fault:
-        """Drive for `RUN_S`, mostly faster than the limit allows; returns the faults."""
-        robot = VirtualRobot(1, **self.settings).open()
-        robot.set_parameter("max_duty", self.max_duty)
-        with suppress(DeviceRefused):
-            while robot.now_us < RUN_S * 1e6 and not robot.sim.get("faults"):
-                _drive_at_the_limit(robot, random)
-        return Fault(int(robot.sim.get("faults")))
-
-
-def healthy(seconds: float, seed: int) -> list[Trip]:
-    """Sound robots that drive at random for so long: those that tripped a fault."""
-    random = Random(seed)
-    trips = []
-    for run in range(math.ceil(seconds / RUN_S)):
-        sound = sound_robot(random)
-        faults = sound.drive(random)
-        if faults:
-            trips.append(Trip(run, faults, sound.max_duty, sound.settings))
-    return trips
-
-
-def sound_robot(random: Random) -> SoundRobot:
-    """Any supply, several kilogrammes, a slope or loads, a weak motor; the limit is just enough."""
     while True:
         supply_v = random.uniform(5.5, 12.6)
         battery_v = random.choice((supply_v, 0.0))
@@ -226,7 +192,7 @@ def sound_robot(random: Random) -> SoundRobot:
         if needed < by_parameters and spare < 1:
             max_duty = random.choice((1.0, spare, random.uniform(spare, 1.0)))
             if spare <= active_limit(0.0, max_duty, battery_v):
-                return SoundRobot(max(max_duty, 0.1), settings)
+                return Sound(settings, _drive_at_the_limit, max(max_duty, 0.1))
 
 
 def needed_duty(torque_nm: float, supply_v: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from random import Random
 from typing import NamedTuple
@@ -63,53 +64,74 @@ def fail(
     return Outcome(faults, (robot.now_us - began_us) * 1e-6, rolled, top)
 
 
+RUN_S = 12.0
+"""Then another robot starts."""
+
+
 class Trip(NamedTuple):
     """A fault that healthy driving must not raise."""
 
     run: int
     faults: Fault
+    max_duty: float
     settings: dict[str, float]
+
+
+class Sound(NamedTuple):
+    """A robot that is sound, and how it drives."""
+
+    settings: dict[str, float]
+    drive: Callable[[VirtualRobot, Random], None]
+    max_duty: float = 1.0
+
+
+def trips(seconds: float, seed: int, begin: Callable[[Random], Sound]) -> list[Trip]:
+    """Sound robots that drive at random for so long: those that tripped a fault."""
+    random = Random(seed)
+    found = []
+    for run in range(math.ceil(seconds / RUN_S)):
+        sound = begin(random)
+        robot = VirtualRobot(1, **sound.settings).open()
+        robot.set_parameter("max_duty", sound.max_duty)
+        with suppress(DeviceRefused):
+            while robot.now_us < RUN_S * 1e6 and not robot.sim.get("faults"):
+                sound.drive(robot, random)
+        if robot.sim.get("faults") or robot.state() is SupervisorState.FAULT:
+            faults = Fault(int(robot.sim.get("faults")))
+            found.append(Trip(run, faults, sound.max_duty, sound.settings))
+    return found
 
 
 def healthy(seconds: float, seed: int, battery_measured: bool) -> list[Trip]:
     """Drive at random: starts, reversals, curves, crawling, loads, slopes, obstacles of 0.3 s.
 
-    Every 12 s a new robot starts with another battery, load and slope. Without a measured battery
-    there is a load or a slope, but not both.
+    Each robot has another battery, load and slope. Without a measured battery there is a load or a
+    slope, but not both.
     """
-    random = Random(seed)
-    trips = []
-    for run in range(math.ceil(seconds / 12)):
-        settings = _conditions(random, battery_measured)
-        robot = VirtualRobot(1, **settings).open()
-        with suppress(DeviceRefused):
-            while robot.now_us < 12e6 and not robot.sim.get("faults"):
-                _drive_somehow(robot, random)
-        if robot.sim.get("faults") or robot.state() is SupervisorState.FAULT:
-            trips.append(Trip(run, Fault(int(robot.sim.get("faults"))), settings))
-    return trips
+    return trips(
+        seconds, seed, lambda random: Sound(_conditions(random, battery_measured), _drive_somehow)
+    )
 
 
 def healthy_in_bursts(seconds: float, seed: int) -> list[Trip]:
     """As `healthy`, in starts and stops of some tenths of a second, on a supply that sags."""
-    random = Random(seed)
-    trips = []
-    for run in range(math.ceil(seconds / 12)):
-        settings = _conditions(random, True) | {"supply_ohm": random.choice((0.0, 0.3))}
-        robot = VirtualRobot(1, **settings).open()
-        longest_s, pause_s = random.choice((0.1, 0.3, 0.8)), random.choice((0.03, 0.3, 1.0))
-        with suppress(DeviceRefused):
-            while robot.now_us < 12e6 and not robot.sim.get("faults"):
-                linear = random.choice((0.02, 0.1, random.uniform(-0.4, 0.4)))
-                robot.drive(linear, linear, random.uniform(0.03, longest_s))
-                if random.random() < 0.5:
-                    robot.stop()
-                    robot.run(random.uniform(0.0, pause_s))
-                else:
-                    robot.drive(0.0, 0.0, random.uniform(0.0, pause_s))
-        if robot.sim.get("faults"):
-            trips.append(Trip(run, Fault(int(robot.sim.get("faults"))), settings))
-    return trips
+    return trips(seconds, seed, _in_bursts)
+
+
+def _in_bursts(random: Random) -> Sound:
+    settings = _conditions(random, True) | {"supply_ohm": random.choice((0.0, 0.3))}
+    longest_s, pause_s = random.choice((0.1, 0.3, 0.8)), random.choice((0.03, 0.3, 1.0))
+
+    def drive(robot: VirtualRobot, random: Random) -> None:
+        linear = random.choice((0.02, 0.1, random.uniform(-0.4, 0.4)))
+        robot.drive(linear, linear, random.uniform(0.03, longest_s))
+        if random.random() < 0.5:
+            robot.stop()
+            robot.run(random.uniform(0.0, pause_s))
+        else:
+            robot.drive(0.0, 0.0, random.uniform(0.0, pause_s))
+
+    return Sound(settings, drive)
 
 
 def _conditions(random: Random, battery_measured: bool) -> dict[str, float]:
