@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from harness import Report, run
 from support.driver_bench import firmware_rig
-from support.driver_bench.gpio_rig import GpioRig
-from support.driver_bench.pigpio_rig import PigpioRig
-from support.driver_bench.rig import Counting, Timing, busy
+from support.driver_bench.rig import Counting, GpioRig, PigpioRig, Timing, busy
 
 RATES_TPS = (1_000, 10_000, 60_000, 100_000, 250_000)
 MOST_TPS = round(firmware_rig.LARGEST_TPS)

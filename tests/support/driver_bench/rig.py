@@ -1,17 +1,24 @@
-"""The measurements, and the interface of a rig."""
+"""The drivers on pins: each with a stand-in process that turns its encoders."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import tempfile
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
+from support.gpio_chip_process import GpioChip
+from support.pigpio_process import PigpioProcess
 from support.processes import children, cpu_s
+from support.stand_in import StandIn
+from wheelwire.drivers.l298n import L298NDriver
+from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pins import PinDriver
 from wheelwire_protocol.codes import SupervisorState
 
@@ -20,6 +27,7 @@ SETTLE_S = 0.3
 TTL_S = 0.1
 STOPS = 20
 PHASE_S = 0.00137
+OPTIONS: dict[str, Any] = {"parameters": {"overrun_limit_us": 1e6}, "core_timeout_ms": 5000}
 
 
 @dataclass(frozen=True)
@@ -59,26 +67,23 @@ class Timing:
     period_us: int
 
 
-class Rig(ABC):
+class Rig:
     """A driver with its stand-in."""
 
     name: str
     driver: PinDriver
+    stand_in: StandIn
 
-    @abstractmethod
-    def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
-        """Turn both encoders; returns the true ticks of both, and the seconds they took."""
-
-    @abstractmethod
-    def en_low_us(self) -> int:
-        """When the drive was last removed, on the monotonic clock."""
+    def __exit__(self, *_: object) -> None:
+        self.driver.shutdown()
+        self.stand_in.close()
 
     def count(self, ticks_per_s: float) -> Counting:
         """Turn the encoders and compare the counts."""
         driver = self.driver
         before, reported = driver.get_encoder_ticks(), _illegal(driver)
         start, cpu = time.monotonic(), cpu_s(pin_processes())
-        true_ticks, true_seconds = self.spin(ticks_per_s, SPIN_S)
+        true_ticks, true_seconds = self._spin(ticks_per_s)
         seconds, cpu = time.monotonic() - start, cpu_s(pin_processes()) - cpu
         after = self._settled_ticks()
         return Counting(
@@ -92,6 +97,7 @@ class Rig(ABC):
 
     def time_stops(self) -> Timing:
         """Let setpoints expire and measure when EN goes low."""
+        self.stand_in.set_realtime()
         late = []
         for index in range(STOPS):
             ttl_s = TTL_S + index * PHASE_S  # the deadline falls anywhere in a control period
@@ -100,9 +106,31 @@ class Rig(ABC):
             for state in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
                 while self.driver.read().state is not state:
                     pass
-            late.append(self.en_low_us() - deadline_us)
+            late.append(int(self.stand_in.truth()["driven_changed_us"]) - deadline_us)
+        self.stand_in.set_realtime(False)
         period_us = round(1e6 / self.driver.parameters["control_rate_hz"])
         return Timing(late, self.driver.control_counters().latest_step_us, period_us)
+
+    def _spin(self, ticks_per_s: float) -> tuple[int, float]:
+        """Turn both encoders; returns the true ticks of both, and the seconds they took."""
+        before, start = self._command(f"spin {ticks_per_s}"), time.monotonic()
+        time.sleep(SPIN_S)
+        self._command("spin 0")
+        elapsed = time.monotonic() - start
+        return self._rest() - before, elapsed
+
+    def _rest(self) -> int:
+        """The true ticks, after the source has stopped."""
+        ticks = self._command("truth")
+        while True:
+            time.sleep(0.05)
+            now = self._command("truth")
+            if now == ticks:
+                return ticks
+            ticks = now
+
+    def _command(self, line: str) -> int:
+        return sum(self.stand_in.command(line)["ticks"])
 
     def _settled_ticks(self) -> tuple[int, int]:
         """Wait for edges still in transit: they arrive within SETTLE_S."""
@@ -114,6 +142,36 @@ class Rig(ABC):
             if now != ticks:
                 ticks, quiet_since = now, time.monotonic()
         return ticks
+
+
+class PigpioRig(Rig):
+    """The real client library, and a stand-in for the daemon."""
+
+    name = "pigpio"
+
+    def __enter__(self) -> PigpioRig:
+        self.stand_in = daemon = PigpioProcess()
+        self.driver = PigpioDriver("127.0.0.1", daemon.port, **OPTIONS)
+        self._command("spin 0")
+        return self
+
+
+class GpioRig(Rig):
+    """gpiozero's mock pins on a stand-in for the GPIO chip, its edges through a socket."""
+
+    name = "l298n"
+
+    def __enter__(self) -> GpioRig:
+        self._directory = tempfile.TemporaryDirectory()
+        self.stand_in = chip = GpioChip(Path(self._directory.name))
+        with mock.patch.dict("os.environ", chip.environment):
+            self.driver = L298NDriver(pwm_directory=chip.pwm_directory, **OPTIONS)
+        self._command("spin 0")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        super().__exit__()
+        self._directory.cleanup()
 
 
 def pin_processes() -> list[int]:
