@@ -17,6 +17,7 @@ from support.attached import wait_for_holder
 from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_process
 from support.gpio_chip_process import GpioChip
+from support.processes import talking
 from support.range_board import simulator_on_board
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
@@ -56,16 +57,10 @@ def robot(simulator: Simulator) -> Iterator[SerialDriver]:
 @contextmanager
 def another_holder(port: str) -> Iterator[subprocess.Popen[str]]:
     """Another process, which drives."""
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLDING, port], stdout=subprocess.PIPE, text=True
-    ) as holder:
-        try:
-            assert holder.stdout
-            assert holder.stdout.readline() == "open\n"
-            wait_for_holder(port)
-            yield holder
-        finally:
-            holder.kill()
+    with talking(sys.executable, "-c", HOLDING, port) as (holder, line):
+        assert line == "open\n"
+        wait_for_holder(port)
+        yield holder
 
 
 def attached(*arguments: str, **environment: str) -> str:
@@ -164,15 +159,12 @@ def test_a_stop_that_reaches_nobody_says_so(tmp_path: Path) -> None:
 def test_a_monitor_ends_with_whom_it_is_attached_to(simulator: Simulator) -> None:
     with (
         another_holder(simulator.port) as holder,
-        subprocess.Popen(
-            [*PROGRAM, "monitor", simulator.port, "--json"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as monitor,
+        talking(*PROGRAM, "monitor", simulator.port, "--json", stderr=subprocess.PIPE) as (
+            monitor,
+            line,
+        ),
     ):
-        assert monitor.stdout
-        assert json.loads(monitor.stdout.readline())["state"] == "DRIVING"
+        assert json.loads(line)["state"] == "DRIVING"
         # Beside another one that is attached.
         assert json.loads(run("info", simulator.port, "--json").stdout)["state"] == "DRIVING"
         holder.send_signal(signal.SIGKILL)

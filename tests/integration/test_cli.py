@@ -21,7 +21,7 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
-from support.processes import children, interruptible
+from support.processes import children, interruptible, talking
 from support.simulator_on_line import GOOD, simulator_on
 from support.usb_ports import plug_in
 from support.waiting import undisturbed, wait_until
@@ -326,14 +326,10 @@ def test_errors_are_one_line_that_helps(
 @contextmanager
 def sim(link: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A simulator in a process of its own, and the first line that it printed."""
-    command = [*PROGRAM, "sim", "--link", str(link), *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout
-        yield process, process.stdout.readline()
-    finally:
-        process.terminate()
-        process.communicate(timeout=TIMEOUT_S)
+    with talking(*PROGRAM, "sim", "--link", link, *options) as told:
+        yield told
+        told[0].terminate()
+        told[0].communicate(timeout=TIMEOUT_S)
 
 
 def test_sim_is_there_until_it_is_ended(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 import signal
-import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ from typer.main import get_command
 
 from support.command import PROGRAM, TIMEOUT_S
 from support.pages import PAGES, REASONS, ROOT, Block, blocks, code_in_rows, count
+from support.processes import talking
 from support.typing_terminal import TypingTerminal
 from support.waiting import undisturbed
 from wheelwire import WheelwireError, open_driver
@@ -133,19 +133,13 @@ def simulate(words: list[str], folder: Path) -> None:
     link = ["--link", str(folder / "robot")]
     turning = words[2:3] == ["turn"]
     options = [] if turning else words[2:]
-    with subprocess.Popen(
-        [*PROGRAM, "sim", *link, *options], stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stdout
-            assert str(folder / "robot") in process.stdout.readline(), words
-            if turning:
-                code, output = command_line(shlex.join([*words[:4], "0.1", *link]))
-                assert code == 0, output
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=TIMEOUT_S)
-        finally:
-            process.kill()
+    with talking(*PROGRAM, "sim", *link, *options) as (process, line):
+        assert str(folder / "robot") in line, words
+        if turning:
+            code, output = command_line(shlex.join([*words[:4], "0.1", *link]))
+            assert code == 0, output
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=TIMEOUT_S)
 
 
 def command_line(line: str) -> tuple[int, str]:

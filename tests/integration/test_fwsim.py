@@ -25,6 +25,7 @@ from pathlib import Path
 import pytest
 
 from support.cases import each
+from support.processes import talking
 from support.waiting import wait_until
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.simulation import simulator as sim
@@ -244,12 +245,9 @@ def test_a_stale_link_is_replaced_and_a_strangers_link_stays(link: Path) -> None
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_cleanly(link: Path, number: signal.Signals) -> None:
-    process = subprocess.Popen(
-        [find_simulator(), f"--link={link}"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
-    )
-    with process:
-        assert process.stdout
-        ready = json.loads(process.stdout.readline())
+    command = (find_simulator(), f"--link={link}")
+    with talking(*command, stdin=subprocess.DEVNULL) as (process, line):
+        ready = json.loads(line)
         assert ready["event"] == "ready"
         assert str(link.readlink()) == ready["port"]
         process.send_signal(number)
@@ -267,12 +265,9 @@ def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
         "print(simulator.pid, flush=True)\n"
         "time.sleep(60)\n"
     )
-    parent = subprocess.Popen([sys.executable, "-c", script, link], stdout=subprocess.PIPE)
-    with parent:
-        assert parent.stdout
-        pid = int(parent.stdout.readline())
-        parent.kill()
-    wait_for_end(pid)
+    with talking(sys.executable, "-c", script, link) as (_, pid):
+        pass
+    wait_for_end(int(pid))
     assert not link.is_symlink()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 
 import wheelwire
 from support.command import run, run_json
+from support.processes import talking
 from support.waiting import wait_until
 from wheelwire.holds import HeldBy
 from wheelwire.log.why.diagnosis import Stop
@@ -33,12 +33,9 @@ with wheelwire.connect(sys.argv[1]) as robot:
 
 def test_after_a_kill_it_names_the_deadline_and_the_program_that_died(tmp_path: Path) -> None:
     with Simulator(link=tmp_path / "port") as simulator:
-        command = [sys.executable, "-c", DRIVES, simulator.port]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
-            assert program.stdout is not None
-            assert program.stdout.readline() == "drives\n"
+        with talking(sys.executable, "-c", DRIVES, simulator.port) as (program, line):
+            assert line == "drives\n"
             time.sleep(1.2)  # it is remembered within a second of its session
-            program.kill()
         time.sleep(1.0)  # its setpoint runs out
         (stop,) = run_json("why", simulator.port)
         assert stop["cause"] == "host_killed"

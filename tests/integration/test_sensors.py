@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
+from support.processes import talking
 from support.range_board import simulator_on_board
 from support.waiting import wait_until
 from wheelwire import aio, errors, open_driver
@@ -385,14 +386,9 @@ def test_the_command_ends_with_a_recording(tmp_path: Path) -> None:
 def test_the_command_does_not_take_a_lost_robot_for_one_without_sensors(
     simulator: Simulator,
 ) -> None:
-    with subprocess.Popen(
-        [*PROGRAM, "sensors", simulator.port, "--seconds", "60", "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as command:
-        assert command.stdout
-        assert [one["channel"] for one in json.loads(command.stdout.readline())] == NAMES
+    words = ("sensors", simulator.port, "--seconds", "60", "--json")
+    with talking(*PROGRAM, *words, stderr=subprocess.PIPE) as (command, line):
+        assert [one["channel"] for one in json.loads(line)] == NAMES
         simulator.close()
         said, told = command.communicate(timeout=TIMEOUT_S)
     assert command.returncode == errors.LinkLost.exit_code, told

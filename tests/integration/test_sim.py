@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 
 from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
+from support.processes import talking
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors
@@ -124,23 +124,15 @@ def test_no_simulator_and_two(link: Path, tmp_path: Path) -> None:
 
 
 def test_a_killed_simulator_is_not_found(link: Path) -> None:
-    command = [*PROGRAM, "sim", "--link", str(link)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as killed:
-        assert killed.stdout
-        killed.stdout.readline()
+    with talking(*PROGRAM, "sim", "--link", link):
         wait_until(lambda: run("sim", "turn", "left", "0.1").returncode == 0)
-        killed.kill()
-        killed.communicate(timeout=TIMEOUT_S)
     check_error(run("sim", "turn", "left", "0.1"), errors.SimulatorNotFound)
     wait_until(lambda: not link.exists())
 
 
 def test_several_signals_at_once_end_it_too(link: Path) -> None:
     """As `timeout` sends them, to the program and to its group."""
-    command = [*PROGRAM, "sim", "--link", str(link), "--faults", "noisy"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as told:
-        assert told.stdout
-        told.stdout.readline()
+    with talking(*PROGRAM, "sim", "--link", link, "--faults", "noisy") as (told, _):
         for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             told.send_signal(number)
         told.communicate(timeout=TIMEOUT_S)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, run_process
+from support.processes import talking
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 
@@ -67,8 +67,7 @@ def test_each_command_starts_and_ends(
 
 
 def test_a_simulator_runs_until_it_is_interrupted() -> None:
-    with subprocess.Popen([*PROGRAM, "sim"], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() != ""
+    with talking(*PROGRAM, "sim") as (process, line):
+        assert line != ""
         process.send_signal(signal.SIGINT)
         assert process.wait(TIMEOUT_S) in (0, 130)

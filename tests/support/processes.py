@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,18 @@ def captured(*command: object, **options: Any) -> subprocess.CompletedProcess[st
     """Run a command to its end, whatever that is, and keep what it prints."""
     words = [str(word) for word in command]
     return subprocess.run(words, capture_output=True, text=True, check=False, **options)
+
+
+@contextmanager
+def talking(*command: object, **options: Any) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A program until the end of the block at most, and the first line that it prints."""
+    words = [str(word) for word in command]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, **options) as process:
+        try:
+            assert process.stdout
+            yield process, process.stdout.readline()
+        finally:
+            process.kill()
 
 
 def children(pid: int) -> list[int]:
