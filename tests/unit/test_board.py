@@ -90,9 +90,7 @@ class Wrong:
 
 WRONG = [
     # The module
-    Wrong(ESP32, Fault.MODULE, {"module": "s3-quad"}),
     Wrong(C6, Fault.MODULE, {"module": "wrover"}),
-    Wrong(ESP32, Fault.PIN_OF_MEMORY, {"right.encoder_a": 16, "module": "wrover"}),
     Wrong(ESP32, Fault.PIN_OF_MEMORY, {"left.in2": 6, "module": "wroom-32"}),
     Wrong(S3, Fault.PIN_OF_MEMORY, {"left.in2": 35, "module": "s3-octal"}),
     # The chip's pins
@@ -127,24 +125,14 @@ WRONG = [
     Wrong(PI, Fault.NOT_ON_THIS_CHIP, {"led": 4}),
     Wrong(ESP32, Fault.DIVIDER, {"battery.divider": 30, "battery.pin": 34}, {"value": 30_000}),
     # The stage
-    Wrong(ESP32, Fault.PIN_MISSING, {"left.in2": None}),
     Wrong("tb6612", Fault.PIN_MISSING, {"left.pwm": None}),
     Wrong("mdd10a", Fault.PIN_WITHOUT_USE, {"right.in1": 27}),
-    Wrong("mdd10a", Fault.PIN_WITHOUT_USE, {"standby": 21}),
-    *(
-        Wrong(board, Fault.NO_PULL_DOWN, {"pulldowns": [kept]}, {"function": name, "pin": pin})
-        for board, kept, name, pin in (
-            ("l298n", 25, "right.enable", 33),
-            ("bts7960", 33, "left.enable", 25),
-            ("mdd10a", 33, "left.pwm", 25),
-        )
-    ),
+    Wrong(ESP32, Fault.NO_PULL_DOWN, {"pulldowns": [25]}, {"function": "right.enable", "pin": 33}),
     Wrong("drv8833", Fault.PULL_DOWN_WITHOUT_USE, {"pulldowns": [25]}, {"pin": 25}),
     # What is high while the chip starts
     Wrong("tb6612", Fault.PIN_PULLED_UP, {"left.in1": 14, "estop.pin": 26}),
     Wrong("drv8833", Fault.PIN_PULLED_UP, {"standby": 14, "estop.pin": 21}),
     Wrong(PI, Fault.PIN_HELD_HIGH, {"left.enable": 2}),
-    Wrong(PI, Fault.PIN_HELD_HIGH, {"right.enable": 3, "pulldowns": [3, 18]}),
     Wrong(PI, Fault.PIN_HELD_HIGH, {"left.enable": 1}),
     Wrong(PI, Fault.PIN_HELD_HIGH, {"left.enable": 14}),
     # Numbers

@@ -350,7 +350,6 @@ def front(**changes: Any) -> str:
 
 
 ON_A_BUS = {"sda": None, "scl": None}
-TWO_AT_A_PIN = "inputs: {analog_1: {pin: 34}, cliff: {pin: 34, pull: external}}"
 FOUR_RANGES = """\
 ranges:
   front: {chip: hc-sr04, trigger: 16, echo: 34}
@@ -362,8 +361,6 @@ REAR, ANALOG_1 = "inputs.bumper_rear", "inputs.analog_1"
 Fault = PeripheralFault
 WRONG: list[tuple[str, PeripheralFault, str, int]] = [
     (imu(sda=25), Fault.PIN_TAKEN, "imu", 25),
-    (imu(sda=16, scl=16), Fault.PIN_TAKEN, "imu", 16),
-    (imu(interrupt=17), Fault.PIN_TAKEN, "imu", 17),
     (imu(**ON_A_BUS), Fault.PIN_MISSING, "imu", 0),
     (imu(**ON_A_BUS, bus=1), Fault.BUS, "imu", 0),
     (imu(sda=24), Fault.PIN_ABSENT, "imu", 24),
@@ -380,11 +377,6 @@ WRONG: list[tuple[str, PeripheralFault, str, int]] = [
     (bumper(pin=34, pull="down"), Fault.NO_PULL, REAR, 34),
     (bumper(pin=16, pull="down"), Fault.NO_PULL, REAR, 16),
     (input_("analog_1", pin=16), Fault.NO_ADC, ANALOG_1, 16),
-    (input_("analog_1", divider=2), Fault.PIN_MISSING, ANALOG_1, 0),
-    (TWO_AT_A_PIN, Fault.PIN_TAKEN, "inputs.cliff", 34),
-    (front(echo=None), Fault.PIN_MISSING, "ranges.front", 0),
-    (front(trigger=None, echo=None), Fault.PIN_MISSING, "ranges.front", 0),
-    (front(trigger=34), Fault.PIN_INPUT_ONLY, "ranges.front", 34),
     (front(echo=16), Fault.PIN_TAKEN, "ranges.front", 16),
     (FOUR_RANGES, Fault.TOO_MANY_RANGES, "ranges.rear", 0),
 ]
@@ -426,11 +418,6 @@ def test_what_no_file_can_have_is_refused_by_the_rules(entry: Peripheral, words:
     assert any(words in problem for problem in problems)
 
 
-def test_chips_at_one_address_of_two_buses() -> None:
-    power = "power: {chip: ina226, sda: 21, scl: 22, shunt_mohm: 2, address: 0x68}"
-    assert board_of(BOARD + IMU + power).problems() == []
-
-
 PI_SECTIONS = """
 imu: {chip: mpu6050, bus: 1, forward: y, up: z}
 power: {chip: ina219, bus: 1, shunt_mohm: 100, cells: 3}
@@ -458,12 +445,9 @@ def test_a_pi_has_its_buses_by_number() -> None:
 @each(
     ("sections", "fault", "entry", "pin"),
     [
-        (IMU, Fault.BUS, "imu", 0),
-        (imu(**ON_A_BUS), Fault.PIN_MISSING, "imu", 0),
         (imu(**ON_A_BUS, bus=1) + bumper(pin=2), Fault.PIN_TAKEN, REAR, 2),
         (bumper(pin=18), Fault.PIN_TAKEN, REAR, 18),
         (bumper(pin=28), Fault.PIN_ABSENT, REAR, 28),
-        (section("power", {"cells": 3}), Fault.NO_BATTERY, "power", 0),
     ],
 )
 def test_what_a_pi_cannot_have(sections: str, fault: PeripheralFault, entry: str, pin: int) -> None:
