@@ -59,8 +59,12 @@ class LibraryRobot(VirtualHost):
             left_illegal=self.illegal[0],
             right_illegal=self.illegal[1],
         )
-        self.samples += received(self.session, self.core.take(), self.now_us)
+        self.receive(self.core.take())
         return self.outputs
+
+    def receive(self, data: bytes) -> None:
+        """What the core has sent in a step."""
+        self.samples += received(self.session, data, self.now_us)
 
     def write(self, setpoint: bytes = b"") -> None:
         """As the base's."""

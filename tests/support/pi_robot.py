@@ -15,7 +15,6 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.peripherals import Axis, PeripheralFault, SensorChip
 from wheelwire_protocol.types import AnyMessage, SensorEvent
 
-from .host_samples import received
 from .i2c_chips import Chips
 from .library_robot import LibraryRobot
 
@@ -42,7 +41,6 @@ class PiRobot(LibraryRobot):
         in_transfer: Called within each transfer, as by a kernel that takes its time.
         failure: What comes of each transfer; None: what its chip says.
         reads: Whether the reader runs.
-        levels: Of the digital inputs.
         steps: How many there were.
         messages: What the core has sent.
     """
@@ -59,7 +57,7 @@ class PiRobot(LibraryRobot):
         self.failure: TransferResult | None = None
         self.reads = True
         self.messages: list[AnyMessage] = []
-        self.steps = self.levels = 0
+        self.steps = 0
         self.bus_us = self.now_us
         self._poll_us = self.now_us
         self._decoder = Decoder()
@@ -70,18 +68,13 @@ class PiRobot(LibraryRobot):
         # A transfer may let time pass.
         while self.reads and self._poll_us <= self.now_us + self.outputs.period_us:
             self.poll()
-        until_us = self.now_us + self.outputs.period_us
         self.steps += 1
-        self.session.advance(self.now_us)
-        self.write()
-        self.now_us = until_us
-        self.outputs = self.core.step(
-            until_us, self.left_ticks, self.right_ticks, levels=self.levels
-        )
-        data = self.core.take()
+        return super().step()
+
+    def receive(self, data: bytes) -> None:
+        """As the base's, and each message."""
         self.messages += self._decoder.feed(data)
-        self.samples += received(self.session, data, until_us)
-        return self.outputs
+        super().receive(data)
 
     def poll(self) -> None:
         """Let the reader do what is due."""
