@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count, repeat
 from random import Random
 
 from wheelwire.errors import WheelwireError
@@ -44,122 +45,93 @@ class StopTime:
     distance_m: float
 
 
-class Failure:
-    """A failure while a robot is at speed, and its course in each millisecond after it.
-
-    Args:
-        robot: A robot at speed, commanded until now.
-    """
-
-    commands = False
-    """The host keeps sending commands."""
-
-    def __init__(self, robot: ImpairedVirtualRobot) -> None:
-        self.robot = robot
-        self.inject()
-
-    def inject(self) -> None:
-        """Inject the failure."""
-
-    def go_on(self, _elapsed_ms: int) -> None:
-        """Called before each further millisecond."""
+Failure = Callable[[ImpairedVirtualRobot], Iterator[None]]
+"""Fails a robot that is at speed, and goes on before each further millisecond."""
 
 
-class Killed(Failure):
+def killed(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """SIGKILL: the host sends nothing more; its bytes in transit arrive."""
+    robot.host_runs = False
+    yield
 
-    def inject(self) -> None:
-        self.robot.host_runs = False
 
-
-class Frozen(Failure):
+def frozen(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """SIGSTOP: as killed, but a buffer delivers the last setpoints late, twice."""
-
-    def inject(self) -> None:
-        robot = self.robot
-        robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
-        self._buffered = robot.session.take_output()
-        robot.host_runs = False
-
-    def go_on(self, elapsed_ms: int) -> None:
-        if elapsed_ms in (LATE_MS, 2 * LATE_MS):
-            self.robot.line.to_device.send(self._buffered, self.robot.now_us)
+    robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
+    buffered = robot.session.take_output()
+    robot.host_runs = False
+    for _ in range(2):
+        yield from repeat(None, LATE_MS)
+        robot.line.to_device.send(buffered, robot.now_us)
 
 
-class CablePulled(Failure):
+def cable_pulled(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """Nothing passes in either direction; the host's port disappears."""
-
-    commands = True
-
-    def inject(self) -> None:
-        self.robot.unplug()
+    robot.unplug()
+    yield from commands(robot)
 
 
-class AllCorrupted(Failure):
+def all_corrupted(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """Every byte of every frame is corrupted; the host continues."""
-
-    commands = True
-
-    def inject(self) -> None:
-        line = self.robot.line
-        line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
+    robot.line.to_device.impairment.corrupt = robot.line.to_host.impairment.corrupt = 1.0
+    yield from commands(robot)
 
 
-class Babbling(Failure):
+def babbling(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """Endless random bytes, and none of the host's."""
-
-    commands = True
-
-    def inject(self) -> None:
-        impairment = self.robot.line.to_device.impairment
-        impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+    impairment = robot.line.to_device.impairment
+    impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+    yield from commands(robot)
 
 
-class Reset(Failure):
+def commands(robot: ImpairedVirtualRobot) -> Iterator[None]:
+    """The host keeps sending commands."""
+    while True:
+        yield
+        with suppress(WheelwireError):
+            robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
+        yield from repeat(None, COMMAND_MS - 1)
+
+
+def reset(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """The chip is reset; the host has gone."""
-
-    def inject(self) -> None:
-        self.robot.sim.reset()
-        self.robot.host_runs = False
+    robot.sim.reset()
+    yield from killed(robot)
 
 
-class OnlyPings(Failure):
+def only_pings(_: ImpairedVirtualRobot) -> Iterator[None]:
     """The application hangs; the link's thread continues."""
+    yield
 
 
-class WrongSchema(Failure):
+def wrong_schema(robot: ImpairedVirtualRobot) -> Iterator[None]:
     """A host of another release takes the port, is refused, and sends commands anyway."""
-
-    def inject(self) -> None:
-        self.robot.host_runs = False
-        self._encoder = Encoder()
-        self._number = 0
-
-    def go_on(self, elapsed_ms: int) -> None:
-        if elapsed_ms % COMMAND_MS:
-            return
-        self._number += 1
+    robot.host_runs = False
+    encoder = Encoder()
+    for number in count(1):
+        yield
         messages = (
             Hello(77, PROTOCOL_VERSION, WRONG_HASH),
-            SetWheelVelocity(77, self._number, 1 << 60, SPEED_MPS, SPEED_MPS),
+            SetWheelVelocity(77, number, 1 << 60, SPEED_MPS, SPEED_MPS),
         )
         for message in messages:
-            self.robot.line.to_device.send(self._encoder.encode(message), self.robot.now_us)
+            robot.line.to_device.send(encoder.encode(message), robot.now_us)
+        yield from repeat(None, COMMAND_MS - 1)
 
 
-FAILURES: dict[str, Callable[[ImpairedVirtualRobot], Failure]] = {
-    "host killed": Killed,
-    "host frozen, its buffer late": Frozen,
-    "cable pulled": CablePulled,
-    "every byte corrupted": AllCorrupted,
-    "babbling line": Babbling,
-    "device reset": Reset,
-    "pings, no commands": OnlyPings,
-    "host of a wrong schema": WrongSchema,
+FAILURES: dict[str, Failure] = {
+    "host killed": killed,
+    "host frozen, its buffer late": frozen,
+    "cable pulled": cable_pulled,
+    "every byte corrupted": all_corrupted,
+    "babbling line": babbling,
+    "device reset": reset,
+    "pings, no commands": only_pings,
+    "host of a wrong schema": wrong_schema,
 }
 
 
-def stop_time(kind: Callable[[ImpairedVirtualRobot], Failure], seed: int) -> StopTime:
+def stop_time(fail: Failure, seed: int) -> StopTime:
     """Bring a robot to speed, fail it, and measure. The seed sets the failure's phase."""
     random = Random(seed)
     robot = ImpairedVirtualRobot(seed, clock_ppm=random.uniform(-200, 200))
@@ -173,7 +145,8 @@ def stop_time(kind: Callable[[ImpairedVirtualRobot], Failure], seed: int) -> Sto
     failed_us, failed_m = sim.get("device_us"), sim.get("true.distance_m")
     deadline_us = sim.get("deadline_us")
     assert sim.get("drive_on") == 1
-    failure = kind(robot)
+    failure = fail(robot)
+    next(failure)
     is_reset = sim.get("device_us") < failed_us
     if is_reset:
         failed_us = sim.get("device_us")
@@ -189,12 +162,9 @@ def stop_time(kind: Callable[[ImpairedVirtualRobot], Failure], seed: int) -> Sto
     )
 
 
-def _run_until_still(robot: ImpairedVirtualRobot, failure: Failure) -> None:
-    for elapsed_ms in range(TIMEOUT_MS):
-        failure.go_on(elapsed_ms)
-        if failure.commands and elapsed_ms % COMMAND_MS == 0:
-            with suppress(WheelwireError):
-                robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
+def _run_until_still(robot: ImpairedVirtualRobot, failure: Iterator[None]) -> None:
+    for _ in range(TIMEOUT_MS):
+        next(failure, None)
         robot.step()
         if robot.sim.get("stands_still") == 1 and robot.sim.get("drive_on") == 0:
             return
