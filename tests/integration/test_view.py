@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("textual")
+from support.full_disk import no_space
 from support.viewing import Viewing, viewing
 from support.waiting import wait_until
 from wheelwire.connect import open_driver
@@ -254,13 +253,10 @@ async def test_it_records_until_the_key_comes_again(robot: MockDriver, folder: P
 async def test_a_full_disk_ends_the_recording_alone(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_: int, __: object) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     async with viewing(robot) as at:
         await at.press("r")
         await at.hears("recording to ")
-        monkeypatch.setattr("wheelwire.log.recorder.os.write", full)
+        monkeypatch.setattr("wheelwire.log.recorder.os.write", no_space)
         await at.hears("No space left on device")
         await at.sees("IDLE: Stopped")
 

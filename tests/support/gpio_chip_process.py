@@ -37,6 +37,3 @@ class GpioChip(StandIn):
             "PYTHONPATH": os.pathsep.join(filter(None, python_path)),
         }
         """The environment of processes that are to use this chip."""
-
-    def __enter__(self) -> GpioChip:
-        return self

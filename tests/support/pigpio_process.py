@@ -11,6 +11,3 @@ class PigpioProcess(StandIn):
     def __init__(self, *arguments: str) -> None:
         super().__init__("support.pigpiod", *arguments)
         self.port = int(self.first_answer["port"])
-
-    def __enter__(self) -> PigpioProcess:
-        return self

@@ -9,11 +9,12 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 PRIORITY = 30
 """Below the priority of the process that moves the pins."""
 TESTS = Path(__file__).parents[1]
+Self = TypeVar("Self", bound="StandIn")
 
 
 class StandIn:
@@ -64,6 +65,9 @@ class StandIn:
         self._process.stdin.close()
         self._process.wait()
         self._process.stdout.close()
+
+    def __enter__(self: Self) -> Self:
+        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -12,7 +12,6 @@ import termios
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 
 from .command import PROGRAM, TIMEOUT_S
 from .waiting import PERIOD_S
@@ -146,10 +145,5 @@ class TypingTerminal:
     def __enter__(self) -> TypingTerminal:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
