@@ -17,6 +17,8 @@ from wheelwire_protocol import Decoder, Encoder
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Ack, AnyMessage, DeviceHello, Hello, Ping, Pong, SetStreamRate
 
+from .processes import talking
+
 ECHO = Path(__file__).parents[2] / "bench" / "echo.c"
 NONCE = 0x12345678
 REQUEST_ID = 1
@@ -32,13 +34,8 @@ def echo_process(folder: Path) -> Iterator[str]:
     """Runs the echo in C behind a pseudo-terminal; yields the port's name."""
     program = folder / "echo"
     subprocess.run(["cc", "-O2", "-o", str(program), str(ECHO)], check=True)
-    with subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            yield process.stdout.readline().decode().strip()
-        finally:
-            process.stdin.close()
+    with talking(program, stdin=subprocess.PIPE) as (_, line):
+        yield line.strip()
 
 
 class BareHost:

@@ -12,7 +12,7 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.lost_answers import LostAnswers
-from support.processes import open_files
+from support.processes import open_files, talking
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
@@ -83,13 +83,11 @@ input()
 def test_a_port_that_is_in_use(device: PtyDevice, tmp_path: Path) -> None:
     script = tmp_path / "hold_port.py"
     script.write_text(LOCKING)
-    command = [sys.executable, str(script), str(device.path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        assert other.stdout is not None
-        other.stdout.readline()
+    command = (sys.executable, script, device.path)
+    with talking(*command, stdin=subprocess.PIPE) as (other, _):
         with pytest.raises(errors.PortUnavailable, match="another program uses it") as caught:
             SerialDriver(str(device.path))
-        other.communicate(b"\n")
+        other.communicate("\n")
     named = f"hold_port.py port, process {other.pid}), and only one can: end that one"
     assert named in str(caught.value)
     assert "e-stop button" in str(caught.value)
