@@ -31,7 +31,7 @@ from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, Wheel
 from wheelwire.samples import WheelSample
 from wheelwire.tools.files.parameters import load_parameter_file
 from wheelwire.tools.files.plant import load_plant, shipped_plants
-from wheelwire.tools.setup import problems, setup
+from wheelwire.tools.setup import problems, setup, wiring
 from wheelwire.tools.setup.driving import Pair, pulse
 from wheelwire.tools.setup.identification import Identification, identify
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
@@ -251,7 +251,7 @@ def test_a_wheel_that_stops_while_both_are_compared_is_named(
         robot.simulator.set("left.encoder_dead", 1)
         return check_wheels(robot, *given)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(setup, "check_wheels", blocked_first)
+    monkeypatch.setattr(wiring, "check_wheels", blocked_first)
     with raised_robot(load_plant("tt-1-48").settings) as robot:
         findings = set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None)
     assert (findings.is_complete, findings.saved) == (False, False)
