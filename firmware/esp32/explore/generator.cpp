@@ -1,5 +1,6 @@
 #include "generator.hpp"
 
+#include <array>
 #include <cmath>
 #include <initializer_list>
 #include <limits>
@@ -15,6 +16,23 @@ namespace {
 
 /// What a scenario is mostly about. All of them meet hosts, stops, resets and a bad line.
 enum class Subject { kSound, kDefects, kParameters, kBoards, kFlash, kAnything, kCount };
+
+/// Values of parameters that exclude each other, by chance from an interval of each.
+struct Interval {
+  ParameterId id{};
+  double low = 0.0;
+  double high = 0.0;  ///< 0: one parameter alone contradicts.
+};
+
+using enum ParameterId;
+constexpr std::array<Interval, 2> kContradicting[] = {
+    {{{kOverrunLimitUs, 2000, 8000}, {kControlRateHz, 100, 300}}},
+    {{{kStreamRateHz, 900, 1500}}},
+    {{{kSupplyDropV, 5, 8}}},
+    {{{kCountsPerRevolution, 200e3, 200e3}, {kMaxVelocityMps, 5, 10}}},
+    {{{kGlitchFilterNs, 12'000, 12'000}, {kCountsPerRevolution, 20e3, 60e3}}},
+    {{{kPwmFrequencyHz, 19e3, 40e3}}},
+};
 
 class Generator {
  public:
@@ -287,33 +305,16 @@ class Generator {
     const auto low = static_cast<double>(spec.minimum);
     const auto high = static_cast<double>(spec.maximum);
     const auto usual = static_cast<double>(spec.default_value);
+    const size_t how = below(10);
+    if (how == 7 && !chance(70))
+      return one_of({high * 1.1 + 1, low - 1, usual + 0.5, std::numeric_limits<double>::quiet_NaN(),
+                     -std::numeric_limits<double>::infinity()});
     double value = usual;
-    switch (below(10)) {
-      case 0:
-        value = low;
-        break;
-      case 1:
-        value = high;
-        break;
-      case 2:
-      case 3:
-        value = between(low, high);
-        break;
-      case 4:
-      case 5:
-        value = low > 0.0 ? spread(low, high) : between(low, high);
-        break;
-      case 6:
-        value = usual * between(0.3, 1.7);
-        break;
-      case 7:
-        return chance(70) ? usual
-                          : one_of({high * 1.1 + 1, low - 1, usual + 0.5,
-                                    std::numeric_limits<double>::quiet_NaN(),
-                                    -std::numeric_limits<double>::infinity()});
-      default:
-        break;
-    }
+    if (how == 0) value = low;
+    if (how == 1) value = high;
+    if (how >= 2 && how <= 5)
+      value = how >= 4 && low > 0.0 ? spread(low, high) : between(low, high);
+    if (how == 6) value = usual * between(0.3, 1.7);
     value = std::fmin(std::fmax(value, low), high);
     return spec.kind == ParameterKind::kReal ? value : std::round(value);
   }
@@ -328,7 +329,6 @@ class Generator {
 
   /// Somebody tunes the robot while it drives: limits and gains at their ends, several at once.
   void tune() {
-    using enum ParameterId;
     constexpr ParameterId kTuned[] = {
         kMaxVelocityMps, kMaxAccelerationMps2, kMaxDuty,          kMaxDutyRatePerS, kPathGain,
         kHeadingGain,    kPathCatchUp,         kProportionalGain, kIntegralGain};
@@ -369,7 +369,7 @@ class Generator {
       parameter(chance(50));
       moment();
     }
-    if (chance(50)) set(ParameterId::kStopMode, 1.0 + index(3));
+    if (chance(50)) set(kStopMode, 1.0 + index(3));
     if (chance(80)) drive(std::floor(spread(50e3, 1e6)));
     if (chance(20)) add("trial"_op, {host_, 2, spread(0.2, 3)});
     const auto reopen = [&] { add("open"_op, {side()}); };
@@ -385,27 +385,11 @@ class Generator {
     const bool tries = chance(60);
     if (tries) add("trial"_op, {host_, 1, 20});
     moment();
-    switch (below(6)) {
-      case 0:
-        set(ParameterId::kOverrunLimitUs, std::floor(between(2000, 8000)));
-        set(ParameterId::kControlRateHz, std::floor(between(100, 300)));
-        break;
-      case 1:
-        set(ParameterId::kStreamRateHz, std::floor(between(900, 1500)));
-        break;
-      case 2:
-        set(ParameterId::kSupplyDropV, between(5, 8));
-        break;
-      case 3:
-        set(ParameterId::kCountsPerRevolution, 200e3);
-        set(ParameterId::kMaxVelocityMps, between(5, 10));
-        break;
-      case 4:
-        set(ParameterId::kGlitchFilterNs, 12'000);
-        set(ParameterId::kCountsPerRevolution, std::floor(between(20e3, 60e3)));
-        break;
-      default:
-        set(ParameterId::kPwmFrequencyHz, std::floor(between(19e3, 40e3)));
+    for (const Interval& of : kContradicting[below(std::size(kContradicting))]) {
+      if (of.high == 0.0) continue;
+      const double value = of.low == of.high ? of.low : between(of.low, of.high);
+      const bool is_real = kParameters[static_cast<size_t>(of.id) - 1].kind == ParameterKind::kReal;
+      set(of.id, is_real ? value : std::floor(value));
     }
     if (tries && chance(40)) add("trial"_op, {host_, 3});
     moment();
@@ -454,7 +438,7 @@ class Generator {
   /// The contact is switched off and saved, and the robot moves to a board that has one as well.
   void contact_of_another_board() {
     make_ready();
-    set(ParameterId::kEstopInputEnabled, 0);
+    set(kEstopInputEnabled, 0);
     add("save"_op, {host_, 0});
     moment();
     board();
@@ -466,16 +450,13 @@ class Generator {
   /// Usually a sensor of the robot's list.
   double sensed() {
     if (chance(20)) return index(static_cast<size_t>(Sensed::kCount));
-    const auto of = [&](Sensed one, Sensed other) {
-      return static_cast<double>(chance(50) ? one : other);
+    using enum Sensed;
+    constexpr std::array<Sensed, 2> kOf[kLists] = {
+        {kFrontLeft, kFrontRight}, {kFrontLeft, kRear},       {kCliff, kStageFault},
+        {kFrontLeft, kFrontRight}, {kFrontLeft, kCliff},      {kFrontRight, kStageFault},
+        {kRear, kCliff},           {kFrontLeft, kStageFault},
     };
-    if (list_ == 1) return of(Sensed::kFrontLeft, Sensed::kRear);
-    if (list_ == 2) return of(Sensed::kCliff, Sensed::kStageFault);
-    if (list_ == 4) return of(Sensed::kFrontLeft, Sensed::kCliff);
-    if (list_ == 5) return of(Sensed::kFrontRight, Sensed::kStageFault);
-    if (list_ == 6) return of(Sensed::kRear, Sensed::kCliff);
-    if (list_ == 7) return of(Sensed::kFrontLeft, Sensed::kStageFault);
-    return of(Sensed::kFrontLeft, Sensed::kFrontRight);
+    return static_cast<double>(kOf[list_][chance(50) ? 0 : 1]);
   }
 
   double volts() {
@@ -685,7 +666,7 @@ class Generator {
   /// Each block was saved.
   void fill_flash() {
     if (chance(70)) add("stop"_op, {host_, 0, 1});
-    set(ParameterId::kBrakeTimeS, between(0.1, 2));
+    set(kBrakeTimeS, between(0.1, 2));
     add("save"_op, {host_, 0});
     moment();
     if (chance(50)) return;
@@ -758,7 +739,7 @@ class Generator {
   // --- wheels ------------------------------------------------------------------------------------
 
   void wheels() {
-    if (chance(40)) set(ParameterId::kMaxDuty, chance(30) ? 1.0 : between(0.15, 1.0));
+    if (chance(40)) set(kMaxDuty, chance(30) ? 1.0 : between(0.15, 1.0));
     if (chance(15)) repair();
     defect();
     if (chance(80)) add("run"_op, {4e6});
@@ -793,8 +774,8 @@ class Generator {
   /// Downhill, with less duty than it takes to hold the robot.
   void run_away() {
     repair();
-    set(ParameterId::kMaxDuty, between(0.15, 0.4));
-    set(ParameterId::kMaxVelocityMps, between(0.03, 0.12));
+    set(kMaxDuty, between(0.15, 0.4));
+    set(kMaxVelocityMps, between(0.03, 0.12));
     const double rad = one_of({-0.4, -0.3, 0.3, 0.4});
     make_ready();
     add("slope"_op, {rad});
@@ -811,7 +792,7 @@ class Generator {
   void creep() {
     repair();
     make_ready();
-    set(ParameterId::kRollingVelocityMps, between(0.5, 1));
+    set(kRollingVelocityMps, between(0.5, 1));
     add("slope"_op, {one_of({-1, 1}) * between(0.05, 0.12)});
     if (chance(50)) drive(std::floor(spread(50e3, 500e3)));
     add("estop"_op, {host_});
@@ -839,7 +820,7 @@ class Generator {
     if (chance(20)) return burst();
     if (chance(15)) return run_away();
     if (chance(10)) return creep();
-    if (chance(30)) set(ParameterId::kStopMode, 1.0 + index(3));
+    if (chance(30)) set(kStopMode, 1.0 + index(3));
     drive(std::floor(spread(200e3, 3e6)));
     if (chance(50)) add("stop"_op, {host_, index(5), 1});
     add("run"_op, {std::floor(spread(100e3, 6e6))});
