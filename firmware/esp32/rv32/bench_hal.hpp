@@ -74,21 +74,19 @@ class BenchLine final : public ByteStream {
   }
   uint32_t bytes_per_second() const override { return 0; }
 
-  /// Id of the frame that was written since the last `take`; 0: none.
-  uint8_t newest() const {
+  /// The frame that was written since the last `take`, if any.
+  bool newest(Frame& frame) const {
     FrameDecoder decoder(body_size);
-    Frame frame{};
-    for (size_t i = 0; i < written_; ++i) decoder.feed(out_[i], frame);
-    return written_ == 0 ? uint8_t{0} : frame.id;
+    bool complete = false;
+    for (size_t i = 0; i < written_; ++i) complete |= decoder.feed(out_[i], frame);
+    return complete;
   }
 
   /// True when a `Message` was written since the last call; it is then in `message`.
   template <typename Message>
   bool take(Message& message) {
-    FrameDecoder decoder(body_size);
     Frame frame{};
-    bool complete = false;
-    for (size_t i = 0; i < written_; ++i) complete |= decoder.feed(out_[i], frame);
+    const bool complete = newest(frame);
     written_ = 0;
     if (!complete || frame.id != Message::kId) return false;
     message = Message::decode(frame.body);

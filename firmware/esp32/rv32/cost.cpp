@@ -114,25 +114,30 @@ class LinkBench {
   Link link_{line_};
 };
 
-struct Result {
-  Counts step;
-  Counts step_with_setpoint;
-  Counts step_with_state;
-  Counts step_with_both;
-  Counts step_with_segment;  ///< It begins a segment, whatever else it does.
-  Counts step_with_hold;     ///< It says what holds the robot, each second and at a change.
-  Counts receive_setpoint;
-  Counts send_state;
-
-  Counts& of_step(bool setpoint, bool state) {
-    if (setpoint) return state ? step_with_both : step_with_setpoint;
-    return state ? step_with_state : step;
-  }
+/// Kinds of work. A step with both a setpoint and a state is the sum of the first ones.
+enum Work : size_t {
+  kStep,
+  kSetpoint,
+  kState,
+  kBoth,
+  kSegment,  ///< The step begins a segment, whatever else it does.
+  kHold,     ///< It says what holds the robot, each second and at a change.
+  kReceive,
+  kSend,
+  kWorks
 };
+constexpr const char* kNames[] = {"step",
+                                  "step_with_setpoint",
+                                  "step_with_state",
+                                  "step_with_both",
+                                  "step_with_segment",
+                                  "step_with_hold",
+                                  "receive_setpoint",
+                                  "send_state"};
 
 Bench bench;
 LinkBench link_bench;
-Result result;
+Counts counted[kWorks];
 
 /// False if the robot stopped driving.
 bool run() {
@@ -142,28 +147,21 @@ bool run() {
     if (commanded) {
       const SetWheelVelocity message = setpoint(i, bench.now_us);
       bench.line.arrive(message);
-      result.receive_setpoint.add(link_bench.receive(message));
+      counted[kReceive].add(link_bench.receive(message));
     }
     const uint32_t segments = bench.segments();
     const uint32_t count = bench.step();
     const bool begins_segment = bench.segments() != segments;
     WheelState state;
-    const bool tells = bench.line.newest() == Hold::kId;
+    Frame frame{};
+    const bool tells = bench.line.newest(frame) && frame.id == Hold::kId;
     const bool streamed = bench.line.take(state);
-    if (streamed) result.send_state.add(link_bench.send(state));
+    if (streamed) counted[kSend].add(link_bench.send(state));
     if (bench.device.state() != SupervisorState::kDriving) return false;
-    (begins_segment ? result.step_with_segment
-     : tells        ? result.step_with_hold
-                    : result.of_step(commanded, streamed))
-        .add(count);
+    const size_t usual = (commanded ? kSetpoint : kStep) + (streamed ? kState : kStep);
+    counted[begins_segment ? kSegment : tells ? kHold : usual].add(count);
   }
   return true;
-}
-
-void print(const char* name, Counts& counts) {
-  printf(" \"%s\": {\"runs\": %lu, \"median\": %lu, \"max\": %lu},\n", name,
-         static_cast<unsigned long>(counts.size()), static_cast<unsigned long>(counts.median()),
-         static_cast<unsigned long>(counts.max()));
 }
 
 }  // namespace
@@ -174,16 +172,11 @@ int main() {
     return 1;
   }
   printf("{\n");
-  print("step", result.step);
-  print("step_with_setpoint", result.step_with_setpoint);
-  print("step_with_state", result.step_with_state);
-  print("step_with_both", result.step_with_both);
-#ifdef WHEELWIRE_RECORDED
-  print("step_with_segment", result.step_with_segment);
-#endif
-  print("step_with_hold", result.step_with_hold);
-  print("receive_setpoint", result.receive_setpoint);
-  print("send_state", result.send_state);
+  for (size_t work = 0; work < kWorks; ++work)
+    if (Counts& counts = counted[work]; counts.size() != 0)
+      printf(" \"%s\": {\"runs\": %lu, \"median\": %lu, \"max\": %lu},\n", kNames[work],
+             static_cast<unsigned long>(counts.size()), static_cast<unsigned long>(counts.median()),
+             static_cast<unsigned long>(counts.max()));
   printf(" \"device_bytes\": %lu\n}\n",
          static_cast<unsigned long>(sizeof(Device) + 2 * sizeof(PowerStage)));
   return 0;
