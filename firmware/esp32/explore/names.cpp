@@ -2,7 +2,6 @@
 
 #include <charconv>
 
-#include "configuration.hpp"
 #include "reset_reason.hpp"
 #include "shipped_boards.hpp"
 
@@ -22,9 +21,9 @@ std::string name_of(ResetReason reason) {
   return std::string(sim::kResetReasonNames[static_cast<size_t>(reason)]);
 }
 
-std::string name_of_board(uint32_t wanted) {
+std::string name_of(const BoardDescription& wanted) {
   for (const sim::ShippedBoard& board : sim::kShippedBoards)
-    if (checksum(board.board) == wanted) return std::string(board.name);
+    if (checksum(board.board) == checksum(wanted)) return std::string(board.name);
   return "another board";
 }
 
@@ -34,31 +33,29 @@ std::string name_of_message(uint8_t id) {
 }
 
 std::string describe(const Seen& message) {
-  std::string text = name_of_message(message.id);
+  const std::string name = name_of_message(message.id);
+  const auto with = [&name](const std::string& what) { return name + "(" + what + ")"; };
   switch (message.id) {
     case Refuse::kId: {
       const auto refuse = message.as<Refuse>();
-      return text + "(" + name_of(refuse.code) + " of " + name_of_message(refuse.message_id) + ")";
+      return with(name_of(refuse.code) + " of " + name_of_message(refuse.message_id));
     }
     case Ack::kId:
-      return text + "(" + name_of_message(message.as<Ack>().message_id) + ")";
+      return with(name_of_message(message.as<Ack>().message_id));
     case ParameterSet::kId: {
       const auto set = message.as<ParameterSet>();
-      return text + "(" + std::to_string(set.parameter) + " to " +
-             text_of(static_cast<double>(set.value)) + ")";
+      return with(std::to_string(set.parameter) + " to " + text_of(set.value));
     }
     case ParameterSave::kId:
-      return text + "(" + std::to_string(message.as<ParameterSave>().parameter) + ")";
+      return with(std::to_string(message.as<ParameterSave>().parameter));
     case ParameterTrial::kId:
-      return text + "(" + std::to_string(static_cast<int>(message.as<ParameterTrial>().action)) +
-             ")";
+      return with(std::to_string(static_cast<int>(message.as<ParameterTrial>().action)));
     case SetWheelVelocity::kId: {
       const auto setpoint = message.as<SetWheelVelocity>();
-      return text + "(" + text_of(static_cast<double>(setpoint.left_mps)) + ", " +
-             text_of(static_cast<double>(setpoint.right_mps)) + ")";
+      return with(text_of(setpoint.left_mps) + ", " + text_of(setpoint.right_mps));
     }
     default:
-      return text;
+      return name;
   }
 }
 

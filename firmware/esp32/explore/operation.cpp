@@ -1,22 +1,13 @@
 #include "operation.hpp"
 
-#include <charconv>
-#include <cmath>
-#include <cstdio>
 #include <cstdlib>
 
-#include "rules.hpp"
+#include "names.hpp"
+#include "rule_ids.hpp"
 
 namespace wheelwire::explore {
 
 namespace {
-
-std::string number(double value) {
-  // The shortest text that reads back as the same number.
-  char text[40];
-  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-  return {text, end};
-}
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> words;
@@ -56,7 +47,7 @@ std::string to_text(const Operation& operation) {
   const KindSpec& spec = kKinds[operation.kind];
   std::string text(spec.name);
   for (size_t i = 0; i < kArguments && spec.arguments[i] != nullptr; ++i)
-    text += std::string(" ") + spec.arguments[i] + "=" + number(operation.values[i]);
+    text += std::string(" ") + spec.arguments[i] + "=" + text_of(operation.values[i]);
   return text;
 }
 

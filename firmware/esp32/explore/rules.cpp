@@ -8,7 +8,6 @@ namespace wheelwire::explore {
 
 namespace {
 
-using enum ParameterId;
 using sim::kLeft;
 using sim::kRight;
 using sim::Side;
@@ -36,13 +35,6 @@ constexpr uint8_t kEitherWay = reflex::kNoForward | reflex::kNoReverse;
 constexpr int64_t kMostTicksInAStep = 16'000;
 
 float default_of(ParameterId id) { return kParameters[index_of(id)].default_value; }
-
-/// Whether the firmware takes other levels for the same turn of a wheel.
-bool reads_encoders_otherwise(const Values& before, const Values& after) {
-  constexpr std::array kWays = {kLeftEncoderInverted, kRightEncoderInverted, kEncodersSwapped};
-  return std::any_of(kWays.begin(), kWays.end(),
-                     [&](ParameterId id) { return before[index_of(id)] != after[index_of(id)]; });
-}
 
 /// A loop that drives another wheel than it measures, or the other way, holds no robot.
 bool has_no_swaps(const Values& values) {
@@ -177,6 +169,23 @@ bool Judge::counts_right() const {
   return value(kCountsPerRevolution) == simulator_.board.counts_per_revolution;
 }
 
+/// What the firmware measures is how fast the wheels turn.
+bool Judge::measures_right() const {
+  return is_default(kWheelRadius) && counts_right() && simulator_.board.wiring.is_right();
+}
+
+/// Wheels are watched as by default.
+bool Judge::is_monitored() const {
+  return has_default_protection() && world_.wired_as_believed &&
+         simulator_.board.wiring.is_right() && !simulator_.board.plant.model().motors_swapped;
+}
+
+/// Whether the firmware takes other levels for the same turn of a wheel than in the last step.
+bool Judge::reads_encoders_otherwise() const {
+  return has_changed(kEncodersSwapped) || has_changed(kLeftEncoderInverted) ||
+         has_changed(kRightEncoderInverted);
+}
+
 /// Only the firmware moves the robot, and nothing is broken.
 bool Judge::is_clean() const { return !world_.ever_disturbed; }
 
@@ -188,25 +197,18 @@ void Judge::wheel_fault_in_time() {
   const double supply_v = simulator_.board.plant.model().bridge.supply_v;
   const double battery_v = simulator_.board.battery.volts;
   const bool applies =
-      drives && memory_.started_at_rest && has_default_protection() && world_.wired_as_believed &&
-      supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
-      simulator_.board.wiring.is_right() && !simulator_.board.plant.model().motors_swapped &&
+      drives && memory_.started_at_rest && is_monitored() && supply_v >= 5.5 && supply_v <= 12.6 &&
+      (battery_v == 0.0 || battery_v == supply_v) &&
       world_us() > world_.disturbed_us + kAfterDisturbanceUs &&
       !is_held_by_a_bumper(witness_.perhaps_forbidden() | witness_.perhaps_held_ways());
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const double wanted = target(side);
-    if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02 ||
-        (wheel.slowest != 0.0 && sign_of(wanted) != sign_of(wheel.slowest))) {
-      wheel.wrong_since_us = 0;
-      wheel.slowest = 0.0;
-      if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02) continue;
-    }
-    if (wheel.wrong_since_us == 0) {
-      wheel.wrong_since_us = now_us();
-      wheel.slowest = wanted;
-    }
-    if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
+    if (sign_of(wanted) != sign_of(wheel.slowest)) wheel.wrong_since_us = 0;
+    const bool begins = wheel.wrong_since_us == 0;
+    follow(wheel.wrong_since_us, applies && is_wrong(side) && std::abs(wanted) >= 0.02);
+    if (wheel.wrong_since_us == 0) continue;
+    if (begins || std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
     const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
     check("wheel-fault-in-time"_rule, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
           side == kLeft ? "the left" : "the right",
@@ -222,9 +224,7 @@ void Judge::driven_hard_without_a_tick() {
   constexpr double kHardUs = 530'000.0;
   const auto& granted = witness_.granted();
   const bool drives = is_driving() && granted;
-  const bool applies = has_default_protection() && world_.wired_as_believed &&
-                       simulator_.board.wiring.is_right() &&
-                       !simulator_.board.plant.model().motors_swapped && !world_.changed_encoders;
+  const bool applies = is_monitored() && !world_.changed_encoders;
   const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
   const double period_us = 1e6 / value(kControlRateHz);
   for (const Side side : kSides) {
@@ -313,7 +313,7 @@ void Judge::message_moves_the_state() {
     expected = SupervisorState::kEstopped;
   } else if (id == Stop::kId || (id == Hello::kId && acts)) {
     if (moves) expected = SupervisorState::kIdle;
-  } else if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && acts) {
+  } else if (is_setpoint(id) && acts) {
     expected = SupervisorState::kDriving;
   } else if (id == ClearEstop::kId && acts && before == SupervisorState::kEstopped) {
     expected = simulator_.faults() != 0 ? SupervisorState::kFault : SupervisorState::kIdle;
@@ -325,8 +325,8 @@ void Judge::message_moves_the_state() {
       task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
                       id == ConfigurationWrite::kId || id == ConfigurationConfirm::kId);
   // A setpoint that is to drive shows that a sensor has stopped the robot.
-  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && !task.is_zero &&
-      after == SupervisorState::kFault && (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
+  if (is_setpoint(id) && !task.is_zero && after == SupervisorState::kFault &&
+      (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
       (simulator_.faults() & fault::kExternal) != 0)
     return;
   if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;
@@ -390,9 +390,7 @@ void Judge::slew_within_limit() {
   const double period_s = 1.0 / value(kControlRateHz);
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
     // The first step of a pause may have been one with the limit before.
-    const double rate =
-        std::max(highest(kMaxDutyRatePerS),
-                 static_cast<double>(memory_.earlier_highest[index_of(kMaxDutyRatePerS)]));
+    const double rate = highest_of_two_steps(kMaxDutyRatePerS);
     // Where the direction changes the stage pauses for a step, and for another to begin.
     const double step = 1.3 * rate * period_s + 2.0 / 32767.0;
     for (const Side side : kSides) {
@@ -447,9 +445,8 @@ void Judge::within_limits() {
     // A limit that was lowered takes effect within the slew limit. The first step of a pause may
     // have been one with the limit before.
     const bool falls = std::abs(now) < std::abs(before);
-    double limit = highest(kMaxDuty);
-    if (before == 0.0 || sign_of(before) != sign_of(now))
-      limit = std::max(limit, static_cast<double>(memory_.earlier_highest[index_of(kMaxDuty)]));
+    const bool pauses = before == 0.0 || sign_of(before) != sign_of(now);
+    const double limit = pauses ? highest_of_two_steps(kMaxDuty) : highest(kMaxDuty);
     check("within-limits"_rule, std::abs(now) <= limit + 2.0 / 32767.0 || falls, "a duty of ",
           std::abs(now), " of ", limit);
   }
@@ -519,22 +516,13 @@ bool Judge::is_to_stand() {
   const double measured_umps = 1.3e6 * static_cast<double>(simulator_.board.counts_per_revolution) /
                                value(kCountsPerRevolution) * value(kWheelRadius) /
                                static_cast<double>(default_of(kWheelRadius));
-  double commands_umps = 0.0;
-  double rolls_umps = 0.0;
-  for (const Side side : kSides) {
-    commands_umps = std::max(commands_umps, std::abs(commanded_umps(side)));
-    rolls_umps =
-        std::max(rolls_umps, measured_umps * std::abs(simulator_.board.plant.speed_mps(side)));
-  }
-  const bool changed =
-      value(kMaxAccelerationMps2) != memory_.values[index_of(kMaxAccelerationMps2)];
-  if (memory_.held_since_us == 0 || changed) {
+  if (memory_.held_since_us == 0 || has_changed(kMaxAccelerationMps2)) {
     memory_.held_since_us = now_us();
-    memory_.held_from_umps = std::max(commands_umps, rolls_umps);
+    memory_.held_from_umps = std::max(commanded_umps(), measured_umps * speed_mps());
   }
   const double needed_s = memory_.held_from_umps * 1e-6 / value(kMaxAccelerationMps2) + 2.0;
   const double held_s = static_cast<double>(now_us() - memory_.held_since_us) * 1e-6;
-  return held_s > needed_s && commands_umps != 0.0;
+  return held_s > needed_s && commanded_umps() != 0.0;
 }
 
 /// S28 and S32, at the end of a control step.
@@ -601,9 +589,6 @@ void Judge::half_of_the_speed() {
     return;
   }
   // A limit that is lowered takes effect as fast as the slew limit allows, as well.
-  const auto has_changed = [this](ParameterId id) {
-    return value(id) != memory_.values[index_of(id)];
-  };
   const bool begins = memory_.limited_since_us == 0 || has_changed(kMaxVelocityMps) ||
                       has_changed(kMaxAccelerationMps2);
   if (begins || has_changed(kMaxDuty)) {
@@ -660,7 +645,7 @@ void Judge::not_too_fast() {
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     applies = applies && !hides_edges(encoder) && !world_.has_gaps[side];
-    sum += std::abs(simulator_.board.plant.speed_mps(side));
+    sum += speed_mps(side);
     allowed = std::max(allowed, std::abs(commanded_umps(side)) * 1e-6);
   }
   if (simulator_.board.drives()) memory_.driven_us = now_us();
@@ -693,12 +678,8 @@ void Judge::estop_is_noted() {
   const bool rests = (simulator_.board.plant.stands_still() || (estopped && is_slow)) &&
                      !is_driving() && !simulator_.board.latch_store.failing &&
                      simulator_.board.flash.faults == 0;
-  if (estopped == witness_.flash().estop || !rests) {
-    memory_.latch_due_us = 0;
-    return;
-  }
-  if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
-  check("estop-survives-power-loss"_rule, now_us() <= memory_.latch_due_us,
+  follow(memory_.unnoted_since_us, estopped != witness_.flash().estop && rests);
+  check("estop-survives-power-loss"_rule, !lasts(memory_.unnoted_since_us, kLatchNoteUs),
         estopped ? "an e-stop" : "its end", " was not recorded in flash");
 }
 
@@ -709,12 +690,8 @@ void Judge::lost_copy_is_repaired() {
                      !board.configuration_store.failing && !board.store.failing &&
                      !board.latch_store.failing && board.flash.faults == 0 &&
                      board.store.unreadable == 0 && board.configuration_store.unreadable == 0;
-  if (!rests || !witness_.has_lost_copy()) {
-    memory_.repair_due_us = 0;
-    return;
-  }
-  if (memory_.repair_due_us == 0) memory_.repair_due_us = now_us() + kRepairUs;
-  check("lost-is-not-empty"_rule, now_us() <= memory_.repair_due_us,
+  follow(memory_.half_since_us, rests && witness_.has_lost_copy());
+  check("lost-is-not-empty"_rule, !lasts(memory_.half_since_us, kRepairUs),
         "a lost copy of a stored block was not written anew");
 }
 
@@ -740,7 +717,7 @@ void Judge::begin_action(StopMode mode, bool certain, bool weakens, uint64_t sin
 }
 
 void Judge::begin_estop(bool certain, uint64_t since_us) {
-  const auto stop_mode = static_cast<StopMode>(value(kStopMode));
+  const auto stop_mode = configured_stop();
   auto mode = static_cast<StopMode>(value(kEstopMode));
   if (mode != StopMode::kCoast && stop_mode == StopMode::kBrakeUntilDriven) mode = stop_mode;
   begin_action(mode, certain, false, since_us);
@@ -753,14 +730,14 @@ void Judge::begin_estop(bool certain, uint64_t since_us) {
 void Judge::begin_fault(uint32_t new_faults) {
   if ((new_faults & fault::kOverspeed) != 0) return begin_action(StopMode::kBrakeUntilDriven, true);
   const bool may_be_of_stage = (new_faults & fault::kExternal) != 0;
-  begin_action(static_cast<StopMode>(value(kStopMode)), !may_be_of_stage);
+  begin_action(configured_stop(), !may_be_of_stage);
 }
 
 /// What the message that was just handled begins.
 void Judge::follow_message() {
   const Task& task = *witness_.task();
   const SupervisorState after = simulator_.state();
-  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const StopMode configured = configured_stop();
   const uint8_t id = task.message.id;
   if (after == SupervisorState::kBoot) return;
   if (id == Stop::kId) {
@@ -801,7 +778,7 @@ void Judge::follow_message() {
 void Judge::follow_transition() {
   const SupervisorState before = witness_.last_state();
   const SupervisorState after = simulator_.state();
-  const auto configured = static_cast<StopMode>(value(kStopMode));
+  const StopMode configured = configured_stop();
   const uint32_t new_faults = simulator_.faults() & ~witness_.last_faults();
   if (witness_.trial() == Trial::kExpired && memory_.trial == Trial::kRuns)
     begin_action(configured, before == SupervisorState::kDriving);
@@ -833,6 +810,15 @@ double Judge::highest(ParameterId id) const {
   return std::max(value(id), static_cast<double>(memory_.highest[index_of(id)]));
 }
 
+double Judge::highest_of_two_steps(ParameterId id) const {
+  return std::max(highest(id), static_cast<double>(memory_.earlier_highest[index_of(id)]));
+}
+
+/// Keeps since when something holds; 0: it does not.
+void Judge::follow(uint64_t& since_us, bool holds) const {
+  if (!holds || since_us == 0) since_us = holds ? now_us() : 0;
+}
+
 bool Judge::is_shorted() const {
   const auto bridges = simulator_.board.bridges();
   return bridges[kLeft].shorted() > 0.5 && bridges[kRight].shorted() > 0.5;
@@ -840,30 +826,22 @@ bool Judge::is_shorted() const {
 
 /// As far as its encoders show, with room for what is measured late.
 bool Judge::moves_slower_than(ParameterId limit) const {
-  const bool measures =
-      is_default(kWheelRadius) && counts_right() && simulator_.board.wiring.is_right();
-  double speed = 0.0;
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     // The first edges of one that comes back show no speed yet.
     if (hides_edges(encoder) || now_us() - memory_.hid_edges_us[side] < kStillUs) return true;
-    speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
   }
-  return !measures || speed < 1.5 * value(limit) + 0.05;
+  return !measures_right() || speed_mps() < 1.5 * value(limit) + 0.05;
 }
 
 /// On the brake, at this share of rolling_velocity_mps at most, by encoders that show it.
 bool Judge::creeps(double share) const {
-  for (const ParameterId id : {kWheelRadius, kVelocityWindowUs})
-    if (!is_default(id)) return false;
-  if (!counts_right()) return false;
-  const double most = share * value(kRollingVelocityMps);
   for (const Side side : kSides) {
     const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
     if (encoder.stuck != 0 || encoder.lost != 0.0) return false;
-    if (std::abs(simulator_.board.plant.speed_mps(side)) > most) return false;
   }
-  return world_.wired_as_believed && simulator_.board.wiring.is_right() && is_shorted();
+  return measures_right() && is_default(kVelocityWindowUs) && world_.wired_as_believed &&
+         speed_mps() <= share * value(kRollingVelocityMps) && is_shorted();
 }
 
 /// S23 and S33, at the end of a control step.
@@ -907,38 +885,27 @@ bool Judge::is_held_by_a_bumper(uint32_t ways) const {
 /// S22.
 void Judge::rolling_is_reported() {
   const double threshold = value(kRollingVelocityMps);
-  double speed = 0.0;
-  bool sound = is_default(kWheelRadius) && counts_right() && simulator_.board.wiring.is_right() &&
-               world_.wired_as_believed && value(kVelocityWindowUs) <= 50'000.0f;
-  for (const Side side : kSides) {
-    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-    sound = sound && !hides_edges(encoder);
-    speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
-  }
+  const double speed = speed_mps();
+  bool sound =
+      measures_right() && world_.wired_as_believed && value(kVelocityWindowUs) <= 50'000.0f;
+  for (const Side side : kSides)
+    sound = sound && !hides_edges(simulator_.board.encoders[side].model);
   // At a bumper, the loop still slows it down, as fast as allowed.
-  const bool slows_down = commanded_umps(kLeft) != 0 || commanded_umps(kRight) != 0;
+  const bool slows_down = commanded_umps() != 0.0;
   const bool is_held =
       !is_driving() ||
       (!slows_down && is_held_by_a_bumper(witness_.forbidden() | witness_.held_ways()));
   const bool rolls =
       sound && witness_.is_open() && threshold > 0.0 && is_held && speed > 1.3 * threshold;
   // It is reported once until it is slow: for long enough to be measured.
-  if (speed >= 0.4 * threshold)
-    memory_.slow_since_us = 0;
-  else if (memory_.slow_since_us == 0)
-    memory_.slow_since_us = now_us();
-  if (memory_.slow_since_us != 0 && now_us() > memory_.slow_since_us + kMeasuredSlowUs)
-    memory_.rolling_told = false;
-  if (!rolls || speed < memory_.rolled_mps) {
-    memory_.rolling_since_us = 0;
-    memory_.rolled_mps = rolls ? speed : 0.0;
-    if (!rolls) return;
-  }
-  memory_.rolled_mps = speed;
-  if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
+  follow(memory_.slow_since_us, speed < 0.4 * threshold);
+  if (lasts(memory_.slow_since_us, kMeasuredSlowUs)) memory_.rolling_told = false;
+  if (speed < memory_.rolled_mps) memory_.rolling_since_us = 0;
+  follow(memory_.rolling_since_us, rolls);
+  memory_.rolled_mps = rolls ? speed : 0.0;
   check("rolling-is-reported"_rule,
-        memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs, "it rolls at ",
-        speed, " m/s without drive, and nobody reports it");
+        memory_.rolling_told || !lasts(memory_.rolling_since_us, kRollingUs), "it rolls at ", speed,
+        " m/s without drive, and nobody reports it");
 }
 
 void Judge::on_event(const Event& event) {
@@ -968,10 +935,7 @@ void Judge::on_event(const Event& event) {
 /// S13. What each total should be by what the encoders' levels showed.
 void Judge::follow_ticks() {
   const bool swapped = (value(kEncodersSwapped) != 0) != simulator_.board.wiring.swapped;
-  bool known = world_.wired_as_believed && simulator_.board.wiring.both_on == 0 &&
-               !simulator_.board.wiring.mixed && !world_.changed_encoders;
-  for (const ParameterId id : {kEncodersSwapped, kLeftEncoderInverted, kRightEncoderInverted})
-    known = known && value(id) == memory_.values[index_of(id)];
+  const bool known = shows_wheels() && !world_.changed_encoders && !reads_encoders_otherwise();
   for (const Side wheel : kSides) {
     Memory::Ticks& ticks = memory_.ticks[wheel];
     const sim::Quadrature& encoder = simulator_.board.encoders[swapped ? other(wheel) : wheel];
@@ -1005,8 +969,7 @@ void Judge::on_state(const WheelState& state) {
 
 /// At the end of a control step: a tick that is undone before the next step is not seen.
 void Judge::follow_motion() {
-  const bool is_seen = world_.wired_as_believed && simulator_.board.wiring.both_on == 0 &&
-                       !simulator_.board.wiring.mixed;
+  const bool is_seen = shows_wheels();
   for (const Side wheel : kSides) {
     const sim::Quadrature& encoder = simulator_.board.encoders[wheel];
     const int64_t change = encoder.shown_ticks() - memory_.seen_ticks[wheel];
@@ -1109,8 +1072,7 @@ void Judge::remember() {
   const bool drives = is_driving() && granted;
   memory_.followed_duty = drives && granted->duty;
   memory_.followed_velocity = drives && !granted->duty;
-  if (memory_.followed_velocity && (commanded_umps(kLeft) != 0 || commanded_umps(kRight) != 0))
-    memory_.commanded_us = now_us();
+  if (memory_.followed_velocity && commanded_umps() != 0.0) memory_.commanded_us = now_us();
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
   // When the bumper no longer holds it off, it starts again.
   memory_.was_held = witness_.perhaps_held_ways() != 0;
@@ -1120,13 +1082,10 @@ void Judge::remember() {
     memory_.commanded_umps[side] = commanded_umps(side);
     memory_.directions[side] = direction_of(simulator_.board.bridges()[side]);
   }
-  if (!simulator_.board.plant.stands_still())
-    memory_.stood_since_us = 0;
-  else if (memory_.stood_since_us == 0)
-    memory_.stood_since_us = now_us();
+  follow(memory_.stood_since_us, simulator_.board.plant.stands_still());
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
-  if (reads_encoders_otherwise(memory_.values, witness_.values())) memory_.turning = {};
+  if (reads_encoders_otherwise()) memory_.turning = {};
   memory_.values = memory_.known_values = witness_.values();
   memory_.default_protection = has_default_protection();
   memory_.earlier_highest = memory_.highest;
@@ -1136,33 +1095,33 @@ void Judge::remember() {
 }
 
 void Judge::after_start() {
-  const std::array<int, 2> hidden_ticks = memory_.hidden_ticks;  // A start does not turn the wheel.
   const auto outlives = [this](const Action& action) {
     const bool holds = witness_.kept_memory() && action.mode == StopMode::kBrakeUntilDriven;
     return holds ? Action{.mode = action.mode} : Action{};
   };
-  const Action least = outlives(memory_.least);
-  const Action most = outlives(memory_.most);
-  memory_ = {};
-  memory_.hidden_ticks = hidden_ticks;
-  memory_.least = least;
-  memory_.most = most;
-  memory_.fast_us = now_us();
-  memory_.faults = simulator_.faults();
-  memory_.step_us = now_us();
-  memory_.values = memory_.highest = memory_.known_values = witness_.values();
-  memory_.state = simulator_.state();
-  memory_.hard_switches = simulator_.board.hard_switches();
+  const uint64_t now = now_us();
+  memory_ = {.state = simulator_.state(),
+             .faults = simulator_.faults(),
+             .step_us = now,
+             .values = witness_.values(),
+             .highest = witness_.values(),
+             .hard_switches = simulator_.board.hard_switches(),
+             .hidden_ticks = memory_.hidden_ticks,  // A start does not turn the wheel.
+             .turned_us = now,
+             .perhaps_ticked_us = now,
+             .drove_us = now,
+             .known_values = witness_.values(),
+             .least = outlives(memory_.least),
+             .most = outlives(memory_.most),
+             .fast_us = now};
   for (const Side wheel : kSides)
     memory_.ticks[wheel].shown = memory_.seen_ticks[wheel] =
         simulator_.board.encoders[wheel].shown_ticks();
-  memory_.turned_us = memory_.drove_us = memory_.perhaps_ticked_us = now_us();
   if (memory_.state == SupervisorState::kEstopped) begin_estop(true);
   // A fault that is found at the start stops it as well.
   if (memory_.state == SupervisorState::kEstopped && memory_.faults != 0)
-    begin_action(static_cast<StopMode>(value(kStopMode)), false);
-  if (memory_.state == SupervisorState::kFault)
-    begin_action(static_cast<StopMode>(value(kStopMode)), true);
+    begin_action(configured_stop(), false);
+  if (memory_.state == SupervisorState::kFault) begin_action(configured_stop(), true);
   const bool contact_off =
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
   check("contact-input-of-its-board"_rule,

@@ -13,6 +13,8 @@
 
 namespace wheelwire::explore {
 
+using enum ParameterId;
+
 /// What a stop does, by protocol/SPEC.md.
 struct Action {
   StopMode mode = StopMode::kCoast;
@@ -70,8 +72,8 @@ struct Memory {
   double held_from_umps = 0.0;
 
   // S09.
-  uint64_t repair_due_us = 0;
-  uint64_t latch_due_us = 0;
+  uint64_t half_since_us = 0;     ///< A block has one copy; 0: it has two, or need not.
+  uint64_t unnoted_since_us = 0;  ///< As above, of an e-stop that flash has to record.
 
   // S27. When a level of the encoder last changed, and when a winding was last driven, or the chip
   // started: it may roll.
@@ -230,6 +232,12 @@ class Judge {
   bool surely_turns(sim::Side wheel) const;
   bool surely_still() const { return now_us() - memory_.perhaps_ticked_us > kSurelyStillUs; }
   double highest(ParameterId id) const;
+  double highest_of_two_steps(ParameterId id) const;
+  bool has_changed(ParameterId id) const { return value(id) != before(id); }
+  void follow(uint64_t& since_us, bool holds) const;
+  bool lasts(uint64_t since_us, uint64_t for_us) const {
+    return since_us != 0 && now_us() > since_us + for_us;
+  }
   bool is_shorted() const;
   bool creeps(double share) const;
   bool moves_slower_than(ParameterId limit) const;
@@ -241,18 +249,37 @@ class Judge {
   double target(sim::Side side) const;
   bool is_wrong(sim::Side side) const;
   bool has_default_protection() const;
+  bool reads_encoders_otherwise() const;
   bool is_clean() const;
   /// Whether a bumper keeps a robot in DRIVING from what its setpoint says, by flags of `reflex`.
   bool is_held_by_a_bumper(uint32_t ways) const;
   uint64_t now_us() const { return simulator_.board.device_us(); }
   uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
   double value(ParameterId id) const { return static_cast<double>(witness_.value(id)); }
+  /// At the end of the last step.
+  double before(ParameterId id) const { return static_cast<double>(memory_.values[index_of(id)]); }
+  StopMode configured_stop() const { return static_cast<StopMode>(value(kStopMode)); }
   bool is_default(ParameterId id) const;
   /// The firmware knows how many ticks a turn has.
   bool counts_right() const;
+  bool measures_right() const;
+  bool is_monitored() const;
+  /// Each encoder shows the turns of a wheel of its own.
+  bool shows_wheels() const {
+    const auto& wiring = simulator_.board.wiring;
+    return world_.wired_as_believed && wiring.both_on == 0 && !wiring.mixed;
+  }
   bool is_driving() const { return simulator_.state() == SupervisorState::kDriving; }
   double duty(sim::Side side) const { return simulator_.board.bridges()[side].signed_duty(); }
   double commanded_umps(sim::Side side) const { return simulator_.commanded_umps(side); }
+  double speed_mps(sim::Side side) const {
+    return std::abs(simulator_.board.plant.speed_mps(side));
+  }
+  /// Of the faster wheel.
+  double speed_mps() const { return std::max(speed_mps(sim::kLeft), speed_mps(sim::kRight)); }
+  double commanded_umps() const {
+    return std::max(std::abs(commanded_umps(sim::kLeft)), std::abs(commanded_umps(sim::kRight)));
+  }
 
   sim::Simulator& simulator_;
   const Witness& witness_;

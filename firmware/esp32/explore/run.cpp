@@ -21,6 +21,10 @@ int16_t q15(double duty) {
 
 uint64_t whole(double value) { return value > 0.0 ? static_cast<uint64_t>(value) : 0; }
 
+sim::Side side_of(double value) {
+  return static_cast<sim::Side>(whole(value) % sim::kSides.size());
+}
+
 template <typename Code>
 Code code_of(double value) {
   return static_cast<Code>(static_cast<uint8_t>(whole(value)));
@@ -36,9 +40,7 @@ Run::Run(const Scenario& scenario, Coverage& coverage)
              Host(static_cast<uint32_t>(sim::mix(scenario.seed + 1)))},
       boot_id_(simulator_.boot_id()) {
   simulator_.board.line.set_tap(this);
-  simulator_.board.configuration_store.watch = this;
-  simulator_.board.store.watch = this;
-  simulator_.board.latch_store.watch = this;
+  for (sim::Store* const store : stores_) store->watch = this;
   simulator_.board.recorder_flash.watch = this;
 }
 
@@ -83,16 +85,14 @@ void Run::call(bool stepped) {
     started_ = true;
     judge_.accuse(witness_.starts());
     compare_boards();
-    coverage_.board(checksum(witness_.board()), checksum(simulator_.board.wired()),
-                    witness_.configuration_state());
+    coverage_.count("board", name_of(witness_.board()) + ", " + name_of(simulator_.board.wired()) +
+                                 ", " + name_of(witness_.configuration_state()));
     judge_.after_start();
     return;
   }
   if (!started_) return;
-  if (stepped) witness_.expires_trial();
-  if (stepped) coverage_.battery(witness_.reads_sensors());
-  if (stepped) witness_.notes_motion();
-  if (stepped) witness_.notes_hold();
+  const char* const battery = stepped ? witness_.steps() : nullptr;
+  if (battery != nullptr) coverage_.count("battery", battery);
   judge_.after_call(stepped);
   witness_.notes_stop();
   if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
@@ -102,7 +102,7 @@ void Run::call(bool stepped) {
 void Run::note_reset() {
   const ResetReason reason = simulator_.reset_reason();
   boot_id_ = simulator_.boot_id();
-  coverage_.reset(reason, witness_.last_state());
+  coverage_.count("reset", name_of(reason) + " " + name_of(witness_.last_state()));
   witness_.resets(sim::loses_memory(reason));
   to_device_.forget();
   from_device_.forget();
@@ -142,7 +142,8 @@ void Run::settle(bool call_ended) {
   if (!witness_.task()) return;
   judge_.accuse(witness_.settles());
   const Task& task = *witness_.task();
-  if (task.carried_out) coverage_.accepted(task.message.id, task.before);
+  if (task.carried_out)
+    coverage_.count("carried out", name_of_message(task.message.id) + " " + name_of(task.before));
   if (!call_ended) judge_.after_message();
   witness_.note_state();
   witness_.forgets_task();
@@ -155,12 +156,13 @@ void Run::on_write(const uint8_t* data, size_t size) {
     if (seen.id == WheelState::kId) judge_.on_state(seen.as<WheelState>());
     if (seen.id == Event::kId) {
       const auto event = seen.as<Event>();
-      if (event.code == EventCode::kSupervisor) coverage_.transition(event.before, event.cause);
+      if (event.code == EventCode::kSupervisor)
+        coverage_.count("transition", name_of(event.before) + " " + name_of(event.cause));
       judge_.on_event(event);
     }
     if (seen.id == Refuse::kId) {
       const auto refuse = seen.as<Refuse>();
-      coverage_.refusal(refuse.message_id, refuse.code);
+      coverage_.count("refusal", name_of_message(refuse.message_id) + " " + name_of(refuse.code));
     }
   });
 }
@@ -201,10 +203,8 @@ void Run::send(const Bytes& bytes) {
 sim::WriteFate Run::fate_of_write(const sim::Store& store, int slot) {
   using enum sim::WriteFate;
   if (dead_) return kUntouched;
-  const StoredBlock block = &store == &simulator_.board.configuration_store
-                                ? StoredBlock::kConfiguration
-                            : &store == &simulator_.board.store ? StoredBlock::kParameterValues
-                                                                : StoredBlock::kLatches;
+  const auto place = std::find(stores_.begin(), stores_.end(), &store);
+  const auto block = static_cast<StoredBlock>(place - stores_.begin());
   world_.writes_flash = true;
   if (block == StoredBlock::kLatches) judge_.flash_only_at_rest(true);
   if (slot == kFormat) {
@@ -405,7 +405,7 @@ void Run::hold(const Operation& operation) {
 /// As hold(), with an encoder that loses all edges for a while, again and again.
 void Run::drive_with_gaps(const Operation& operation) {
   const auto& values = operation.values;
-  const size_t side = whole(values[3]) % sim::kSides.size();
+  const sim::Side side = side_of(values[3]);
   sim::EncoderModel& model = simulator_.board.encoders[side].model;
   const double of_us = std::clamp(values[5], 1e3, 1e6);
   const double lost_us = std::clamp(values[4], 0.0, of_us);
@@ -497,12 +497,10 @@ void Run::change_robot(const Operation& operation) {
                                      : sim::WriteFate::kLost;
       return;
     case "store_fails"_op: {
-      const bool fails = values[1] != 0.0;
-      const auto store = whole(values[0]);
-      (store == 0   ? board.store
-       : store == 1 ? board.configuration_store
-                    : board.latch_store)
-          .failing = fails;
+      using enum StoredBlock;
+      constexpr StoredBlock kBlocks[] = {kParameterValues, kConfiguration, kLatches};
+      const StoredBlock block = kBlocks[std::min<uint64_t>(whole(values[0]), kStoredBlocks - 1)];
+      stores_[static_cast<size_t>(block)]->failing = values[1] != 0.0;
       return;
     }
     case "store_unreadable"_op:
@@ -513,13 +511,10 @@ void Run::change_robot(const Operation& operation) {
           (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
       return reset(ResetReason::kPowerOn);
     case "damage"_op: {
-      const auto block = static_cast<StoredBlock>(whole(values[0]) % kStoredBlocks);
+      const size_t block = whole(values[0]) % kStoredBlocks;
       const auto damage = static_cast<sim::Damage>(whole(values[1]) % 3);
-      witness_.damages(block, damage);
-      (block == StoredBlock::kConfiguration     ? board.configuration_store
-       : block == StoredBlock::kParameterValues ? board.store
-                                                : board.latch_store)
-          .damage(damage);
+      witness_.damages(static_cast<StoredBlock>(block), damage);
+      stores_[block]->damage(damage);
       return reset(ResetReason::kPowerOn);
     }
     case "driver_fails"_op:
@@ -547,7 +542,7 @@ void Run::change_robot(const Operation& operation) {
       return;
     case "lost_edges"_op: {
       disturb();
-      sim::EncoderModel& model = board.encoders[whole(values[0]) % sim::kSides.size()].model;
+      sim::EncoderModel& model = board.encoders[side_of(values[0])].model;
       model.lost = std::clamp(values[1], 0.0, 1.0);
       model.edge_error_ticks = std::clamp(values[2], 0.0, 0.45);
       return;
@@ -555,7 +550,7 @@ void Run::change_robot(const Operation& operation) {
     case "encoder"_op: {
       disturb();
       world_.changed_encoders = true;
-      sim::EncoderModel& model = board.encoders[whole(values[0]) % sim::kSides.size()].model;
+      sim::EncoderModel& model = board.encoders[side_of(values[0])].model;
       model.dead = values[1] != 0.0;
       model.reversed = values[2] != 0.0;
       model.stuck = static_cast<int>(whole(values[3]) % 3);
@@ -572,25 +567,15 @@ void Run::change_robot(const Operation& operation) {
 
 void Run::touch(const Operation& operation) {
   sim::Sensors& sensors = simulator_.board.sensors;
-  const bool triggered = operation.values[1] != 0.0;
   // Earlier triggers count for a while.
   witness_.notes_touch();
-  switch (static_cast<Sensed>(whole(operation.values[0]) % static_cast<size_t>(Sensed::kCount))) {
-    case Sensed::kFrontLeft:
-      sensors.bumpers[static_cast<size_t>(Place::kFrontLeft)] = triggered;
-      break;
-    case Sensed::kFrontRight:
-      sensors.bumpers[static_cast<size_t>(Place::kFrontRight)] = triggered;
-      break;
-    case Sensed::kRear:
-      sensors.bumpers[static_cast<size_t>(Place::kRear)] = triggered;
-      break;
-    case Sensed::kCliff:
-      sensors.cliffs[static_cast<size_t>(Place::kFront)] = triggered;
-      break;
-    default:
-      sensors.stage_fault = triggered;
-  }
+  bool* const inputs[] = {&sensors.bumpers[static_cast<size_t>(Place::kFrontLeft)],
+                          &sensors.bumpers[static_cast<size_t>(Place::kFrontRight)],
+                          &sensors.bumpers[static_cast<size_t>(Place::kRear)],
+                          &sensors.cliffs[static_cast<size_t>(Place::kFront)],
+                          &sensors.stage_fault};
+  static_assert(std::size(inputs) == static_cast<size_t>(Sensed::kCount));
+  *inputs[whole(operation.values[0]) % std::size(inputs)] = operation.values[1] != 0.0;
   witness_.notes_touch();
 }
 
@@ -599,7 +584,7 @@ void Run::change_plant(const Operation& operation) {
   const auto& values = operation.values;
   sim::Plant& plant = simulator_.board.plant;
   sim::PlantModel model = plant.model();
-  sim::WheelModel& wheel = model.wheels[whole(values[0]) % sim::kSides.size()];
+  sim::WheelModel& wheel = model.wheels[side_of(values[0])];
   switch (operation.kind) {
     case "supply"_op:
       model.bridge.supply_v = std::clamp(values[0], 0.0, 60.0);
@@ -616,7 +601,7 @@ void Run::change_plant(const Operation& operation) {
       wheel.load_nm = std::clamp(values[1], -1.0, 1.0);
       break;
     case "push"_op:
-      plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % sim::kSides.size()),
+      plant.turn_by_hand(side_of(values[0]),
                          std::clamp(values[1], -100.0, 100.0) * 6.28318530717958647692);
       world_.turned_by_hand_us = world_.disturbed_us;
       return;

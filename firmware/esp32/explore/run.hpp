@@ -71,6 +71,10 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   bool ended() const { return judge_.finding().has_value() || witness_.lost_track(); }
 
   sim::Simulator simulator_;
+  /// By StoredBlock.
+  std::array<sim::Store*, kStoredBlocks> stores_{&simulator_.board.configuration_store,
+                                                 &simulator_.board.store,
+                                                 &simulator_.board.latch_store};
   Witness witness_{simulator_};
   World world_;
   Judge judge_;

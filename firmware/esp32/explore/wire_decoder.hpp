@@ -14,14 +14,13 @@ namespace wheelwire::explore {
 /// A message on the wire that passed all checks.
 struct Seen {
   uint8_t id = 0;
-  uint16_t seq = 0;
   std::vector<uint8_t> body;
 
   template <typename Message>
   Message as() const {
     return Message::decode(body.data());
   }
-  bool operator==(const Seen& other) const { return id == other.id && body == other.body; }
+  bool operator==(const Seen&) const = default;
 };
 
 class WireDecoder {
@@ -64,7 +63,6 @@ class WireDecoder {
       crc |= static_cast<uint32_t>(payload[payload.size() - 4 + i]) << 8 * i;
     if (crc != (remainder ^ 0xffffffff)) return false;
     out.id = payload[0];
-    out.seq = static_cast<uint16_t>(payload[1] | payload[2] << 8);
     out.body.assign(payload.begin() + 3, payload.end() - 4);
     return body_size(out.id) == static_cast<int>(out.body.size());
   }

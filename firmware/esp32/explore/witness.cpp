@@ -12,6 +12,8 @@ namespace wheelwire::explore {
 
 namespace {
 
+using enum RefusalCode;
+
 constexpr size_t kKeptAnswers = 4;
 constexpr double kDoubt = 1e-5;
 /// Room for what a message may be answered with, and the events that it causes.
@@ -28,6 +30,16 @@ struct Head {
   uint16_t request_id;
 };
 
+/// The code, if that is so.
+Codes when(bool refused, RefusalCode code) { return refused ? Codes(code) : Codes(); }
+
+/// Empty: there is none.
+Codes first_of(std::initializer_list<Codes> reasons) {
+  for (const Codes codes : reasons)
+    if (!codes.empty()) return codes;
+  return {};
+}
+
 Head head_of(const Seen& message) {
   Head head{};
   const uint8_t* in = message.body.data();
@@ -35,8 +47,6 @@ Head head_of(const Seen& message) {
   wire::get(in, head.request_id);
   return head;
 }
-
-bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDuty::kId; }
 
 /// Whether a repeat of the request is carried out again.
 bool is_answered_afresh(uint8_t id) {
@@ -93,7 +103,7 @@ void Witness::reads(const Seen& message) {
     case Stop::kId:
     case Estop::kId:
       task_->answers = task_->is_new = true;
-      task_->codes = RefusalCode::kNone;
+      task_->codes = kNone;
       return;
     case SetWheelVelocity::kId: {
       const auto setpoint = message.as<SetWheelVelocity>();
@@ -107,9 +117,7 @@ void Witness::reads(const Seen& message) {
     }
     case Ping::kId:
       task_->answers = task_->is_new = true;
-      task_->codes = open_ && message.as<Ping>().session_id == session_id_
-                         ? RefusalCode::kNone
-                         : RefusalCode::kNoSession;
+      task_->codes = open_ && message.as<Ping>().session_id == session_id_ ? kNone : kNoSession;
       return;
     default:
       if (message.id >= kFirstDeviceId) {
@@ -122,28 +130,24 @@ void Witness::reads(const Seen& message) {
 
 void Witness::read_hello(const Hello& hello) {
   task_->answers = true;
-  task_->codes = hello.protocol_version != schema::kVersion ? RefusalCode::kProtocolVersion
-                 : hello.schema_hash != schema::kHash       ? RefusalCode::kSchema
-                                                            : RefusalCode::kNone;
-  task_->is_new = task_->codes.has(RefusalCode::kNone) && !(open_ && hello.nonce == nonce_);
+  task_->codes = hello.protocol_version != schema::kVersion ? kProtocolVersion
+                 : hello.schema_hash != schema::kHash       ? kSchema
+                                                            : kNone;
+  task_->is_new = task_->codes.has(kNone) && !(open_ && hello.nonce == nonce_);
 }
 
 template <typename Setpoint>
 void Witness::read_setpoint(const Setpoint& message, bool duty, double left, double right) {
-  if (!open_ || message.session_id != session_id_) {
+  const auto refuse = [this](RefusalCode code) {
     task_->answers = true;
-    task_->codes = RefusalCode::kNoSession;
-    denied_ = task_->codes;
+    denied_ = task_->codes = code;
     setpoint_us_ = now_us();
-    return;
-  }
+  };
+  if (!open_ || message.session_id != session_id_) return refuse(kNoSession);
   if (message.command_seq <= newest_command_) {
     // Dropped without an answer, but where no number is left.
-    if (newest_command_ != UINT32_MAX || message.command_seq == UINT32_MAX) return;
-    task_->answers = true;
-    task_->codes = RefusalCode::kCommandSeqSpent;
-    denied_ = task_->codes;
-    setpoint_us_ = now_us();
+    const bool is_spent = newest_command_ == UINT32_MAX && message.command_seq != UINT32_MAX;
+    if (is_spent) refuse(kCommandSeqSpent);
     return;
   }
   newest_command_ = message.command_seq;
@@ -157,12 +161,12 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
   task_->is_zero = ways == 0;
   const bool may_arm = may_be_gap();
   if (!std::isfinite(left) || !std::isfinite(right)) {
-    task_->codes = RefusalCode::kNotFinite;
+    task_->codes = kNotFinite;
     setpoint_us_ = now_us();
   } else {
     task_->codes = setpoint_codes(message.expiry_us, ways == 0, ways);
   }
-  task_->answers = !task_->codes.has(RefusalCode::kNone);
+  task_->answers = !task_->codes.has(kNone);
   if (task_->answers) denied_ = task_->codes;
   const auto ttl_us =
       static_cast<uint64_t>(std::ceil(static_cast<double>(value(ParameterId::kTtlMaxS)) * 1e6));
@@ -171,47 +175,46 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
                     .right = right,
                     .ways = ways,
                     .may_arm = may_arm,
-                    .deadline_us = std::min(message.expiry_us, now_us() + ttl_us),
-                    .command_seq = message.command_seq};
+                    .deadline_us = std::min(message.expiry_us, now_us() + ttl_us)};
 }
 
 /// All reasons that apply; kNone among them if it must or may be obeyed.
 Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero, uint8_t ways) {
   Codes codes;
   const uint64_t now = now_us();
-  if (configuration_state_ == ConfigurationState::kBuiltIn) codes |= RefusalCode::kBoardUnconfirmed;
-  if (configuration_state_ == ConfigurationState::kTrial) codes |= RefusalCode::kBoardOnTrial;
-  if (restarting_) codes |= RefusalCode::kBooting;
-  if (!synchronised_) codes |= RefusalCode::kClockUnsynchronised;
+  if (configuration_state_ == ConfigurationState::kBuiltIn) codes |= kBoardUnconfirmed;
+  if (configuration_state_ == ConfigurationState::kTrial) codes |= kBoardOnTrial;
+  if (restarting_) codes |= kBooting;
+  if (!synchronised_) codes |= kClockUnsynchronised;
   const bool is_gap = now >= setpoint_us_ + gap_us();
   const bool perhaps_gap = may_be_gap();
   setpoint_us_ = now;
-  if (expiry_us <= now) codes |= RefusalCode::kExpired;
-  if (trial_ == Trial::kExpired) codes |= RefusalCode::kNoTrial;
-  if (task_->before == SupervisorState::kEstopped) codes |= RefusalCode::kEstopped;
-  if (task_->before == SupervisorState::kFault) codes |= RefusalCode::kFault;
-  if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
-  if (are_sensors_unread()) codes |= RefusalCode::kBooting;
-  if ((forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kFault;
+  if (expiry_us <= now) codes |= kExpired;
+  if (trial_ == Trial::kExpired) codes |= kNoTrial;
+  if (task_->before == SupervisorState::kEstopped) codes |= kEstopped;
+  if (task_->before == SupervisorState::kFault) codes |= kFault;
+  if (contradictions(values_) != 0) codes |= kContradiction;
+  if (are_sensors_unread()) codes |= kBooting;
+  if ((forbidden() & reflex::kStop) != 0) codes |= kFault;
   const bool rests = unarmed_ && !is_zero;
-  if (rests && !perhaps_gap) codes |= RefusalCode::kUnarmed;
+  if (rests && !perhaps_gap) codes |= kUnarmed;
   // Towards a bumper that is open it is obeyed, and held off.
   const bool is_free = ((forbidden() | perhaps_forbidden()) & ways) == 0;
-  if ((held_ways_ & ways) != 0 && is_free && !perhaps_gap) codes |= RefusalCode::kUnarmed;
+  if ((held_ways_ & ways) != 0 && is_free && !perhaps_gap) codes |= kUnarmed;
   const bool perhaps_stopped = (perhaps_forbidden() & reflex::kStop) != 0;
   if (battery_.may_be_unread()) {
-    if (codes.empty()) codes |= RefusalCode::kNone;
-    codes |= RefusalCode::kBooting;
+    if (codes.empty()) codes |= kNone;
+    codes |= kBooting;
   }
   if (!codes.empty()) {
-    if (perhaps_stopped) codes |= RefusalCode::kFault;
+    if (perhaps_stopped) codes |= kFault;
     return codes;
   }
-  codes |= RefusalCode::kNone;
-  if (rests && !is_gap) codes |= RefusalCode::kUnarmed;
-  if ((perhaps_held_ways_ & ways) != 0) codes |= RefusalCode::kUnarmed;
-  if (doubtful_contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
-  if (perhaps_stopped) codes |= RefusalCode::kFault;
+  codes |= kNone;
+  if (rests && !is_gap) codes |= kUnarmed;
+  if ((perhaps_held_ways_ & ways) != 0) codes |= kUnarmed;
+  if (doubtful_contradictions(values_) != 0) codes |= kContradiction;
+  if (perhaps_stopped) codes |= kFault;
   return codes;
 }
 
@@ -224,7 +227,7 @@ uint64_t Witness::gap_us() const {
 void Witness::read_request(uint32_t session_id, uint16_t request_id) {
   if (!open_ || session_id != session_id_) {
     task_->answers = true;
-    task_->codes = RefusalCode::kNoSession;
+    task_->codes = kNoSession;
     return;
   }
   if (static_cast<int16_t>(request_id - newest_request_) <= 0) {
@@ -238,7 +241,8 @@ void Witness::read_request(uint32_t session_id, uint16_t request_id) {
   task_->is_new = task_->answers = true;
   if (task_->message.id == ParameterTrial::kId) expires_trial();
   task_->codes = request_codes(task_->message);
-  task_->records = !is_answered_afresh(task_->message.id) || !task_->codes.has(RefusalCode::kNone);
+  if (task_->codes.empty()) task_->codes = kNone;
+  task_->records = !is_answered_afresh(task_->message.id) || !task_->codes.has(kNone);
 }
 
 /// The answer to a new message; nullopt: it was lost on the way.
@@ -255,23 +259,19 @@ void Witness::remembers(const std::optional<Seen>& answer) {
 
 /// What outlasts a session cannot change now.
 Codes Witness::lasting_code() const {
-  if (trial_ == Trial::kRuns) return RefusalCode::kOnTrial;
-  if (trial_ == Trial::kExpired) return RefusalCode::kNoTrial;
-  return {};
+  return first_of(
+      {when(trial_ == Trial::kRuns, kOnTrial), when(trial_ == Trial::kExpired, kNoTrial)});
 }
 
 Codes Witness::stopped_code() const {
-  const Codes lasting = lasting_code();
-  if (!lasting.empty()) return lasting;
-  if (simulator_.state() == SupervisorState::kDriving) return RefusalCode::kNotStopped;
-  return {};
+  return first_of({lasting_code(), when(drives(), kNotStopped)});
 }
 
+/// Empty: it is carried out.
 Codes Witness::request_codes(const Seen& message) const {
-  const Codes none = RefusalCode::kNone;
   switch (message.id) {
     case ClearEstop::kId:
-      return contact_open() ? RefusalCode::kCausePresent : RefusalCode::kNone;
+      return when(contact_open(), kCausePresent);
     case ClearFault::kId:
       return fault_codes();
     case SetStreamRate::kId: {
@@ -280,46 +280,38 @@ Codes Witness::request_codes(const Seen& message) const {
       constexpr uint32_t kFrame = WheelState::kSize + 10;
       const bool fits =
           capacity == 0 || rate_hz * kFrame * kLineShare[1] <= capacity * kLineShare[0];
-      return static_cast<float>(rate_hz) <= value(ParameterId::kControlRateHz) && fits
-                 ? RefusalCode::kNone
-                 : RefusalCode::kRateTooHigh;
+      const bool is_fast = static_cast<float>(rate_hz) > value(ParameterId::kControlRateHz);
+      return when(is_fast || !fits, kRateTooHigh);
     }
     case ParameterGet::kId: {
       const uint8_t id = message.as<ParameterGet>().parameter;
-      return id >= 1 && id <= kParameterCount ? RefusalCode::kNone : RefusalCode::kUnknownParameter;
+      return when(id < 1 || id > kParameterCount, kUnknownParameter);
     }
     case ParameterList::kId:
-      return message.as<ParameterList>().parameter_index < kParameterCount
-                 ? RefusalCode::kNone
-                 : RefusalCode::kOutOfRange;
+      return when(message.as<ParameterList>().parameter_index >= kParameterCount, kOutOfRange);
     case ParameterSet::kId:
       return codes(message.as<ParameterSet>());
     case ParameterSave::kId: {
-      if (message.as<ParameterSave>().parameter > kParameterCount)
-        return RefusalCode::kUnknownParameter;
-      const Codes stopped = stopped_code();
-      if (!stopped.empty()) return stopped;
+      const uint8_t id = message.as<ParameterSave>().parameter;
       // One value is not saved over others that cannot be read.
-      const bool is_one = message.as<ParameterSave>().parameter != 0;
-      return is_one && (lasting_ & kStoreFaults) != 0 ? Codes(RefusalCode::kStoreFailed)
-                                                      : save_codes();
+      const bool cannot_read = id != 0 && (lasting_ & kStoreFaults) != 0;
+      return first_of({when(id > kParameterCount, kUnknownParameter), stopped_code(),
+                       when(cannot_read, kStoreFailed), save_codes()});
     }
     case ParameterReset::kId: {
-      const Codes lasting = lasting_code();
-      if (!lasting.empty()) return lasting;
-      if (estopped() || simulator_.state() == SupervisorState::kDriving)
-        return RefusalCode::kNotStopped;
-      Codes codes = none;
+      const Codes refused = first_of({lasting_code(), when(estopped() || drives(), kNotStopped)});
+      if (!refused.empty()) return refused;
+      Codes codes = kNone;
       const bool writes = save_failed_ || (lasting_ & kStoreFaults) != 0;
       if (writes || saved_ != Slots::Exists::kNo) {
         // Formatting is a write to the store, too.
         const bool formats = flash_damaged_ && !simulator_.board.store.failing;
         codes = !formats                                       ? save_codes()
-                : simulator_.board.configuration_store.failing ? Codes(RefusalCode::kStoreFailed)
-                                                               : none;
-        if (!writes && saved_ == Slots::Exists::kMaybe) codes |= none;
+                : simulator_.board.configuration_store.failing ? Codes(kStoreFailed)
+                                                               : kNone;
+        if (!writes && saved_ == Slots::Exists::kMaybe) codes |= kNone;
       }
-      if (may_turn()) codes |= RefusalCode::kNotStopped;
+      if (may_turn()) codes |= kNotStopped;
       return codes;
     }
     case ParameterTrial::kId:
@@ -328,82 +320,68 @@ Codes Witness::request_codes(const Seen& message) const {
     case BoxRead::kId:
     case LedgerGet::kId:
     case UnsavedGet::kId:
-      return simulator_.state() == SupervisorState::kDriving ? RefusalCode::kNotStopped
-                                                             : RefusalCode::kNone;
-    case Restart::kId: {
-      const Codes stopped = stopped_code();
-      if (!stopped.empty()) return stopped;
-      if (!fresh_candidate_) return none;
-      if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
-      return cannot_write_configuration() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
-    }
+      return when(drives(), kNotStopped);
+    case Restart::kId:
+      return fresh_candidate_ ? configuration_codes({}) : stopped_code();
     case PeripheralSet::kId:
-      return message.as<PeripheralSet>().channel < kMostPeripherals ? RefusalCode::kNone
-                                                                    : RefusalCode::kOutOfRange;
+      return when(message.as<PeripheralSet>().channel >= kMostPeripherals, kOutOfRange);
     case ConfigurationWrite::kId: {
       const auto request = message.as<ConfigurationWrite>();
       Configuration wanted = staged_;
       wanted.peripherals.count = request.peripheral_count;
       const bool is_meant = request.peripheral_count <= kMostPeripherals &&
                             wanted.fingerprint() == request.fingerprint && can_be_used(wanted);
-      return configuration_codes(configuration_state_ == ConfigurationState::kTrial
-                                     ? Codes(RefusalCode::kBoardOnTrial)
-                                 : !is_meant ? Codes(RefusalCode::kBoardRefused)
-                                             : Codes());
+      const bool on_trial = configuration_state_ == ConfigurationState::kTrial;
+      return configuration_codes({when(on_trial, kBoardOnTrial), when(!is_meant, kBoardRefused)});
     }
     case ConfigurationConfirm::kId: {
       const bool waits = configuration_state_ == ConfigurationState::kTrial ||
                          configuration_state_ == ConfigurationState::kBuiltIn;
       const bool is_meant =
           message.as<ConfigurationConfirm>().fingerprint == configuration_.fingerprint();
-      return configuration_codes(!waits      ? Codes(RefusalCode::kNoBoardOnTrial)
-                                 : !is_meant ? Codes(RefusalCode::kBoardRefused)
-                                             : Codes());
+      return configuration_codes({when(!waits, kNoBoardOnTrial), when(!is_meant, kBoardRefused)});
     }
     case MemoryGet::kId:
-      return RefusalCode::kNotSupported;  // The simulator is not a chip.
+      return kNotSupported;  // The simulator is not a chip.
     default:
-      return none;
+      return {};
   }
 }
 
 /// Result of saving parameters if nothing else prevents it. The configuration's store records that
 /// there are some, once.
 Codes Witness::save_codes() const {
-  if (simulator_.board.store.failing || flash_damaged_) return RefusalCode::kStoreFailed;
-  if (!simulator_.board.configuration_store.failing) return RefusalCode::kNone;
+  if (simulator_.board.store.failing || flash_damaged_) return kStoreFailed;
+  if (!simulator_.board.configuration_store.failing) return kNone;
   // One that is damaged records nothing before another one is written.
-  if (may_be_lost(StoredBlock::kConfiguration)) return RefusalCode::kNone;
+  if (may_be_lost(StoredBlock::kConfiguration)) return kNone;
   switch (slots_of(StoredBlock::kParameterValues).exists) {
     case Slots::Exists::kYes:
-      return RefusalCode::kNone;
+      return kNone;
     case Slots::Exists::kNo:
-      return RefusalCode::kStoreFailed;
+      return kStoreFailed;
     case Slots::Exists::kMaybe:
       break;
   }
-  Codes codes = RefusalCode::kNone;
-  codes |= RefusalCode::kStoreFailed;
+  Codes codes = kNone;
+  codes |= kStoreFailed;
   return codes;
 }
 
 /// `refused`: the reasons against it other than the robot's state.
-Codes Witness::configuration_codes(Codes refused) const {
-  const Codes stopped = stopped_code();
-  if (!stopped.empty()) return stopped;
-  if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
-  if (!refused.empty()) return refused;
-  return cannot_write_configuration() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+Codes Witness::configuration_codes(std::initializer_list<Codes> refused) const {
+  return first_of({stopped_code(), when(board_confirmed() && estopped(), kEstopped),
+                   first_of(refused), when(cannot_write_configuration(), kStoreFailed)});
 }
 
 /// A fault that a sensor caused lasts as long as it is triggered.
 Codes Witness::fault_codes() const {
-  if (lasting_ != 0) return RefusalCode::kCausePresent;
-  if ((simulator_.faults() & fault::kExternal) == 0) return RefusalCode::kNone;
-  if ((forbidden() & reflex::kStop) != 0 || are_sensors_unread()) return RefusalCode::kCausePresent;
-  Codes codes = RefusalCode::kNone;
+  if (lasting_ != 0) return kCausePresent;
+  if ((simulator_.faults() & fault::kExternal) == 0) return kNone;
+  if ((forbidden() & reflex::kStop) != 0 || are_sensors_unread()) return kCausePresent;
+  Codes codes = kNone;
   if ((perhaps_forbidden() & reflex::kStop) != 0 || battery_.may_be_unread())
-    codes |= RefusalCode::kCausePresent;
+    codes |= kCausePresent;
   return codes;
 }
 
@@ -431,27 +409,25 @@ uint8_t Witness::triggered() const {
   return forbidden;
 }
 
-const char* Witness::reads_sensors() {
+const char* Witness::steps() {
+  expires_trial();
   constexpr uint64_t kReleasedUs = 80'000;
   sensors_unread_ = false;
   const uint8_t now = triggered();
   if (now_us() >= touched_us_ + kReleasedUs) touched_ = 0;
   forbidden_ = now;
   perhaps_forbidden_ = now | touched_;
-  return battery_.reads(simulator_.board.battery.millivolts(), now_us());
-}
-
-void Witness::notes_hold() {
-  if (simulator_.state() != SupervisorState::kDriving || !granted_) return;
-  constexpr uint32_t kWays = reflex::kNoForward | reflex::kNoReverse;
-  held_ways_ |= static_cast<uint8_t>(forbidden() & granted_->ways & kWays);
-  perhaps_held_ways_ |= static_cast<uint8_t>(perhaps_forbidden() & granted_->ways & kWays);
-}
-
-void Witness::notes_motion() {
+  const char* const what = battery_.reads(simulator_.board.battery.millivolts(), now_us());
   if (may_have_moved()) moved_us_ = now_us();
   for (const sim::Side wheel : sim::kSides)
     seen_ticks_[wheel] = simulator_.board.encoders[wheel].shown_ticks();
+  // What it did not do because of a bumper.
+  if (drives() && granted_) {
+    constexpr uint32_t kWays = reflex::kNoForward | reflex::kNoReverse;
+    held_ways_ |= static_cast<uint8_t>(forbidden() & granted_->ways & kWays);
+    perhaps_held_ways_ |= static_cast<uint8_t>(perhaps_forbidden() & granted_->ways & kWays);
+  }
+  return what;
 }
 
 bool Witness::may_have_moved() const {
@@ -475,36 +451,35 @@ void Witness::notes_touch() {
 }
 
 Codes Witness::codes(const ParameterSet& request) const {
-  if (request.parameter < 1 || request.parameter > kParameterCount)
-    return RefusalCode::kUnknownParameter;
-  if (!std::isfinite(request.value)) return RefusalCode::kNotFinite;
+  if (request.parameter < 1 || request.parameter > kParameterCount) return kUnknownParameter;
+  if (!std::isfinite(request.value)) return kNotFinite;
   const ParameterSpec& spec = kParameters[request.parameter - 1];
-  if (request.value < spec.minimum || request.value > spec.maximum) return RefusalCode::kOutOfRange;
+  if (request.value < spec.minimum || request.value > spec.maximum) return kOutOfRange;
   if (spec.kind != ParameterKind::kReal && request.value != std::floor(request.value))
-    return RefusalCode::kNotIntegral;
-  if (request.value == value(spec.id)) return RefusalCode::kNone;
-  if (trial_ == Trial::kExpired) return RefusalCode::kNoTrial;
+    return kNotIntegral;
+  if (request.value == value(spec.id)) return kNone;
+  if (trial_ == Trial::kExpired) return kNoTrial;
   const bool released = spec.changes == ParameterChanges::kReleased;
-  if (released && trial_ == Trial::kRuns) return RefusalCode::kOnTrial;
+  if (released && trial_ == Trial::kRuns) return kOnTrial;
   const SupervisorState state = contact_open() ? SupervisorState::kEstopped : simulator_.state();
   const bool drives = state == SupervisorState::kDriving;
   if ((drives && spec.changes != ParameterChanges::kAlways) ||
       (released && state == SupervisorState::kEstopped))
-    return RefusalCode::kNotStopped;
-  Codes codes = RefusalCode::kNone;
-  if (spec.changes != ParameterChanges::kAlways && may_turn()) codes |= RefusalCode::kNotStopped;
+    return kNotStopped;
+  Codes codes = kNone;
+  if (spec.changes != ParameterChanges::kAlways && may_turn()) codes |= kNotStopped;
   Values changed = values_;
   changed[request.parameter - 1U] = request.value;
   const uint32_t known = contradictions(values_);
   if (trial_ == Trial::kRuns && !drives) return codes;
   if ((contradictions(changed) & ~known) != 0) {
-    const bool may_be_refused_before = codes.has(RefusalCode::kNotStopped);
-    codes = RefusalCode::kContradiction;
-    if (may_be_refused_before) codes |= RefusalCode::kNotStopped;
+    const bool may_be_refused_before = codes.has(kNotStopped);
+    codes = kContradiction;
+    if (may_be_refused_before) codes |= kNotStopped;
     return codes;
   }
   if ((doubtful_contradictions(changed) | doubtful_contradictions(values_)) != 0)
-    codes |= RefusalCode::kContradiction;
+    codes |= kContradiction;
   return codes;
 }
 
@@ -512,21 +487,19 @@ Codes Witness::codes(const ParameterTrial& request) const {
   const bool extends =
       request.action == TrialAction::kBegin || request.action == TrialAction::kRenew;
   if (extends) {
-    if (!std::isfinite(request.timeout_s)) return RefusalCode::kNotFinite;
-    if (request.timeout_s < 0.2f || request.timeout_s > 60.0f) return RefusalCode::kOutOfRange;
-    if (request.action == TrialAction::kRenew)
-      return trial_ == Trial::kRuns ? RefusalCode::kNone : RefusalCode::kNoTrial;
-    const Codes lasting = lasting_code();
-    return lasting.empty() ? RefusalCode::kNone : lasting;
+    if (!std::isfinite(request.timeout_s)) return kNotFinite;
+    if (request.timeout_s < 0.2f || request.timeout_s > 60.0f) return kOutOfRange;
+    if (request.action == TrialAction::kRenew) return trial_ == Trial::kRuns ? kNone : kNoTrial;
+    return first_of({lasting_code(), kNone});
   }
-  if (request.action == TrialAction::kRevert) return RefusalCode::kNone;
-  if (request.action != TrialAction::kKeep) return RefusalCode::kOutOfRange;
-  if (trial_ != Trial::kRuns) return RefusalCode::kNoTrial;
+  if (request.action == TrialAction::kRevert) return kNone;
+  if (request.action != TrialAction::kKeep) return kOutOfRange;
+  if (trial_ != Trial::kRuns) return kNoTrial;
   const uint32_t fresh = contradictions(values_) & ~contradictions(before_trial_);
-  if (fresh != 0) return RefusalCode::kContradiction;
-  Codes codes = RefusalCode::kNone;
+  if (fresh != 0) return kContradiction;
+  Codes codes = kNone;
   if ((doubtful_contradictions(values_) | doubtful_contradictions(before_trial_)) != 0)
-    codes |= RefusalCode::kContradiction;
+    codes |= kContradiction;
   return codes;
 }
 
@@ -616,12 +589,12 @@ Finding Witness::takes_effect(const Seen& answer) {
     if (!task_->codes.has(refuse.code)) return wrong("expected " + task_->codes.text());
     if (is_setpoint(message.id)) denied_ = refuse.code;
   } else {
-    if (!task_->codes.has(RefusalCode::kNone)) return wrong("expected " + task_->codes.text());
+    if (!task_->codes.has(kNone)) return wrong("expected " + task_->codes.text());
     if (answer.id != answer_to(message.id)) return wrong("another answer belongs to it");
     task_->carried_out = true;
   }
   if (task_->is_new) remembers(answer);
-  const bool failed = task_->refusal == RefusalCode::kStoreFailed;
+  const bool failed = task_->refusal == kStoreFailed;
   if (message.id == ConfigurationWrite::kId && failed) fresh_candidate_ = false;
   // Only the record of it may have failed.
   const bool is_save = message.id == ParameterSave::kId || message.id == ParameterReset::kId;
@@ -629,9 +602,8 @@ Finding Witness::takes_effect(const Seen& answer) {
   if (is_save && task_->carried_out)
     saved_ = message.id == ParameterReset::kId ? Slots::Exists::kNo : Slots::Exists::kYes;
   if (is_save && failed && !simulator_.board.store.failing) {
-    Flash saved = flash_;
-    change_flash(message, saved);
-    maybe_flashes_.push_back(saved);
+    flashes_.push_back(flash());
+    change_flash(message, flashes_.back());
     Slots::Exists& exists = slots_of(StoredBlock::kParameterValues).exists;
     if (exists == Slots::Exists::kNo) exists = Slots::Exists::kMaybe;
   }
@@ -675,8 +647,7 @@ void Witness::expires_trial() {
 
 /// The message is carried out.
 void Witness::acts(const Seen& message) {
-  change_flash(message, flash_);
-  for (Flash& flash : maybe_flashes_) change_flash(message, flash);
+  for (Flash& flash : flashes_) change_flash(message, flash);
   switch (message.id) {
     case Stop::kId: {
       const auto stop = message.as<Stop>();
@@ -809,8 +780,7 @@ Finding Witness::settles() {
   const bool room = simulator_.board.line.has_room(kLongestFrames);
   Finding problem;
   // That a setpoint was obeyed which had to be refused shows in what drives.
-  const bool obeyed =
-      is_setpoint(task_->message.id) && simulator_.state() == SupervisorState::kDriving;
+  const bool obeyed = is_setpoint(task_->message.id) && drives();
   if (task_->answers && !task_->answered) {
     if (room && !obeyed) {
       problem.text =
@@ -820,7 +790,7 @@ Finding Witness::settles() {
     }
   }
   if (is_setpoint(task_->message.id) && task_->is_new && !task_->answered &&
-      task_->codes.has(RefusalCode::kNone)) {
+      task_->codes.has(kNone)) {
     if (!room && !task_->codes.is_single()) lost_track_ = true;
     task_->carried_out = true;
     granted_ = wanted_;
@@ -838,17 +808,17 @@ Finding Witness::settles() {
 void Witness::presumes() {
   if (!task_->is_new || is_setpoint(task_->message.id)) return;
   if (task_->message.id == Hello::kId) {
-    opens({.nonce = task_->message.as<Hello>().nonce, .refusal = RefusalCode::kNone});
+    opens({.nonce = task_->message.as<Hello>().nonce, .refusal = kNone});
     return;
   }
   if (!task_->codes.is_single()) lost_track_ = true;
-  task_->carried_out = task_->codes.has(RefusalCode::kNone);
+  task_->carried_out = task_->codes.has(kNone);
   remembers(std::nullopt);
   if (task_->carried_out) acts(task_->message);
 }
 
 void Witness::notes_stop() {
-  if (simulator_.state() != SupervisorState::kDriving) granted_.reset();
+  if (!drives()) granted_.reset();
 }
 
 // --- resets --------------------------------------------------------------------------------------
@@ -862,8 +832,7 @@ void Witness::writes(StoredBlock block, int slot) {
     // A save writes both slots at once. A repair writes one, and what it writes may be older than
     // the state.
     if (now_us() == latch_write_us_ && slot != latch_write_slot_) {
-      flash_.estop = simulator_.state() == SupervisorState::kEstopped;
-      for (Flash& flash : maybe_flashes_) flash.estop = flash_.estop;
+      for (Flash& flash : flashes_) flash.estop = simulator_.state() == SupervisorState::kEstopped;
     }
     latch_write_us_ = now_us();
     latch_write_slot_ = slot;
@@ -882,15 +851,15 @@ void Witness::writes(StoredBlock block, int slot) {
 
 void Witness::formats() {
   for (Slots& slots : slots_) slots = {.formers = {}, .lost_copy = slots.lost_copy};
-  flash_ = {};
-  maybe_flashes_.clear();
+  flashes_ = {Flash{}};
 }
 
 void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
   Slots& slots = slots_of(block);
-  if (slots.formers.empty()) slots.formers = possible_flashes();
+  const std::vector<Flash> before = flashes_;
+  if (slots.formers.empty()) slots.formers = before;
   // The power may fail again before a start has shown which of them it is.
-  for (Flash flash : possible_flashes()) {
+  for (Flash flash : before) {
     if (block == StoredBlock::kLatches) {
       flash.estop = !flash.estop;
     } else if (task_ && task_->is_new) {
@@ -898,7 +867,7 @@ void Witness::cut_at_write(StoredBlock block, int slot, sim::WriteFate fate) {
     } else {
       flash.candidate_state = boot_of(flash).candidate_state;  // A start writes what it tries.
     }
-    maybe_flashes_.push_back(flash);
+    flashes_.push_back(flash);
   }
   if (fate != sim::WriteFate::kUntouched)
     slots.whole[static_cast<size_t>(slot)] = fate == sim::WriteFate::kDone;
@@ -927,14 +896,13 @@ void Witness::damages(StoredBlock block, sim::Damage what) {
     }
   };
   if (slots.are_gone()) {
-    change(flash_, {});
-    for (Flash& flash : maybe_flashes_) change(flash, {});
+    for (Flash& flash : flashes_) change(flash, {});
   } else {
-    const std::vector<Flash> flashes = possible_flashes();
+    const std::vector<Flash> flashes = flashes_;
     for (const Flash& former : slots.formers) {
       for (Flash flash : flashes) {
         change(flash, former);
-        maybe_flashes_.push_back(flash);
+        flashes_.push_back(flash);
       }
     }
   }
@@ -952,12 +920,6 @@ bool Witness::may_be_lost(StoredBlock block) const {
 bool Witness::has_lost_copy() const {
   return std::any_of(slots_.begin(), slots_.end(),
                      [](const Slots& slots) { return slots.lost_copy && slots.is_half(); });
-}
-
-std::vector<Flash> Witness::possible_flashes() const {
-  std::vector<Flash> all{flash_};
-  all.insert(all.end(), maybe_flashes_.begin(), maybe_flashes_.end());
-  return all;
 }
 
 void Witness::resets(bool loses_memory) {
@@ -1024,18 +986,19 @@ Finding Witness::starts() {
   bool with_values = saved_ == Slots::Exists::kMaybe;
   bool without = with_values;
   save_failed_ = false;
-  for (const Flash& flash : possible_flashes()) (flash.parameters ? with_values : without) = true;
+  for (const Flash& flash : flashes_) (flash.parameters ? with_values : without) = true;
   saved_ = !with_values ? Slots::Exists::kNo
            : without    ? Slots::Exists::kMaybe
                         : Slots::Exists::kYes;
   Finding problem;
   bool is_first = true;
-  for (const Flash& flash : possible_flashes()) {
+  Flash found = flash();
+  for (const Flash& flash : flashes_) {
     for (const auto& lost : losses) {
       if (!is_first && problem.text.empty()) break;
       const Finding other = starts_from(flash, lost);
       if (other.text.empty()) {
-        flash_ = flash;
+        found = flash;
         problem.text.clear();
       } else {
         const bool is_of_cut = !is_first && problem.rule != "lost-is-not-empty"_rule;
@@ -1047,7 +1010,7 @@ Finding Witness::starts() {
       is_first = false;
     }
   }
-  maybe_flashes_.clear();
+  flashes_ = {found};
   record_writes_ = 0;
   // With the record its blocks are forgotten.
   for (Slots& slots : slots_) {
@@ -1055,7 +1018,7 @@ Finding Witness::starts() {
       slots.exists = Slots::Exists::kNo;
     slots.lost_copy = slots.is_half();
   }
-  if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
+  if (problem.text.empty()) flashes_[0].candidate_state = boot_of(found).candidate_state;
   note_state();
   kept_memory_ = memory_kept_;
   memory_kept_ = false;

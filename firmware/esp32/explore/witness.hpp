@@ -48,7 +48,6 @@ struct Granted {
   uint8_t ways = 0;      ///< Which way its wheels turn, as flags of `reflex`; 0: it is zero.
   bool may_arm = false;  ///< It came after a pause, perhaps.
   uint64_t deadline_us = 0;
-  uint32_t command_seq = 0;
 };
 
 /// How far the configuration that was written is on its way.
@@ -112,8 +111,8 @@ class Witness {
   Finding sends(const Seen& message);
   /// It has handled the message: it reads on, or its call has ended.
   Finding settles();
-  /// A trial whose deadline has passed has ended.
-  void expires_trial();
+  /// A control step has ended. Returns what happened to the battery; nullptr: nothing.
+  const char* steps();
   /// Once the robot does not drive, its setpoint does not count any more.
   void notes_stop();
   /// It writes a slot.
@@ -133,7 +132,6 @@ class Witness {
   // What is known.
   bool is_open() const { return open_; }
   uint32_t session_id() const { return session_id_; }
-  bool synchronised() const { return synchronised_; }
   const std::optional<Granted>& granted() const { return granted_; }
   /// Why the last setpoint that was not granted was not.
   Codes denied() const { return denied_; }
@@ -142,7 +140,7 @@ class Witness {
   Trial trial() const { return trial_; }
   uint64_t trial_until_us() const { return trial_until_us_; }
   const std::optional<Task>& task() const { return task_; }
-  const Flash& flash() const { return flash_; }
+  const Flash& flash() const { return flashes_[0]; }
   ConfigurationState configuration_state() const { return configuration_state_; }
   /// The active one; empty if there is none.
   const Configuration& configuration() const { return configuration_; }
@@ -162,8 +160,6 @@ class Witness {
     return perhaps_forbidden_ |
            battery_.may_forbid(simulator_.board.battery.millivolts(), now_us());
   }
-  /// A control step reads the sensors. Returns what happened to the battery; nullptr: nothing.
-  const char* reads_sensors();
   /// Somebody touched one.
   void notes_touch();
   /// Whether a start, not a clear, was what disarmed it.
@@ -172,15 +168,10 @@ class Witness {
   uint8_t held_ways() const { return held_ways_; }
   /// Which way it may not go.
   uint8_t perhaps_held_ways() const { return perhaps_held_ways_; }
-  /// A control step has ended, in DRIVING: what it did not do because of a bumper.
-  void notes_hold();
-  /// A control step has ended: whether a wheel moved in it.
-  void notes_motion();
   /// Whether a start found only one of two copies of a block, and the other one is not written yet.
   bool has_lost_copy() const;
   /// Memory that outlives a reset of the processor was not lost before this start.
   bool kept_memory() const { return kept_memory_; }
-  uint32_t lasting_faults() const { return lasting_; }
   SupervisorState last_state() const { return last_state_; }
   uint32_t last_faults() const { return last_faults_; }
   /// State and faults, as they were last seen before the firmware went on.
@@ -188,11 +179,11 @@ class Witness {
     last_state_ = simulator_.state();
     last_faults_ = simulator_.faults();
   }
-  /// The contact stops the robot while it is open.
-  bool contact_counts() const {
-    return board_confirmed() && board().estop >= 0 && value(ParameterId::kEstopInputEnabled) != 0;
+  /// It stops the robot, if it counts.
+  bool contact_open() const {
+    return board_confirmed() && board().estop >= 0 && value(ParameterId::kEstopInputEnabled) != 0 &&
+           simulator_.board.estop.is_open();
   }
-  bool contact_open() const { return contact_counts() && simulator_.board.estop.is_open(); }
   bool contradicts() const { return contradictions(values_) != 0; }
   /// An answer was lost, and what became of its request is not known.
   bool lost_track() const { return lost_track_; }
@@ -216,7 +207,7 @@ class Witness {
   Codes codes(const ParameterSet& request) const;
   Codes codes(const ParameterTrial& request) const;
   Codes save_codes() const;
-  Codes configuration_codes(Codes last) const;
+  Codes configuration_codes(std::initializer_list<Codes> refused) const;
   Codes fault_codes() const;
   uint8_t triggered() const;
   /// For certain.
@@ -236,13 +227,14 @@ class Witness {
   void acts(const ParameterTrial& request);
   void change_flash(const Seen& message, Flash& flash) const;
   void ends_session();
+  /// A trial whose deadline has passed has ended.
+  void expires_trial();
   struct Start {
     ConfigurationState state = ConfigurationState::kDamaged;
     Configuration configuration;
     Candidate candidate_state = Candidate::kNone;
   };
   Start boot_of(const Flash& flash) const;
-  std::vector<Flash> possible_flashes() const;
   Finding starts_from(const Flash& flash, const std::array<bool, kStoredBlocks>& lost);
   bool may_be_lost(StoredBlock block) const;
   Slots& slots_of(StoredBlock block) { return slots_[static_cast<size_t>(block)]; }
@@ -257,6 +249,7 @@ class Witness {
   bool cannot_write_configuration() const {
     return simulator_.board.configuration_store.failing || flash_damaged_;
   }
+  bool drives() const { return simulator_.state() == SupervisorState::kDriving; }
   bool estopped() const {
     return simulator_.state() == SupervisorState::kEstopped || contact_open();
   }
@@ -288,8 +281,8 @@ class Witness {
   Values before_trial_{};
   Trial trial_ = Trial::kNone;
   uint64_t trial_until_us_ = 0;
-  Flash flash_;
-  std::vector<Flash> maybe_flashes_;  ///< What the flash may hold instead, because a write was cut.
+  /// What the flash holds, and what it may hold instead, because a write was cut.
+  std::vector<Flash> flashes_{Flash{}};
   /// Parameters, or what cannot be read of them. The values of a save that was cut may be those
   /// that the robot had without it.
   Slots::Exists saved_ = Slots::Exists::kNo;
