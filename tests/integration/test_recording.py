@@ -62,7 +62,9 @@ def test_a_program_records_its_robot(tmp_path: Path) -> None:
             robot.stop()
             return Recorded(seen, robot.statistics, robot.info.device.board_id)
 
-    seen, statistics, board_id = undisturbed(record, lambda one: one.statistics.frames_lost == 0)
+    seen, statistics, board_id = undisturbed(
+        record, lambda one: one.statistics.frames_lost == one.statistics.foreign == 0
+    )
     samples, again = rerun(path)
     assert set(seen[1:]) <= set(samples)
     assert again.session is not None
