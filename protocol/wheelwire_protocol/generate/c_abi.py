@@ -31,6 +31,7 @@ _NUMBERS = {
     "float": "ctypes.c_float",
     "double": "ctypes.c_double",
     "char": "ctypes.c_char",
+    "void": "None",
 }
 
 
@@ -57,8 +58,7 @@ class _Writer:
             (_CALLBACK, self._take_callback),
             (_FUNCTION, self._take_function),
         ):
-            found = pattern.fullmatch(declaration)
-            if found is not None:
+            if found := pattern.fullmatch(declaration):
                 take(*found.groups())
                 return
         raise ValueError(f"{declaration}: this declaration is not known here")
@@ -100,9 +100,8 @@ class _Writer:
         ]
 
     def _take_function(self, result: str, name: str, parameters: str) -> None:
-        given = "None" if result == "void" else self._type_of(result)
         types = [] if parameters == "void" else map(self._type_of, parameters.split(","))
-        self.signatures.append(f'    "{name}": ({given}, {_tuple(list(types))}),')
+        self.signatures.append(f'    "{name}": ({self._type_of(result)}, {_tuple(list(types))}),')
 
     def _class_of(self, name: str) -> str:
         return "".join(map(str.capitalize, name.removeprefix(f"{self._prefix}_").split("_")))
@@ -123,8 +122,7 @@ class _Writer:
             kind = _NUMBERS.get(name) or self._types[name]
             # What only the library looks into is a pointer already.
             depth -= kind == "ctypes.c_void_p"
-        for _ in range(depth):
-            kind = f"ctypes.POINTER({kind})"
+        kind = "ctypes.POINTER(" * depth + kind + ")" * depth
         return f"{kind} * {length}" if of_field and length else kind
 
 
@@ -143,15 +141,14 @@ def generate(path: Path, prefix: str) -> str:
         ValueError: It declares something that is not known here.
     """
     text = _COMMENT.sub("", path.read_text("utf-8"))
-    constants = _CONSTANT.findall(text)
     declarations = _NOT_C.sub("", text)
-    left = _DECLARATION.sub("", declarations).strip()
-    if left:
+    if left := _DECLARATION.sub("", declarations).strip():
         raise ValueError(f"{left}: this declaration is not known here")
     writer = _Writer(prefix)
     for found in _DECLARATION.finditer(declarations):
         writer.take(" ".join(found[1].split()))
-    names = (f"{name.removeprefix(f'{prefix}_'.upper())} = {value}" for name, value in constants)
+    start = f"{prefix}_".upper()
+    names = (f"{name.removeprefix(start)} = {value}" for name, value in _CONSTANT.findall(text))
     return f'''\
 """What `{path.name}` declares, for ctypes.
 
