@@ -249,7 +249,11 @@ class Link(DeviceLink):
 
     def settle(self) -> None:
         """Wait until the port's thread has noticed a loss, and raise the reason that it knows."""
-        self._result(partial(self._begin, lambda done, _: done(None)))
+        if self._session.phase is Phase.OPEN:
+            self._result(partial(self._begin, lambda done, _: done(None)))
+        else:  # it has noticed
+            self._check_alive()
+            self._session.check_connected()
 
     # --- what is answered ----------------------------------------------------------------------
 

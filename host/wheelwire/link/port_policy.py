@@ -32,7 +32,7 @@ REST_US = 10_000
 """How long to rest. At 5000 frames a second, 2500 bytes arrive in this time; a terminal's buffer
 holds 4095."""
 READ_REST_US = 2_000
-"""The same while a program reads samples, but does not wait for one: so much older they may be."""
+"""As `REST_US`, while a program reads samples but does not wait for one."""
 
 
 class BaudSearch:

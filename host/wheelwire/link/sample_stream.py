@@ -465,14 +465,14 @@ class LatestSample:
 
     def iterate(self) -> SampleIterator[WheelSample]:
         """All samples from now on."""
-        iterator = self._iterators.iterate(self._wait_for, self.queue_us)
+        iterator = self._iterators.iterate(self.wait_for, self.queue_us)
         if self._closed:  # even if something failed before
             iterator.end(None)
         return iterator
 
     def iterate_sensor(self, group: str) -> SampleIterator[Any]:
         """All samples of a sensor, or all events, from now on."""
-        return self.sensors.iterators[group].iterate(self._wait_for, self.queue_us)
+        return self.sensors.iterators[group].iterate(self.wait_for, self.queue_us)
 
     def take(self, timeout_s: float) -> WheelSample:
         """Return the newest sample not returned yet, waiting for one if necessary.
@@ -572,9 +572,6 @@ class LatestSample:
         period_us = min(self._periods_us, default=0)
         limit_us = max(FRESH_US, min(SLOWEST_US, 2 * period_us))
         return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
-
-    def _wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        return self.wait_for(ready, timeout_s)
 
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
         self._asked_us = host_clock_us()
