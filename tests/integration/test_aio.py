@@ -99,20 +99,3 @@ def test_every_verb() -> None:
     with simulator_on("split") as simulator:
         asyncio.run(use_every_verb(simulator))
         assert simulator.get("state") == SupervisorState.IDLE
-
-
-async def test_each_of_500_samples_a_second_is_taken_or_counted(simulator: Simulator) -> None:
-    opening = aio.open_driver(
-        "serial",
-        port=simulator.port,
-        stream_rate_hz=500,
-        parameters={"control_rate_hz": 500, "overrun_limit_us": 1e6},
-    )
-    async with opening as robot:
-        samples, times = robot.samples(), []
-        async for sample in samples:
-            times.append(sample.t_us)
-            if len(times) == 1000:
-                break
-        lost = robot.statistics.frames_lost + samples.dropped
-        assert round((times[-1] - times[0]) / 2000) + 1 - len(times) <= lost

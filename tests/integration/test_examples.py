@@ -95,22 +95,6 @@ def test_a_task_drives_while_another_one_watches(simulator: Simulator) -> None:
     assert simulator.get("true.distance_m") > 0.2
 
 
-def state_after_ctrl_c() -> float:
-    """The state of a robot after Ctrl-C ended the asyncio example that drove it."""
-    with Simulator() as simulator:
-        process = start("asyncio_drive.py", simulator.port, "--seconds", "60")
-        wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
-        process.send_signal(signal.SIGINT)
-        end(process)
-        return simulator.get("state")
-
-
-def test_ctrl_c_stops_a_robot_on_asyncio() -> None:
-    # Where the computer is busy for the 0.3 s that a setpoint lives, the deadline comes first.
-    states = (state_after_ctrl_c() for _ in range(5))
-    assert any(state == SupervisorState.IDLE for state in states)
-
-
 def test_the_e_stop_is_lived_through(simulator: Simulator) -> None:
     process = start("estop.py", simulator.port, "--seconds", "2")
     wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)

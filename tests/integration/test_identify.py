@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from support.pty_device import PtyDevice
 from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import PortUnavailable
 from wheelwire.simulation.simulator import Simulator
 
 TIMEOUT_S = 30.0
@@ -47,14 +45,6 @@ def cables(tmp_path: Path) -> Iterator[Cables]:
         yield cables
 
 
-def test_a_board_is_found_among_several_ports(cables: Cables) -> None:
-    board_id = cables.board_id("tty1")
-    with SerialDriver(cables.pattern, board_id=board_id.upper()) as robot:
-        assert robot.info.device.board_id == board_id
-        assert robot.info.port.endswith("tty1")
-    assert cables.ours.get("drive_on") == 0
-
-
 def test_a_board_that_comes_back_under_another_name_is_found(cables: Cables) -> None:
     board_id = cables.board_id("tty1")
     with SerialDriver(cables.pattern, board_id=board_id) as robot:
@@ -77,15 +67,3 @@ def test_asking_who_is_there_costs_another_robot_nothing(cables: Cables) -> None
             assert robot.info.device.board_id == board_id
         other.read(TIMEOUT_S)
         assert other.statistics.sessions == sessions
-
-
-def test_no_port_matches(tmp_path: Path) -> None:
-    with pytest.raises(PortUnavailable, match="nor any such port"):
-        SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")
-
-
-def test_a_silent_port_is_distinguished_from_an_absent_board(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "tty0") as silent:
-        silent.device.mute = True
-        with pytest.raises(PortUnavailable, match=r"no board answers at .*tty0: .* power"):
-            SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")

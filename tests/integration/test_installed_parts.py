@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from wheelwire.simulation.simulator import Simulator
 
 TIMEOUT_S = 60.0
@@ -49,16 +47,3 @@ def test_without_the_library_a_serial_robot_is_driven_all_the_same(tmp_path: Pat
         script = DRIVE.format(missing=[], driver="serial", options=f"port={simulator.port!r}")
         result = run(script, WHEELWIRE_CORE=str(tmp_path / "missing.so"))
     assert result.stdout.split() == ["PythonDecoder", "DRIVING"], result.stderr
-
-
-@pytest.mark.parametrize("driver", ["mock", "l298n", "pigpio"])
-def test_without_native_parts_the_others_say_what_to_do(driver: str, tmp_path: Path) -> None:
-    missing = str(tmp_path / "missing")
-    result = run(
-        f"import wheelwire\ntry:\n    wheelwire.open_driver({driver!r})\n"
-        "except wheelwire.WheelwireError as error:\n    print(type(error).__name__, error)",
-        WHEELWIRE_CORE=missing,
-        WHEELWIRE_FWSIM=missing,
-    )
-    assert missing in result.stdout, result.stderr
-    assert "WHEELWIRE_" in result.stdout

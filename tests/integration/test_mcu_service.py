@@ -106,23 +106,6 @@ def test_a_lost_host_ends_the_drive_and_not_the_service(
         wait_until(lambda: bool(daemon.truth()["driven"]))
 
 
-def test_a_latch_outlives_the_service_until_it_is_cleared(
-    daemon: PigpioProcess, tmp_path: Path
-) -> None:
-    process, address = start(daemon, tmp_path)
-    assert process.stdout
-    assert run_json("estop", address) == {"latched": "ESTOPPED"}
-    process.kill()
-    process.wait(TIMEOUT_S)
-    process.stdout.close()
-    with service(daemon, tmp_path) as (_, address):
-        assert run_json("info", address)["state"] == "ESTOPPED"
-        assert not daemon.truth()["driven"]
-        assert run_json("clear", address)["ended"] == "ESTOPPED"
-        driven = run_json("drive", address, "--linear", "0.2", "--seconds", "0.3")
-        assert driven["linear_mps"] == 0.2
-
-
 def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path: Path) -> None:
     config = tmp_path / "robot.yaml"
     config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))

@@ -73,17 +73,3 @@ def test_one_that_is_unplugged_while_its_process_starts_stays_out_of_reach(
         robot.plug()
         wait_until(lambda: robot.is_open)
         robot.stop()
-
-
-@pytest.mark.parametrize("realtime", [False, True])
-def test_one_that_is_unplugged_already_may_be_unplugged(*, realtime: bool) -> None:
-    with MockDriver(realtime=realtime) as robot:
-        robot.unplug()
-        robot.unplug()
-        wait_until(lambda: not robot.is_open)
-        robot.unplug()
-        robot.plug()
-        robot.plug()
-        if not realtime:
-            robot.advance(1.0)
-        wait_until(lambda: robot.is_open)

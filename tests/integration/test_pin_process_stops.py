@@ -8,7 +8,6 @@ import pytest
 
 from support.process_failures import (
     APPLICATION_FAILURES,
-    CORE_FAILURES,
     LONG_TTL_S,
     TTL_S,
     UNDETECTED_FAILURES,
@@ -16,8 +15,6 @@ from support.process_failures import (
 )
 
 CORE_TIMEOUT_MS = 2000
-SHORT_CORE_TIMEOUT_MS = 500
-"""Longer than the default: a core that waits for a busy test machine is not hung."""
 LATE_US = 1_000_000
 BUSY_US = 2_000_000
 BRAKE_US = 1_000_000
@@ -46,17 +43,3 @@ def test_an_application_that_dies_stops_its_robot(driver: str, failure: str) -> 
         assert times.failure_to_removed_us < BUSY_US < LONG_TTL_S * 1e6
         assert times.ended_us is not None
         assert times.ended_us < BRAKE_US + BUSY_US
-
-
-@pytest.mark.parametrize(
-    ("driver", "failure"),
-    [
-        *(("l298n", failure) for failure in CORE_FAILURES),
-        ("pigpio", "killed (SIGKILL)"),
-    ],
-)
-def test_a_core_that_dies_leaves_the_bridge_off(driver: str, failure: str) -> None:
-    assert (
-        time_failure(driver, failure, core_timeout_ms=SHORT_CORE_TIMEOUT_MS).failure_to_removed_us
-        < BUSY_US
-    )

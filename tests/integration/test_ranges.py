@@ -16,7 +16,6 @@ from support.range_board import (
     NAMES,
     simulator_on_board,
 )
-from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
 
@@ -48,36 +47,6 @@ def test_each_range_sensor_has_its_name(robot: MockDriver) -> None:
     assert list(robot.ranges.infos) == [FRONT, LEFT]
     assert robot.ranges.latest == {FRONT: robot.ranges.read(FRONT), LEFT: robot.ranges.read(LEFT)}
     assert [one.info.name for one in robot.sensors.channels] == NAMES
-
-
-def test_a_robot_without_range_sensors_says_so() -> None:
-    with MockDriver(realtime=False) as robot:
-        with pytest.raises(errors.SensorMissing, match="no range sensor: name it in the board"):
-            robot.ranges.read(FRONT)
-        with pytest.raises(errors.SensorMissing):
-            robot.ranges.samples()
-        assert robot.inputs.read().analog == {}
-
-
-def test_an_unknown_name_is_refused(robot: MockDriver) -> None:
-    with pytest.raises(errors.SensorMissing, match=r"sensor 'rear': choose one of front, left, or"):
-        robot.ranges.read("rear")
-    with pytest.raises(errors.SensorMissing, match="no range sensor"):
-        robot.ranges.read(["front"])  # type: ignore[arg-type]
-    with pytest.raises(errors.InvalidArgument, match="timeout"):
-        robot.ranges.read(FRONT, timeout=-1)
-
-
-async def test_the_same_on_asyncio() -> None:
-    async with aio.open_driver("mock", realtime=False) as robot:
-        await robot.board.take_up(BOARD)
-        assert (await robot.ranges.read(LEFT)).distance_m == pytest.approx(1.0, abs=ABOUT_M)
-        async for sample in robot.ranges.samples():
-            if sample.name == FRONT:
-                break
-        assert robot.ranges.latest[FRONT].distance_m == pytest.approx(1.0, abs=ABOUT_M)
-        with pytest.raises(errors.SensorMissing):
-            await robot.ranges.read("rear")
 
 
 def test_the_page_reads_them_as_it_says(

@@ -83,20 +83,6 @@ def test_a_defect_ends_it_with_a_code_and_findings() -> None:
     assert "problem: e-stop contact open: " in text.stdout
 
 
-def test_the_help_counts_its_questions() -> None:
-    assert "about eleven questions" in " ".join(run("setup", "--help").stdout.split())
-
-
-def test_the_values_may_go_to_a_file(tmp_path: Path) -> None:
-    (tmp_path / "answers.yaml").write_text("tune: no\n")
-    simulated = ("setup", "--simulated", "--answers", str(tmp_path / "answers.yaml"), "--keep")
-    kept = tmp_path / "robot.yaml"
-    assert run_json(*simulated, str(kept))["saved"] is False
-    assert "counts_per_revolution: 360 tick" in kept.read_text()
-    line = check_error(run(*simulated, str(tmp_path / "no" / "file")), errors.OutputFailed)
-    assert "choose a file" in line
-
-
 @each(
     ("arguments", "message"),
     [
@@ -111,18 +97,6 @@ def test_the_values_may_go_to_a_file(tmp_path: Path) -> None:
 )
 def test_wrong_arguments_are_refused(arguments: str, message: str) -> None:
     assert message in check_error(run("setup", *arguments.split()), errors.InvalidArgument)
-
-
-def test_values_that_nothing_keeps_are_refused_first(tmp_path: Path) -> None:
-    (tmp_path / "answers.yaml").write_text(ANSWERS)
-    answers = ("--answers", str(tmp_path / "answers.yaml"))
-    line = check_error(run("setup", "mock", *answers), errors.InvalidArgument)
-    assert "wheelwire setup --simulated" in line
-    (tmp_path / "robot.yaml").write_text(
-        "driver: serial\nserial:\n  port: /dev/none\nparameters:\n  wheel_radius: 0.03\n"
-    )
-    line = check_error(run("setup", str(tmp_path / "robot.yaml"), *answers), errors.InvalidArgument)
-    assert "sets wheel_radius each time" in line
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "first-hour.md"
