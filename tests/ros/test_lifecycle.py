@@ -25,7 +25,6 @@ from wheelwire.simulation.simulator import Simulator
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 CYCLES = 8
-LONG_S = 10.0
 
 
 @pytest.mark.fast
@@ -59,24 +58,6 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         # Nothing leads out of "finalized": the process ends, and its parent acts.
         assert node.process.wait(TIMEOUT_S) == 0
         assert "finalized: restart the process" in node.errors()
-
-
-def test_a_finalized_node_promises_no_estop(graph: Graph, simulator: Simulator) -> None:
-    state = State(graph)
-    # For longer than in use, so that the client has time to ask.
-    code = (
-        "from wheelwire_ros import node, hardware_robot\n"
-        f"node.FINALIZED_S = {LONG_S}\nhardware_robot.main()"
-    )
-    with RobotNode(graph, code, port=simulator.port):
-        graph.wait_active()
-        with graph.client(SetBool, f"{NODE}/estop") as client:
-            assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-            state.wait(lambda values: values["cause"] == "finalized: restart the process")
-            future = client.call_async(SetBool.Request(data=True))
-            wait(future.done, "an answer")
-        assert not future.result().success
-        assert future.result().message == "there is no robot: finalized: restart the process"
 
 
 def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:

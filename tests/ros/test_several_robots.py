@@ -24,7 +24,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
-from support import ros
 from support.launch_stand_in import load, started
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
@@ -119,33 +118,3 @@ def test_a_second_node_of_the_name_is_reported_and_a_killed_one_is_not(graph: Gr
         with RobotNode(graph, namespace="/other", **mock) as elsewhere:
             Diagnostics(graph, "other/hardware_robot").wait("link", lambda *_: True)
             assert not is_said(elsewhere)
-
-
-OTHER = """
-import sys
-import rclpy
-rclpy.init(domain_id=int(sys.argv[1]))
-node = rclpy.create_node("other")
-print("there", flush=True)
-sys.stdin.read()
-"""
-
-
-def test_a_graph_keeps_away_from_a_domain_in_use(
-    graph: Graph, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    occupied = 1 + graph.domain % ros.DOMAINS
-    with subprocess.Popen(
-        [sys.executable, "-c", OTHER, str(occupied)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as other:
-        assert other.stdin
-        assert other.stdout
-        assert other.stdout.readline() == "there\n"
-        monkeypatch.setattr(ros, "_domains", iter(range(graph.domain - 1, graph.domain + 9)))
-        domain, reservation = ros.take_domain()
-        reservation.close()
-        other.stdin.close()
-    assert domain not in (graph.domain, occupied)
