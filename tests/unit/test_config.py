@@ -88,18 +88,6 @@ def test_sensors_stand_beside_the_pins(driver: str) -> None:
     assert (found.bus, found.sda) == (1, None)
 
 
-def test_an_error_names_the_file(tmp_path: Path) -> None:
-    file = tmp_path / "robot.yaml"
-    with pytest.raises(ConfigurationError, match=r"robot\.yaml"):
-        wheelwire.load_config(file)
-    with pytest.raises(ConfigurationError, match=r"robot\.yaml: there is no such file$"):
-        wheelwire.load_config(file)
-    for content in ("a: [", "cpr: 0", ""):
-        file.write_text(content)
-        with pytest.raises(ConfigurationError, match=r"robot\.yaml"):
-            wheelwire.load_config(file)
-
-
 def test_a_robot_opens_from_its_file(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text("driver: mock\nwheel_base: 0.3\n")

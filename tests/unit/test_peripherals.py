@@ -160,14 +160,6 @@ def test_the_example_can_be_used() -> None:
     assert "bias" not in to_yaml(board)
 
 
-def test_pins_that_a_wroom_leaves_free_are_used_once_it_is_named() -> None:
-    assert board_of(BOARD + IMU).problems() == []
-    problems = board_of(BOARD.replace("module: wroom-32\n", "") + IMU).problems()
-    assert len(problems) == 2  # of 16 and 17
-    assert all("on some modules at least" in one for one in problems)
-    assert all("name the module" in one for one in problems)
-
-
 def test_one_fingerprint_names_the_board_and_its_peripherals() -> None:
     plain, board = board_of(BOARD), board_of(ALL)
     assert plain.peripherals == ()

@@ -236,12 +236,3 @@ def test_a_shell_completes_files_by_their_absolute_path(tmp_path: Path) -> None:
     file = tmp_path / "robot [1].yaml"
     file.touch()
     assert str(file) in " ".join(complete("params", "import", "mock", str(tmp_path / "r")))
-
-
-def test_completion_is_shown_and_installed(tmp_path: Path) -> None:
-    shell = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", "HOME": str(tmp_path)}
-    shown = run("--show-completion", "bash", **shell)
-    assert "_WHEELWIRE_COMPLETE=complete_bash" in shown.stdout
-    assert run("--install-completion", "bash", **shell).returncode == 0
-    (script,) = tmp_path.glob(".bash_completions/wheelwire.sh")
-    assert script.read_text().strip() in shown.stdout

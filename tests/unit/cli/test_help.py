@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,8 +15,6 @@ from support.command import run
 from wheelwire import errors
 from wheelwire.cli.app import application
 from wheelwire.cli.help import PAGE_OF, help_page, pages
-
-ROOT = Path(__file__).parents[3]
 
 
 def shown(capsys: pytest.CaptureFixture[str], page: str | None) -> str:
@@ -144,19 +140,3 @@ def test_the_help_of_a_command_ends_with_a_page_that_is_there(
     for path, end in ends.items():
         address = end.removeprefix("More: wheelwire help ")
         assert shown(capsys, address).startswith("#"), path
-
-
-def test_comments_of_a_page_are_not_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "<!--" in (ROOT / "docs/ros.md").read_text("utf-8")
-    assert "<!--" not in shown(capsys, "ros")
-
-
-def test_a_commands_help_fits_the_terminal_s_width() -> None:
-    lines = run("setup", "--help", COLUMNS="60").stdout.splitlines()
-    text = [
-        line.strip() for line in lines[: next(n for n, line in enumerate(lines) if "╭" in line)]
-    ]
-    # A line ends where the next word would not fit, or with its paragraph.
-    for line, following in itertools.pairwise(text):
-        if line and following:
-            assert len(line) + 1 + len(following.split()[0]) > 57, line

@@ -61,15 +61,6 @@ def test_a_robot_that_a_program_holds_is_found_by_each_of_its_names(
             robot.clear_estop()
 
 
-def test_the_program_may_change_its_folder(
-    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with connect("s1"):
-        monkeypatch.chdir("/")
-        wait_for_holder(str(device.path))
-        assert run("estop", str(device.path)).returncode == 0
-
-
 def test_a_port_that_this_program_holds_itself(device: PtyDevice) -> None:
     """A notebook's cell, for example, that is run again."""
     with (
@@ -84,14 +75,10 @@ def test_a_port_that_this_program_holds_itself(device: PtyDevice) -> None:
     ("words", "kind", "hint"),
     [
         ("info ttyUSB0", errors.PortUnavailable, "did you mean /dev/ttyUSB0?"),
-        ("info COM3", errors.PortUnavailable, "did you mean /dev/ttyUSB0?"),
-        ("estop /dev/ttyusb0", errors.PortUnavailable, "did you mean /dev/ttyUSB0?"),
         ("info L298N", errors.InvalidArgument, "did you mean l298n as"),
         ("info Mock", errors.InvalidArgument, "did you mean mock,"),
-        ("info Serial", errors.InvalidArgument, "did you mean serial as"),
         ("info tb6612fng", errors.InvalidArgument, "did you mean tb6612 as"),
         ("board show L298N", errors.ConfigurationError, "did you mean l298n?"),
-        ("board check tb6612fng", errors.ConfigurationError, "did you mean tb6612?"),
         ("params set mock wheel_radius 0,03", errors.ParameterOutOfRange, "did you mean 0.03?"),
         ("sim --set mass_kg=0,2", errors.InvalidArgument, "did you mean 0.2?"),
         ("info comma.yaml", errors.ConfigurationError, "decimal point"),

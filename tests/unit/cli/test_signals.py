@@ -6,14 +6,12 @@ import os
 import signal
 from collections.abc import Iterator
 from typing import Any
-from unittest.mock import Mock, call
 
 import pytest
 import typer
 
 from wheelwire import LinkLost, open_driver
 from wheelwire.cli.interruptions import Interrupted, ended_by_signals
-from wheelwire.cli.sim import _turn
 from wheelwire.drivers.mock import MockDriver
 
 CODES = [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
@@ -111,21 +109,3 @@ def test_what_nohup_ignores_stays_ignored(robot: MockDriver) -> None:
         send(signal.SIGHUP)
     assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
-def test_errors_pass_as_they_are(robot: MockDriver) -> None:
-    with pytest.raises(LinkLost, match="gone"):  # noqa: SIM117
-        with ended_by_signals() as ending, ending.stops(robot):
-            raise LinkLost("gone")
-
-
-def test_ctrl_c_lets_go_of_the_wheel_even_before_the_simulator_has_answered() -> None:
-    simulator = Mock()
-    simulator.get.return_value = 0.0
-    simulator.set.side_effect = [KeyboardInterrupt, None]
-    with pytest.raises(KeyboardInterrupt):
-        _turn(simulator, "left", 100.0)
-    assert simulator.set.mock_calls == [
-        call("left.hand_turns", 100.0),
-        call("left.hand_turns", 0.0),
-    ]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import platform
 import zipfile
 from dataclasses import replace
@@ -65,23 +63,6 @@ def test_an_archive_that_cannot_be_finished_is_removed(tmp_path: Path) -> None:
     result = run("support", "mock", "--output", str(target), "--recording", str(missing))
     assert "no.mcap" in check_error(result, errors.OutputFailed)
     assert not target.exists()
-
-
-def test_a_read_only_file_system_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / "report.zip"
-
-    def refuse(*_: object, **__: object) -> None:
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    with monkeypatch.context() as patch:
-        for name in ("open", "unlink", "rename"):
-            patch.setattr(Path, name, refuse)
-        said = "Read-only file system; choose a folder"
-        with pytest.raises(errors.OutputFailed, match=said), support._written(target):
-            pass
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_is_no_archive() -> None:

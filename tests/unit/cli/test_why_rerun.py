@@ -176,12 +176,6 @@ def test_an_existing_file_is_not_overwritten(box: Path, tmp_path: Path, checkout
     assert other.read_text() == "mine"
 
 
-def test_an_unwritable_folder_is_named(box: Path) -> None:
-    # Not by permissions, which do not hold for root.
-    result = run("why", "--rerun", str(box), "--export-test", "/proc")
-    refused(result, errors.OutputFailed, "cannot write /proc/stop-")
-
-
 def test_no_folder_to_write_to_is_named(box: Path, tmp_path: Path) -> None:
     arguments = "why", "--rerun", str(box), "--export-test"
     result = run(*arguments, str(tmp_path / "none" / "mine.box"))

@@ -39,13 +39,6 @@ def test_a_driver_stays_with_the_board_that_it_met_first(device: PtyDevice) -> N
         wait_until(lambda: error_of(driver) is None)
 
 
-def test_another_board_may_be_taken_on_purpose(device: PtyDevice) -> None:
-    with SerialDriver(str(device.path), any_board=True) as driver:
-        stranger = device.replace(CoreDevice(board_id=STRANGER))
-        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed))
-        assert driver.info.device.board_id == "240ac4abcdef"
-
-
 def test_the_port_of_a_wrong_board_is_left_to_others(device: PtyDevice) -> None:
     with SerialDriver(str(device.path)) as driver:
         device.replace(CoreDevice(board_id=STRANGER))
@@ -71,11 +64,3 @@ def test_a_simulator_at_a_link_is_the_same_board_at_every_start(tmp_path: Path) 
     assert board_of(link=tmp_path / "robot") == first
     assert board_of(link=tmp_path / "other") != first
     assert board_of() != board_of()
-
-
-def test_a_driver_goes_on_when_a_simulator_is_started_again_at_its_link(tmp_path: Path) -> None:
-    link = tmp_path / "robot"
-    with Simulator(link=link) as simulator, SerialDriver(simulator.port) as driver:
-        simulator.close()
-        with Simulator(link=link):
-            wait_until(lambda: error_of(driver) is None)

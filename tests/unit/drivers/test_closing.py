@@ -10,7 +10,6 @@ import pytest
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 
 pytestmark = pytest.mark.timeout(60)
@@ -29,22 +28,6 @@ def test_a_driving_robot_that_is_unplugged(
     device.unplug()
     wait_until(lambda: not robot.is_open)
     robot.close()
-    assert any(SAID in text for text in warnings(caplog))
-
-
-def test_a_driving_robot_that_does_not_answer(
-    device: PtyDevice, robot: SerialDriver, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot.set_velocity(0.1, 0.0, ttl=1.0)
-    device.device.mute = True
-    robot.close()
-    assert any(SAID in text for text in warnings(caplog))
-
-
-def test_the_same_in_virtual_time(caplog: pytest.LogCaptureFixture) -> None:
-    with MockDriver(realtime=False) as robot:
-        robot.set_velocity(0.1, 0.0, ttl=1.0)
-        robot.unplug()
     assert any(SAID in text for text in warnings(caplog))
 
 

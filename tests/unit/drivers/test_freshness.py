@@ -16,7 +16,6 @@ from wheelwire.robot.sensors import READ_WITHIN_S, Sensors, SensorStatus, wait_u
 from wheelwire.samples import SensorInfo
 from wheelwire_protocol.codes import PeripheralKind, Place, SensorState, SupervisorState
 from wheelwire_protocol.peripherals import SensorChip
-from wheelwire_protocol.types import WheelState
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -36,21 +35,6 @@ def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(
     assert robot.read(10).stamp > plugged_s
 
 
-def test_the_same_in_virtual_time() -> None:
-    with MockDriver(realtime=False) as robot:
-        robot.read()
-        robot.advance(0.2)  # some are left unread
-        robot.unplug()
-        with pytest.raises(errors.LinkLost):
-            robot.read(0.5)
-        robot.advance(1.0)
-        robot.plug()
-        latest = robot.latest
-        assert latest is not None
-        assert latest.age_s > 1.4
-        assert robot.read(5).stamp > latest.sample.stamp + 1.4
-
-
 def test_a_reset_in_virtual_time_leaves_nothing_to_read() -> None:
     with MockDriver(realtime=False) as robot:
         boot_id = robot.read().boot_id
@@ -61,19 +45,6 @@ def test_a_reset_in_virtual_time_leaves_nothing_to_read() -> None:
         with pytest.raises(errors.LinkLost):
             robot.read(0)
         assert robot.read(5).boot_id != boot_id
-
-
-def test_the_latest_sample_takes_nothing_from_a_reader(
-    device: PtyDevice, robot: SerialDriver
-) -> None:
-    robot.read()
-    device.device.lost.add(WheelState)
-    time.sleep(0.05)
-    first, second = robot.latest, robot.latest
-    assert first is not None
-    assert second is not None
-    assert first.sample == second.sample
-    assert 0 <= first.age_s <= second.age_s < 10
 
 
 def test_health(device: PtyDevice, robot: SerialDriver) -> None:

@@ -13,20 +13,6 @@ from wheelwire.link import discovery as identify
 BOARD_ID = "0123456789ab"
 
 
-def test_a_port_that_vanishes_before_it_is_opened_is_not_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "tty0").symlink_to("/dev/null")
-
-    def vanish(path: Path) -> Path:
-        path.unlink()
-        raise FileNotFoundError(path)
-
-    monkeypatch.setattr(Path, "resolve", vanish)
-    with pytest.raises(PortUnavailable):
-        identify.open_board(str(tmp_path / "tty*"), BOARD_ID, 115_200)
-
-
 def test_a_port_that_is_unplugged_while_it_is_asked_is_given_up_at_once(tmp_path: Path) -> None:
     controller, port = os.openpty()
     (tmp_path / "tty0").symlink_to(os.ttyname(port))

@@ -32,13 +32,6 @@ def test_likely_boards_come_first_and_a_doubtful_one_says_so(
     assert onboard.by_path is None
 
 
-def test_no_by_path_names_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "serial.tools.list_ports.comports", lambda: [comport("/dev/ttyS0", None, None)]
-    )
-    assert ports.list_serial_ports(tmp_path / "none")[0].by_path is None
-
-
 def test_a_port_that_a_process_holds_is_in_use() -> None:
     master, slave = os.openpty()
     try:
@@ -67,14 +60,3 @@ def test_a_process_that_cannot_be_seen_leaves_it_open(
 
     monkeypatch.setattr(Path, "iterdir", deny)
     assert ports.is_in_use("/dev/mine", tmp_path) is None
-
-
-def test_a_name_that_vanishes_while_it_is_looked_at_is_no_failure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def vanish(path: Path) -> Path:
-        raise FileNotFoundError(path)
-
-    monkeypatch.setattr(Path, "resolve", vanish)
-    assert ports.final_name("/dev/tty7") == "/dev/tty7"
-    assert ports.is_in_use("/dev/tty7", tmp_path) is False

@@ -8,7 +8,6 @@ from wheelwire.link.port_policy import (
     CHECK_US,
     FIRST_PAUSE_S,
     FIRST_US,
-    ROUND_US,
     STOP_ACK_TIMEOUT_US,
     UNANSWERED_US,
     WRONG_BOARD_PAUSE_S,
@@ -74,12 +73,6 @@ def test_a_port_that_opens_but_brings_no_session_is_opened_ever_later(
     assert policy.take_pause_s() == FIRST_PAUSE_S
 
 
-def test_openings_after_the_first_are_reconnections(policy: PortPolicy, session: Session) -> None:
-    assert policy.reconnects == 0
-    policy.begin(RATE, LONGEST_PAUSE_S, session, 10)
-    assert policy.reconnects == 1
-
-
 def test_the_settings_are_checked_now_and_then(policy: PortPolicy) -> None:
     assert not policy.takes_check(CHECK_US - 1)
     assert policy.takes_check(CHECK_US)
@@ -96,31 +89,6 @@ def test_the_port_of_a_device_that_fell_silent_is_reopened(
     policy.judge(session, RATE, now_us + UNANSWERED_US - 1)
     with pytest.raises(Unanswered, match="no longer answers"):
         policy.judge(session, RATE, now_us + UNANSWERED_US)
-
-
-def test_a_device_that_never_answered_is_looked_for_at_all_rates_first(
-    policy: PortPolicy, session: Session
-) -> None:
-    now_us = 2 * UNANSWERED_US
-    session.advance(now_us)
-    policy.judge(session, RATE, now_us)
-    now_us = FIRST_US
-    while now_us < ROUND_US:
-        assert policy.next_rate(now_us) not in (None, RATE)
-        now_us += 500_000
-    with pytest.raises(Unanswered, match="at any usual baud rate"):
-        policy.next_rate(now_us)
-
-
-def test_the_port_is_opened_again_at_the_rate_that_was_answered(
-    policy: PortPolicy, session: Session
-) -> None:
-    rate = policy.next_rate(FIRST_US)
-    assert rate is not None
-    opened(session, CoreDevice())
-    policy.judge(session, rate, FIRST_US + 1000)
-    assert policy.rate == rate
-    assert policy.next_rate(ROUND_US) is None
 
 
 def test_a_port_without_a_rate_is_opened_with_none(session: Session) -> None:

@@ -16,7 +16,6 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import transports as transport
 from wheelwire.simulation.simulator import Simulator
 
-TIMEOUT_S = 30.0
 TIOCGEXCL = 0x80045440
 """Linux's number; the module `termios` does not have it."""
 
@@ -61,14 +60,6 @@ def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
         wait_until(lambda: driver.statistics.reconnects >= 1)
         wait_until(lambda: drives(driver))
         assert driver.info.baud_rate == 115_200
-
-
-def test_the_port_of_a_device_that_no_longer_answers_is_reopened(device: PtyDevice) -> None:
-    with SerialDriver(str(device.path)) as driver:
-        device.device.mute = True
-        wait_until(lambda: driver.statistics.reconnects >= 1)
-        device.device.mute = False
-        wait_until(lambda: drives(driver))
 
 
 def exclusive(port: Path) -> bool:

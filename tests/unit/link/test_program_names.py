@@ -29,7 +29,6 @@ from wheelwire.link.program_names import LONGEST, process_name, program_name
         (["python3", "-m", "wheelwire", "monitor"], "wheelwire monitor"),
         (["python3"], "python3"),
         (["python3", "-c", "a = 1\nb = 2"], "python3 -c 'a = 1?b = 2'"),
-        (["minicom", "-D", "/dev/ttyUSB0"], "minicom -D /dev/ttyUSB0"),
         (["screen", "/home/someone/my port"], "screen 'my port'"),
     ],
 )

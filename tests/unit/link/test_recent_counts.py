@@ -26,9 +26,3 @@ def test_a_frame_that_came_late_is_no_negative_loss() -> None:
     counts = RecentCounts()
     counts.note(0, 0, 0, 3)
     assert counts.rate_and_loss(500_000, 50, 53, 2) == (100.0, 0.0)
-
-
-def test_silence_is_a_rate_of_zero() -> None:
-    counts = RecentCounts()
-    counts.note(0, 100, 100, 0)
-    assert counts.rate_and_loss(5_000_000, 100, 100, 0) == (0.0, 0.0)

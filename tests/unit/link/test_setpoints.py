@@ -147,16 +147,6 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
     assert numbers == [first.command_seq, first.command_seq + 1]
 
 
-def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
-    device = CoreDevice(drift=200e-6)
-    line = VirtualLine(device=device).open()
-    line.run(20.0)
-    line.drive(ttl_s=0.5)
-    expiry_us = line.now_us + 500_000
-    line.run(0.1)
-    assert line.device.obeyed[0].expiry_us == pytest.approx(device.clock(expiry_us), abs=600)
-
-
 @pytest.mark.parametrize(("out_us", "back_us"), [(200, 200), (200, 40_000), (40_000, 200)])
 @pytest.mark.parametrize("drift", [-200e-6, 0, 200e-6])
 def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
@@ -259,21 +249,6 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(
     ) as told:
         line.drive()
     assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN
-
-
-def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: VirtualLine) -> None:
-    line.post_stop(None)
-    line.run(0.05)
-    assert refusal(line) == RefusalCode.ESTOPPED
-    assert isinstance(line.request(ClearEstop(0, 0)), Ack)
-    line.drive()
-    line.run(0.05)
-    assert not line.device.obeyed
-    assert refusal(line) == RefusalCode.UNARMED
-    line.drive(0.0, 0.0)
-    line.drive()
-    line.run(0.05)
-    assert len(line.device.obeyed) == 2
 
 
 def unarmed_line() -> VirtualLine:

@@ -58,10 +58,6 @@ def test_each_side_of_a_sample_is_that_of_the_state_frame(line: VirtualLine) -> 
     assert (sample.command_seq, sample.overruns, sample.battery_v) == (13, 14, 11.1)
 
 
-def test_a_battery_that_is_not_measured_has_no_voltage(line: VirtualLine) -> None:
-    assert line.samples[-1].battery_v is None
-
-
 def state(t_us: int, boot_id: int = 1) -> WheelState:
     """As on the wire, where 32 bits of the clock are."""
     fields = dict.fromkeys(WheelState._fields, 0)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import pytest
 
-from support.threads import link_threads
 from support.virtual_line import VirtualLine
-from support.waiting import wait_until
 from wheelwire.errors import InvalidCommand, LinkClosed, LinkLost, RecordingError
 from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.traffic import Happening, Kind, Record, TrafficReader
@@ -127,24 +124,6 @@ def test_it_can_be_closed_in_the_middle(day: Day) -> None:
     iterator = latest.iterate()
     link.close()
     assert list(iterator) == []
-    with pytest.raises(LinkClosed, match="closed"):
-        link.check()
-
-
-def test_it_can_be_closed_while_it_plays_a_record(day: Day) -> None:
-    def records() -> Iterator[Record]:
-        for number, record in enumerate(day.records):
-            if number == len(day.records) - 50:
-                link.finish()
-            yield record
-
-    latest = LatestSample()
-    link = ReplayLink(latest, "day.mcap", records, 1000.0)
-    link.open()
-    iterator = latest.iterate()
-    wait_until(lambda: not link_threads(), what="the end of its thread")
-    link.close()
-    assert list(iterator)
     with pytest.raises(LinkClosed, match="closed"):
         link.check()
 

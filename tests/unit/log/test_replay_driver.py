@@ -11,7 +11,6 @@ from support.command import check_error, run, run_json
 from support.recordings import traffic_of, write
 from wheelwire import Odometry, WheelSample, errors, open_driver
 from wheelwire.drivers.mock import VirtualMockDriver
-from wheelwire.drivers.replay import ReplayDriver
 
 Day = tuple[Path, list[WheelSample]]
 SETPOINTS = [(0.1, 0.2 * step) for step in range(40)]
@@ -63,18 +62,6 @@ def test_it_can_be_stepped_and_read(day: Day) -> None:
         assert right > 0
 
 
-def test_the_same_program_asks_for_the_same(day: Day) -> None:
-    path, _ = day
-    with open_driver("replay", file=path, speed=0) as robot:
-        for linear, angular in SETPOINTS:
-            robot.set_velocity(linear, angular)
-            robot.advance(0.05)
-        robot.advance(0.1)  # it was opened a moment earlier than on the day
-        assert isinstance(robot, ReplayDriver)
-        assert (robot.comparison.compared, robot.comparison.different) == (len(SETPOINTS), 0)
-        robot.stop()
-
-
 def test_it_knows_what_the_program_noted(day: Day) -> None:
     with open_driver("replay", file=day[0], speed=0) as robot:
         assert robot.noted("weather") == {"wind": 3}
@@ -89,25 +76,10 @@ def test_its_parameters_are_those_of_the_day(day: Day) -> None:
             robot.parameters.set("max_duty", 0.5)
 
 
-async def test_asyncio_reads_it_as_well(day: Day) -> None:
-    async with await wheelwire.aio.open_driver("replay", file=day[0], speed=50) as robot:
-        assert day[1][-1] in [sample async for sample in robot.samples()]
-
-
 @pytest.mark.parametrize("speed", [-1, float("nan"), 1e9, "fast", None])
 def test_a_wrong_speed_is_refused(day: Day, speed: object) -> None:
     with pytest.raises(errors.InvalidArgument, match="speed = "):
         open_driver("replay", file=day[0], speed=speed)  # type: ignore[call-overload]
-
-
-@pytest.mark.parametrize("content", [None, b"", b"hello", bytes(1000)])
-def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes | None) -> None:
-    path = tmp_path / "day.mcap"
-    if content is not None:
-        path.write_bytes(content)
-    for speed in (0, 1):
-        with pytest.raises(errors.RecordingError, match=r"day\.mcap"):
-            open_driver("replay", file=path, speed=speed)
 
 
 def test_the_command_line_shows_it(day: Day) -> None:

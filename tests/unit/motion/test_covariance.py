@@ -18,33 +18,6 @@ def update(pose: Pose, distance_m: float, turn_rad: float) -> OdometryUpdate:
     return OdometryUpdate(after, Twist(0, 0), distance_m, turn_rad, 0.01, rebased=False)
 
 
-def test_standing_still_adds_nothing() -> None:
-    covariance = PoseCovariance(VARIANCE, VARIANCE)
-    assert np.all(covariance.update(update(Pose(), 0, 0), SEPARATION_M) == 0)
-
-
-def test_it_predicts_the_spread_of_simulated_runs() -> None:
-    """The sample covariance of arcs whose wheels slip at random, by the model's own law."""
-    random = np.random.default_rng(1)
-    steps, runs, left_m, right_m = 50, 2000, 0.010, 0.014
-    covariance = PoseCovariance(VARIANCE, 2 * VARIANCE)
-    pose = Pose()
-    for _ in range(steps):
-        step = update(pose, (left_m + right_m) / 2, (right_m - left_m) / SEPARATION_M)
-        pose = step.pose
-        matrix = covariance.update(step, SEPARATION_M)
-    ends = []
-    for _ in range(runs):
-        end = Pose()
-        for _ in range(steps):
-            left = left_m + random.normal(0, math.sqrt(VARIANCE * left_m))
-            right = right_m + random.normal(0, math.sqrt(2 * VARIANCE * right_m))
-            end = end.advance((left + right) / 2, (right - left) / SEPARATION_M)
-        ends.append(end)
-    sampled = np.cov(np.array(ends).T)
-    assert np.sqrt(np.diag(sampled)) == pytest.approx(np.sqrt(np.diag(matrix)), rel=0.1)
-
-
 def test_reset_forgets() -> None:
     covariance = PoseCovariance(VARIANCE, VARIANCE)
     covariance.update(update(Pose(), 1, 1), SEPARATION_M)

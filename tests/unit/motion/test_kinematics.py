@@ -37,10 +37,6 @@ def test_an_impossible_robot_is_refused_by_name(value: float) -> None:
         DifferentialDrive(0.2, value, 360)
 
 
-def test_no_limit_is_a_limit() -> None:
-    assert DifferentialDrive(0.2, 0.033, 360).saturate(WheelVelocities(99, 1)) == (99, 1)
-
-
 @pytest.mark.parametrize(
     ("larger", "expected"),
     [("left_radius_multiplier", (0.2, 0.21)), ("right_radius_multiplier", (0.21, 0.2))],

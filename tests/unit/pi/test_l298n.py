@@ -1,6 +1,5 @@
 """The l298n driver's PWM: the kernel's, the library's, and neither; and its e-stop contact."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -110,14 +109,3 @@ def cleared(driver: L298NDriver) -> bool:
     except DeviceRefused:  # the contact's level has not arrived yet
         return False
     return True
-
-
-@pytest.mark.whole
-def test_a_close_while_driving_brakes_before_the_pins_are_given_back(chip: GpioChip) -> None:
-    with open_on(chip) as driver:
-        driver.parameters.set("brake_time_s", 0.5)
-        driver.set_velocity(0.2, 0.0)
-        wait_until(lambda: bool(chip.truth()["driven"]))
-        start = time.monotonic()
-    assert time.monotonic() - start > 0.4
-    assert text(chip, "pwm0/duty_cycle") == "0"

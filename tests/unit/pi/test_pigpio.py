@@ -23,15 +23,6 @@ from wheelwire.tools.files.robot import parse_config
 HOST = "127.0.0.1"
 LONG_S = 30.0
 MOTOR_PINS = (18, 19)
-DRIVING = """
-import sys, time, wheelwire
-robot = wheelwire.open_driver("pigpio", host="127.0.0.1", port=int(sys.argv[1]),
-                              parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
-                              core_timeout_ms=5000)
-while True:
-    robot.set_velocity(0.2, 0.0, ttl=5)
-    time.sleep(0.02)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +54,6 @@ def driver_at(daemon: PigpioProcess) -> PigpioDriver:
 def drive(driver: PigpioDriver, daemon: PigpioProcess) -> None:
     driver.set_velocity(0.2, 0.0, ttl=5)
     wait_until(lambda: bool(daemon.command("truth")["driven"]))
-
-
-def test_the_stand_in_clamps_dma_pwm_as_the_daemon_does(client: Any) -> None:
-    assert client.set_PWM_frequency(18, 20_000) == 8000
-    assert client.get_PWM_real_range(18) == 25
 
 
 def test_the_driver_uses_hardware_pwm_at_the_frequency_asked_for(
@@ -123,12 +109,6 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def stored_scripts(client: Any) -> list[int]:
     return [i for i in range(MAX_SCRIPTS) if client.script_status(i)[0] >= 0]
-
-
-@pytest.mark.whole
-def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:
-    with driver_at(daemon), pytest.raises(DriverUnavailable, match="another program"):
-        driver_at(daemon)
 
 
 class ClientThatIsCalled(PigpioClient):

@@ -118,18 +118,6 @@ def test_a_file_that_is_no_recorder_is_started_again(content: bytes, tmp_path: P
     assert RecorderFile(path, Heartbeat()).content[4095:4101] == b"\xffmine\xff"
 
 
-def test_a_damaged_file_loses_the_box_that_is_damaged(tmp_path: Path) -> None:
-    settings = settings_in(tmp_path)
-    path = recorder_path(settings)
-    path.write_bytes(os.urandom(RECORDER_SIZE))
-    robot = PinsRobot(settings)
-    robot.drive(0.5)
-    robot.estop()
-    robot.run(STORED_S)
-    (box,) = boxes_in(path)
-    assert box.rerun().outcome is RerunOutcome.SAME
-
-
 def test_a_robot_without_a_place_for_it_drives_and_says_so(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

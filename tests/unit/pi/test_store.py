@@ -66,13 +66,3 @@ def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(
 
 def _save_on(settings: McuSettings) -> None:
     LibraryRobot(core=make_core(settings)).open().request(ParameterSave(0, 0, 0))
-
-
-def test_a_change_takes_effect_at_once() -> None:
-    with MockDriver(realtime=False) as driver:
-        driver.parameters.set("right_motor_inverted", 1)
-        driver.set_duty(0.5, 0.5)
-        driver.advance(0.5)
-        left, right = driver.get_encoder_ticks()
-        assert left > 10
-        assert right < -10

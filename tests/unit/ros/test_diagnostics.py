@@ -171,11 +171,6 @@ def test_warnings_of_the_board_and_of_rolling_last_as_long_as_their_cause() -> N
     assert statuses(LostRobot())["robot"].level == OK  # the link's status tells
 
 
-def test_what_was_ignored_by_reason() -> None:
-    status = statuses(ignored=Ignored.STALE)["commands"]
-    assert values(status) == {"obeyed": "0", "ignored": "1", "ignored_stale": "1"}
-
-
 def test_commands_that_nobody_hears() -> None:
     status = statuses(ignored_types=("geometry_msgs/msg/Twist",))["commands"]
     assert status.level == WARN

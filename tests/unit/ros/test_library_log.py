@@ -54,10 +54,3 @@ def test_each_node_gets_each_record_once_also_one_that_is_made_again(
         forward_library_log(robot)
     library.error("unplugged")
     assert told(left) == told(right) == [call.error("unplugged")]
-
-
-def test_an_exception_is_logged(library: logging.Logger) -> None:
-    robot = logger("robot")
-    forward_library_log(robot)
-    library.error("reading failed", exc_info=OSError("unplugged"))
-    assert told(robot) == [call.error("reading failed\nOSError: unplugged")]

@@ -33,18 +33,6 @@ def test_one_turn_of_both_wheels(motions: MotionEstimator) -> None:
     assert motion.covariance[0, 0] > 0
 
 
-def test_a_reset_of_the_device_moves_nothing(motions: MotionEstimator) -> None:
-    motions.update(sample())
-    before = motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))
-    after = motions.update(sample(boot_id=2))
-    assert after.pose == before.pose
-    assert (after.left.angle_rad, after.right.angle_rad) == (
-        before.left.angle_rad,
-        before.right.angle_rad,
-    )
-    assert motions.rebases == 1
-
-
 def test_resetting_the_odometry_leaves_the_wheels_where_they_are(motions: MotionEstimator) -> None:
     motions.update(sample())
     motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))

@@ -29,24 +29,6 @@ AGREEING: dict[str, Any] = {
 
 
 @each(
-    ("check", "value"),
-    [
-        (checks.variances, array("d", [0.0] * 6)),
-        (checks.frame, "odom"),
-        (checks.wheel_names, ["a", "b"]),
-        (checks.command_timeout, 0.5),
-        (checks.at_least_zero, 0.0),
-        (checks.at_least_zero, math.nan),
-        (checks.at_most_zero, -1.0),
-        (checks.above_zero, math.nan),
-        (checks.only(math.nan, ""), math.nan),
-    ],
-)
-def test_a_valid_value_is_accepted(check: checks.Check, value: Any) -> None:
-    assert check(value) is None
-
-
-@each(
     ("check", "value", "words"),
     [
         (checks.variances, [0.0] * 5, "it has 5 numbers: write six"),

@@ -30,10 +30,6 @@ def run(
     return told
 
 
-def test_without_limits_a_command_is_as_given() -> None:
-    assert run([3.0, -7.0, 0.2], AxisLimits()) == [3.0, -7.0, 0.2]
-
-
 def test_velocity_is_limited_each_way_and_the_path_keeps_its_curvature() -> None:
     limits = Limits(AxisLimits(max_velocity=0.4, min_velocity=-0.2), AxisLimits(max_velocity=2.0))
     limiter = SpeedLimiter()
@@ -41,10 +37,6 @@ def test_velocity_is_limited_each_way_and_the_path_keeps_its_curvature() -> None
     assert limiter.limit(Twist(0.1, 4.0), limits, 0.0) == pytest.approx((0.05, 2.0))
     assert limiter.limit(Twist(-0.4, 1.0), limits, 0.0) == pytest.approx((-0.2, 0.5))
     assert limiter.limit(Twist(-0.1, 0.5), limits, 0.0) == (-0.1, 0.5)
-
-
-def test_the_lower_limit_is_minus_the_upper_one_if_it_is_not_given() -> None:
-    assert run([-1.0], AxisLimits(max_velocity=0.3)) == pytest.approx([-0.3])
 
 
 def test_a_direction_can_be_forbidden_and_turning_remains() -> None:
@@ -95,13 +87,6 @@ def test_a_robot_whose_command_expired_starts_from_zero() -> None:
 def test_a_pause_between_commands_gains_no_speed() -> None:
     told = run([5.0, 5.0], AxisLimits(max_acceleration=1.0), period_s=0.4)
     assert told == pytest.approx([FIRST_STEP_S, FIRST_STEP_S + MAX_STEP_S])
-
-
-def test_a_new_velocity_limit_takes_effect_at_once() -> None:
-    limiter = SpeedLimiter()
-    limiter.obeyed(Twist(1.0, 0.0), 100.0, TTL_S)
-    slow = Limits(AxisLimits(max_velocity=0.2, max_deceleration=-0.1))
-    assert limiter.limit(Twist(1.0, 0.0), slow, 100.05).linear_mps == 0.2
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])

@@ -90,12 +90,6 @@ def test_a_time_before_the_simulation_began_is_unknown() -> None:
     assert base.to_ros_ns(clocks.now_ns / 1e9 - 0.25) is None
 
 
-def test_nothing_is_logged_of_a_clock_that_runs() -> None:
-    log = Mock()
-    TimeBase(Clocks([]).ros_ns, log)
-    assert log.mock_calls == []
-
-
 def test_a_clock_that_is_switched_to_a_simulation_is_waited_for() -> None:
     clocks, log = Clocks([]), Mock()
     now_ns = clocks.ros_ns

@@ -63,18 +63,6 @@ def test_the_robot_is_the_librarys(parameters: Parameters) -> None:
     assert robots == load_config().parameters
 
 
-def test_the_robot_is_the_guides(parameters: Parameters) -> None:
-    assert parameters["wheel_separation"] == 0.20
-    assert parameters["wheel_radius"] == 0.033
-    assert parameters["counts_per_revolution"] == 360
-    assert parameters["max_velocity_mps"] == 0.4
-    assert parameters["pwm_frequency_hz"] == 20_000
-    no_load_mps = 200 * 2 * math.pi / 60 * parameters["wheel_radius"]
-    friction = PARAMETER_BY_NAME["static_feedforward"].default
-    full_duty = friction + parameters["velocity_feedforward"] * no_load_mps
-    assert full_duty == pytest.approx(1, abs=1e-3)
-
-
 def test_each_is_declared_with_this_type(parameters: Parameters, node: Parameters) -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
     from wheelwire_ros.parameters import ROBOT_PARAMETERS, from_robot

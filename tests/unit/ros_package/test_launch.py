@@ -40,12 +40,6 @@ def test_the_arguments(bringup: LaunchDescription) -> None:
     assert all(argument.description.endswith(".") for argument in declared.values())
 
 
-def test_all_three_nodes_by_default(bringup: LaunchDescription) -> None:
-    nodes = started(bringup)
-    assert set(nodes) == {ROBOT, LIDAR, MODEL}
-    assert {node.output for node in nodes.values()} == {"screen"}
-
-
 def test_without_its_package_there_is_no_lidar_unless_it_is_asked_for(
     bringup: LaunchDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,12 +127,6 @@ def test_a_model_that_xacro_must_convert_first_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=rf"xacro {given} > /mine\.urdf$"):
         started(bringup, model=given)
-
-
-def test_a_lidar_may_be_faster(bringup: LaunchDescription) -> None:
-    assert (
-        _only_parameters(started(bringup, lidar_baud="256000")[LIDAR])["serial_baudrate"] == 256_000
-    )
 
 
 @pytest.mark.parametrize("executable", [ROBOT, LIDAR, MODEL])

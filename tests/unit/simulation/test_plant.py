@@ -51,17 +51,6 @@ def test_a_plant_runs_and_stalls_as_its_data_sheet_says(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PLANTS)
-def test_no_gearbox_gives_more_power_than_it_gets(name: str) -> None:
-    rated = load_plant(name).settings
-    kt = rated["motor.stall_torque_nm"] / rated["motor.stall_current_a"]
-    speed = rated["motor.no_load_rpm"] * 2 * math.pi / 60
-    friction = rated["friction.coulomb_nm"] + rated["friction.viscous_nms"] * speed
-    ohm = rated["motor.supply_v"] / rated["motor.stall_current_a"]
-    emf = (rated["motor.supply_v"] - ohm * friction / kt) / speed
-    assert 0.25 < kt / emf < 0.9
-
-
-@pytest.mark.parametrize("name", PLANTS)
 def test_a_plant_drives_on_the_floor_behind_its_bridge(name: str) -> None:
     plant = load_plant(name).settings
     robot = VirtualRobot(**plant).open()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import pickle
-import subprocess
-import sys
 import time
 import weakref
 from collections.abc import Callable
@@ -16,7 +13,6 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.waiting import wait_until
-from wheelwire import aio
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import (
     DeviceRefused,
@@ -138,25 +134,6 @@ def test_calls_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> None:
     assert [error.why for error in lost] == [LOST]
 
 
-async def test_asyncio_says_it_of_calls_and_to_its_callback() -> None:
-    told: list[str] = []
-    async with aio.open_driver("mock", realtime=False) as robot:
-        robot.on_lost = lambda error: told.append(error.why)
-        robot.simulator.set("estop_open", 1)
-        robot.advance(0.1)
-        with pytest.raises(DeviceRefused) as refused:
-            await robot.clear_estop()
-        robot.unplug()
-        with pytest.raises(LinkLost) as setpoint:
-            robot.set_velocity(0.1, 0.0)
-        with pytest.raises(LinkLost) as request:
-            await robot.stop()
-        while not told:  # the callback is a task of its own
-            await asyncio.sleep(0.001)
-    assert refused.value.why == CONTACT
-    assert told == [setpoint.value.why] == [request.value.why] == [LOST]
-
-
 def test_report_and_error_describe_a_watched_stop_alike() -> None:
     reported: list[Stop] = []
     with mock(realtime=True) as robot:
@@ -245,18 +222,3 @@ def test_a_forgotten_driver_is_closed_although_it_explains_errors() -> None:
     known = weakref.ref(robot)
     del robot
     assert known() is None
-
-
-@each(
-    ("imports", "unwanted"),
-    [
-        ("wheelwire.drivers.serial, wheelwire.drivers.mock", ["log.why"]),
-        ("wheelwire.log.why.explanation", ["log.reader", "link.session"]),  # the table alone
-    ],
-)
-def test_drivers_and_errors_start_without_diagnosis(imports: str, unwanted: list[str]) -> None:
-    code = (
-        f"import sys, {imports}; "
-        f"sys.exit(any(f'wheelwire.{{name}}' in sys.modules for name in {unwanted}))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import tracemalloc
-
 import pytest
 
-from wheelwire.link.info import ROUND_TRIPS, RoundTrips
 from wheelwire.log.why.history import SUPPLY_PERIOD_US, SUPPLY_POINTS, History, Supply
 from wheelwire_protocol.types import Stop
 
@@ -60,20 +57,3 @@ def test_the_supply_has_the_newest_half_hour_in_order() -> None:
         supply.add(int(at_us) + SUPPLY_PERIOD_US - 1, 0.0, driven=False)  # too soon
         if number in (1, 2, SUPPLY_POINTS, SUPPLY_POINTS + 1, 2 * SUPPLY_POINTS, len(added)):
             assert supply.points() == added[:number][-SUPPLY_POINTS:]
-
-
-def test_what_a_link_remembers_takes_no_memory_as_it_fills() -> None:
-    supply, round_trips = Supply(), RoundTrips()
-    tracemalloc.start()
-    try:
-        before, _ = tracemalloc.get_traced_memory()
-        for number in range(SUPPLY_POINTS):
-            supply.add(number * SUPPLY_PERIOD_US, 12.0 + number, driven=False)
-            round_trips.add(1000 + number)
-        grown = tracemalloc.get_traced_memory()[0] - before
-    finally:
-        tracemalloc.stop()
-    assert grown < 1000
-    assert sorted(round_trips.newest_us) == list(
-        range(1000 + SUPPLY_POINTS - ROUND_TRIPS, 1000 + SUPPLY_POINTS)
-    )

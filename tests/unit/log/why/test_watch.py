@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 
 import pytest
 
@@ -118,23 +117,6 @@ def test_a_chip_that_resets_is_reported_and_watched_on() -> None:
         assert causes(reports, 2) == ["task_watchdog", "stop_by_session"]
 
 
-def test_two_watches_report_alike_and_one_outlives_the_other() -> None:
-    first, second = list[Stop](), list[Stop]()
-    with wheelwire.open_driver("mock") as robot:
-        robot.watch_stops(first.append)
-        watch = robot.watch_stops(second.append)
-        drive(robot)
-        robot.stop()
-        assert causes(first, 1) == causes(second, 1) == ["stop_by_session"]
-        # But for the time, which each watch estimates from the exchanges that it has seen.
-        assert first == [replace(second[0], host_us=first[0].host_us)]
-        watch.close()
-        drive(robot)
-        robot.stop()
-        assert causes(first, 2) == ["stop_by_session"] * 2
-    assert len(second) == 1
-
-
 # --- asyncio -----------------------------------------------------------------------------------
 
 
@@ -174,31 +156,6 @@ async def test_a_loop_hears_of_each_stop_in_its_own_thread() -> None:
     assert found == [("program_paused", True), ("estop_by_session", True)]
 
 
-async def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    reports: list[str] = []
-    running = 0
-
-    async def report(stop: Stop) -> None:
-        nonlocal running
-        running += 1
-        assert running == 1
-        await asyncio.sleep(0.2)
-        running -= 1
-        reports.append(stop.cause)
-        raise RuntimeError("mine")
-
-    async with aio.open_driver("mock") as robot:
-        await robot.watch_stops(report)
-        for _ in range(2):
-            await drive_in_loop(robot)
-            await robot.stop()
-        await until(lambda: len(reports) == 2)
-    assert reports == ["stop_by_session"] * 2
-    assert "watch_stops raised an exception" in caplog.text
-
-
 async def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
     closed: list[str] = []
 
@@ -213,18 +170,6 @@ async def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
         await robot.stop()
         await until(lambda: bool(closed))
     assert closed == ["stop_by_session"]
-    assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
-
-
-async def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() -> None:
-    found: list[Stop] = []
-
-    async with aio.open_driver("mock") as robot:
-        await robot.watch_stops(found.append)
-        await drive_in_loop(robot)
-        await robot.close()
-        await asyncio.sleep(0.2)
-    assert found == []
     assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
 
 

@@ -18,12 +18,6 @@ def test_a_line_is_found_from_its_points() -> None:
     assert line.deviation == pytest.approx(0, abs=1e-9)
 
 
-def test_the_deviation_of_a_bent_curve_is_that_of_its_worst_point() -> None:
-    # The line through these is y = x - 1/6: off by 1/3 in the middle, of a greatest speed of 2.
-    line = fit_line([(0.0, 0.0), (1.0, 0.5), (2.0, 2.0)])
-    assert line.deviation == pytest.approx(1 / 6)
-
-
 def _lag(elapsed: float, time_constant_s: float) -> float:
     return 1 - math.exp(-elapsed / time_constant_s) if elapsed > 0 else 0.0
 
@@ -62,10 +56,6 @@ def test_a_rate_is_counted_over_whole_turns() -> None:
     assert travel[-1] / times[-1] > 101
     assert steady_rate(times, travel, 100) == pytest.approx(100, rel=0.005)
     assert steady_rate(times, [-count for count in travel], 100) == pytest.approx(-100, rel=0.005)
-
-
-def test_a_rate_of_less_than_a_turn_is_that_of_all_there_is() -> None:
-    assert steady_rate([0.0, 0.5, 1.0], [0, 20, 40], 100) == 40
 
 
 def test_simc_by_hand() -> None:

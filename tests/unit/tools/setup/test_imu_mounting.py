@@ -47,19 +47,6 @@ def push(roll_deg: float = 0.0, pitch_deg: float = 0.0) -> Vector:
     )
 
 
-def test_there_are_24_mountings() -> None:
-    assert len(MOUNTINGS) == 24
-
-
-@each(("forward", "up"), MOUNTINGS)
-def test_each_is_found(forward: Axis, up: Axis) -> None:
-    rest = in_chip(push(), forward, up)
-    front = raised_axis(rest, in_chip(push(pitch_deg=30), forward, up))
-    left = raised_axis(rest, in_chip(push(roll_deg=30), forward, up))
-    assert upward_axis(rest) is up
-    assert forward_axis(up, front, left) is forward
-
-
 @each(("forward", "up"), MOUNTINGS)
 def test_the_chips_axes_are_those_that_a_sample_was_turned_from(forward: Axis, up: Axis) -> None:
     vector = (1.0, 2.0, 3.0)
@@ -105,11 +92,6 @@ def test_a_lift_over_a_corner_is_refused(sign: int) -> None:
     assert raised_axis(push(), over_a_corner(sign * 61)) is (Axis.Y if sign > 0 else Axis.MINUS_Y)
 
 
-def test_a_print_that_is_a_little_askew_is_no_corner() -> None:
-    assert raised_axis(push(12, -12), push(12, 15)) is Axis.X
-    assert raised_axis(push(12, -12), push(-15, -12)) is Axis.MINUS_Y
-
-
 @pytest.mark.parametrize(
     ("front", "left", "sentence"),
     [
@@ -150,10 +132,6 @@ def test_the_chips_noise_is_rest_and_a_hand_is_not() -> None:
     assert is_steady(mean_of(readings(0.004, 0.08)), *NOISE)
     assert not is_steady(mean_of(readings(0.007, 0.02)), *NOISE)
     assert not is_steady(mean_of(readings(0.001, 0.14)), *NOISE)
-
-
-def test_the_mean_at_rest_is_the_bias() -> None:
-    assert mean_of(readings(*NOISE)).gyro == pytest.approx((0.02, -0.01, 0), abs=0.0002)
 
 
 @pytest.mark.parametrize(
