@@ -40,15 +40,6 @@ def test_control_counters_are_asked_for_with_and_without_waiting(
     assert driver.latest_control_counters() is not None
 
 
-def test_in_virtual_time_too() -> None:
-    with MockDriver(realtime=False) as driver:
-        assert driver.latest_control_counters() is None
-        driver.advance(0.1)
-        counters = driver.latest_control_counters()
-        assert counters is not None
-        assert counters.late_steps == 0
-
-
 def test_only_a_chip_tells_how_much_memory_is_left() -> None:
     with MockDriver(realtime=False) as robot:
         for _ in range(2):

@@ -21,7 +21,7 @@ from wheelwire.robot.robot import Robot
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.testing import Bench, DriverConformance
-from wheelwire_protocol.codes import Chip, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 
 PATIENCE_S = 30.0
 MOCK = {"overrun_limit_us": 1e6, "brake_time_s": 0.2}
@@ -250,20 +250,3 @@ async def test_pins_on_asyncio(chip: GpioChip) -> None:
             await drive(robot)
             robot.set_velocity(0.2, 0.0, ttl=0.5)
         assert not chip.truth()["driven"]
-
-
-async def test_a_simulated_robot_and_its_loss_on_asyncio() -> None:
-    async with aio.open_driver("mock", parameters=MOCK) as robot:
-        assert robot.info.device.board is Chip.SIMULATED
-        await drive(robot)
-        assert robot.simulator.get("true.distance_m") > 0
-        first = robot.sessions
-        robot.unplug()
-        robot.plug()
-        while robot.sessions == first:
-            await robot.read(PATIENCE_S)
-        # The simulator was restarted, so its robot is held.
-        with pytest.raises(errors.DeviceRefused):
-            robot.set_velocity(0.2, 0.0, ttl=0.5)
-        robot.set_velocity(0.0, 0.0)
-        await drive(robot)

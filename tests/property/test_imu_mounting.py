@@ -6,14 +6,12 @@ import math
 from itertools import product
 from typing import NamedTuple
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wheelwire.samples import Vector
 from wheelwire.tools.setup.imu_mounting import (
     GRAVITY_MPS2,
-    Unclear,
     forward_axis,
     in_chip,
     raised_axis,
@@ -93,25 +91,3 @@ def test_it_is_found_by_two_lifts_that_are_about_straight(
     up = upward_axis(rest)
     assert up is robot.up
     assert forward_axis(up, raised_axis(rest, front), raised_axis(rest, left)) is robot.forward
-
-
-@given(robots, LIFTS_DEG, st.sampled_from([45, 135, 225, 315]), st.floats(-8, 8), noises)
-def test_a_lift_over_a_corner_is_refused_whatever_the_mounting(
-    robot: Robot, angle_deg: float, corner_deg: float, astray_deg: float, noise: Vector
-) -> None:
-    level = robot._replace(roll_deg=0.0, pitch_deg=0.0)
-    rest = level.measured((0.0, 0.0, 0.0))
-    with pytest.raises(Unclear, match="between two axes"):
-        raised_axis(rest, level.measured(noise, angle_deg, corner_deg + astray_deg))
-
-
-@given(robots, LIFTS_DEG, st.sampled_from([(180, 90), (0, 270), (90, 0), (0, 0), (90, 90)]))
-def test_mixed_up_sides_never_yield_a_mounting(
-    robot: Robot, angle_deg: float, sides_deg: tuple[float, float]
-) -> None:
-    rest = robot.measured((0.0, 0.0, 0.0))
-    front, left = (
-        raised_axis(rest, robot.measured((0.0, 0.0, 0.0), angle_deg, side)) for side in sides_deg
-    )
-    with pytest.raises(Unclear, match="lift of the front raised"):
-        forward_axis(robot.up, front, left)

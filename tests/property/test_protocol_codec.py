@@ -7,14 +7,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.cases import each
 from support.messages import bodies, definitions, seqs
 from wheelwire_protocol import dtype, types
 from wheelwire_protocol.codec import BY_ID, CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import CRC_RESIDUE, encode_frame, encode_payload
 from wheelwire_protocol.message import Message
-from wheelwire_protocol.messages import MESSAGES
 from wheelwire_protocol.reference import build_payload, crc32, parse_payload
 
 
@@ -38,13 +36,6 @@ def test_dtype_equals_construct(data: st.DataObject, definition: Message, seq: i
         payload[HEADER_SIZE:-CRC_SIZE], dtype(getattr(types, definition.name))
     )
     assert {name: rows[name].item() for name in rows.dtype.names} == body
-
-
-@each("definition", MESSAGES, ids=lambda definition: definition.name)
-def test_sizes_equal_construct(definition: Message) -> None:
-    message_type = getattr(types, definition.name)
-    assert definition.body.sizeof() == definition.body_size == dtype(message_type).itemsize
-    assert message_type._fields == tuple(field.name for field in definition.fields)
 
 
 @given(data=st.binary(max_size=300))

@@ -216,18 +216,6 @@ def test_a_record_that_another_threads_has_overtaken_is_not_lost() -> None:
     assert reader.lost == 7
 
 
-def test_nothing_is_recorded_for_nobody() -> None:
-    line = VirtualLine()
-    reader = listened(line)
-    line.open()
-    line.session.traffic.remove(reader)
-    line.session.traffic.remove(reader)
-    reader.take()
-    line.run(0.5)
-    line.drive()
-    assert reader.take() == []
-
-
 @pytest.mark.parametrize("data", [b"", b"[]", b"{}", b'{"phase": "NOWHERE"}', b"\xff"])
 def test_an_invalid_start_state_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match=r".+"):
