@@ -52,8 +52,9 @@ class Device {
     return this.heard.filter((one) => one.name === name).map((one) => one.fields as Messages[N]);
   }
 
-  state(fields: Partial<Messages["WheelState"]> = {}): void {
-    this.say("WheelState", {
+  /** A state frame of now, at rest. */
+  wheels(fields: Partial<Messages["WheelState"]> = {}): Messages["WheelState"] {
+    return {
       boot_id: this.bootId,
       t_us: (this.nowUs + OFFSET_US) % 2 ** 32,
       left_ticks: 0,
@@ -68,7 +69,11 @@ class Device {
       overruns: 0,
       battery_mv: 0,
       ...fields,
-    });
+    };
+  }
+
+  state(fields: Partial<Messages["WheelState"]> = {}): void {
+    this.say("WheelState", this.wheels(fields));
   }
 
   refuse(name: Name, reference: number, code: number): void {
@@ -118,6 +123,18 @@ function open(): void {
   expect(session.phase).toBe("OPEN");
 }
 
+/** A setpoint that lives for so long. */
+function drive(lifeUs = 300_000): void {
+  session.drive(0.1, 0.1, device.nowUs + lifeUs, device.nowUs);
+}
+
+/** Ask for something; what comes of it will be in the list. */
+function request<N extends "ParameterSave" | "ClearFault" | "ClearEstop">(name: N, fields: Parameters<typeof session.request<N>>[1]): unknown[] {
+  const results: unknown[] = [];
+  session.request(name, fields, (result) => results.push(result), device.nowUs);
+  return results;
+}
+
 /** The error of a call; a test fails if there is none. */
 function errorOf(call: () => void): unknown {
   try {
@@ -155,7 +172,7 @@ describe("hello", () => {
     expect(session.error).toBeInstanceOf(ProtocolMismatch);
     expect(session.error.message).toContain(named);
     expect(session.error.message).toContain("use page and firmware of one release");
-    expect(errorOf(() => { session.drive(0.1, 0.1, 1e6, device.nowUs); })).toBe(session.error);
+    expect(errorOf(drive)).toBe(session.error);
     expect(device.all("SetWheelVelocity")).toEqual([]);
   });
 
@@ -195,12 +212,12 @@ describe("setpoints", () => {
 
   test("are repeated once, unchanged, unless a state frame shows that they arrived", () => {
     open();
-    session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
+    drive();
     device.run(200_000);
     const [first, second, third] = device.all("SetWheelVelocity");
     expect(second).toEqual(first);
     expect(third).toBeUndefined();
-    session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
+    drive();
     device.run(STEP_US);
     device.state({ command_seq: 2, supervisor: SupervisorState.DRIVING });
     device.run(200_000);
@@ -209,7 +226,7 @@ describe("setpoints", () => {
 
   test("are not repeated behind a stop, whose number is above theirs", () => {
     open();
-    session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
+    drive();
     session.stop(() => undefined, device.nowUs);
     device.run(200_000);
     expect(device.all("SetWheelVelocity")).toHaveLength(1);
@@ -218,30 +235,26 @@ describe("setpoints", () => {
 
   test("are refused here if they are too short for the clock's error", () => {
     open();
-    const error = errorOf(() => {
-      session.drive(0.1, 0.1, device.nowUs + 500, device.nowUs);
-    });
+    const error = errorOf(() => { drive(500); });
     expect(error).toBeInstanceOf(Expired);
   });
 
   test("a refusal is reported with the next one, and once", () => {
     open();
-    session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
+    drive();
     device.run(STEP_US);
     device.refuse("SetWheelVelocity", 1, RefusalCode.UNARMED);
     device.run(2 * STEP_US);
-    const error = errorOf(() => {
-      session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
-    });
+    const error = errorOf(drive);
     expect((error as DeviceRefused).code).toBe(RefusalCode.UNARMED);
-    session.drive(0.1, 0.1, device.nowUs + 300_000, device.nowUs);
+    drive();
   });
 
   test("are not sent while the device is latched", () => {
     open();
     device.state({ supervisor: SupervisorState.ESTOPPED });
     device.run(2 * STEP_US);
-    expect(() => { session.drive(0, 0, device.nowUs + 300_000, device.nowUs); }).toThrow(/ESTOPPED/);
+    expect(drive).toThrow(/ESTOPPED/);
   });
 });
 
@@ -249,8 +262,7 @@ describe("requests", () => {
   test("are repeated unchanged, and given up with a time-out", () => {
     open();
     device.mute.add("ParameterSave");
-    const results: unknown[] = [];
-    session.request("ParameterSave", { parameter: 0 }, (result) => results.push(result), device.nowUs);
+    const results = request("ParameterSave", { parameter: 0 });
     // A device that goes on sending: its silence would end the session before.
     for (let i = 0; i < 15; i++) {
       device.state();
@@ -283,8 +295,7 @@ describe("requests", () => {
   test("a refusal names its reason, and an answer of another session counts as foreign", () => {
     open();
     device.mute.add("ClearEstop");
-    const results: unknown[] = [];
-    session.request("ClearEstop", {}, (one) => results.push(one), device.nowUs);
+    const results = request("ClearEstop", {});
     device.run(STEP_US);
     const { request_id } = device.all("ClearEstop")[0] as Messages["ClearEstop"];
     device.say("Ack", { session_id: 99, request_id, message_id: idOf("ClearEstop") });
@@ -298,8 +309,7 @@ describe("requests", () => {
   test("NO_SESSION ends the session and fails what is open", () => {
     open();
     device.mute.add("ClearEstop");
-    const results: unknown[] = [];
-    session.request("ClearEstop", {}, (one) => results.push(one), device.nowUs);
+    const results = request("ClearEstop", {});
     device.run(STEP_US);
     device.refuse("ClearEstop", 2, RefusalCode.NO_SESSION);
     device.run(2 * STEP_US);
@@ -311,21 +321,7 @@ describe("requests", () => {
 test("state frames have the time of the device in 64 bits, and none counts twice", () => {
   open();
   const encoder = new Encoder();
-  const fields: Messages["WheelState"] = {
-    boot_id: BOOT_ID,
-    t_us: (device.nowUs + OFFSET_US) % 2 ** 32,
-    left_ticks: -5,
-    right_ticks: 5,
-    left_mps: 0.5,
-    right_mps: 0.25,
-    left_duty_q15: 32_767,
-    right_duty_q15: -32_767,
-    command_seq: 0,
-    supervisor: SupervisorState.IDLE,
-    faults: 0,
-    overruns: 0,
-    battery_mv: 7400,
-  };
+  const fields = device.wheels({ left_ticks: -5, left_mps: 0.5, right_duty_q15: -32_767, battery_mv: 7400 });
   const [sample] = session.receive(encoder.encode("WheelState", fields), device.nowUs);
   expect(sample?.tUs).toBe(device.nowUs + OFFSET_US);
   expect(sample).toMatchObject(fields);

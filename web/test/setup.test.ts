@@ -97,6 +97,19 @@ interface Outcome {
   readonly result: Wiring | WheelwireError | undefined;
 }
 
+/** Let time pass until something ends; `during` is called after each slice. */
+async function ended<T>(world: World, ends: Promise<T>, during: () => void = () => undefined): Promise<T> {
+  const state = { isOver: false };
+  const end = (): void => { state.isOver = true; };
+  void ends.then(end, end);
+  while (!state.isOver) {
+    world.run(SLICE_US);
+    during();
+    await turn();
+  }
+  return ends;
+}
+
 /** Set a raised robot up; `during` is called after each slice. */
 async function setUp(
   settings: Settings,
@@ -107,23 +120,16 @@ async function setUp(
   for (const [name, value] of Object.entries({ wheels_free: 1, ...settings })) world.simulator.set(name, value);
   const person = new SimulatedPerson(world, answers);
   const robot = new SetupRobot(world.program, () => world.nowUs);
-  const state: { result?: Outcome["result"]; isOver: boolean } = { isOver: false };
-  void setUpWiring(robot, person)
-    .catch((error: unknown) => {
-      if (error instanceof WheelwireError) return error;
-      throw error;
-    })
-    .then((result) => {
-      Object.assign(state, { result, isOver: true });
-    });
-  while (!state.isOver) {
-    world.run(SLICE_US);
+  const found = setUpWiring(robot, person).catch((error: unknown) => {
+    if (error instanceof WheelwireError) return error;
+    throw error;
+  });
+  const result = await ended(world, found, () => {
     during(world, person);
-    await turn();
     if (world.nowUs > LONGEST_US) throw new Error(`it does not end: ${person.asked.join(", ")}`);
-  }
+  });
   robot.release();
-  return { world, person, result: state.result };
+  return { world, person, result };
 }
 
 function messageOf(result: Outcome["result"]): string {
@@ -134,21 +140,13 @@ function wiringOf(wired: readonly number[]): Wiring {
   return Object.fromEntries(CORRECTIONS.map((name, at) => [name, wired[at] ?? 0])) as Wiring;
 }
 
-function parameters(world: World): Promise<Settings> {
-  const names = [...CORRECTIONS, "reversal_duty", "rolling_velocity_mps"] as const;
+async function parameters(world: World): Promise<Settings> {
   const robot = new SetupRobot(world.program, () => world.nowUs);
   const found: Record<string, number> = {};
-  const reading = (async () => {
-    for (const name of names) found[name] = await robot.get(name);
-    return found;
-  })();
-  void (async () => {
-    while (Object.keys(found).length < names.length) {
-      world.run(SLICE_US);
-      await turn();
-    }
-  })();
-  return reading;
+  for (const name of [...CORRECTIONS, "reversal_duty", "rolling_velocity_mps"] as const) {
+    found[name] = await ended(world, robot.get(name));
+  }
+  return found;
 }
 
 const WIRINGS = Array.from({ length: 64 }, (_, bits) => VARIABLES.map((_, at) => (bits >> at) & 1));

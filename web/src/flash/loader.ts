@@ -46,6 +46,11 @@ class PortLost extends FlashFailed {
   }
 }
 
+/** esptool-js waits this long for a chip that it only looks for. */
+const SYNC_MS = 100;
+/** The least time for any other answer: a busy computer passes it on later than within the 0.2 s that esptool-js allows some. */
+const ANSWER_MS = 6_000;
+
 type Esptool = typeof import("esptool-js");
 
 /** The port, as esptool-js needs it. */
@@ -77,7 +82,8 @@ function lineOf({ Transport }: Esptool, port: Handle): Transport {
         }, LOOK_MS);
       });
       try {
-        return await Promise.race([super.read(timeoutMs), lost]);
+        const longest = timeoutMs > SYNC_MS ? Math.max(timeoutMs, ANSWER_MS) : timeoutMs;
+        return await Promise.race([super.read(longest), lost]);
       } finally {
         clearInterval(watch);
       }

@@ -1,6 +1,6 @@
 // A tab that comes back after it was frozen or killed, or its computer asleep: nothing moves late.
 import { expect, planted, serve, test } from "./page.js";
-import { TabBrowser, pause, type Tab } from "./tabs.js";
+import { Tab, pause } from "./tabs.js";
 
 const BROWSERS = 2;
 const EVENTS = 200;
@@ -96,13 +96,8 @@ async function start(tab: Tab): Promise<void> {
 }
 
 /** How many of `events` absences had a late motion. */
-async function lateMotions(
-  url: string,
-  events: number,
-  only?: Way,
-): Promise<number> {
-  const browser = await TabBrowser.start();
-  const tab = await browser.tab(url);
+async function lateMotions(url: string, events: number, only?: Way): Promise<number> {
+  const tab = await Tab.open(url);
   await start(tab);
   let late = 0;
   for (let event = 0; event < events; event++) {
@@ -111,7 +106,7 @@ async function lateMotions(
     const isLate = way === "kill" ? isLateAfterKill(tab) : isLateAfter(tab, way, 340 + ((event * 37) % 60));
     late += Number(await isLate);
   }
-  await browser.stop();
+  await tab.close();
   return late;
 }
 

@@ -1,10 +1,11 @@
-// Tabs of a browser that is driven by nothing but its own protocol: one that can really be frozen.
-// Playwright keeps each page in the foreground, where a browser freezes none.
-import { spawn, type ChildProcess } from "node:child_process";
+// Tabs that can really be frozen: Playwright attaches to their browser without its defaults, which keep
+// each page in the foreground, where a browser freezes none.
+import { spawn } from "node:child_process";
+import { once } from "node:events";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import type { Readable, Writable } from "node:stream";
+import { chromium, type CDPSession, type Page } from "@playwright/test";
 
 const EXECUTABLE = "/usr/bin/chromium";
 const REPLY_MS = 20_000;
@@ -12,107 +13,43 @@ const REPLY_MS = 20_000;
 /** What reaches a tab between its death and its new process is never answered. */
 class NoReply extends Error {}
 
-interface Reply {
-  readonly id?: number;
-  readonly method?: string;
-  readonly sessionId?: string;
-  readonly result?: unknown;
-  readonly error?: { readonly message: string };
-}
-
-/** A browser of its own, on a pipe. */
-export class TabBrowser {
-  readonly #open = new Map<number, (reply: Reply) => void>();
-  readonly #events = new Map<string, () => void>();
-  #number = 0;
-  #unread = "";
-
+/** A tab in front of an empty one, in a browser of its own. */
+export class Tab {
   private constructor(
-    readonly process: ChildProcess,
-    readonly profile: string,
-  ) {
-    (process.stdio[4] as Readable).on("data", (data: Buffer) => {
-      const parts = (this.#unread + data.toString()).split("\0");
-      this.#unread = parts.pop() ?? "";
-      for (const part of parts) this.#take(JSON.parse(part) as Reply);
-    });
-  }
+    readonly page: Page,
+    readonly behind: Page,
+    readonly session: CDPSession,
+    readonly close: () => Promise<void>,
+  ) {}
 
-  static async start(): Promise<TabBrowser> {
+  static async open(url: string): Promise<Tab> {
     const profile = await mkdtemp(join(tmpdir(), "wheelwire-tabs-"));
-    const options = ["--no-sandbox", "--headless=new", "--no-first-run", "--remote-debugging-pipe", "--window-size=400,300"];
-    const child = spawn(EXECUTABLE, [...options, `--user-data-dir=${profile}`, "about:blank"], {
-      stdio: ["ignore", "ignore", "ignore", "pipe", "pipe"],
+    const options = ["--no-sandbox", "--headless=new", "--no-first-run", "--remote-debugging-port=0", "--window-size=400,300"];
+    const child = spawn(EXECUTABLE, [...options, `--user-data-dir=${profile}`, "about:blank"], { stdio: ["ignore", "ignore", "pipe"] });
+    let said = "";
+    child.stderr.on("data", (data: Buffer) => { said += data.toString(); });
+    let address: string | undefined;
+    while ((address = /ws:\S+/.exec(said)?.[0]) === undefined) await pause(15);
+    const browser = await chromium.connectOverCDP(address, { noDefaults: true });
+    const [context] = browser.contexts();
+    if (context === undefined) throw new Error("the browser has no context");
+    const [behind, page] = [await context.newPage(), await context.newPage()];
+    const session = await context.newCDPSession(page);
+    const tab = new Tab(page, behind, session, async () => {
+      child.kill();
+      await once(child, "exit");
+      await rm(profile, { recursive: true, force: true, maxRetries: 5 });
     });
-    return new TabBrowser(child, profile);
-  }
-
-  async stop(): Promise<void> {
-    const ended = new Promise((resolve) => this.process.once("exit", resolve));
-    await this.send("Browser.close");
-    await ended;
-    await rm(this.profile, { recursive: true, force: true, maxRetries: 5 });
-  }
-
-  /** A tab in front of an empty one. */
-  async tab(url: string): Promise<Tab> {
-    const behind = await this.#create("about:blank");
-    const targetId = await this.#create(url);
-    const attached = await this.send("Target.attachToTarget", { targetId, flatten: true });
-    const { sessionId } = attached as { sessionId: string };
-    const tab = new Tab(this, targetId, sessionId, behind);
+    await page.goto(url);
     await tab.send("Debugger.enable");
     await tab.send("Inspector.enable");
     await tab.toFront();
     return tab;
   }
 
-  async #create(url: string): Promise<string> {
-    const created = await this.send("Target.createTarget", { url });
-    return (created as { targetId: string }).targetId;
-  }
-
-  send(method: string, params: object = {}, sessionId?: string): Promise<unknown> {
-    const id = ++this.#number;
-    (this.process.stdio[3] as Writable).write(JSON.stringify({ id, method, params, sessionId }) + "\0");
-    return new Promise((resolve, reject) => {
-      const timer = setTimeout(reject, REPLY_MS, new NoReply(method));
-      this.#open.set(id, ({ result, error }) => {
-        clearTimeout(timer);
-        if (error === undefined) resolve(result);
-        else reject(new Error(`${method}: ${error.message}`));
-      });
-    });
-  }
-
-  /** The next event of this name in a session. */
-  once(method: string, sessionId: string): Promise<void> {
-    return new Promise((resolve) => {
-      this.#events.set(method + sessionId, resolve);
-    });
-  }
-
-  #take(reply: Reply): void {
-    if (reply.id !== undefined) {
-      this.#open.get(reply.id)?.(reply);
-      this.#open.delete(reply.id);
-    } else if (reply.method !== undefined) {
-      this.#events.get(reply.method + (reply.sessionId ?? ""))?.();
-    }
-  }
-}
-
-/** One tab. */
-export class Tab {
-  constructor(
-    readonly browser: TabBrowser,
-    readonly targetId: string,
-    readonly sessionId: string,
-    readonly behind: string,
-  ) {}
-
-  send(method: string, params: object = {}): Promise<unknown> {
-    return this.browser.send(method, params, this.sessionId);
+  send(method: Parameters<CDPSession["send"]>[0], params: object = {}): Promise<unknown> {
+    const reply = this.session.send(method, params);
+    return Promise.race([reply, pause(REPLY_MS).then(() => { throw new NoReply(method); })]);
   }
 
   async evaluate<Result>(action: () => Result): Promise<Result> {
@@ -142,9 +79,8 @@ export class Tab {
   }
 
   async toFront(): Promise<void> {
-    let isHidden = true;
-    while (isHidden) {
-      await this.browser.send("Target.activateTarget", { targetId: this.targetId });
+    for (let isHidden = true; isHidden; ) {
+      await this.session.send("Page.bringToFront");
       await pause(15);
       isHidden = await this.evaluate(() => document.hidden);
     }
@@ -152,7 +88,7 @@ export class Tab {
 
   /** The browser freezes the tab behind another one, and notifies the page of both. */
   async freeze(ms: number): Promise<void> {
-    await this.browser.send("Target.activateTarget", { targetId: this.behind });
+    await this.behind.bringToFront();
     await this.until(() => document.hidden);
     await this.send("Page.setWebLifecycleState", { state: "frozen" });
     await pause(ms);
@@ -162,15 +98,15 @@ export class Tab {
 
   /** Its process is killed, and the browser loads it anew, as when memory was short. */
   async kill(): Promise<void> {
-    const killed = this.browser.once("Inspector.targetCrashed", this.sessionId);
-    this.send("Page.crash").catch(() => undefined); // nobody is left to answer it
+    const killed = new Promise((resolve) => this.session.once("Inspector.targetCrashed", resolve));
+    this.session.send("Page.crash").catch(() => undefined); // nobody is left to answer it
     await killed;
     await this.send("Page.reload");
   }
 
   /** Nothing of the page runs, and nothing announces it: as if the computer slept. */
   async suspend(ms: number): Promise<void> {
-    const paused = this.browser.once("Debugger.paused", this.sessionId);
+    const paused = new Promise((resolve) => this.session.once("Debugger.paused", resolve));
     await this.send("Debugger.pause");
     await paused;
     await pause(ms);
