@@ -254,9 +254,12 @@ void wheelwire_core_fail(wheelwire_core* core) {
 }
 
 size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t* data, size_t size) {
-  return core->line.received.push(data, size);
+  const size_t room = core->line.received.room();
+  if (size > room) size = room;
+  core->line.received.put(data, size);
+  return size;
 }
 
 size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity) {
-  return core->line.to_send.pop(out, capacity);
+  return core->line.to_send.take(out, capacity);
 }

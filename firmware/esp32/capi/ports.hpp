@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "byte_ring.hpp"
+#include "byte_queue.hpp"
 #include "flash_region.hpp"
 #include "hal.hpp"
 #include "latches.hpp"
@@ -70,15 +70,11 @@ class Encoders final : public EncoderPort {
 
 class Line final : public ByteStream {
  public:
-  ByteRing<4096> received;
-  ByteRing<4096> to_send;
+  ByteQueue<4096> received;
+  ByteQueue<4096> to_send;
 
-  size_t read(uint8_t* out, size_t capacity) override { return received.pop(out, capacity); }
-  bool write(const uint8_t* data, size_t size) override {
-    if (size > to_send.room()) return false;
-    to_send.push(data, size);
-    return true;
-  }
+  size_t read(uint8_t* out, size_t capacity) override { return received.take(out, capacity); }
+  bool write(const uint8_t* data, size_t size) override { return to_send.put(data, size); }
   uint32_t bytes_per_second() const override { return 0; }
 };
 

@@ -32,63 +32,51 @@ int32_t memory_shift(float period_s) {
 int32_t to_q16(float value) { return to_fixed(value * 65536.0f); }
 int32_t to_mv(float volts) { return to_fixed(volts * 1000.0f); }
 
-PathGains make_path(const Parameters& parameters) {
-  return {
-      .path_q16 = to_q16(parameters.get(kPathGain)),
-      .heading_q16 = to_q16(parameters.get(kHeadingGain)),
-      .catch_up_q15 = to_q15(parameters.get(kPathCatchUp)),
-      .limit_um = to_umps(parameters.get(kPathErrorLimitM)),
-  };
-}
-
-Supply make_supply(const Parameters& parameters) {
-  const int32_t drop_mv = to_mv(parameters.get(kSupplyDropV));
-  return {
-      .nominal_mv = to_mv(parameters.get(kNominalSupplyV)) - drop_mv,
-      .drop_mv = drop_mv,
-      .unmeasured_mv = to_mv(parameters.get(kUnmeasuredSupplyV)),
-  };
-}
-
-ControllerGains make_gains(const Parameters& parameters, float period_s) {
-  return {
-      .proportional_q24 = to_gain(parameters.get(kProportionalGain), 24),
-      .integral_q32 = to_gain(parameters.get(kIntegralGain) * period_s, 32),
-      .feedforward_q24 = to_gain(parameters.get(kVelocityFeedforward), 24),
-      .acceleration_q24 = to_gain(parameters.get(kAccelerationFeedforward) / period_s, 24),
-      .delay_steps = to_fixed(parameters.get(kVelocityWindowUs) * 0.65e-6f / period_s),
-      .static_q15 = to_q15(parameters.get(kStaticFeedforward)),
-      .margin_q15 = to_q15(parameters.get(kPlausibilityMargin)),
-      .limit_q15 = to_q15(parameters.get(kMaxDuty)),
-      .slew_umps = to_step(parameters.get(kMaxAccelerationMps2) * period_s * 1e6f),
-      .memory_shift = memory_shift(period_s),
-  };
-}
-
-FaultThresholds make_thresholds(const Parameters& parameters) {
-  return {
-      .stall_duty_q15 = to_q15(parameters.get(kStallDuty)),
-      .stall_time_us = to_us(parameters.get(kStallTimeS)),
-      .reversal_duty_q15 = to_q15(parameters.get(kReversalDuty)),
-      .reversal_umps = to_umps(parameters.get(kReversalVelocityMps)),
-  };
-}
-
 }  // namespace
 
 ControlConfig make_config(const Parameters& parameters) {
   const float period_s = 1.0f / parameters.get(kControlRateHz);
   const float um_per_tick =
       2e6f * kPi * parameters.get(kWheelRadius) / parameters.get(kCountsPerRevolution);
+  const int32_t drop_mv = to_mv(parameters.get(kSupplyDropV));
   return {
       .period_us = to_us(period_s),
       .um_per_tick_q10 = to_fixed(um_per_tick * 1024.0f),
       .velocity_window_us = static_cast<uint32_t>(parameters.get(kVelocityWindowUs)),
-      .gains = make_gains(parameters, period_s),
-      .path = make_path(parameters),
-      .faults = make_thresholds(parameters),
+      .gains =
+          {
+              .proportional_q24 = to_gain(parameters.get(kProportionalGain), 24),
+              .integral_q32 = to_gain(parameters.get(kIntegralGain) * period_s, 32),
+              .feedforward_q24 = to_gain(parameters.get(kVelocityFeedforward), 24),
+              .acceleration_q24 = to_gain(parameters.get(kAccelerationFeedforward) / period_s, 24),
+              .delay_steps = to_fixed(parameters.get(kVelocityWindowUs) * 0.65e-6f / period_s),
+              .static_q15 = to_q15(parameters.get(kStaticFeedforward)),
+              .margin_q15 = to_q15(parameters.get(kPlausibilityMargin)),
+              .limit_q15 = to_q15(parameters.get(kMaxDuty)),
+              .slew_umps = to_step(parameters.get(kMaxAccelerationMps2) * period_s * 1e6f),
+              .memory_shift = memory_shift(period_s),
+          },
+      .path =
+          {
+              .path_q16 = to_q16(parameters.get(kPathGain)),
+              .heading_q16 = to_q16(parameters.get(kHeadingGain)),
+              .catch_up_q15 = to_q15(parameters.get(kPathCatchUp)),
+              .limit_um = to_umps(parameters.get(kPathErrorLimitM)),
+          },
+      .faults =
+          {
+              .stall_duty_q15 = to_q15(parameters.get(kStallDuty)),
+              .stall_time_us = to_us(parameters.get(kStallTimeS)),
+              .reversal_duty_q15 = to_q15(parameters.get(kReversalDuty)),
+              .reversal_umps = to_umps(parameters.get(kReversalVelocityMps)),
+          },
       .plausibility_time_us = to_us(parameters.get(kPlausibilityTimeS)),
-      .supply = make_supply(parameters),
+      .supply =
+          {
+              .nominal_mv = to_mv(parameters.get(kNominalSupplyV)) - drop_mv,
+              .drop_mv = drop_mv,
+              .unmeasured_mv = to_mv(parameters.get(kUnmeasuredSupplyV)),
+          },
       .max_velocity_umps = to_umps(parameters.get(kMaxVelocityMps)),
       .velocity_slew_umps = to_step(parameters.get(kMaxAccelerationMps2) * period_s * 1e6f),
       .duty_slew_q15 =

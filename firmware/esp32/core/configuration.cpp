@@ -139,11 +139,6 @@ RefusalCode ActiveConfiguration::refusal() const {
   return RefusalCode::kNone;
 }
 
-RefusalCode ActiveConfiguration::stage_board(const uint8_t* packed) {
-  memcpy(staged_, packed, BoardDescription::kSize);
-  return RefusalCode::kNone;
-}
-
 RefusalCode ActiveConfiguration::stage_peripheral(size_t channel, const uint8_t* packed) {
   if (channel >= kMostPeripherals) return RefusalCode::kOutOfRange;
   auto* const entries = reinterpret_cast<uint8_t*>(staged_) + BoardDescription::kSize + 1;
@@ -196,11 +191,6 @@ RefusalCode ActiveConfiguration::request_trial() {
   if (save()) return RefusalCode::kNone;
   block_.candidate_state = Candidate::kWritten;
   return RefusalCode::kStoreFailed;
-}
-
-void ActiveConfiguration::drop_candidate() {
-  is_fresh_ = false;
-  memset(staged_, 0, sizeof staged_);
 }
 
 }  // namespace wheelwire

@@ -78,7 +78,10 @@ class ActiveConfiguration {
 
   // Each returns kNone, or why it was refused. Not for one that is fixed.
   /// Sets the board that the next `write` stores.
-  RefusalCode stage_board(const uint8_t* packed);
+  RefusalCode stage_board(const uint8_t* packed) {
+    memcpy(staged_, packed, BoardDescription::kSize);
+    return RefusalCode::kNone;
+  }
   RefusalCode stage_peripheral(size_t channel, const uint8_t* packed);
   /// Stores what was set, with that many peripherals, to be tried if a restart is asked for in this
   /// session.
@@ -91,7 +94,10 @@ class ActiveConfiguration {
   /// Whether a restart would try another one.
   bool has_candidate() const { return is_fresh_; }
   /// A new session: what the previous one set, or wrote without a restart, is not tried.
-  void drop_candidate();
+  void drop_candidate() {
+    is_fresh_ = false;
+    memset(staged_, 0, sizeof staged_);
+  }
 
  private:
   /// kWritten: no restart was asked for yet. kRequested: the next start tries it.

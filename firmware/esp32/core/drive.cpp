@@ -25,10 +25,6 @@ uint32_t flags_of(WheelFault left, WheelFault right) {
 
 }  // namespace
 
-int32_t Drive::speed_umps() const {
-  return greater(magnitude(left_.velocity_umps()), magnitude(right_.velocity_umps()));
-}
-
 void Drive::start(const EncoderCounts& counts) {
   left_.start(counts.left);
   right_.start(counts.right);
@@ -149,14 +145,6 @@ void Drive::release() {
   stop_began_ = true;
   left_.release();
   right_.release();
-}
-
-/// True in the first control step after a stop began. The stop may have come a moment before this
-/// step, and the outputs have to stay off for a whole period.
-bool Drive::consume_stop_began() {
-  const bool spent = stop_began_;
-  stop_began_ = false;
-  return spent;
 }
 
 void Drive::keep_stopped(bool brakes) {

@@ -59,14 +59,22 @@ class Drive {
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
   /// Speed of the faster wheel, at least 0.
-  int32_t speed_umps() const;
+  int32_t speed_umps() const {
+    return greater(magnitude(left_.velocity_umps()), magnitude(right_.velocity_umps()));
+  }
   /// Both wheels, as far as their encoders show.
   bool is_still() const { return left_.is_still() && right_.is_still(); }
 
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair corrected(const ControlConfig& config);
-  bool consume_stop_began();
+  /// True in the first control step after a stop began. The stop may have come a moment before this
+  /// step, and the outputs have to stay off for a whole period.
+  bool consume_stop_began() {
+    const bool spent = stop_began_;
+    stop_began_ = false;
+    return spent;
+  }
   bool is_too_fast(uint32_t sum_umps, const ControlConfig& config);
 
   Wheel left_;

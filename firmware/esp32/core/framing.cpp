@@ -104,11 +104,6 @@ void FrameDecoder::check_sequence(uint16_t seq) {
   expected_seq_ = static_cast<uint16_t>(seq + 1);
 }
 
-void FrameDecoder::move_window(uint32_t missed) {
-  missed_[1] = missed_[1] << 1 | missed_[0] >> 31;
-  missed_[0] = missed_[0] << 1 | missed;
-}
-
 void FrameDecoder::note_behind(uint16_t index) {
   uint32_t& word = missed_[index / 32];
   const uint32_t bit = 1U << index % 32;

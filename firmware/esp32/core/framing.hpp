@@ -70,7 +70,10 @@ class FrameDecoder {
   bool finish_chunk(Frame& frame);
   bool decode_cobs(size_t encoded_size);
   void check_sequence(uint16_t seq);
-  void move_window(uint32_t missed);
+  void move_window(uint32_t missed) {
+    missed_[1] = missed_[1] << 1 | missed_[0] >> 31;
+    missed_[0] = missed_[0] << 1 | missed;
+  }
   void note_behind(uint16_t index);
 
   BodySize body_size_;

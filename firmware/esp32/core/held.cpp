@@ -144,10 +144,10 @@ void MessageServer::report_hold(uint64_t now_us) {
   link_.send_body(Hold::kId, body, sizeof body);
 }
 
-void MessageServer::on(const HoldGet& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const HoldGet& request, uint64_t now_us) {
   uint8_t body[Hold::kSize];
   write_hold(request.request_id, now_us, body);
-  answer_afresh(Hold::kId, request.request_id, body, sizeof body);
+  return answer_afresh(Hold::kId, request.request_id, body, sizeof body);
 }
 
 }  // namespace wheelwire

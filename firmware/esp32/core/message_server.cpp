@@ -199,12 +199,9 @@ void MessageServer::on(const Ping& ping, uint64_t now_us) {
 
 template <typename Request>
 void MessageServer::once(const Request& request, uint64_t now_us) {
-  if (!is_new(request.kId, request.session_id, request.request_id)) return;
-  if constexpr (requires { RefusalCode{on(request, now_us)}; }) {
-    conclude(request.kId, request.request_id, on(request, now_us));
-  } else {
-    on(request, now_us);
-  }
+  if (!is_new(Request::kId, request.session_id, request.request_id)) return;
+  const RefusalCode refusal = on(request, now_us);
+  if (refusal != kAnswered) conclude(Request::kId, request.request_id, refusal);
 }
 
 /// True for a request that this session has not seen. A repeat is given its answer again.
@@ -219,14 +216,6 @@ bool MessageServer::is_new(uint8_t message_id, uint32_t session_id, uint16_t req
   return kind == Session::Request::kNew;
 }
 
-RefusalCode MessageServer::on(const ClearEstop&, uint64_t now_us) {
-  return robot_.clear_estop(now_us);
-}
-
-RefusalCode MessageServer::on(const ClearFault&, uint64_t now_us) {
-  return robot_.clear_fault(now_us);
-}
-
 RefusalCode MessageServer::on(const SetStreamRate& request, uint64_t now_us) {
   const auto control_rate_hz =
       static_cast<uint32_t>(robot_.parameters().get(ParameterId::kControlRateHz));
@@ -236,91 +225,76 @@ RefusalCode MessageServer::on(const SetStreamRate& request, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-void MessageServer::on(const ParameterGet& request, uint64_t) {
+RefusalCode MessageServer::on(const ParameterGet& request, uint64_t) {
   if (!Parameters::exists(static_cast<ParameterId>(request.parameter)))
-    return conclude(request.kId, request.request_id, RefusalCode::kUnknownParameter);
-  answer_value(request);
+    return RefusalCode::kUnknownParameter;
+  return answer_value(request);
 }
 
-void MessageServer::on(const ParameterSet& request, uint64_t now_us) {
+RefusalCode MessageServer::on(const ParameterSet& request, uint64_t now_us) {
   const RefusalCode refusal =
       robot_.set_parameter(static_cast<ParameterId>(request.parameter), request.value, now_us);
-  if (refusal != RefusalCode::kNone) return conclude(request.kId, request.request_id, refusal);
-  answer_value(request);
+  return refusal == RefusalCode::kNone ? answer_value(request) : refusal;
 }
 
-RefusalCode MessageServer::on(const ParameterSave& request, uint64_t) {
-  return request.parameter == 0
-             ? robot_.save_all_parameters()
-             : robot_.save_parameter(static_cast<ParameterId>(request.parameter));
-}
-
-RefusalCode MessageServer::on(const ParameterReset&, uint64_t now_us) {
-  return robot_.reset_parameters(now_us);
-}
-
-void MessageServer::on(const ParameterList& request, uint64_t) {
-  if (request.parameter_index >= kParameterCount)
-    return conclude(request.kId, request.request_id, RefusalCode::kOutOfRange);
+RefusalCode MessageServer::on(const ParameterList& request, uint64_t) {
+  if (request.parameter_index >= kParameterCount) return RefusalCode::kOutOfRange;
   const Parameters& parameters = robot_.parameters();
   const ParameterSpec& spec =
       parameters.spec(static_cast<ParameterId>(request.parameter_index + 1));
-  answer(request, ParameterEntry{
-                      .parameter_index = request.parameter_index,
-                      .parameter_count = kParameterCount,
-                      .parameter = static_cast<uint8_t>(spec.id),
-                      .value = parameters.get(spec.id),
-                      .default_value = spec.default_value,
-                      .minimum = spec.minimum,
-                      .maximum = spec.maximum,
-                  });
+  return answer(request, ParameterEntry{
+                             .parameter_index = request.parameter_index,
+                             .parameter_count = kParameterCount,
+                             .parameter = static_cast<uint8_t>(spec.id),
+                             .value = parameters.get(spec.id),
+                             .default_value = spec.default_value,
+                             .minimum = spec.minimum,
+                             .maximum = spec.maximum,
+                         });
 }
 
-void MessageServer::on(const LinkCountersGet& request, uint64_t) {
+RefusalCode MessageServer::on(const LinkCountersGet& request, uint64_t) {
   const ReceiveCounters& received = link_.received();
-  answer(request, LinkCounters{
-                      .frames_received = received.frames,
-                      .frames_sent = link_.frames_sent(),
-                      .bad_crc = received.bad_crc,
-                      .bad_cobs = received.bad_cobs,
-                      .unknown_id = received.unknown_id,
-                      .wrong_length = received.wrong_length,
-                      .seq_lost = received.seq_lost,
-                      .send_dropped = link_.send_dropped(),
-                      .refused = refused_,
-                      .faults_tripped = robot_.faults_tripped(),
-                  });
+  return answer(request, LinkCounters{
+                             .frames_received = received.frames,
+                             .frames_sent = link_.frames_sent(),
+                             .bad_crc = received.bad_crc,
+                             .bad_cobs = received.bad_cobs,
+                             .unknown_id = received.unknown_id,
+                             .wrong_length = received.wrong_length,
+                             .seq_lost = received.seq_lost,
+                             .send_dropped = link_.send_dropped(),
+                             .refused = refused_,
+                             .faults_tripped = robot_.faults_tripped(),
+                         });
 }
 
-void MessageServer::on(const ControlCountersGet& request, uint64_t) {
+RefusalCode MessageServer::on(const ControlCountersGet& request, uint64_t) {
   const EncoderCounts& counts = robot_.encoder_counts();
-  answer(request,
-         ControlCounters{
-             .late_steps = robot_.late_steps(),
-             .latest_step_us = robot_.longest_interval_us(),
-             .saturated_steps = robot_.left().saturated_steps() + robot_.right().saturated_steps(),
-             .left_illegal = counts.left_illegal,
-             .right_illegal = counts.right_illegal,
-         });
+  return answer(request, ControlCounters{
+                             .late_steps = robot_.late_steps(),
+                             .latest_step_us = robot_.longest_interval_us(),
+                             .saturated_steps =
+                                 robot_.left().saturated_steps() + robot_.right().saturated_steps(),
+                             .left_illegal = counts.left_illegal,
+                             .right_illegal = counts.right_illegal,
+                         });
 }
 
-void MessageServer::on(const ContradictionsGet& request, uint64_t) {
-  answer(request, Contradictions{.active = robot_.active_contradictions(),
-                                 .refused = robot_.refused_contradictions()});
-}
-
-RefusalCode MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
-  return robot_.try_parameters(request.action, request.timeout_s, now_us);
+RefusalCode MessageServer::on(const ContradictionsGet& request, uint64_t) {
+  return answer(request, Contradictions{.active = robot_.active_contradictions(),
+                                        .refused = robot_.refused_contradictions()});
 }
 
 // --- answers -------------------------------------------------------------------------------------
 
 /// Answers a request, and keeps the answer for a repeat of it.
 template <typename Request, typename Message>
-void MessageServer::answer(const Request& request, Message message) {
+RefusalCode MessageServer::answer(const Request& request, Message message) {
   message.session_id = session_.id();
   message.request_id = request.request_id;
   keep_and_send(request.request_id, message);
+  return kAnswered;
 }
 
 template <typename Message>
@@ -335,26 +309,27 @@ void MessageServer::keep_and_send(uint16_t request_id, const Message& message) {
 
 /// The answer is not stored: a repeated request is carried out again. Storing the longest answers
 /// would take four times their size.
-void MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body,
-                                  size_t size) {
+RefusalCode MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body,
+                                         size_t size) {
   session_.pass(request_id);
   link_.send_body(id, body, size);
+  return kAnswered;
 }
 
 template <typename Request, typename Message>
-void MessageServer::answer_afresh(const Request& request, Message message) {
+RefusalCode MessageServer::answer_afresh(const Request& request, Message message) {
   message.session_id = session_.id();
   message.request_id = request.request_id;
   uint8_t body[Message::kSize];
   message.encode(body);
-  answer_afresh(Message::kId, message.request_id, body, sizeof body);
+  return answer_afresh(Message::kId, message.request_id, body, sizeof body);
 }
 
 template <typename Request>
-void MessageServer::answer_value(const Request& request) {
+RefusalCode MessageServer::answer_value(const Request& request) {
   const auto id = static_cast<ParameterId>(request.parameter);
-  answer(request,
-         ParameterValue{.parameter = request.parameter, .value = robot_.parameters().get(id)});
+  return answer(request, ParameterValue{.parameter = request.parameter,
+                                        .value = robot_.parameters().get(id)});
 }
 
 void MessageServer::conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal) {
@@ -392,9 +367,9 @@ bool MessageServer::is_served(Group group) const {
   return false;
 }
 
-void MessageServer::on(const GroupGet& request, uint64_t) {
-  answer(request, GroupInfo{.group = request.group,
-                            .hash = is_served(request.group) ? hash_of(request.group) : 0});
+RefusalCode MessageServer::on(const GroupGet& request, uint64_t) {
+  return answer(request, GroupInfo{.group = request.group,
+                                   .hash = is_served(request.group) ? hash_of(request.group) : 0});
 }
 
 RefusalCode MessageServer::on(const Restart&, uint64_t now_us) {
@@ -414,9 +389,8 @@ RefusalCode MessageServer::on(const Restart&, uint64_t now_us) {
 
 // --- the configuration ---------------------------------------------------------------------------
 
-void MessageServer::on(const ConfigurationGet& request, uint64_t) {
-  if (configuration_ == nullptr)
-    return conclude(request.kId, request.request_id, RefusalCode::kNotSupported);
+RefusalCode MessageServer::on(const ConfigurationGet& request, uint64_t) {
+  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   // The message's last fields are the packed board's: its bytes are copied as they are.
   uint8_t body[ConfigurationValue::kSize];
   ConfigurationValue{.session_id = session_.id(),
@@ -426,12 +400,11 @@ void MessageServer::on(const ConfigurationGet& request, uint64_t) {
                      .fingerprint = configuration_->fingerprint()}
       .encode(body);
   configuration_->board().encode(body + sizeof body - BoardDescription::kSize);
-  answer_afresh(ConfigurationValue::kId, request.request_id, body, sizeof body);
+  return answer_afresh(ConfigurationValue::kId, request.request_id, body, sizeof body);
 }
 
-void MessageServer::on(const PeripheralGet& request, uint64_t) {
-  if (configuration_ == nullptr)
-    return conclude(request.kId, request.request_id, RefusalCode::kNotSupported);
+RefusalCode MessageServer::on(const PeripheralGet& request, uint64_t) {
+  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   const PeripheralList& list = configuration_->peripherals();
   uint8_t body[PeripheralValue::kSize];
   PeripheralValue{
@@ -439,7 +412,7 @@ void MessageServer::on(const PeripheralGet& request, uint64_t) {
       .encode(body);
   (request.channel < list.count ? list.entries[request.channel] : Peripheral{})
       .encode(body + sizeof body - Peripheral::kSize);
-  answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
+  return answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
 }
 
 RefusalCode MessageServer::on(const BoardSet& request, uint64_t) {
@@ -464,12 +437,6 @@ RefusalCode MessageServer::check_configuration_change(uint64_t now_us) {
   return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
 }
 
-/// Any other refusal came before the write: it excuses no late step.
-void MessageServer::note_configuration_write(RefusalCode refusal) {
-  if (refusal == RefusalCode::kNone || refusal == RefusalCode::kStoreFailed)
-    robot_.note_write(refusal == RefusalCode::kNone);
-}
-
 RefusalCode MessageServer::on(const ConfigurationWrite& request, uint64_t now_us) {
   RefusalCode refusal = check_configuration_change(now_us);
   if (refusal != RefusalCode::kNone) return refusal;
@@ -492,46 +459,43 @@ RefusalCode MessageServer::on(const ConfigurationConfirm& request, uint64_t now_
 
 // --- the recorder --------------------------------------------------------------------------------
 
-/// Whether what is recorded may be read now; if not, the request is refused. Also with an emergency
-/// stop or a fault latched: just then it is wanted.
-bool MessageServer::is_readable(uint8_t message_id, uint16_t request_id) {
-  RefusalCode refusal = RefusalCode::kNone;
-  if (robot_.state() == SupervisorState::kDriving) refusal = RefusalCode::kNotStopped;
-  if (archive_ == nullptr) refusal = RefusalCode::kNotSupported;
-  if (refusal != RefusalCode::kNone) conclude(message_id, request_id, refusal);
-  return refusal == RefusalCode::kNone;
+/// Why what is recorded cannot be read now. An emergency stop or a fault that is latched is no
+/// reason: just then it is wanted.
+RefusalCode MessageServer::read_refusal() const {
+  if (archive_ == nullptr) return RefusalCode::kNotSupported;
+  const bool drives = robot_.state() == SupervisorState::kDriving;
+  return drives ? RefusalCode::kNotStopped : RefusalCode::kNone;
 }
 
-void MessageServer::on(const BoxGet& request, uint64_t) {
-  if (!is_readable(request.kId, request.request_id)) return;
+RefusalCode MessageServer::on(const BoxGet& request, uint64_t) {
+  if (read_refusal() != RefusalCode::kNone) return read_refusal();
   BoxValue value{.age = request.age};
   archive_->describe(value);
-  answer_afresh(request, value);
+  return answer_afresh(request, value);
 }
 
-void MessageServer::on(const BoxRead& request, uint64_t) {
-  if (!is_readable(request.kId, request.request_id)) return;
+RefusalCode MessageServer::on(const BoxRead& request, uint64_t) {
+  if (read_refusal() != RefusalCode::kNone) return read_refusal();
   BoxPart part{.number = request.number, .offset = request.offset};
   auto* const data = reinterpret_cast<uint8_t*>(part.data);
   part.size =
       static_cast<uint8_t>(archive_->read(request.number, request.offset, data, sizeof part.data));
-  answer_afresh(request, part);
+  return answer_afresh(request, part);
 }
 
-void MessageServer::on(const LedgerGet& request, uint64_t now_us) {
-  if (!is_readable(request.kId, request.request_id)) return;
+RefusalCode MessageServer::on(const LedgerGet& request, uint64_t now_us) {
+  if (read_refusal() != RefusalCode::kNone) return read_refusal();
   LedgerValue value;
   archive_->count(value, now_us);
-  answer_afresh(request, value);
+  return answer_afresh(request, value);
 }
 
 // --- the store -----------------------------------------------------------------------------------
 
-void MessageServer::on(const UnsavedGet& request, uint64_t) {
+RefusalCode MessageServer::on(const UnsavedGet& request, uint64_t) {
   // Reading flash takes time that a control step does not have.
-  if (robot_.state() == SupervisorState::kDriving)
-    return conclude(request.kId, request.request_id, RefusalCode::kNotStopped);
-  answer(request, UnsavedValue{.parameters = robot_.unsaved_parameters()});
+  if (robot_.state() == SupervisorState::kDriving) return RefusalCode::kNotStopped;
+  return answer(request, UnsavedValue{.parameters = robot_.unsaved_parameters()});
 }
 
 // --- sensors, platform ---------------------------------------------------------------------------
@@ -553,14 +517,6 @@ void MessageServer::serve_elsewhere(const Frame& frame, uint64_t now_us) {
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------
-
-void MessageServer::on_transition(Transition transition, uint64_t now_us) {
-  if (session_.is_open()) send_event(EventCode::kSupervisor, transition, now_us);
-}
-
-void MessageServer::on_trial_expired(uint64_t now_us) {
-  send_event(EventCode::kTrialExpired, {{}, robot_.state(), robot_.state()}, now_us);
-}
 
 void MessageServer::on_rolling(int32_t speed_umps, uint64_t now_us) {
   if (!session_.is_open()) return;

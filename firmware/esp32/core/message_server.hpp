@@ -96,14 +96,18 @@ class MessageServer final : public RobotObserver {
            (configuration_ != nullptr && configuration_->is_overdue(now_us));
   }
 
-  void on_transition(Transition transition, uint64_t now_us) override;
-  void on_trial_expired(uint64_t now_us) override;
+  void on_transition(Transition transition, uint64_t now_us) override {
+    if (session_.is_open()) send_event(EventCode::kSupervisor, transition, now_us);
+  }
+  void on_trial_expired(uint64_t now_us) override {
+    send_event(EventCode::kTrialExpired, {{}, robot_.state(), robot_.state()}, now_us);
+  }
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;
   uint32_t sensed() const override { return sensors_ == nullptr ? 0 : sensors_->held(); }
 
   // For SensorMessages and PlatformMessages.
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
-  void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
+  RefusalCode answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
   Link& link() { return link_; }
   uint32_t session_id() const { return session_.id(); }
   uint32_t boot_id() const { return identity_.boot_id; }
@@ -113,6 +117,8 @@ class MessageServer final : public RobotObserver {
  private:
   /// Between two looks at what holds the robot.
   static constexpr uint64_t kLookUs = 20'000;
+  /// The request has got its answer.
+  static constexpr RefusalCode kAnswered{UINT8_MAX};
 
   /// What was last reported in this session of what holds the robot.
   struct Reported {
@@ -134,35 +140,39 @@ class MessageServer final : public RobotObserver {
 
   template <typename... Requests>
   bool serve_once(const Frame& frame, uint64_t now_us);
-  /// Hands a request to its `on` below, unless it is a repeat or of another session. That answers
-  /// by itself, or returns what to conclude with.
+  /// Hands a request to its `on` below, unless it is a repeat or of another session. That returns
+  /// what to conclude with, or kAnswered.
   template <typename Request>
   void once(const Request& request, uint64_t now_us);
-  RefusalCode on(const ClearEstop& request, uint64_t now_us);
-  RefusalCode on(const ClearFault& request, uint64_t now_us);
+  RefusalCode on(const ClearEstop&, uint64_t now_us) { return robot_.clear_estop(now_us); }
+  RefusalCode on(const ClearFault&, uint64_t now_us) { return robot_.clear_fault(now_us); }
   RefusalCode on(const SetStreamRate& request, uint64_t now_us);
-  void on(const ParameterGet& request, uint64_t now_us);
-  void on(const ParameterSet& request, uint64_t now_us);
-  RefusalCode on(const ParameterSave& request, uint64_t now_us);
-  RefusalCode on(const ParameterReset& request, uint64_t now_us);
-  void on(const ParameterList& request, uint64_t now_us);
-  void on(const LinkCountersGet& request, uint64_t now_us);
-  void on(const ControlCountersGet& request, uint64_t now_us);
-  RefusalCode on(const ParameterTrial& request, uint64_t now_us);
-  void on(const GroupGet& request, uint64_t now_us);
+  RefusalCode on(const ParameterGet& request, uint64_t now_us);
+  RefusalCode on(const ParameterSet& request, uint64_t now_us);
+  RefusalCode on(const ParameterSave& request, uint64_t) {
+    return robot_.save_parameters(static_cast<ParameterId>(request.parameter));
+  }
+  RefusalCode on(const ParameterReset&, uint64_t now_us) { return robot_.reset_parameters(now_us); }
+  RefusalCode on(const ParameterList& request, uint64_t now_us);
+  RefusalCode on(const LinkCountersGet& request, uint64_t now_us);
+  RefusalCode on(const ControlCountersGet& request, uint64_t now_us);
+  RefusalCode on(const ParameterTrial& request, uint64_t now_us) {
+    return robot_.try_parameters(request.action, request.timeout_s, now_us);
+  }
+  RefusalCode on(const GroupGet& request, uint64_t now_us);
   RefusalCode on(const Restart& request, uint64_t now_us);
-  void on(const ContradictionsGet& request, uint64_t now_us);
-  void on(const HoldGet& request, uint64_t now_us);
-  void on(const ConfigurationGet& request, uint64_t now_us);
-  void on(const PeripheralGet& request, uint64_t now_us);
+  RefusalCode on(const ContradictionsGet& request, uint64_t now_us);
+  RefusalCode on(const HoldGet& request, uint64_t now_us);
+  RefusalCode on(const ConfigurationGet& request, uint64_t now_us);
+  RefusalCode on(const PeripheralGet& request, uint64_t now_us);
   RefusalCode on(const BoardSet& request, uint64_t now_us);
   RefusalCode on(const PeripheralSet& request, uint64_t now_us);
   RefusalCode on(const ConfigurationWrite& request, uint64_t now_us);
   RefusalCode on(const ConfigurationConfirm& request, uint64_t now_us);
-  void on(const BoxGet& request, uint64_t now_us);
-  void on(const BoxRead& request, uint64_t now_us);
-  void on(const LedgerGet& request, uint64_t now_us);
-  void on(const UnsavedGet& request, uint64_t now_us);
+  RefusalCode on(const BoxGet& request, uint64_t now_us);
+  RefusalCode on(const BoxRead& request, uint64_t now_us);
+  RefusalCode on(const LedgerGet& request, uint64_t now_us);
+  RefusalCode on(const UnsavedGet& request, uint64_t now_us);
   void serve_elsewhere(const Frame& frame, uint64_t now_us);
 
   template <typename Message>
@@ -174,27 +184,31 @@ class MessageServer final : public RobotObserver {
   bool is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id);
 
   template <typename Request, typename Message>
-  void answer(const Request& request, Message message);
+  RefusalCode answer(const Request& request, Message message);
   template <typename Message>
   void keep_and_send(uint16_t request_id, const Message& message);
   template <typename Request, typename Message>
-  void answer_afresh(const Request& request, Message message);
+  RefusalCode answer_afresh(const Request& request, Message message);
   template <typename Request>
-  void answer_value(const Request& request);
+  RefusalCode answer_value(const Request& request);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
 
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
   void report_stores();
   void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
   RefusalCode check_configuration_change(uint64_t now_us);
-  void note_configuration_write(RefusalCode refusal);
+  /// Any other refusal came before the write: it excuses no late step.
+  void note_configuration_write(RefusalCode refusal) {
+    if (refusal == RefusalCode::kNone || refusal == RefusalCode::kStoreFailed)
+      robot_.note_write(refusal == RefusalCode::kNone);
+  }
   uint32_t configuration_held() const;
   uint32_t held(uint64_t now_us) const;
   void write_hold(uint16_t request_id, uint64_t now_us, uint8_t* body) const;
   void report_hold(uint64_t now_us);
   void stream_wheels(uint64_t now_us);
   bool is_served(Group group) const;
-  bool is_readable(uint8_t message_id, uint16_t request_id);
+  RefusalCode read_refusal() const;
 
   Robot& robot_;
   Link link_;

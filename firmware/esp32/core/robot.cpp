@@ -23,12 +23,13 @@ void Robot::start(ResetReason reason, uint64_t now_us) {
   if (store_state_ == Parameters::Load::kDamaged && store_faults_ == 0)
     store_faults_ = fault::kStoreUnreadable;
   apply_parameters();
-  latch();
+  counts_ = hal_.encoders.latch();
+  if (config_.encoders_swapped) counts_ = counts_.exchanged();
   drive_.start(counts_);
   last_step_us_ = now_us;
   const Latches before = latches_.start();
   for (size_t i = 0; i < kStoredBlocks; ++i) {
-    BlockStore* const store = store_of(static_cast<StoredBlock>(i));
+    BlockStore* const store = store_of(i);
     if (store == nullptr) continue;
     if (store->has_lost_copy()) lost_copies_ |= static_cast<uint8_t>(1 << i);
     if (store->is_incomplete()) repairs_ |= static_cast<uint8_t>(1 << i);
@@ -75,11 +76,6 @@ void Robot::finish_step(uint64_t now_us) {
   actuate(now_us);
 }
 
-void Robot::latch() {
-  counts_ = hal_.encoders.latch();
-  if (config_.encoders_swapped) counts_ = counts_.exchanged();
-}
-
 void Robot::note_step(uint64_t now_us, uint16_t battery_mv) {
   recorder_->note_step({.now_us = now_us,
                         .t_us = counts_.t_us,
@@ -90,16 +86,6 @@ void Robot::note_step(uint64_t now_us, uint16_t battery_mv) {
                         .battery_mv = battery_mv,
                         .left_duty_q15 = static_cast<int16_t>(drive_.left().duty_q15()),
                         .right_duty_q15 = static_cast<int16_t>(drive_.right().duty_q15())});
-}
-
-void Robot::report_failure(uint32_t faults) {
-  failures_ |= faults;
-  if (recorder_ != nullptr) recorder_->note_failure(faults);
-}
-
-void Robot::note_write(bool done) {
-  note_stall();
-  if (recorder_ != nullptr) recorder_->note_store(done, hal_.store.faults());
 }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
@@ -131,32 +117,10 @@ bool Robot::contact_is_open() {
   return is_open;
 }
 
-void Robot::check_contact(uint64_t now_us) {
-  const bool is_open = contact_is_open();
-  if (is_open != contact_open_) note_contact(is_open, now_us);
-}
-
-/// The contact acts when it opens: as long as it is open, the e-stop is latched.
-void Robot::note_contact(bool is_open, uint64_t now_us) {
-  contact_open_ = is_open;
-  if (is_open) estop(EstopSource::kContact, now_us);
-}
-
 void Robot::actuate(uint64_t now_us) {
   if (!supervisor_.may_drive()) return stand_still(now_us);
   if (forbidden() != 0) return actuate_within_reflexes(now_us);
   follow();
-}
-
-void Robot::follow() {
-  rolling_.reset();
-  drive_.follow(setpoint_.mode, target_, config_);
-}
-
-/// Nothing drives, so the robot may roll.
-void Robot::keep_stopped(bool brakes, uint64_t now_us) {
-  drive_.keep_stopped(brakes);
-  note_speed(now_us);
 }
 
 void Robot::note_speed(uint64_t now_us) {
@@ -188,21 +152,14 @@ void Robot::sync_latches(bool brakes, uint64_t now_us) {
   }
 }
 
-BlockStore* Robot::store_of(StoredBlock block) {
-  switch (block) {
-    case StoredBlock::kConfiguration:
-      return hal_.configuration;
-    case StoredBlock::kParameterValues:
-      return &hal_.store;
-    case StoredBlock::kLatches:
-      return &hal_.latch_store;
-  }
-  return nullptr;
+BlockStore* Robot::store_of(size_t block) {
+  BlockStore* const stores[kStoredBlocks] = {hal_.configuration, &hal_.store, &hal_.latch_store};
+  return stores[block];
 }
 
 void Robot::repair_one(uint64_t now_us) {
-  const int block = __builtin_ctz(repairs_);
-  const bool done = store_of(static_cast<StoredBlock>(block))->repair();
+  const auto block = static_cast<size_t>(__builtin_ctz(repairs_));
+  const bool done = store_of(block)->repair();
   if (done) repairs_ &= static_cast<uint8_t>(~(1 << block));
   if (!done) next_repair_us_ = now_us + kRepairIntervalUs;
   note_write(done);
@@ -256,12 +213,6 @@ void Robot::estop(EstopSource source, uint64_t now_us) {
         source == EstopSource::kContact   ? StopCause::kEstopContact
         : source == EstopSource::kSession ? StopCause::kEstopSession
                                           : StopCause::kEstopOther);
-}
-
-/// At least as strong as any other stop, unless it is set to coast.
-StopMode Robot::estop_mode() const {
-  if (config_.estop_mode == StopMode::kCoast) return StopMode::kCoast;
-  return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode : config_.estop_mode;
 }
 
 /// A robot that is too fast is not left to roll on. A power stage that reports a fault is to be
@@ -415,7 +366,9 @@ RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   // On trial the order of several values must not matter: they are judged together, by KEEP. What
   // the robot is driving with is judged at once.
-  const uint32_t contradicting = contradictions_with(id, value) & ~contradictions_;
+  Parameters changed = parameters_;
+  changed.set(id, value);
+  const uint32_t contradicting = contradictions(changed, board_.max_pwm_hz) & ~contradictions_;
   if (contradicting != 0 && (!trial_.runs() || supervisor_.may_drive())) {
     refused_contradictions_ = contradicting;
     return RefusalCode::kContradiction;
@@ -426,23 +379,12 @@ RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-uint32_t Robot::contradictions_with(ParameterId id, float value) const {
-  Parameters changed = parameters_;
-  changed.set(id, value);
-  return contradictions(changed, board_.max_pwm_hz);
-}
-
-RefusalCode Robot::save_parameter(ParameterId id) {
-  if (!Parameters::exists(id)) return RefusalCode::kUnknownParameter;
+RefusalCode Robot::save_parameters(ParameterId id) {
+  const bool all = id == kAllParameters;
+  if (!all && !Parameters::exists(id)) return RefusalCode::kUnknownParameter;
   const RefusalCode refusal = check_stopped();
   if (refusal != RefusalCode::kNone) return refusal;
-  return conclude_save(parameters_.save_one(hal_.store, id));
-}
-
-RefusalCode Robot::save_all_parameters() {
-  const RefusalCode refusal = check_stopped();
-  if (refusal != RefusalCode::kNone) return refusal;
-  return conclude_save(parameters_.save(hal_.store));
+  return conclude_save(all ? parameters_.save(hal_.store) : parameters_.save_one(hal_.store, id));
 }
 
 RefusalCode Robot::check_stopped() const {

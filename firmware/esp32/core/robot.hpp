@@ -83,7 +83,10 @@ class Robot {
   void expect_sensors() { note_reflexes(reflex::kUnread); }
   /// Sets FAULT until the next reset, with these flags of `fault`: a motor or encoder peripheral
   /// did not start, or there is no board.
-  void report_failure(uint32_t faults);
+  void report_failure(uint32_t faults) {
+    failures_ |= faults;
+    if (recorder_ != nullptr) recorder_->note_failure(faults);
+  }
 
   /// Call it with every setpoint that is refused, here or before it came here: it shows that a
   /// program goes on sending.
@@ -101,12 +104,14 @@ class Robot {
   /// The board that was on trial is confirmed.
   void note_board_confirmed() { board_.on_trial = false; }
 
+  static constexpr ParameterId kAllParameters{0};
+
   // Each returns kNone, or why it was refused.
   RefusalCode clear_estop(uint64_t now_us);
   RefusalCode clear_fault(uint64_t now_us);
   RefusalCode set_parameter(ParameterId id, float value, uint64_t now_us);
-  RefusalCode save_parameter(ParameterId id);
-  RefusalCode save_all_parameters();
+  /// One, or kAllParameters.
+  RefusalCode save_parameters(ParameterId id);
   RefusalCode reset_parameters(uint64_t now_us);
   /// Why the chip must not be stalled now, as by a write to flash.
   RefusalCode check_stopped() const;
@@ -122,7 +127,10 @@ class Robot {
   /// Something was written to flash: the next control step may be late.
   void note_stall() { stalled_ = true; }
   /// As `note_stall`, with the result of the write.
-  void note_write(bool done);
+  void note_write(bool done) {
+    note_stall();
+    if (recorder_ != nullptr) recorder_->note_store(done, hal_.store.faults());
+  }
   RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
   SupervisorState state() const { return supervisor_.state(); }
@@ -179,7 +187,6 @@ class Robot {
   uint32_t longest_interval_us() const { return longest_interval_us_; }
 
  private:
-  void latch();
   void note_step(uint64_t now_us, uint16_t battery_mv);
   uint32_t check_timing(uint64_t now_us);
   void trip(uint32_t faults, uint64_t now_us) {
@@ -188,8 +195,15 @@ class Robot {
   }
   void latch_faults(uint32_t faults, uint64_t now_us);
   bool contact_is_open();
-  void check_contact(uint64_t now_us);
-  void note_contact(bool is_open, uint64_t now_us);
+  void check_contact(uint64_t now_us) {
+    const bool is_open = contact_is_open();
+    if (is_open != contact_open_) note_contact(is_open, now_us);
+  }
+  /// The contact acts when it opens: as long as it is open, the e-stop is latched.
+  void note_contact(bool is_open, uint64_t now_us) {
+    contact_open_ = is_open;
+    if (is_open) estop(EstopSource::kContact, now_us);
+  }
   bool is_latched() const { return setpoint_refusal(supervisor_.state()) != RefusalCode::kNone; }
   void actuate_within_reflexes(uint64_t now_us);
   void hold_off(uint64_t now_us);
@@ -202,8 +216,15 @@ class Robot {
   /// defaults that nobody chose for it.
   uint32_t lasting_faults() const { return store_faults_ | failures_; }
   void actuate(uint64_t now_us);
-  void follow();
-  void keep_stopped(bool brakes, uint64_t now_us);
+  void follow() {
+    rolling_.reset();
+    drive_.follow(setpoint_.mode, target_, config_);
+  }
+  /// Nothing drives, so the robot may roll.
+  void keep_stopped(bool brakes, uint64_t now_us) {
+    drive_.keep_stopped(brakes);
+    note_speed(now_us);
+  }
   void stand_still(uint64_t now_us);
   void sync_latches(bool brakes, uint64_t now_us);
   bool arm(const Setpoint& setpoint, uint64_t now_us);
@@ -215,7 +236,12 @@ class Robot {
   void begin_motion();
   void end_motion(StopCause cause, uint64_t now_us);
   StopCause cause_of(uint32_t new_faults) const;
-  StopMode estop_mode() const;
+  /// At least as strong as any other stop, unless it is set to coast.
+  StopMode estop_mode() const {
+    if (config_.estop_mode == StopMode::kCoast) return StopMode::kCoast;
+    return config_.stop_mode == StopMode::kBrakeUntilDriven ? config_.stop_mode
+                                                            : config_.estop_mode;
+  }
   StopMode mode_at(uint32_t new_faults) const;
   template <typename Begin>
   void change_action(Begin begin);
@@ -226,10 +252,10 @@ class Robot {
   void check_trial(uint64_t now_us);
   RefusalCode keep_trial();
   RefusalCode extend_trial(bool begins, float timeout_s, uint64_t now_us);
-  uint32_t contradictions_with(ParameterId id, float value) const;
   WheelPair limited(const Setpoint& setpoint) const;
   RefusalCode conclude_save(bool saved);
-  BlockStore* store_of(StoredBlock block);
+  /// By StoredBlock; nullptr: there is none.
+  BlockStore* store_of(size_t block);
   void repair_one(uint64_t now_us);
 
   static constexpr uint64_t kRunDownUs = 2'000'000;

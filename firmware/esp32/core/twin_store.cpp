@@ -153,15 +153,6 @@ uint8_t TwinStore::existing() {
   return flags;
 }
 
-bool TwinStore::records(uint8_t flag) {
-  Copy content;
-  return find(content) >= 0 && (content.records & flag) != 0;
-}
-
-bool TwinStore::exists() {
-  return read(0).state != State::kEmpty || read(1).state != State::kEmpty;
-}
-
 /// Both copies are empty. Whether there was a block.
 bool TwinStore::is_gone() {
   if (recorder_ != nullptr) return recorder_->records(flag_);

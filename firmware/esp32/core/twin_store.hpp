@@ -51,9 +51,12 @@ class TwinStore final : public BlockStore {
   bool write(int copy, const Copy& content, const uint8_t* data);
   bool note(uint8_t flag);
   uint8_t existing();
-  bool records(uint8_t flag);
+  bool records(uint8_t flag) {
+    Copy content;
+    return find(content) >= 0 && (content.records & flag) != 0;
+  }
   /// Whether a copy holds anything, be it damaged.
-  bool exists();
+  bool exists() { return read(0).state != State::kEmpty || read(1).state != State::kEmpty; }
   bool is_gone();
 
   BlockStore* copies_[2];

@@ -8,28 +8,20 @@
 namespace wheelwire::wire {
 
 template <size_t kSize>
-struct UnsignedOf;
-template <>
-struct UnsignedOf<1> {
-  using Type = uint8_t;
-};
-template <>
-struct UnsignedOf<2> {
-  using Type = uint16_t;
-};
-template <>
-struct UnsignedOf<4> {
-  using Type = uint32_t;
-};
-template <>
-struct UnsignedOf<8> {
-  using Type = uint64_t;
-};
+constexpr auto zero_of_size() {
+  if constexpr (kSize == 1) return uint8_t{};
+  if constexpr (kSize == 2) return uint16_t{};
+  if constexpr (kSize == 4) return uint32_t{};
+  if constexpr (kSize == 8) return uint64_t{};
+}
+/// As wide as a number.
+template <typename T>
+using UnsignedOf = decltype(zero_of_size<sizeof(T)>());
 
 // Shifts by one byte only: on RV32 a 64-bit shift by a variable number of bits is a library call.
 template <typename T>
 void put(uint8_t*& out, T value) {
-  typename UnsignedOf<sizeof(T)>::Type bits;
+  UnsignedOf<T> bits;
   memcpy(&bits, &value, sizeof bits);
   for (size_t i = 0; i < sizeof bits; ++i) {
     *out++ = static_cast<uint8_t>(bits);
@@ -39,7 +31,7 @@ void put(uint8_t*& out, T value) {
 
 template <typename T>
 void get(const uint8_t*& in, T& value) {
-  typename UnsignedOf<sizeof(T)>::Type bits = 0;
+  UnsignedOf<T> bits = 0;
   for (size_t i = sizeof bits; i > 0; --i) {
     bits = static_cast<decltype(bits)>(bits << 8 | in[i - 1]);
   }

@@ -11,20 +11,14 @@ namespace wheelwire::explore {
 class BatteryWitness {
  public:
   /// The chip was reset. What it knew of STOP it keeps, unless the power was off.
-  void resets(bool loses_memory) {
-    const Stopped stopped = loses_memory ? Stopped::kNo : stopped_at_reset();
-    *this = {};
-    stopped_ = stopped;
-  }
+  void resets(bool loses_memory) { forget(loses_memory ? Stopped::kNo : stopped_at_reset()); }
 
   /// The firmware starts with this list.
   void start(const PeripheralList& list) {
-    const Stopped stopped = stopped_;
-    *this = {};
-    stopped_ = stopped;
+    forget(stopped_);
     for (const Peripheral& entry : list)
       if (entry.kind == PeripheralKind::kBattery && is_guarded(entry)) levels_ = entry;
-    if (stopped == Stopped::kYes) {
+    if (stopped_ == Stopped::kYes) {
       has_level_ = true;
       level_ = kEmpty;
     }
@@ -34,7 +28,7 @@ class BatteryWitness {
   /// or nullptr.
   const char* reads(uint16_t millivolts, uint64_t now_us) {
     if (!is_guarded(levels_)) return nullptr;
-    if (first_us_ == kNever) first_us_ = seen_us_ = now_us;
+    if (seen_us_ == kNever) seen_us_ = now_us;
     if (millivolts != 0) {
       const bool is_first = !is_read_;
       is_read_ = true;
@@ -95,6 +89,12 @@ class BatteryWitness {
 
   /// Whether it was at STOP when the chip was reset.
   enum class Stopped { kNo, kPerhaps, kYes };
+
+  /// All but what it knows of STOP.
+  void forget(Stopped stopped) {
+    *this = {};
+    stopped_ = stopped;
+  }
 
   static uint8_t of(Level level) {
     return level == kEmpty ? reflex::kStop : level == kLimited ? reflex::kLimit : 0u;
@@ -192,9 +192,8 @@ class BatteryWitness {
 
   Peripheral levels_{};
   Stopped stopped_ = Stopped::kNo;
-  uint64_t first_us_ = kNever;
-  uint64_t seen_us_ = 0;  ///< When it was last other than 0 mV.
-  uint64_t read_us_ = 0;  ///< When a control step last read it.
+  uint64_t seen_us_ = kNever;  ///< When it was last other than 0 mV, or first read.
+  uint64_t read_us_ = 0;       ///< When a control step last read it.
   bool is_read_ = false;
   bool is_broken_ = false;
   bool has_level_ = false;

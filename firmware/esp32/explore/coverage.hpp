@@ -12,10 +12,6 @@ class Coverage {
   /// Once more: a table, and its cell's keys in words.
   void count(const std::string& table, const std::string& cell) { ++counts_[table][cell]; }
 
-  void add(const Coverage& other) {
-    for (const auto& [table, cells] : other.counts_)
-      for (const auto& [cell, count] : cells) counts_[table][cell] += count;
-  }
   /// A line for each cell: table, its keys, and how often it was seen, by tabs.
   std::string text() const {
     std::string text;

@@ -34,11 +34,14 @@ class Host {
 
   template <typename Message>
   Bytes frame(const Message& message) {
-    Body body{.id = Message::kId, .bytes = Bytes(Message::kSize)};
-    message.encode(body.bytes.data());
-    sent_.push_back(body);
+    Bytes body(Message::kSize);
+    message.encode(body.data());
+    return frame(Message::kId, body);
+  }
+  Bytes frame(uint8_t id, const Bytes& body) {
+    sent_.push_back({id, body});
     if (sent_.size() > kKept) sent_.erase(sent_.begin());
-    return frame_of(body);
+    return frame_of(sent_.back());
   }
   /// Repeats the message before the last `back` ones; empty if there is none.
   Bytes repeated(size_t back) {
@@ -57,15 +60,11 @@ class Host {
   }
 
  private:
-  struct Body {
-    uint8_t id;
-    Bytes bytes;
-  };
   static constexpr size_t kKept = 8;
 
-  Bytes frame_of(const Body& body) {
+  Bytes frame_of(const Seen& sent) {
     Bytes frame(kMaxFrame);
-    frame.resize(encode_frame(body.id, seq_++, body.bytes.data(), body.bytes.size(), frame.data()));
+    frame.resize(encode_frame(sent.id, seq_++, sent.body.data(), sent.body.size(), frame.data()));
     return frame;
   }
 
@@ -74,7 +73,7 @@ class Host {
   uint16_t request_id_ = 0;
   uint32_t command_seq_ = 0;
   uint16_t seq_ = 0;
-  std::vector<Body> sent_;
+  std::vector<Seen> sent_;
 };
 
 }  // namespace wheelwire::explore

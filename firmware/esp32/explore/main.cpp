@@ -12,6 +12,7 @@
 // scenario that breaks it is in the folder.
 #include <sys/resource.h>
 
+#include <cinttypes>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -20,10 +21,8 @@
 #include <string>
 #include <vector>
 
-#include "coverage.hpp"
 #include "exhaustive.hpp"
 #include "generator.hpp"
-#include "rules.hpp"
 #include "shrink.hpp"
 
 namespace wheelwire::explore {
@@ -58,10 +57,11 @@ std::string title(const Finding& finding) {
 
 /// Writes the shortest scenario, and says what it breaks.
 void report(const Options& options, const Scenario& scenario, const Outcome& outcome) {
-  std::printf("broken\t%s\tseed %llu, operation %zu\n", title(outcome.finding).c_str(),
-              static_cast<unsigned long long>(scenario.seed), outcome.operations);
+  std::printf("broken\t%s\tseed %" PRIu64 ", operation %zu\n", title(outcome.finding).c_str(),
+              scenario.seed, outcome.operations);
   std::fflush(stdout);
-  const Scenario shortest = shrink(scenario, outcome.finding.rule, options.shrink_seconds);
+  const Scenario shortest =
+      Shrinker(scenario, outcome.finding.rule, options.shrink_seconds).shortest();
   Coverage unused;
   const Outcome again = carry_out(shortest, unused);
   const std::string path = options.folder + "/" + code_of(outcome.finding.rule) + "-" +
@@ -89,25 +89,25 @@ int carry_out_each(const Options& options, Next next) {
     if (found) report(options, *scenario, outcome);
   }
   std::fputs(coverage.text().c_str(), stdout);
-  std::printf("ran\tscenarios\t%llu\nran\trobot seconds\t%.0f\nran\tcpu seconds\t%.2f\n",
-              static_cast<unsigned long long>(count), robot_seconds, cpu_seconds() - cpu_begin);
+  std::printf("ran\tscenarios\t%" PRIu64 "\nran\trobot seconds\t%.0f\nran\tcpu seconds\t%.2f\n",
+              count, robot_seconds, cpu_seconds() - cpu_begin);
   return found ? 1 : 0;
 }
 
 int explore(const Options& options) {
   return carry_out_each(options, [&](uint64_t index) -> std::optional<Scenario> {
     if (index >= options.count) return std::nullopt;
-    return generate(options.seed + index * options.every);
+    return Generator(options.seed + index * options.every).scenario();
   });
 }
 
 /// Every so many of the combinations.
 int visit_all(const Options& options) {
-  const std::vector<Scenario> scenarios = all_combinations();
+  const std::vector<Operations> all = all_combinations();
   return carry_out_each(options, [&](uint64_t index) -> std::optional<Scenario> {
     const size_t at = options.part + index * options.parts;
-    if (at >= scenarios.size()) return std::nullopt;
-    return scenarios[at];
+    if (at >= all.size()) return std::nullopt;
+    return Scenario{.seed = 1, .operations = all[at]};
   });
 }
 
@@ -187,7 +187,7 @@ int main(int count, char** words) {
     return 0;
   }
   if (options.print) {
-    std::fputs(to_text(generate(options.seed)).c_str(), stdout);
+    std::fputs(to_text(Generator(options.seed).scenario()).c_str(), stdout);
     return 0;
   }
   if (options.parts != 0) return visit_all(options);

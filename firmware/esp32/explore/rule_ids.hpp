@@ -58,9 +58,18 @@ consteval Rule operator""_rule(const char* name, size_t size) {
   return Rule{index};
 }
 
-std::string code_of(Rule rule);
 inline std::string_view name_of(Rule rule) { return kRules[static_cast<size_t>(rule)]; }
-std::optional<Rule> rule_called(std::string_view code);
+
+inline std::string code_of(Rule rule) {
+  const size_t number = static_cast<size_t>(rule) + 1;
+  return (number < 10 ? "S0" : "S") + std::to_string(number);
+}
+
+inline std::optional<Rule> rule_called(std::string_view code) {
+  for (size_t i = 0; i < std::size(kRules); ++i)
+    if (code == code_of(Rule(i))) return Rule(i);
+  return std::nullopt;
+}
 
 /// Something is wrong; `text` says what. Empty: nothing is.
 struct Finding {

@@ -1,8 +1,10 @@
 // The shortest scenario that still breaks the same rule.
 #pragma once
 
-#include "operation.hpp"
-#include "rule_ids.hpp"
+#include <chrono>
+#include <cmath>
+
+#include "run.hpp"
 
 namespace wheelwire::explore {
 
@@ -14,11 +16,100 @@ struct Outcome {
   bool found() const { return !finding.text.empty(); }
 };
 
-class Coverage;
+inline Outcome carry_out(const Scenario& scenario, Coverage& coverage) {
+  Run run(scenario, coverage);
+  Outcome outcome;
+  for (const Operation& operation : scenario.operations) {
+    ++outcome.operations;
+    if (!run.apply(operation)) break;
+  }
+  if (run.finding()) outcome.finding = *run.finding();
+  outcome.seconds = run.seconds();
+  return outcome;
+}
 
-Outcome carry_out(const Scenario& scenario, Coverage& coverage);
+class Shrinker {
+ public:
+  /// For at most so many seconds.
+  Shrinker(Scenario scenario, Rule rule, double seconds)
+      : best_(std::move(scenario)),
+        rule_(rule),
+        end_(Clock::now() + std::chrono::milliseconds(static_cast<int64_t>(seconds * 1e3))) {}
 
-/// Leaves out operations, and shortens times and rounds numbers, for at most so many seconds.
-Scenario shrink(const Scenario& scenario, Rule rule, double seconds);
+  /// Leaves out operations, and shortens times and rounds numbers.
+  Scenario shortest() {
+    cut_tail();
+    for (bool progress = true; progress && !is_over();) {
+      progress = leave_out();
+      progress = simplify() || progress;
+    }
+    return best_;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  bool is_over() const { return Clock::now() >= end_; }
+
+  /// If it still breaks the rule.
+  bool take(Scenario candidate) {
+    if (is_over()) return false;
+    Coverage unused;
+    const Outcome outcome = carry_out(candidate, unused);
+    const bool still_breaks = outcome.found() && outcome.finding.rule == rule_;
+    if (still_breaks) best_ = std::move(candidate);
+    return still_breaks;
+  }
+
+  void cut_tail() {
+    Coverage unused;
+    const Outcome outcome = carry_out(best_, unused);
+    best_.operations.resize(outcome.operations);
+  }
+
+  /// Parts of half the scenario, then of a quarter, and so on.
+  bool leave_out() {
+    bool progress = false;
+    for (size_t part = std::max<size_t>(1, best_.operations.size() / 2);; part /= 2) {
+      for (size_t at = 0; at < best_.operations.size() && !is_over();) {
+        Scenario candidate = best_;
+        const auto begin = candidate.operations.begin() + static_cast<std::ptrdiff_t>(at);
+        const size_t count = std::min(part, candidate.operations.size() - at);
+        candidate.operations.erase(begin, begin + static_cast<std::ptrdiff_t>(count));
+        if (take(std::move(candidate))) {
+          progress = true;
+        } else {
+          at += part;
+        }
+      }
+      if (part <= 1) return progress;
+    }
+  }
+
+  bool simplify() {
+    bool progress = false;
+    for (size_t at = 0; at < best_.operations.size(); ++at) {
+      for (size_t i = 0; i < kMostArguments && !is_over(); ++i) {
+        const double value = best_.operations[at].values[i];
+        if (value == 0.0 || !std::isfinite(value)) continue;
+        const double digits = std::pow(10.0, std::floor(std::log10(std::abs(value))));
+        for (const double simpler : {0.0, value / 2.0 > 1e3 ? std::floor(value / 2.0) : value,
+                                     std::round(value / digits) * digits}) {
+          if (simpler == value) continue;
+          Scenario candidate = best_;
+          candidate.operations[at].values[i] = simpler;
+          if (!take(std::move(candidate))) continue;
+          progress = true;
+          break;
+        }
+      }
+    }
+    return progress;
+  }
+
+  Scenario best_;
+  Rule rule_;
+  Clock::time_point end_;
+};
 
 }  // namespace wheelwire::explore

@@ -11,6 +11,7 @@
 // frames may be lost; every other frame has to be delivered, in order.
 // A delivered message is wrong when no frame of the row has its id and body. One that equals an
 // original is not wrong: damage can repeat a whole frame, and the layers above handle repeats.
+#include <cinttypes>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -49,13 +50,9 @@ bool parse(int argc, char** argv, Options& options) {
 }
 
 bool report(const char* name, const Findings& found) {
-  std::printf(
-      "%-12s %12llu injected %12llu refused by CRC %3llu by id or length "
-      "%3llu wrong %3llu lost\n",
-      name, static_cast<unsigned long long>(found.injected),
-      static_cast<unsigned long long>(found.reached_crc),
-      static_cast<unsigned long long>(found.passed_crc),
-      static_cast<unsigned long long>(found.wrong), static_cast<unsigned long long>(found.lost));
+  std::printf("%-12s %12" PRIu64 " injected %12" PRIu64 " refused by CRC %3" PRIu64
+              " by id or length %3" PRIu64 " wrong %3" PRIu64 " lost\n",
+              name, found.injected, found.reached_crc, found.passed_crc, found.wrong, found.lost);
   std::fflush(stdout);
   return found.aims_met();
 }
@@ -67,18 +64,19 @@ bool flip_bits(const Options& options, const Bytes& ids) {
   return report("bit flips", found);
 }
 
-bool splice_rows(const Options& options, const Bytes& ids, const DamageName& kind) {
-  sim::Random random(options.seed * std::size(kDamages) + static_cast<uint64_t>(kind.damage));
+bool splice_rows(const Options& options, const Bytes& ids, size_t damage) {
+  sim::Random random(options.seed * std::size(kDamageNames) + damage);
   Findings found;
-  const uint64_t wanted = options.random / std::size(kDamages);
+  const uint64_t wanted = options.random / std::size(kDamageNames);
   while (found.injected < wanted) {
     Row row;
     for (uint16_t seq = 0; seq < kRowFrames; ++seq)
       row.append(ids[random.next() % ids.size()], seq, random);
     Splicer splicer(row.bytes, random);
-    for (uint64_t i = 0; i < kInjectionsPerRow; ++i) judge(row, splicer.make(kind.damage), found);
+    for (uint64_t i = 0; i < kInjectionsPerRow; ++i)
+      judge(row, splicer.make(Damage(damage)), found);
   }
-  return report(kind.name, found);
+  return report(kDamageNames[damage], found);
 }
 
 }  // namespace
@@ -91,6 +89,7 @@ int main(int argc, char** argv) {
   }
   const Bytes ids = all_ids();
   bool aims_met = flip_bits(options, ids);
-  for (const DamageName& kind : kDamages) aims_met &= splice_rows(options, ids, kind);
+  for (size_t damage = 0; damage < std::size(kDamageNames); ++damage)
+    aims_met &= splice_rows(options, ids, damage);
   return aims_met ? 0 : 1;
 }

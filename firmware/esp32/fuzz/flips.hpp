@@ -17,23 +17,14 @@ class FlippedFrame {
     for (size_t i = 0; i < damaged().begin; ++i) after_first_.feed(row_.bytes[i], frame);
   }
 
-  /// All flips of one to `most` bits, `most` <= 3, delimiters included.
-  void inject(int most, Findings& findings) {
+  /// All flips of one to `most` bits from this one on, delimiters included.
+  void inject(int most, Findings& findings, size_t first = 0) {
     const size_t bits = (damaged().end - damaged().begin) * 8;
-    for (size_t a = 0; a < bits; ++a) {
-      flip(a);
+    for (size_t bit = first; bit < bits; ++bit) {
+      flip(bit);
       judge(findings);
-      for (size_t b = a + 1; most >= 2 && b < bits; ++b) {
-        flip(b);
-        judge(findings);
-        for (size_t c = b + 1; most >= 3 && c < bits; ++c) {
-          flip(c);
-          judge(findings);
-          flip(c);
-        }
-        flip(b);
-      }
-      flip(a);
+      if (most > 1) inject(most - 1, findings, bit + 1);
+      flip(bit);
     }
   }
 

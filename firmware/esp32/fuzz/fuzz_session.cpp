@@ -144,7 +144,7 @@ class Course {
       write(schema::kHash, body, kHelloVersionAt + sizeof schema::kVersion);
       return;
     }
-    write(robot_.witness().session_id(), body, kSessionAt);
+    write(robot_.witness().session.id, body, kSessionAt);
     if (id == ParameterTrial::kId) {
       write(static_cast<uint8_t>(1 + body[kActionAt] % 4), body, kActionAt);
       write(static_cast<float>(1 + body[kTimeoutAt] % 64) / 4, body, kTimeoutAt);

@@ -7,16 +7,8 @@ namespace wheelwire::fuzz {
 
 enum class Damage { kBurst, kLoss, kRepeat, kInsertion, kOverwrite };
 
-struct DamageName {
-  Damage damage;
-  const char* name;
-};
-
-constexpr DamageName kDamages[] = {
-    {Damage::kBurst, "bursts"},         {Damage::kLoss, "losses"},
-    {Damage::kRepeat, "repeats"},       {Damage::kInsertion, "insertions"},
-    {Damage::kOverwrite, "overwrites"},
-};
+/// By Damage.
+constexpr const char* kDamageNames[] = {"bursts", "losses", "repeats", "insertions", "overwrites"};
 
 constexpr size_t kLongestBurst = 32;
 constexpr size_t kLongestSplice = 160;  // about four frames

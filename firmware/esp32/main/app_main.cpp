@@ -1,6 +1,6 @@
 // Start-up. All memory is static; the IDF's drivers allocate what they need in here, or as the
 // tasks begin.
-#include "battery.hpp"
+#include "adc.hpp"
 #include "control_task.hpp"
 #include "device.hpp"
 #include "drive_watchdog.hpp"
@@ -113,7 +113,7 @@ void start() {
   bool has_sensors = sensors.start(configuration.peripherals());
   const bool has_machine = !has_board || (has_pins && machine.start(stored_parameters()));
   // Its entropy source is the ADC, so this comes before others take that.
-  Identity identity = make_identity(0);
+  Identity identity = make_identity();
   const bool has_battery = has_board && battery.start(configuration.board(), adc);
   has_sensors = sensors.start_analog(configuration.peripherals(), adc) && has_sensors;
   identity.capabilities = capabilities(has_battery);

@@ -3,7 +3,6 @@
 #include "esp_attr.h"
 #include "esp_rom_sys.h"
 #include "esp_timer.h"
-#include "gpio_pin.hpp"
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 
@@ -38,36 +37,35 @@ bool CaptureTimer::start() {
          ticks_per_us() != 0;
 }
 
-bool EchoPin::start(const CaptureTimer& timer, const Peripheral& entry) {
-  trigger_ = static_cast<gpio_num_t>(entry.pin_a);
-  echo_ = static_cast<gpio_num_t>(entry.pin_b);
-  ticks_per_us_ = timer.ticks_per_us();
-  return make_low_output(entry.pin_a) && make_sensor_input(entry.pin_b) &&
-         start_capture(timer, entry.pin_b);
+bool CaptureTimer::add_channel(const mcpwm_capture_channel_config_t& config,
+                               const mcpwm_capture_event_callbacks_t& on_edge,
+                               void* context) const {
+  mcpwm_cap_channel_handle_t channel = nullptr;
+  return mcpwm_new_capture_channel(handle_, &config, &channel) == ESP_OK &&
+         mcpwm_capture_channel_register_event_callbacks(channel, &on_edge, context) == ESP_OK &&
+         mcpwm_capture_channel_enable(channel) == ESP_OK;
 }
 
-bool EchoPin::start_capture(const CaptureTimer& timer, int pin) {
+bool EchoPin::start(const CaptureTimer& timer, const Peripheral& entry) {
+  trigger_ = entry.pin_a;
+  echo_ = entry.pin_b;
+  ticks_per_us_ = timer.ticks_per_us();
+  if (!make_low_output(trigger_) || !make_sensor_input(echo_)) return false;
   mcpwm_capture_channel_config_t config = {};
-  config.gpio_num = pin;
+  config.gpio_num = echo_;
   config.prescale = 1;
   config.flags.pos_edge = true;
   config.flags.neg_edge = true;
   // Otherwise the driver of ESP-IDF 5.5 would undo what make_sensor_input() has switched on.
-  config.flags.pull_down = can_pull(pin);
-  mcpwm_cap_channel_handle_t channel = nullptr;
-  const mcpwm_capture_event_callbacks_t callbacks = {.on_cap = on_edge};
-  return mcpwm_new_capture_channel(timer.handle(), &config, &channel) == ESP_OK &&
-         mcpwm_capture_channel_register_event_callbacks(channel, &callbacks, this) == ESP_OK &&
-         mcpwm_capture_channel_enable(channel) == ESP_OK;
+  config.flags.pull_down = can_pull(echo_);
+  return timer.add_channel(config, {.on_cap = on_edge}, this);
 }
 
 void EchoPin::trigger(uint32_t us) {
-  gpio_set_level(trigger_, 1);
+  set_level(trigger_, true);
   esp_rom_delay_us(us);
-  gpio_set_level(trigger_, 0);
+  set_level(trigger_, false);
 }
-
-bool EchoPin::level() { return gpio_get_level(echo_) != 0; }
 
 /// A pulse goes on where it was low for too short a time, whether or not that fall was seen: of two
 /// edges before the interrupt comes the unit keeps the second one.

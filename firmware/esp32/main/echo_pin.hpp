@@ -2,9 +2,9 @@
 // busy processor does not delay them.
 #pragma once
 
-#include "driver/gpio.h"
 #include "driver/mcpwm_prelude.h"
 #include "freertos/FreeRTOS.h"
+#include "gpio_pin.hpp"
 #include "range_finder.hpp"
 
 namespace wheelwire {
@@ -13,7 +13,9 @@ namespace wheelwire {
 class CaptureTimer {
  public:
   bool start();
-  mcpwm_cap_timer_handle_t handle() const { return handle_; }
+  /// Calls `on_edge` with `context` in the interrupt of each edge that `config` names.
+  bool add_channel(const mcpwm_capture_channel_config_t& config,
+                   const mcpwm_capture_event_callbacks_t& on_edge, void* context) const;
   uint32_t resolution_hz() const { return resolution_hz_; }
   uint32_t ticks_per_us() const { return resolution_hz_ / 1'000'000; }
 
@@ -32,7 +34,7 @@ class EchoPin final : public EchoPins {
   bool start(const CaptureTimer& timer, const Peripheral& entry);
 
   void trigger(uint32_t us) override;
-  bool level() override;
+  bool level() override { return is_high(echo_); }
   bool take(EchoPulse& out) override;
 
  private:
@@ -40,10 +42,9 @@ class EchoPin final : public EchoPins {
   void fall(uint32_t ticks, uint64_t now_us);
   static bool on_edge(mcpwm_cap_channel_handle_t, const mcpwm_capture_event_data_t* edge,
                       void* self);
-  bool start_capture(const CaptureTimer& timer, int pin);
 
-  gpio_num_t trigger_{};
-  gpio_num_t echo_{};
+  int trigger_ = -1;
+  int echo_ = -1;
   uint32_t ticks_per_us_ = 0;
   portMUX_TYPE lock_ = portMUX_INITIALIZER_UNLOCKED;
   // Written by the interrupt, under the lock.

@@ -1,9 +1,8 @@
 // The emergency-stop contact to ground, against a pull-up.
 #pragma once
 
-#include "board_rules.hpp"
-#include "driver/gpio.h"
 #include "esp_rom_sys.h"
+#include "gpio_pin.hpp"
 #include "hal.hpp"
 
 namespace wheelwire {
@@ -14,16 +13,9 @@ class EstopContact final : public EstopInput {
   /// Without a pin it counts as closed: the parameter says that no contact is fitted.
   bool start(const BoardDescription& board) {
     pin_ = board.estop;
-    level_ = board.estop_contact == ContactKind::kNormallyClosed ? 1 : 0;
+    level_ = board.estop_contact == ContactKind::kNormallyClosed;
     if (pin_ < 0) return true;
-    const gpio_config_t config = {
-        .pin_bit_mask = mask_of(pin_),
-        .mode = GPIO_MODE_INPUT,
-        .pull_up_en = GPIO_PULLUP_ENABLE,
-        .pull_down_en = GPIO_PULLDOWN_DISABLE,
-        .intr_type = GPIO_INTR_DISABLE,
-    };
-    return gpio_config(&config) == ESP_OK;
+    return configure(mask_of(pin_), GPIO_MODE_INPUT, {.up = true});
   }
 
   /// Takes two samples, because an open contact latches. The pull-up is weak, some 45 kOhm, so the
@@ -41,12 +33,10 @@ class EstopContact final : public EstopInput {
   /// stop.
   static constexpr uint32_t kApartUs = 20;
 
-  bool says_stop() const {
-    return pin_ >= 0 && gpio_get_level(static_cast<gpio_num_t>(pin_)) == level_;
-  }
+  bool says_stop() const { return pin_ >= 0 && is_high(pin_) == level_; }
 
   int pin_ = -1;
-  int level_ = 1;  ///< The level that means an e-stop.
+  bool level_ = true;  ///< The level that means an e-stop.
 };
 
 }  // namespace wheelwire

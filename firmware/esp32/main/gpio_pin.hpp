@@ -7,17 +7,31 @@
 
 namespace wheelwire {
 
-/// Low from its first moment as an output.
-inline bool make_low_output(int pin) {
-  gpio_set_level(static_cast<gpio_num_t>(pin), 0);
+/// Which of its pull resistors the chip switches on.
+struct Pulls {
+  bool up = false;
+  bool down = false;
+};
+
+inline bool configure(PinMask pins, gpio_mode_t mode, Pulls pulls = {},
+                      gpio_int_type_t interrupt = GPIO_INTR_DISABLE) {
   const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_OUTPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
+      .pin_bit_mask = pins,
+      .mode = mode,
+      .pull_up_en = pulls.up ? GPIO_PULLUP_ENABLE : GPIO_PULLUP_DISABLE,
+      .pull_down_en = pulls.down ? GPIO_PULLDOWN_ENABLE : GPIO_PULLDOWN_DISABLE,
+      .intr_type = interrupt,
   };
   return gpio_config(&config) == ESP_OK;
+}
+
+inline void set_level(int pin, bool high) { gpio_set_level(static_cast<gpio_num_t>(pin), high); }
+inline bool is_high(int pin) { return gpio_get_level(static_cast<gpio_num_t>(pin)) != 0; }
+
+/// Low from its first moment as an output.
+inline bool make_low_output(int pin) {
+  set_level(pin, false);
+  return configure(mask_of(pin), GPIO_MODE_OUTPUT);
 }
 
 /// Whether the chip has pull resistors at a pin.
@@ -28,14 +42,7 @@ inline bool can_pull(int pin) {
 /// For an output of a sensor. Without its wire the pin would see the edges of the motors: where the
 /// chip can, it pulls it down.
 inline bool make_sensor_input(int pin, gpio_int_type_t interrupt = GPIO_INTR_DISABLE) {
-  const gpio_config_t config = {
-      .pin_bit_mask = mask_of(pin),
-      .mode = GPIO_MODE_INPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = can_pull(pin) ? GPIO_PULLDOWN_ENABLE : GPIO_PULLDOWN_DISABLE,
-      .intr_type = interrupt,
-  };
-  return gpio_config(&config) == ESP_OK;
+  return configure(mask_of(pin), GPIO_MODE_INPUT, {.down = can_pull(pin)}, interrupt);
 }
 
 }  // namespace wheelwire

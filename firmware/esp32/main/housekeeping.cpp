@@ -6,8 +6,8 @@
 #include "esp_system.h"
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
+#include "gpio_pin.hpp"
 #include "sensor_hub.hpp"
-#include "status_led.hpp"
 #include "task_watchdog.hpp"
 
 namespace wheelwire {
@@ -39,16 +39,32 @@ StackLeft sensors_stack{"sensors"};
 std::atomic<uint32_t> free_heap{0};
 std::atomic<uint32_t> least_free_heap{0};
 
-void measure(StackLeft& stack_left) {
-  const TaskHandle_t task = xTaskGetHandle(stack_left.task);
-  if (task != nullptr) stack_left.bytes = uxTaskGetStackHighWaterMark(task);
-}
-
 void measure_memory() {
   free_heap = esp_get_free_heap_size();
   least_free_heap = esp_get_minimum_free_heap_size();
-  for (StackLeft* const each : {&control_stack, &housekeeping_stack, &sensors_stack})
-    measure(*each);
+  for (StackLeft* const each : {&control_stack, &housekeeping_stack, &sensors_stack}) {
+    const TaskHandle_t task = xTaskGetHandle(each->task);
+    if (task != nullptr) each->bytes = uxTaskGetStackHighWaterMark(task);
+  }
+}
+
+/// Whether the LED is on. Short blinks: ready; steady: driving; slow blinking: timed out; fast
+/// blinking: e-stop or fault.
+constexpr bool is_lit(SupervisorState state, uint32_t time_ms) {
+  switch (state) {
+    case SupervisorState::kBoot:
+      return false;
+    case SupervisorState::kIdle:
+      return time_ms % 2000 < 100;
+    case SupervisorState::kDriving:
+      return true;
+    case SupervisorState::kTimedOut:
+      return time_ms % 1000 < 500;
+    case SupervisorState::kEstopped:
+    case SupervisorState::kFault:
+      return time_ms % 200 < 100;
+  }
+  return false;
 }
 
 }  // namespace
@@ -56,7 +72,7 @@ void measure_memory() {
 void Housekeeping::start(bool has_battery, int led_pin) {
   has_battery_ = has_battery;
   led_pin_ = led_pin;
-  start_status_led(led_pin);
+  if (led_pin >= 0) make_low_output(led_pin);
   xTaskCreateStaticPinnedToCore(run, "housekeeping", kStackBytes, this, kPriority, stack,
                                 &task_memory, kCore);
 }
@@ -73,8 +89,8 @@ void Housekeeping::run(void* self) {
 
 void Housekeeping::run_once() {
   ++cycles_;
-  show_on_status_led(led_pin_, state_.supervisor.load(std::memory_order_relaxed),
-                     cycles_ * kCycleMs);
+  const SupervisorState state = state_.supervisor.load(std::memory_order_relaxed);
+  if (led_pin_ >= 0) set_level(led_pin_, is_lit(state, cycles_ * kCycleMs));
   if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
   if (cycles_ % kCyclesPerAnalog == 0) analog_.measure();

@@ -2,8 +2,7 @@
 // priority, under the task watchdog, so that a core on which no task runs any more is noticed, too.
 #pragma once
 
-#include "analog_inputs.hpp"
-#include "battery.hpp"
+#include "adc.hpp"
 #include "message_server.hpp"
 #include "shared_state.hpp"
 

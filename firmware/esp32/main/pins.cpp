@@ -1,7 +1,6 @@
 #include "pins.hpp"
 
-#include "driver/gpio.h"
-#include "image_board.hpp"
+#include "gpio_pin.hpp"
 #include "release_pins.hpp"
 
 namespace wheelwire {
@@ -19,16 +18,7 @@ constexpr const ChipTable& kChip = *table_of(kImageBoard.chip);
 /// interrupt off; IO_MUX to the GPIO matrix, away from JTAG and the like. It leaves the pin's
 /// FUNC_OUT_SEL_CFG: the bootloader has taken the pin from any peripheral, and the mode "output"
 /// does so, too.
-bool let_float(PinMask pins) {
-  const gpio_config_t config = {
-      .pin_bit_mask = pins,
-      .mode = GPIO_MODE_INPUT,
-      .pull_up_en = GPIO_PULLUP_DISABLE,
-      .pull_down_en = GPIO_PULLDOWN_DISABLE,
-      .intr_type = GPIO_INTR_DISABLE,
-  };
-  return gpio_config(&config) == ESP_OK;
-}
+bool let_float(PinMask pins) { return configure(pins, GPIO_MODE_INPUT); }
 
 }  // namespace
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "clock.hpp"
-#include "echo_pin.hpp"
 #include "esp_attr.h"
 #include "soc/gpio_reg.h"
 #include "soc/soc.h"
@@ -39,25 +38,21 @@ bool PulseWatch::start(int edge_pin, int level_pin, bool pulled_up) {
   last_fall = 0;
   // That of the range sensors, which a board in a self-test has none of.
   CaptureTimer timer;
-  if (!timer.start() || !add_channel(timer.handle(), true, pulled_up) ||
-      !add_channel(timer.handle(), false, pulled_up))
+  if (!timer.start() || !add_channel(timer, true, pulled_up) ||
+      !add_channel(timer, false, pulled_up))
     return false;
   resolution_hz_ = timer.resolution_hz();
   return true;
 }
 
-bool PulseWatch::add_channel(mcpwm_cap_timer_handle_t timer, bool rises, bool pulled_up) {
+bool PulseWatch::add_channel(const CaptureTimer& timer, bool rises, bool pulled_up) {
   mcpwm_capture_channel_config_t config = {};
   config.gpio_num = edge_pin_;
   config.prescale = 1;
   config.flags.pos_edge = rises;
   config.flags.neg_edge = !rises;
   config.flags.pull_up = pulled_up;  // Else the driver would switch off the encoder's.
-  mcpwm_cap_channel_handle_t channel = nullptr;
-  const mcpwm_capture_event_callbacks_t callbacks = {.on_cap = rises ? on_rise : on_fall};
-  return mcpwm_new_capture_channel(timer, &config, &channel) == ESP_OK &&
-         mcpwm_capture_channel_register_event_callbacks(channel, &callbacks, this) == ESP_OK &&
-         mcpwm_capture_channel_enable(channel) == ESP_OK;
+  return timer.add_channel(config, {.on_cap = rises ? on_rise : on_fall}, this);
 }
 
 Pulses PulseWatch::take() {

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "driver/mcpwm_cap.h"
+#include "echo_pin.hpp"
 #include "freertos/FreeRTOS.h"
 
 namespace wheelwire {
@@ -37,7 +37,7 @@ class PulseWatch {
                       void* self);
   static bool on_fall(mcpwm_cap_channel_handle_t, const mcpwm_capture_event_data_t* edge,
                       void* self);
-  bool add_channel(mcpwm_cap_timer_handle_t timer, bool rises, bool pulled_up);
+  bool add_channel(const CaptureTimer& timer, bool rises, bool pulled_up);
   static bool is_high(int pin);
   void note_high();
 

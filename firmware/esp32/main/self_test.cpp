@@ -2,13 +2,13 @@
 
 #include <initializer_list>
 
-#include "driver/gpio.h"
 #include "esp_attr.h"
 #include "esp_cpu.h"
 #include "esp_rom_sys.h"
 #include "fail_core.hpp"
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
+#include "gpio_pin.hpp"
 
 namespace wheelwire {
 namespace {
@@ -114,7 +114,7 @@ class PlayedEncoder {
         {false, false}, {true, false}, {true, true}, {false, true}};
     return kLevels[position_ & 3][input];
   }
-  void set(int input, bool level) { gpio_set_level(static_cast<gpio_num_t>(pins_[input]), level); }
+  void set(int input, bool level) { set_level(pins_[input], level); }
 
   int pins_[2];
   int32_t position_ = 0;
@@ -223,15 +223,13 @@ RefusalCode SelfTest::allow(const SelfTestAllow& request) {
   return RefusalCode::kNone;
 }
 
-void SelfTest::order(int core, uint8_t message_id) { orders_[core].is_due = message_id; }
-
 RefusalCode SelfTest::fail(const SelfTestFail& request) {
   if (request.core >= kCores || request.failure == Failure::kNone ||
       request.failure > Failure::kFreeze)
     return RefusalCode::kOutOfRange;
   if (orders_[request.core].is_due != 0) return RefusalCode::kNotStopped;
   orders_[request.core].fail = request;
-  order(request.core, SelfTestFail::kId);
+  orders_[request.core].is_due = SelfTestFail::kId;
   return RefusalCode::kNone;
 }
 
@@ -246,7 +244,7 @@ RefusalCode SelfTest::turn(const SelfTestTurn& request) {
   right_motor.coast();
   turns_ = true;
   orders_[0].turn = request;
-  order(0, SelfTestTurn::kId);
+  orders_[0].is_due = SelfTestTurn::kId;
   return RefusalCode::kNone;
 }
 
@@ -256,7 +254,7 @@ RefusalCode SelfTest::watch(const SelfTestWatch& request) {
     return RefusalCode::kOutOfRange;
   if (pulses_.is_started() || orders_[request.core].is_due != 0) return RefusalCode::kNone;
   orders_[request.core].watch = request;
-  order(request.core, SelfTestWatch::kId);
+  orders_[request.core].is_due = SelfTestWatch::kId;
   return RefusalCode::kNone;
 }
 

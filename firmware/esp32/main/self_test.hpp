@@ -88,7 +88,6 @@ class SelfTest {
   RefusalCode fail(const SelfTestFail& request);
   RefusalCode turn(const SelfTestTurn& request);
   RefusalCode watch(const SelfTestWatch& request);
-  void order(int core, uint8_t message_id);
   SelfTestReport report();
   RefusalCode carry_out(const Frame& frame);
   void turn_encoder(const SelfTestTurn& request);

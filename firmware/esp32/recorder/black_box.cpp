@@ -13,9 +13,6 @@ namespace {
 
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "as the words of a box are read");
 
-constexpr uint32_t low(uint64_t value) { return static_cast<uint32_t>(value); }
-constexpr uint32_t high(uint64_t value) { return static_cast<uint32_t>(value >> 32); }
-
 /// Two's complement in so many bits.
 template <int kBits>
 constexpr uint32_t packed(int32_t value) {
@@ -104,44 +101,7 @@ bool BlackBox::keep_what_is_left(uint32_t& boot_id) {
   return newest != 0;
 }
 
-void BlackBox::close() {
-  at_ = limit_ = end_ = 0;
-  closed_ = true;
-}
-
 // --- records -------------------------------------------------------------------------------------
-
-/// Room for a record's payload; nullptr: there is none, as before the first segment.
-inline uint32_t* BlackBox::begin(size_t words) {
-  return at_ + words < end_ ? memory_ + at_ + 1 : nullptr;
-}
-
-/// The payload is written: the word before it makes it a record.
-inline void BlackBox::commit(Kind kind, uint32_t argument, size_t words) {
-  uint32_t* const record = memory_ + at_;
-  const uint32_t info = box::info(kind, argument);
-  uint32_t check = box::mix(check_, info);
-  for (size_t i = 1; i <= words; ++i) check = box::mix(check, record[i]);
-  record[0] = info | (check & 0xffff0000u);
-  check_ = check;
-  at_ += static_cast<uint32_t>(words) + 1;
-  reads_ = 0;
-}
-
-void BlackBox::put(Kind kind, uint32_t argument, uint32_t payload) {
-  uint32_t* const out = begin(1);
-  if (out == nullptr) return;
-  out[0] = payload;
-  commit(kind, argument, 1);
-}
-
-void BlackBox::put_time(Kind kind, uint64_t now_us) {
-  uint32_t* const out = begin(2);
-  if (out == nullptr) return;
-  out[0] = low(now_us);
-  out[1] = high(now_us);
-  commit(kind, 0, 2);
-}
 
 /// Replaces the oldest segment, which is invalid while it has no magic number.
 void BlackBox::begin_segment() {
@@ -197,39 +157,24 @@ void BlackBox::note_step(const StepNote& note) {
   last_.left_counter = note.left_counter;
   last_.right_counter = note.right_counter;
   last_.battery_mv = note.battery_mv;
-  uint32_t* const out = begin(2);
-  if (out == nullptr) return;
-  out[0] = low(elapsed_us) | packed<box::kTickBits>(left) << box::kTimeBits |
-           packed<box::kTickBits>(right) << (box::kTimeBits + box::kTickBits);
-  out[1] = duties(note);
-  commit(Kind::kStep, low(late_us) | packed<box::kBatteryBits>(battery) << box::kLatchBits, 2);
+  put(Kind::kStep, low(late_us) | packed<box::kBatteryBits>(battery) << box::kLatchBits,
+      low(elapsed_us) | packed<box::kTickBits>(left) << box::kTimeBits |
+          packed<box::kTickBits>(right) << (box::kTimeBits + box::kTickBits),
+      duties(note));
 }
 
 void BlackBox::note_wide_step(const StepNote& note) {
   if (triggered_) {
-    if (uint32_t* const out = begin(box::kEndWords)) {
-      out[0] = low(note.now_us);
-      out[1] = high(note.now_us);
-      out[2] = duties(note);
-      commit(Kind::kEnd, box::kEndWords, box::kEndWords);
-    }
+    put(Kind::kEnd, box::kEndWords, low(note.now_us), high(note.now_us), duties(note));
     return close();
   }
   last_ = note;
-  uint32_t* const out = begin(box::kWideWords);
-  if (out == nullptr) return;
-  is_first_ = false;
-  out[0] = low(note.now_us);
-  out[1] = high(note.now_us);
-  out[2] = low(note.t_us);
-  out[3] = high(note.t_us);
-  out[4] = static_cast<uint16_t>(note.left_counter) |
-           static_cast<uint32_t>(static_cast<uint16_t>(note.right_counter)) << 16;
-  out[5] = note.left_illegal;
-  out[6] = note.right_illegal;
-  out[7] = note.battery_mv;
-  out[8] = duties(note);
-  commit(Kind::kWideStep, box::kWideWords, box::kWideWords);
+  const uint32_t counters = static_cast<uint16_t>(note.left_counter) |
+                            static_cast<uint32_t>(static_cast<uint16_t>(note.right_counter)) << 16;
+  if (put(Kind::kWideStep, box::kWideWords, low(note.now_us), high(note.now_us), low(note.t_us),
+          high(note.t_us), counters, note.left_illegal, note.right_illegal,
+          uint32_t{note.battery_mv}, duties(note)))
+    is_first_ = false;
 }
 
 // --- what happens because of it ------------------------------------------------------------------
@@ -249,26 +194,14 @@ void BlackBox::note_message(uint8_t id, const uint8_t* body, size_t size, uint64
   commit(Kind::kMessage, static_cast<uint32_t>(words), words);
 }
 
-void BlackBox::note_hang_up(uint64_t now_us) { put_time(Kind::kHangUp, now_us); }
-
-void BlackBox::note_failure(uint32_t faults) { put(Kind::kFailure, 0, faults); }
-
-void BlackBox::note_stall() {
-  if (begin(0) != nullptr) commit(Kind::kStall, 0, 0);
-}
-
-void BlackBox::note_reflexes(uint8_t reflexes) { put(Kind::kReflexes, 1, reflexes); }
-
 void BlackBox::note_contact(bool open) {
   if (open == open_) {
     ++reads_;
     return;
   }
   open_ = open;
-  if (begin(0) != nullptr) commit(Kind::kContact, (open ? 1u : 0u) | reads_ << 1, 0);
+  put(Kind::kContact, (open ? 1u : 0u) | reads_ << 1);
 }
-
-void BlackBox::note_store(bool done, uint32_t faults) { put(Kind::kStore, done ? 1 : 0, faults); }
 
 void BlackBox::note_parameters(Parameters& parameters, ControlConfig& config,
                                uint32_t& contradictions) {
@@ -293,10 +226,6 @@ void BlackBox::note_transition(SupervisorEvent event, SupervisorState before, Su
   if (end_ == 0 || triggered_) return;
   triggered_ = is_current_ = true;
   cause_ = event == SupervisorEvent::kFault ? BoxCause::kFault : BoxCause::kEstop;
-}
-
-void BlackBox::note_refusal(uint8_t message_id, RefusalCode code) {
-  put(Kind::kRefusal, 0, message_id | static_cast<uint32_t>(code) << 8);
 }
 
 }  // namespace wheelwire

@@ -30,7 +30,10 @@ class BlackBox final : public Recorder {
   /// Starts again, and loses what was recorded before.
   void clear();
   /// Ends the box: nothing more is recorded before `clear`.
-  void close();
+  void close() {
+    at_ = limit_ = end_ = 0;
+    closed_ = true;
+  }
   bool is_closed() const { return closed_; }
   /// Whether a fault or an emergency stop has ended it, which the next step does.
   bool is_triggered() const { return triggered_; }
@@ -44,26 +47,53 @@ class BlackBox final : public Recorder {
   void note_state(MessageServer& server, Robot& robot) override;
   void note_step(const StepNote& note) override;
   void note_message(uint8_t id, const uint8_t* body, size_t size, uint64_t now_us) override;
-  void note_hang_up(uint64_t now_us) override;
-  void note_failure(uint32_t faults) override;
-  void note_stall() override;
-  void note_reflexes(uint8_t reflexes) override;
+  void note_hang_up(uint64_t now_us) override {
+    put(box::Kind::kHangUp, 0, low(now_us), high(now_us));
+  }
+  void note_failure(uint32_t faults) override { put(box::Kind::kFailure, 0, faults); }
+  void note_stall() override { put(box::Kind::kStall, 0); }
+  void note_reflexes(uint8_t reflexes) override { put(box::Kind::kReflexes, 1, reflexes); }
   void note_contact(bool open) override;
-  void note_store(bool done, uint32_t faults) override;
+  void note_store(bool done, uint32_t faults) override {
+    put(box::Kind::kStore, done ? 1 : 0, faults);
+  }
   void note_parameters(Parameters& parameters, ControlConfig& config,
                        uint32_t& contradictions) override;
   void note_transition(SupervisorEvent event, SupervisorState before, SupervisorState after,
                        uint32_t faults) override;
-  void note_refusal(uint8_t message_id, RefusalCode code) override;
+  void note_refusal(uint8_t message_id, RefusalCode code) override {
+    put(box::Kind::kRefusal, 0, message_id | static_cast<uint32_t>(code) << 8);
+  }
 
  private:
   /// Left in a segment when the state is wanted: for a step, and what comes of it.
   static constexpr uint32_t kReserveWords = 180;
 
-  uint32_t* begin(size_t words);
-  void commit(box::Kind kind, uint32_t argument, size_t words);
-  void put(box::Kind kind, uint32_t argument, uint32_t payload);
-  void put_time(box::Kind kind, uint64_t now_us);
+  static constexpr uint32_t low(uint64_t value) { return static_cast<uint32_t>(value); }
+  static constexpr uint32_t high(uint64_t value) { return static_cast<uint32_t>(value >> 32); }
+
+  /// Room for a record's payload; nullptr: there is none, as before the first segment.
+  uint32_t* begin(size_t words) { return at_ + words < end_ ? memory_ + at_ + 1 : nullptr; }
+  /// The payload is written: the word before it makes it a record.
+  void commit(box::Kind kind, uint32_t argument, size_t words) {
+    uint32_t* const record = memory_ + at_;
+    const uint32_t info = box::info(kind, argument);
+    uint32_t check = box::mix(check_, info);
+    for (size_t i = 1; i <= words; ++i) check = box::mix(check, record[i]);
+    record[0] = info | (check & 0xffff0000u);
+    check_ = check;
+    at_ += static_cast<uint32_t>(words) + 1;
+    reads_ = 0;
+  }
+  /// Writes a record with these words, if there is room.
+  template <typename... Words>
+  bool put(box::Kind kind, uint32_t argument, Words... words) {
+    uint32_t* out = begin(sizeof...(words));
+    if (out == nullptr) return false;
+    ((*out++ = words), ...);
+    commit(kind, argument, sizeof...(words));
+    return true;
+  }
   void begin_segment();
   void note_wide_step(const StepNote& note);
 

@@ -37,114 +37,87 @@ struct Fields {
   static bool is_state(const Trial& trial, const Parameters&) { return trial.runs(); }
 };
 
+// WHEELWIRE_EACH(Class, a, b) is &Class::a, &Class::b: each scan of the preprocessor adds a field,
+// up to some forty.
+#define WHEELWIRE_SCAN(...) WHEELWIRE_SCAN_9(WHEELWIRE_SCAN_9(WHEELWIRE_SCAN_9(__VA_ARGS__)))
+#define WHEELWIRE_SCAN_9(...) WHEELWIRE_SCAN_3(WHEELWIRE_SCAN_3(WHEELWIRE_SCAN_3(__VA_ARGS__)))
+#define WHEELWIRE_SCAN_3(...) WHEELWIRE_SCAN_1(WHEELWIRE_SCAN_1(WHEELWIRE_SCAN_1(__VA_ARGS__)))
+#define WHEELWIRE_SCAN_1(...) __VA_ARGS__
+#define WHEELWIRE_PARENTHESES ()
+#define WHEELWIRE_NEXT() WHEELWIRE_EACH
+#define WHEELWIRE_EACH(Class, field, ...) \
+  &Class::field __VA_OPT__(, WHEELWIRE_NEXT WHEELWIRE_PARENTHESES(Class, __VA_ARGS__))
+
 #define WHEELWIRE_FIELDS(Class, ...) \
   constexpr auto fields_of(Class*);  \
-  template struct Fields<Class, __VA_ARGS__>
+  template struct Fields<Class, WHEELWIRE_SCAN(WHEELWIRE_EACH(Class, __VA_ARGS__))>
 
 // --- parameters and configuration ----------------------------------------------------------------
 
-WHEELWIRE_FIELDS(ControllerGains, &ControllerGains::proportional_q24,
-                 &ControllerGains::integral_q32, &ControllerGains::feedforward_q24,
-                 &ControllerGains::acceleration_q24, &ControllerGains::delay_steps,
-                 &ControllerGains::static_q15, &ControllerGains::margin_q15,
-                 &ControllerGains::limit_q15, &ControllerGains::slew_umps,
-                 &ControllerGains::memory_shift);
-WHEELWIRE_FIELDS(PathGains, &PathGains::path_q16, &PathGains::heading_q16, &PathGains::catch_up_q15,
-                 &PathGains::limit_um);
-WHEELWIRE_FIELDS(FaultThresholds, &FaultThresholds::stall_duty_q15, &FaultThresholds::stall_time_us,
-                 &FaultThresholds::reversal_duty_q15, &FaultThresholds::reversal_umps);
-WHEELWIRE_FIELDS(Supply, &Supply::nominal_mv, &Supply::drop_mv, &Supply::unmeasured_mv);
-WHEELWIRE_FIELDS(ControlConfig, &ControlConfig::period_us, &ControlConfig::um_per_tick_q10,
-                 &ControlConfig::velocity_window_us, &ControlConfig::gains, &ControlConfig::path,
-                 &ControlConfig::faults, &ControlConfig::plausibility_time_us,
-                 &ControlConfig::supply, &ControlConfig::max_velocity_umps,
-                 &ControlConfig::velocity_slew_umps, &ControlConfig::duty_slew_q15,
-                 &ControlConfig::left_motor_inverted, &ControlConfig::right_motor_inverted,
-                 &ControlConfig::left_encoder_inverted, &ControlConfig::right_encoder_inverted,
-                 &ControlConfig::motors_swapped, &ControlConfig::encoders_swapped,
-                 &ControlConfig::stop_mode, &ControlConfig::estop_mode,
-                 &ControlConfig::brake_time_us, &ControlConfig::ttl_max_us,
-                 &ControlConfig::rearm_gap_us, &ControlConfig::rolling_umps,
-                 &ControlConfig::overrun_limit_us, &ControlConfig::estop_input_enabled);
-WHEELWIRE_FIELDS(Parameters, &Parameters::values_);
-WHEELWIRE_FIELDS(Trial, &Trial::state_, &Trial::deadline_us_, &Trial::former_);
-WHEELWIRE_FIELDS(ActiveConfiguration, &ActiveConfiguration::chip_, &ActiveConfiguration::store_,
-                 &ActiveConfiguration::state_, &ActiveConfiguration::is_fresh_,
-                 &ActiveConfiguration::fingerprint_, &ActiveConfiguration::staged_);
+WHEELWIRE_FIELDS(ControllerGains, proportional_q24, integral_q32, feedforward_q24, acceleration_q24,
+                 delay_steps, static_q15, margin_q15, limit_q15, slew_umps, memory_shift);
+WHEELWIRE_FIELDS(PathGains, path_q16, heading_q16, catch_up_q15, limit_um);
+WHEELWIRE_FIELDS(FaultThresholds, stall_duty_q15, stall_time_us, reversal_duty_q15, reversal_umps);
+WHEELWIRE_FIELDS(Supply, nominal_mv, drop_mv, unmeasured_mv);
+WHEELWIRE_FIELDS(ControlConfig, period_us, um_per_tick_q10, velocity_window_us, gains, path, faults,
+                 plausibility_time_us, supply, max_velocity_umps, velocity_slew_umps, duty_slew_q15,
+                 left_motor_inverted, right_motor_inverted, left_encoder_inverted,
+                 right_encoder_inverted, motors_swapped, encoders_swapped, stop_mode, estop_mode,
+                 brake_time_us, ttl_max_us, rearm_gap_us, rolling_umps, overrun_limit_us,
+                 estop_input_enabled);
+WHEELWIRE_FIELDS(Parameters, values_);
+WHEELWIRE_FIELDS(Trial, state_, deadline_us_, former_);
+WHEELWIRE_FIELDS(ActiveConfiguration, chip_, store_, state_, is_fresh_, fingerprint_, staged_);
 
 // --- a wheel -------------------------------------------------------------------------------------
 
-WHEELWIRE_FIELDS(Evidence, &Evidence::us_, &Evidence::calm_us_);
-WHEELWIRE_FIELDS(TickTotal, &TickTotal::counter_, &TickTotal::ticks_);
-WHEELWIRE_FIELDS(VelocityEstimator::Tick, &VelocityEstimator::Tick::ticks,
-                 &VelocityEstimator::Tick::t_us, &VelocityEstimator::Tick::behind_q4);
-WHEELWIRE_FIELDS(VelocityEstimator::Mark, &VelocityEstimator::Mark::newest,
-                 &VelocityEstimator::Mark::noted_us);
-WHEELWIRE_FIELDS(VelocityEstimator, &VelocityEstimator::direction_, &VelocityEstimator::spacing_us_,
-                 &VelocityEstimator::dither_q16_, &VelocityEstimator::cycle_us_,
-                 &VelocityEstimator::silence_us_, &VelocityEstimator::newest_,
-                 &VelocityEstimator::baseline_, &VelocityEstimator::rate_q8_,
-                 &VelocityEstimator::falling_behind_umps_, &VelocityEstimator::marks_);
-WHEELWIRE_FIELDS(ObstacleMemory, &ObstacleMemory::held_, &ObstacleMemory::rolled_steps_,
-                 &ObstacleMemory::gain_umps_, &ObstacleMemory::rolling_q32_);
-WHEELWIRE_FIELDS(Controller, &Controller::last_target_umps_, &Controller::steady_limit_q15_,
-                 &Controller::integral_q32_, &Controller::saturated_, &Controller::obstacle_);
-WHEELWIRE_FIELDS(FaultMonitor, &FaultMonitor::anchor_ticks_, &FaultMonitor::still_,
-                 &FaultMonitor::against_, &FaultMonitor::lowest_umps_, &FaultMonitor::opposed_);
-WHEELWIRE_FIELDS(FollowingError, &FollowingError::total_q10_, &FollowingError::at_tick_q10_,
-                 &FollowingError::trimmed_q10_, &FollowingError::held_um_,
-                 &FollowingError::setpoint_umps_, &FollowingError::direction_,
-                 &FollowingError::following_, &FollowingError::now_us_, &FollowingError::tick_us_);
-WHEELWIRE_FIELDS(PlausibilityMonitor, &PlausibilityMonitor::slow_umps_q4_,
-                 &PlausibilityMonitor::silence_us_, &PlausibilityMonitor::excess_,
-                 &PlausibilityMonitor::earlier_q4_, &PlausibilityMonitor::impulse_q15_);
-WHEELWIRE_FIELDS(Wheel, &Wheel::total_, &Wheel::estimator_, &Wheel::controller_, &Wheel::monitor_,
-                 &Wheel::following_, &Wheel::plausibility_, &Wheel::closed_loop_, &Wheel::reverses_,
-                 &Wheel::yields_, &Wheel::brakes_, &Wheel::direction_, &Wheel::velocity_umps_,
-                 &Wheel::duty_q15_);
+WHEELWIRE_FIELDS(Evidence, us_, calm_us_);
+WHEELWIRE_FIELDS(TickTotal, counter_, ticks_);
+WHEELWIRE_FIELDS(VelocityEstimator::Tick, ticks, t_us, behind_q4);
+WHEELWIRE_FIELDS(VelocityEstimator::Mark, newest, noted_us);
+WHEELWIRE_FIELDS(VelocityEstimator, direction_, spacing_us_, dither_q16_, cycle_us_, silence_us_,
+                 newest_, baseline_, rate_q8_, falling_behind_umps_, marks_);
+WHEELWIRE_FIELDS(ObstacleMemory, held_, rolled_steps_, gain_umps_, rolling_q32_);
+WHEELWIRE_FIELDS(Controller, last_target_umps_, steady_limit_q15_, integral_q32_, saturated_,
+                 obstacle_);
+WHEELWIRE_FIELDS(FaultMonitor, anchor_ticks_, still_, against_, lowest_umps_, opposed_);
+WHEELWIRE_FIELDS(FollowingError, total_q10_, at_tick_q10_, trimmed_q10_, held_um_, setpoint_umps_,
+                 direction_, following_, now_us_, tick_us_);
+WHEELWIRE_FIELDS(PlausibilityMonitor, slow_umps_q4_, silence_us_, excess_, earlier_q4_,
+                 impulse_q15_);
+WHEELWIRE_FIELDS(Wheel, total_, estimator_, controller_, monitor_, following_, plausibility_,
+                 closed_loop_, reverses_, yields_, brakes_, direction_, velocity_umps_, duty_q15_);
 
 // --- the robot -----------------------------------------------------------------------------------
 
-WHEELWIRE_FIELDS(WheelPair, &WheelPair::left, &WheelPair::right);
-WHEELWIRE_FIELDS(OverspeedMonitor, &OverspeedMonitor::excess_);
+WHEELWIRE_FIELDS(WheelPair, left, right);
+WHEELWIRE_FIELDS(OverspeedMonitor, excess_);
 // Which motor belongs to which wheel is not state: a re-run has no motors.
-WHEELWIRE_FIELDS(Drive, &Drive::left_, &Drive::right_, &Drive::overspeed_, &Drive::motors_swapped_,
-                 &Drive::encoders_swapped_, &Drive::mode_, &Drive::following_, &Drive::reflexes_,
-                 &Drive::slewed_, &Drive::command_, &Drive::direction_, &Drive::battery_mv_,
-                 &Drive::supply_q12_, &Drive::stop_began_);
-WHEELWIRE_FIELDS(BoardFacts, &BoardFacts::checksum, &BoardFacts::max_pwm_hz,
-                 &BoardFacts::is_confirmed, &BoardFacts::on_trial);
-WHEELWIRE_FIELDS(Supervisor, &Supervisor::state_);
-WHEELWIRE_FIELDS(Setpoint, &Setpoint::mode, &Setpoint::wheels, &Setpoint::expiry_us,
-                 &Setpoint::command_seq);
-WHEELWIRE_FIELDS(StopAction, &StopAction::mode_, &StopAction::guards_, &StopAction::until_us_);
-WHEELWIRE_FIELDS(RollingMonitor, &RollingMonitor::is_fast_, &RollingMonitor::is_reported_,
-                 &RollingMonitor::began_umps_, &RollingMonitor::since_us_);
-WHEELWIRE_FIELDS(Latches, &Latches::estop, &Latches::holds, &Latches::battery_at_stop,
-                 &Latches::faults);
-WHEELWIRE_FIELDS(LatchKeeper, &LatchKeeper::latches_, &LatchKeeper::is_stored_,
-                 &LatchKeeper::is_damaged_, &LatchKeeper::write_failed_,
-                 &LatchKeeper::next_note_us_);
-WHEELWIRE_FIELDS(Robot, &Robot::board_, &Robot::supervisor_, &Robot::parameters_changed_,
-                 &Robot::unarmed_, &Robot::reflexes_, &Robot::contact_open_, &Robot::stalled_,
-                 &Robot::failures_, &Robot::store_faults_, &Robot::repairs_,
-                 &Robot::next_repair_us_, &Robot::faults_, &Robot::contradictions_,
-                 &Robot::last_step_us_, &Robot::drove_us_, &Robot::quiet_since_us_,
-                 &Robot::not_slow_us_, &Robot::bumped_until_us_, &Robot::setpoint_, &Robot::target_,
-                 &Robot::stop_action_, &Robot::rolling_, &Robot::config_, &Robot::drive_,
-                 &Robot::latches_, &Robot::store_state_, &Robot::parameters_, &Robot::trial_);
+WHEELWIRE_FIELDS(Drive, left_, right_, overspeed_, motors_swapped_, encoders_swapped_, mode_,
+                 following_, reflexes_, slewed_, command_, direction_, battery_mv_, supply_q12_,
+                 stop_began_);
+WHEELWIRE_FIELDS(BoardFacts, checksum, max_pwm_hz, is_confirmed, on_trial);
+WHEELWIRE_FIELDS(Supervisor, state_);
+WHEELWIRE_FIELDS(Setpoint, mode, wheels, expiry_us, command_seq);
+WHEELWIRE_FIELDS(StopAction, mode_, guards_, until_us_);
+WHEELWIRE_FIELDS(RollingMonitor, is_fast_, is_reported_, began_umps_, since_us_);
+WHEELWIRE_FIELDS(Latches, estop, holds, battery_at_stop, faults);
+WHEELWIRE_FIELDS(LatchKeeper, latches_, is_stored_, is_damaged_, write_failed_, next_note_us_);
+WHEELWIRE_FIELDS(Robot, board_, supervisor_, parameters_changed_, unarmed_, reflexes_,
+                 contact_open_, stalled_, failures_, store_faults_, repairs_, next_repair_us_,
+                 faults_, contradictions_, last_step_us_, drove_us_, quiet_since_us_, not_slow_us_,
+                 bumped_until_us_, setpoint_, target_, stop_action_, rolling_, config_, drive_,
+                 latches_, store_state_, parameters_, trial_);
 
 // --- the link ------------------------------------------------------------------------------------
 
-WHEELWIRE_FIELDS(Identity, &Identity::boot_id, &Identity::capabilities);
-WHEELWIRE_FIELDS(Answer, &Answer::request_id);
-WHEELWIRE_FIELDS(Session, &Session::open_, &Session::nonce_, &Session::id_,
-                 &Session::clock_synchronised_, &Session::newest_command_,
-                 &Session::newest_request_, &Session::answer_count_, &Session::answers_);
-WHEELWIRE_FIELDS(MessageServer, &MessageServer::identity_, &MessageServer::session_,
-                 &MessageServer::restart_us_, &MessageServer::platform_, &MessageServer::archive_,
-                 &MessageServer::sensors_, &MessageServer::configuration_);
-WHEELWIRE_FIELDS(Device, &Device::server_, &Device::robot_);
+WHEELWIRE_FIELDS(Identity, boot_id, capabilities);
+WHEELWIRE_FIELDS(Answer, request_id);
+WHEELWIRE_FIELDS(Session, open_, nonce_, id_, clock_synchronised_, newest_command_, newest_request_,
+                 answer_count_, answers_);
+WHEELWIRE_FIELDS(MessageServer, identity_, session_, restart_us_, platform_, archive_, sensors_,
+                 configuration_);
+WHEELWIRE_FIELDS(Device, server_, robot_);
 
 #undef WHEELWIRE_FIELDS
 

@@ -20,4 +20,12 @@ class FlashRegion {
   ~FlashRegion() = default;
 };
 
+/// Whether `size` bytes from `offset` on are erased; reads them to `buffer`.
+inline bool is_blank(FlashRegion& flash, uint32_t offset, uint8_t* buffer, size_t size) {
+  if (!flash.read(offset, buffer, size)) return false;
+  for (size_t i = 0; i < size; ++i)
+    if (buffer[i] != 0xff) return false;
+  return true;
+}
+
 }  // namespace wheelwire

@@ -22,11 +22,6 @@ Rerun::Outcome Rerun::run() {
   return outcome_;
 }
 
-void Rerun::advance() {
-  has_next_ = reader_.next(next_);
-  reads_ = 0;
-}
-
 /// The robot as it was when the box begins.
 void Rerun::restore() {
   const uint32_t flags = next_.words == 0 ? 0 : next_.payload[0];
@@ -134,12 +129,6 @@ void Rerun::compare_state() {
   advance();
 }
 
-void Rerun::finish_step() {
-  if (!is_pending_) return;
-  is_pending_ = false;
-  device_->finish_step(now_us_);
-}
-
 // --- what comes of it ----------------------------------------------------------------------------
 
 /// True if the box has such a record next; it stays until `advance`. If the box was not closed,
@@ -160,21 +149,12 @@ void Rerun::differ(const char* field, double recorded, double computed) {
   difference_.field[size] = '\0';
 }
 
-void Rerun::compare(const char* field, double recorded, double computed) {
-  if (recorded != computed) differ(field, recorded, computed);
-}
-
 void Rerun::note_step(const StepNote& note) {
   if (!is_this_core()) return advance();
   compare("left_duty_q15", next_.step.left_duty_q15, note.left_duty_q15);
   compare("right_duty_q15", next_.step.right_duty_q15, note.right_duty_q15);
   advance();
 }
-
-void Rerun::note_message(uint8_t, const uint8_t*, size_t, uint64_t) { advance(); }
-void Rerun::note_hang_up(uint64_t) { advance(); }
-void Rerun::note_failure(uint32_t) { advance(); }
-void Rerun::note_stall() { advance(); }
 
 bool Rerun::contact_changes() const {
   return has_next_ && next_.kind == Kind::kContact && next_.argument >> 1 == reads_;

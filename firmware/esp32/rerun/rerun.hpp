@@ -42,10 +42,10 @@ class Rerun final : public Recorder {
 
   void note_state(MessageServer&, Robot&) override {}  // Each is compared where the box has it.
   void note_step(const StepNote& note) override;
-  void note_message(uint8_t id, const uint8_t* body, size_t size, uint64_t now_us) override;
-  void note_hang_up(uint64_t now_us) override;
-  void note_failure(uint32_t faults) override;
-  void note_stall() override;
+  void note_message(uint8_t, const uint8_t*, size_t, uint64_t) override { advance(); }
+  void note_hang_up(uint64_t) override { advance(); }
+  void note_failure(uint32_t) override { advance(); }
+  void note_stall() override { advance(); }
   void note_reflexes(uint8_t) override { advance(); }
   void note_contact(bool open) override;
   void note_store(bool done, uint32_t faults) override;
@@ -107,16 +107,25 @@ class Rerun final : public Recorder {
     uint16_t millivolts() override { return mv; }
   };
 
-  void advance();
+  void advance() {
+    has_next_ = reader_.next(next_);
+    reads_ = 0;
+  }
   void restore();
   void carry_out();
   void carry_out_step();
   void carry_out_message();
   void compare_state();
-  void finish_step();
+  void finish_step() {
+    if (!is_pending_) return;
+    is_pending_ = false;
+    device_->finish_step(now_us_);
+  }
   bool take(box::Kind kind);
   void differ(const char* field, double recorded, double computed);
-  void compare(const char* field, double recorded, double computed);
+  void compare(const char* field, double recorded, double computed) {
+    if (recorded != computed) differ(field, recorded, computed);
+  }
   bool is_this_core() const { return reader_.origin().core == kCoreHash; }
   bool write_was_done() const;
   uint32_t recorded_store_faults() const;

@@ -31,17 +31,15 @@ class Counts {
 
   void add(uint32_t count) {
     if (size_ < kCapacity) counts_[size_++] = count;
-    sorted_ = false;
   }
   size_t size() const { return size_; }
-  /// 0 without values.
-  uint32_t median() { return size_ == 0 ? 0 : sort()[size_ / 2]; }
-  uint32_t max() { return size_ == 0 ? 0 : sort()[size_ - 1]; }
+  /// Of some values.
+  uint32_t median() { return sorted()[size_ / 2]; }
+  uint32_t max() { return sorted()[size_ - 1]; }
 
  private:
-  const uint32_t* sort() {
-    if (!sorted_) qsort(counts_, size_, sizeof counts_[0], compare);
-    sorted_ = true;
+  const uint32_t* sorted() {
+    qsort(counts_, size_, sizeof counts_[0], compare);
     return counts_;
   }
   static int compare(const void* a, const void* b) {
@@ -52,7 +50,6 @@ class Counts {
 
   uint32_t counts_[kCapacity];
   size_t size_ = 0;
-  bool sorted_ = false;
 };
 
 }  // namespace wheelwire::rv32

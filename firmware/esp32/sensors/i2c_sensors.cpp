@@ -139,11 +139,6 @@ bool ImuDriver::is_repeated(const uint8_t* raw) const {
   return has_raw_ && equal(table_->gyro) && equal(table_->accelerometer);
 }
 
-/// The first of so many equal samples was seen when it was new. Half a period is left to clocks.
-uint64_t ImuDriver::frozen_us() const {
-  return (table_->frozen_samples - 1u) * kPeriodUs + kPeriodUs / 2;
-}
-
 bool ImuDriver::check_settings() {
   uint8_t value = 0;
   if (!succeeded(chip_.read(table_->check_register, &value, 1))) return false;

@@ -116,7 +116,8 @@ class ImuDriver : public I2cDriver<ImuReading> {
   void read_sample();
   bool is_repeated(const uint8_t* raw) const;
   /// How long a sample may stay the newest one before the chip counts as frozen.
-  uint64_t frozen_us() const;
+  /// The first of so many equal samples was seen when it was new. Half a period is left to clocks.
+  uint64_t frozen_us() const { return (table_->frozen_samples - 1u) * kPeriodUs + kPeriodUs / 2; }
   /// False if the chip has lost them, or does not say so.
   bool check_settings();
   void post_sample(const uint8_t* raw, uint64_t began_us, uint64_t ended_us);

@@ -95,9 +95,4 @@ void RangeFinder::listen(Sensor& sensor, uint64_t now_us) {
   }
 }
 
-void RangeFinder::end(Sensor& sensor, const RangeReading& reading) {
-  is_listening_ = false;
-  sensor.mailbox.post(reading);
-}
-
 }  // namespace wheelwire

@@ -57,7 +57,10 @@ class RangeFinder {
   void start(uint64_t now_us);
   void begin_turn(Sensor& sensor, uint64_t now_us);
   void listen(Sensor& sensor, uint64_t now_us);
-  void end(Sensor& sensor, const RangeReading& reading);
+  void end(Sensor& sensor, const RangeReading& reading) {
+    is_listening_ = false;
+    sensor.mailbox.post(reading);
+  }
 
   Sensor sensors_[kMostRanges];
   size_t count_ = 0;

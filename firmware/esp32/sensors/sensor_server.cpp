@@ -28,10 +28,6 @@ SensorServer::SensorServer(const PeripheralList& list, SensorPort* port, Battery
   if (is_active_) hub_.start(*port, list);
 }
 
-uint8_t SensorServer::update(uint64_t now_us) {
-  return hub_.update(divider_ != nullptr ? divider_->millivolts() : uint16_t{0}, now_us);
-}
-
 // --- requests ------------------------------------------------------------------------------------
 
 void SensorServer::serve(const Frame& frame, uint16_t request_id, uint64_t now_us) {

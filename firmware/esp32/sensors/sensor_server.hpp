@@ -16,7 +16,9 @@ class SensorServer final : public SensorMessages, public SensorObserver {
   void attach(MessageServer& server) override { server_ = &server; }
   bool is_active() const override { return is_active_; }
   void start_at_stop() override { hub_.start_at_stop(); }
-  uint8_t update(uint64_t now_us) override;
+  uint8_t update(uint64_t now_us) override {
+    return hub_.update(divider_ != nullptr ? divider_->millivolts() : uint16_t{0}, now_us);
+  }
   void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) override;
   void stream(uint64_t now_us) override;
   void fit_to_line(uint32_t state_hz, uint64_t now_us) override;

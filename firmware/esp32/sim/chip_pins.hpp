@@ -24,8 +24,6 @@ class ChipPins {
     pulled_up_ |= mask_of(pin);
     changed_ |= mask_of(pin);
   }
-  /// As a reset does: every pin is an input without pulls.
-  void float_all() { *this = {}; }
 
   PinMask driven() const { return driven_; }
   bool is_driven(int pin) const { return (driven_ & mask_of(pin)) != 0; }

@@ -217,14 +217,14 @@ void I2cChips::take_up(const PeripheralList& list) {
       list.count == list_.count && std::equal(list.begin(), list.end(), list_.begin());
   if (!is_same || !has_chips_) wire(list);
   list_ = list;
-  sensors_ = {};
+  sensors = {};
   clock_ = {};
   next_poll_us_ = 0;
   for (size_t i = 0; i < list.count; ++i) {
     const Peripheral& entry = list.entries[i];
     if (!is_on_bus(entry.kind)) continue;
     DataReady* const ready = imus_[i] && entry.pin_c >= 0 ? &*imus_[i] : nullptr;
-    sensors_.add(i, entry, bus_of(entry), ready);
+    sensors.add(i, entry, bus_of(entry), ready);
   }
 }
 
@@ -272,7 +272,7 @@ void I2cChips::advance(bool is_running) {
   if (!is_running || now_us < next_poll_us_) return;
   clock_ = {.woken_us = now_us};
   for (SimulatedBus& bus : buses_) bus.look(board_);
-  sensors_.poll();
+  sensors.poll();
   // The task sleeps until the next millisecond, once it is done.
   const uint64_t awake_us = now_us + clock_.spent_us;
   next_poll_us_ = (awake_us / I2cSensors::kPollUs + 1) * I2cSensors::kPollUs;

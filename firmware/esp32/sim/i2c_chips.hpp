@@ -159,6 +159,7 @@ class I2cChips {
 
   ImuFaults imu;
   bool power_absent = false;
+  I2cSensors sensors;  ///< The firmware's.
 
   /// The firmware starts with this list. A chip that was there before keeps its settings.
   void take_up(const PeripheralList& list);
@@ -168,9 +169,6 @@ class I2cChips {
   void reset_power_sensors();
   /// Until then the firmware's task is busy with them, by the device clock.
   uint64_t busy_until_us() const { return clock_.woken_us + clock_.spent_us; }
-
-  bool take(size_t channel, ImuReading& out) { return sensors_.take(channel, out); }
-  bool take(size_t channel, PowerReading& out) { return sensors_.take(channel, out); }
 
  private:
   void wire(const PeripheralList& list);
@@ -184,7 +182,6 @@ class I2cChips {
   std::deque<SimulatedBus> buses_;
   std::array<std::optional<SimulatedImu>, kMostPeripherals> imus_;
   std::array<std::optional<SimulatedPowerSensor>, kMostPeripherals> power_sensors_;
-  I2cSensors sensors_;
   uint64_t next_poll_us_ = 0;
 };
 

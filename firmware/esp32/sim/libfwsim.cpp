@@ -11,33 +11,18 @@
 using namespace wheelwire;
 using namespace wheelwire::sim;
 
-struct fwsim {
-  explicit fwsim(uint64_t seed) : simulator(seed) {}
-  Simulator simulator;
+struct fwsim : Simulator {
+  using Simulator::Simulator;
 };
 
-struct fwsim_robot {
-  BareRobot robot;
+struct fwsim_robot : BareRobot {
+  using BareRobot::BareRobot;
 };
 
 namespace {
 
 constexpr Nanoseconds kMicrosecond = 1000;
 constexpr int64_t kLongestAdvanceUs = INT64_MAX / kMicrosecond / 1000;
-
-int status(VariableStatus result) {
-  switch (result) {
-    case VariableStatus::kOk:
-      return FWSIM_OK;
-    case VariableStatus::kUnknownName:
-      return FWSIM_UNKNOWN_NAME;
-    case VariableStatus::kReadOnly:
-      return FWSIM_READ_ONLY;
-    case VariableStatus::kOutOfRange:
-      return FWSIM_OUT_OF_RANGE;
-  }
-  return FWSIM_BAD_ARGUMENT;
-}
 
 }  // namespace
 
@@ -47,30 +32,30 @@ void fwsim_destroy(fwsim* sim) { delete sim; }
 
 int fwsim_use_store(fwsim* sim, const char* path) {
   if (sim == nullptr || path == nullptr) return FWSIM_BAD_ARGUMENT;
-  use_files(sim->simulator.board, path);
+  use_files(sim->board, path);
   return FWSIM_OK;
 }
 
 int fwsim_preset(fwsim* sim, int parameter, float value) {
   if (sim == nullptr) return FWSIM_BAD_ARGUMENT;
-  return sim->simulator.preset(parameter, value) ? FWSIM_OK : FWSIM_OUT_OF_RANGE;
+  return sim->preset(parameter, value) ? FWSIM_OK : FWSIM_OUT_OF_RANGE;
 }
 
 int fwsim_set(fwsim* sim, const char* name, double value) {
   if (sim == nullptr || name == nullptr) return FWSIM_BAD_ARGUMENT;
-  return status(set_variable(sim->simulator, name, value));
+  return static_cast<int>(set_variable(*sim, name, value));
 }
 
 int fwsim_get(const fwsim* sim, const char* name, double* value) {
   if (sim == nullptr || name == nullptr || value == nullptr) return FWSIM_BAD_ARGUMENT;
-  return status(get_variable(sim->simulator, name, *value));
+  return static_cast<int>(get_variable(*sim, name, *value));
 }
 
 int fwsim_advance_us(fwsim* sim, int64_t duration_us) {
   if (sim == nullptr || duration_us < 0 || duration_us > kLongestAdvanceUs) {
     return FWSIM_BAD_ARGUMENT;
   }
-  sim->simulator.advance(duration_us * kMicrosecond);
+  sim->advance(duration_us * kMicrosecond);
   return FWSIM_OK;
 }
 
@@ -81,14 +66,14 @@ int fwsim_advance_to_bytes(fwsim* sim, int64_t step_us, int64_t count, int64_t* 
   }
   *done = 0;
   do {
-    sim->simulator.advance(step_us * kMicrosecond);
-  } while (++*done < count && sim->simulator.board.line.host_waiting() == 0);
+    sim->advance(step_us * kMicrosecond);
+  } while (++*done < count && sim->board.line.host_waiting() == 0);
   return FWSIM_OK;
 }
 
 int fwsim_write(fwsim* sim, const uint8_t* data, size_t size) {
   if (sim == nullptr || (data == nullptr && size > 0)) return FWSIM_BAD_ARGUMENT;
-  sim->simulator.board.line.host_write(data, size);
+  sim->board.line.host_write(data, size);
   return FWSIM_OK;
 }
 
@@ -96,7 +81,7 @@ int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
   if (sim == nullptr || size == nullptr || (out == nullptr && capacity > 0)) {
     return FWSIM_BAD_ARGUMENT;
   }
-  *size = sim->simulator.board.line.host_read(out, capacity);
+  *size = sim->board.line.host_read(out, capacity);
   return FWSIM_OK;
 }
 
@@ -104,7 +89,7 @@ int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
   if (sim == nullptr || size == nullptr || out == nullptr || capacity < kBoxImageSize) {
     return FWSIM_BAD_ARGUMENT;
   }
-  const std::vector<uint32_t> image = sim->simulator.box_image();
+  const std::vector<uint32_t> image = sim->box_image();
   std::memcpy(out, image.data(), kBoxImageSize);
   *size = kBoxImageSize;
   return FWSIM_OK;
@@ -131,37 +116,37 @@ fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size, int counts_pe
       !Configuration::decode(board, size, configuration)) {
     return nullptr;
   }
-  return new fwsim_robot{{configuration.board, counts_per_revolution, now_ns}};
+  return new fwsim_robot(configuration.board, counts_per_revolution, now_ns);
 }
 
 void fwsim_robot_destroy(fwsim_robot* robot) { delete robot; }
 
 int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q15, size_t count) {
   if (robot == nullptr || duty_q15 == nullptr || count > 64) return FWSIM_BAD_ARGUMENT;
-  robot->robot.set_pins(duty_q15, count);
-  return (robot->robot.drives() ? 1 : 0) | (robot->robot.brakes() ? 2 : 0);
+  robot->set_pins(duty_q15, count);
+  return (robot->drives() ? 1 : 0) | (robot->brakes() ? 2 : 0);
 }
 
 int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
                         const fwsim_edge** edges, size_t* count) {
   if (robot == nullptr || edges == nullptr || count == nullptr) return FWSIM_BAD_ARGUMENT;
-  robot->robot.skip_to(end_ns - longest_ns);
-  const std::vector<fwsim_edge>& made = robot->robot.advance_to(end_ns);
+  robot->skip_to(end_ns - longest_ns);
+  const std::vector<fwsim_edge>& made = robot->advance_to(end_ns);
   *edges = made.data();
   *count = made.size();
   return FWSIM_OK;
 }
 
 void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s) {
-  if (robot != nullptr) robot->robot.spin(ticks_per_s);
+  if (robot != nullptr) robot->spin(ticks_per_s);
 }
 
 int64_t fwsim_robot_ticks(fwsim_robot* robot, int side) {
   if (robot == nullptr || side < 0 || side > 1) return 0;
-  return robot->robot.encoder(static_cast<Side>(side)).ticks();
+  return robot->encoder(static_cast<Side>(side)).ticks();
 }
 
 void fwsim_robot_kill_encoder(fwsim_robot* robot, int side) {
   if (robot == nullptr || side < 0 || side > 1) return;
-  robot->robot.encoder(static_cast<Side>(side)).model.dead = true;
+  robot->encoder(static_cast<Side>(side)).model.dead = true;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <numbers>
 
 #include "bridge.hpp"
 
@@ -43,8 +44,20 @@ struct MotorConstants {
 ///   kt = stall torque / stall current;
 ///   ke = (V - (R + r) i0) / w0, where i0 = friction(w0) / kt is the no-load current.
 /// ke exceeds kt by the gearbox's losses.
-MotorConstants derive(const MotorRating& rating, const BridgeModel& bridge,
-                      const Friction& friction);
+inline MotorConstants derive(const MotorRating& rating, const BridgeModel& bridge,
+                             const Friction& friction) {
+  const double drop_ohm = rating.at_terminals ? 0.0 : bridge.drop_ohm;
+  const double voltage = rating.supply_v - (rating.at_terminals ? 0.0 : bridge.drop_v);
+  const double circuit_ohm = voltage / rating.stall_current_a;
+  const double torque_per_amp = rating.stall_torque_nm / rating.stall_current_a;
+  const double no_load_speed = rating.no_load_rpm * 2.0 * std::numbers::pi / 60.0;
+  const double no_load_current = friction.torque(no_load_speed) / torque_per_amp;
+  return {
+      .winding_ohm = circuit_ohm - drop_ohm,
+      .torque_nm_per_a = torque_per_amp,
+      .emf_vs = (voltage - circuit_ohm * no_load_current) / no_load_speed,
+  };
+}
 
 /// External load on one wheel.
 struct WheelLoad {

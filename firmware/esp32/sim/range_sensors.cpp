@@ -50,19 +50,19 @@ bool SimulatedRangeSensor::take(EchoPulse& out) {
 }
 
 void RangeSensors::take_up(const PeripheralList& list) {
-  finder_ = {};
+  finder = {};
   sensors_.clear();
   next_poll_us_ = 0;
   for (size_t i = 0; i < list.count; ++i)
     if (list.entries[i].kind == PeripheralKind::kRange)
-      finder_.add(i, list.entries[i], sensors_.emplace_back(list.entries[i], world, board_));
+      finder.add(i, list.entries[i], sensors_.emplace_back(list.entries[i], world, board_));
 }
 
 void RangeSensors::poll() {
-  if (finder_.is_empty()) return;
+  if (finder.is_empty()) return;
   const uint64_t now_us = board_.device_us();
   if (now_us < next_poll_us_) return;
-  finder_.poll(now_us);
+  finder.poll(now_us);
   next_poll_us_ = (now_us / kPollUs + 1) * kPollUs;
 }
 

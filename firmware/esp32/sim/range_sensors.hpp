@@ -48,18 +48,16 @@ class RangeSensors {
   RangeSensors& operator=(const RangeSensors&) = delete;
 
   RangeWorld world;
+  RangeFinder finder;  ///< The firmware's.
 
   /// The firmware starts with this list.
   void take_up(const PeripheralList& list);
   /// The firmware's task polls them.
   void poll();
 
-  bool take(size_t channel, RangeReading& out) { return finder_.take(channel, out); }
-
  private:
   const SimulatedBoard& board_;
   std::deque<SimulatedRangeSensor> sensors_;
-  RangeFinder finder_;
   uint64_t next_poll_us_ = 0;
 };
 

@@ -4,25 +4,8 @@
 #include <cmath>
 
 #include "board.hpp"
-#include "own_board.hpp"
 
 namespace wheelwire::sim {
-
-PeripheralList default_peripherals() {
-  PeripheralList list{.count = 4};
-  list.entries[0] = {.kind = PeripheralKind::kImu,
-                     .chip = SensorChip::kMpu6050,
-                     .pin_a = 16,
-                     .pin_b = 17,
-                     .pin_c = 35,
-                     .forward = Axis::kY,
-                     .up = Axis::kZ};
-  // Measured only: what voltage a simulated battery is empty at is for its user to say.
-  list.entries[1] = {.kind = PeripheralKind::kBattery};
-  list.entries[2] = {.kind = PeripheralKind::kBumper, .place = Place::kFrontLeft, .pin_a = 36};
-  list.entries[3] = {.kind = PeripheralKind::kBumper, .place = Place::kFrontRight, .pin_a = 39};
-  return list;
-}
 
 void Sensors::take_up(const PeripheralList& list) {
   list_ = list;

@@ -13,9 +13,6 @@ namespace wheelwire::sim {
 
 class SimulatedBoard;
 
-/// The simulated robot's own peripherals, on its own board.
-PeripheralList default_peripherals();
-
 class Sensors final : public SensorPort {
  public:
   Sensors(const SimulatedBoard& board, uint64_t seed)
@@ -38,9 +35,9 @@ class Sensors final : public SensorPort {
   void advance(bool is_running);
 
   uint16_t levels() override;
-  bool take(size_t channel, ImuReading& out) override { return chips.take(channel, out); }
-  bool take(size_t channel, PowerReading& out) override { return chips.take(channel, out); }
-  bool take(size_t channel, RangeReading& out) override { return ranges.take(channel, out); }
+  bool take(size_t channel, ImuReading& out) override { return chips.sensors.take(channel, out); }
+  bool take(size_t channel, PowerReading& out) override { return chips.sensors.take(channel, out); }
+  bool take(size_t channel, RangeReading& out) override { return ranges.finder.take(channel, out); }
   bool take(size_t channel, AnalogReading& out) override { return analog_[channel].take(out); }
 
  private:

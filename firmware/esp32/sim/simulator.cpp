@@ -83,9 +83,7 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
-  static const Configuration unwritten{.board = kBoardOfEsp32, .peripherals = {}};
-  static const Configuration own{.board = kOwnBoard, .peripherals = default_peripherals()};
-  const Configuration& built_in = board_unwritten ? unwritten : own;
+  const Configuration& built_in = board_unwritten ? kUnwrittenConfiguration : kOwnConfiguration;
   // The chip that is simulated: it refuses boards of others, as the real one does.
   configuration_.emplace(&board.configuration_store, built_in.board.chip, &built_in,
                          board_unwritten ? ActiveConfiguration::BuiltIn::kUnconfirmed

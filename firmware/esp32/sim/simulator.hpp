@@ -73,7 +73,6 @@ class Simulator {
   uint32_t configuration_fingerprint() const {
     return configuration_ ? configuration_->fingerprint() : 0;
   }
-  uint8_t reflexes() const { return device_ ? device_->reflexes() : uint8_t{0}; }
 
   ResetReason reset_reason() const { return identity_.reset_reason; }
   uint32_t boot_id() const { return identity_.boot_id; }

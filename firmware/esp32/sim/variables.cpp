@@ -70,6 +70,13 @@ Variable with_field(Variable variable) {
   return variable;
 }
 
+/// Each of the variables would have this code.
+bool change_plant(Simulator& simulator, const PlantModel& model) {
+  if (!is_physical(model)) return false;
+  simulator.board.plant.configure(model);
+  return true;
+}
+
 /// Binds a variable to the field of the plant's model that `kField(model)` refers to.
 template <auto kField>
 Variable with_model(Variable variable) {
@@ -79,9 +86,7 @@ Variable with_model(Variable variable) {
   variable.set = [](Simulator& simulator, double value) {
     PlantModel model = simulator.board.plant.model();
     assign(kField(model), value);
-    if (!is_physical(model)) return false;
-    simulator.board.plant.configure(model);
-    return true;
+    return change_plant(simulator, model);
   };
   return variable;
 }
@@ -95,6 +100,12 @@ Variable with(Variable variable, double (*get)(const Simulator&), bool (*set)(Si
 
 #define FIELD(path) with_field<[](auto& s) -> auto& { return s.path; }>
 #define MODEL(path) with_model<[](auto& m) -> auto& { return m.path; }>
+// Those whose name is their path.
+#define REAL(path, ...) MODEL(path)(real(#path, __VA_ARGS__))
+#define TOGGLE(path, ...) MODEL(path)(toggle(#path, __VA_ARGS__))
+#define WHEEL(kind, path, ...) MODEL(wheels[kSide].path)(kind(side + "." #path, __VA_ARGS__))
+#define ENCODER(path) FIELD(board.encoders[kSide].model.path)
+#define IMU(kind, path, ...) FIELD(board.sensors.chips.imu.path)(kind("imu." #path, __VA_ARGS__))
 #define GET(value) [](const Simulator& s) { return static_cast<double>(s.value); }
 #define SET(statement)             \
   [](Simulator& s, double value) { \
@@ -107,8 +118,7 @@ double zero(const Simulator&) { return 0.0; }
 std::vector<Variable> world() {
   return {
       MODEL(bridge.supply_v)(real("supply_v", "V", 0, 60, "Motor supply, before the bridge.")),
-      MODEL(supply_ohm)(
-          real("supply_ohm", "Ohm", 0, 20, "Of battery and leads: supply and battery input sag.")),
+      REAL(supply_ohm, "Ohm", 0, 20, "Of battery and leads: supply and battery input sag."),
       MODEL(battery_ah)(
           real("battery.capacity_ah", "A h", 0, 1000, "Of the battery; 0: it never empties.")),
       MODEL(battery_fall_v)(
@@ -118,38 +128,27 @@ std::vector<Variable> world() {
           real("battery.used_ah", "A h", 0, 1000, "Drawn by the motors; 0 charges the battery.")),
       FIELD(board.brownout_v)(
           real("brownout_v", "V", 0, 60, "A supply below this holds the chip in reset.")),
-      MODEL(bridge.drop_v)(real("bridge.drop_v", "V", 0, 5, "The L298N's drop at no current.")),
-      MODEL(bridge.drop_ohm)(
-          real("bridge.drop_ohm", "V/A", 0, 5, "How its drop grows with the current.")),
-      MODEL(bridge.chopped)(toggle(
-          "bridge.chopped", "The current decays in the PWM's off time, as at a low frequency.")),
-      MODEL(motor.supply_v)(
-          real("motor.supply_v", "V", 1, 60, "Supply at which the motor's ratings hold.")),
-      MODEL(motor.at_terminals)(
-          toggle("motor.at_terminals", "The ratings are the motor's alone, without the bridge.")),
-      MODEL(motor.no_load_rpm)(real("motor.no_load_rpm", "1/min", 10, 2000, "Of the wheel.")),
-      MODEL(motor.stall_current_a)(
-          real("motor.stall_current_a", "A", 0.1, 50, "At motor.supply_v.")),
-      MODEL(motor.stall_torque_nm)(
-          real("motor.stall_torque_nm", "N m", 0.005, 10, "At the wheel.")),
-      MODEL(friction.coulomb_nm)(
-          real("friction.coulomb_nm", "N m", 0, 1, "Of a turning wheel with its gearbox.")),
-      MODEL(friction.static_nm)(
-          real("friction.static_nm", "N m", 0, 1, "To start a wheel from rest.")),
-      MODEL(friction.viscous_nms)(
-          real("friction.viscous_nms", "N m s/rad", 0, 0.1, "Grows with the speed.")),
-      MODEL(mass_kg)(real("mass_kg", "kg", 0.05, 100, "Of the robot.")),
-      MODEL(rotor_inertia_kgm2)(real("rotor_inertia_kgm2", "kg m^2", 0, 1,
-                                     "Of one motor with its wheel, seen at the wheel.")),
-      MODEL(wheel_radius_m)(real("wheel_radius_m", "m", 0.005, 1, "Of both wheels.")),
-      MODEL(wheel_separation_m)(
-          real("wheel_separation_m", "m", 0.02, 5, "Between the wheels' middles.")),
-      MODEL(slope_rad)(real("slope_rad", "rad", -1, 1, "The plane rises along +x.")),
-      MODEL(slip)(real("slip", "", 0, 1,
-                       "Share of the travel lost when a wheel pushes with its share of the weight; "
-                       "proportionally less below.")),
-      MODEL(wheels_free)(toggle("wheels_free", "The robot is raised: its wheels turn, it stays.")),
-      MODEL(motors_swapped)(toggle("motors_swapped", "Each bridge drives the other motor.")),
+      REAL(bridge.drop_v, "V", 0, 5, "The L298N's drop at no current."),
+      REAL(bridge.drop_ohm, "V/A", 0, 5, "How its drop grows with the current."),
+      TOGGLE(bridge.chopped, "The current decays in the PWM's off time, as at a low frequency."),
+      REAL(motor.supply_v, "V", 1, 60, "Supply at which the motor's ratings hold."),
+      TOGGLE(motor.at_terminals, "The ratings are the motor's alone, without the bridge."),
+      REAL(motor.no_load_rpm, "1/min", 10, 2000, "Of the wheel."),
+      REAL(motor.stall_current_a, "A", 0.1, 50, "At motor.supply_v."),
+      REAL(motor.stall_torque_nm, "N m", 0.005, 10, "At the wheel."),
+      REAL(friction.coulomb_nm, "N m", 0, 1, "Of a turning wheel with its gearbox."),
+      REAL(friction.static_nm, "N m", 0, 1, "To start a wheel from rest."),
+      REAL(friction.viscous_nms, "N m s/rad", 0, 0.1, "Grows with the speed."),
+      REAL(mass_kg, "kg", 0.05, 100, "Of the robot."),
+      REAL(rotor_inertia_kgm2, "kg m^2", 0, 1, "Of one motor with its wheel, seen at the wheel."),
+      REAL(wheel_radius_m, "m", 0.005, 1, "Of both wheels."),
+      REAL(wheel_separation_m, "m", 0.02, 5, "Between the wheels' middles."),
+      REAL(slope_rad, "rad", -1, 1, "The plane rises along +x."),
+      REAL(slip, "", 0, 1,
+           "Share of the travel lost when a wheel pushes with its share of the weight; "
+           "proportionally less below."),
+      TOGGLE(wheels_free, "The robot is raised: its wheels turn, it stays."),
+      TOGGLE(motors_swapped, "Each bridge drives the other motor."),
       FIELD(board.wiring.swapped)(
           toggle("encoders_swapped", "Each counter has the other encoder.")),
       FIELD(board.wiring.both_on)(
@@ -178,46 +177,30 @@ std::vector<Variable> hands() {
 template <Side kSide>
 std::vector<Variable> wheel(const std::string& side) {
   return {
-      MODEL(wheels[kSide].motor_scale)(
-          scale(side + ".motor_scale", 0.2, 3, "No-load speed, relative to the rating.")),
-      MODEL(wheels[kSide].torque_scale)(
-          scale(side + ".torque_scale", 0.05, 3, "Torque per ampere, relative to the rating.")),
-      MODEL(wheels[kSide].winding_scale)(scale(
-          side + ".winding_scale", 0.2, 20, "The winding's resistance, relative to the rating.")),
-      MODEL(wheels[kSide].coulomb_scale)(
-          scale(side + ".coulomb_scale", 0, 20, "Relative to friction.coulomb_nm.")),
-      MODEL(wheels[kSide].static_scale)(
-          scale(side + ".static_scale", 0, 20, "Relative to friction.static_nm.")),
-      MODEL(wheels[kSide].viscous_scale)(
-          scale(side + ".viscous_scale", 0, 20, "Relative to friction.viscous_nms.")),
-      MODEL(wheels[kSide].radius_scale)(
-          scale(side + ".radius_scale", 0.5, 2, "Relative to wheel_radius_m.")),
-      MODEL(wheels[kSide].backlash_rad)(real(side + ".backlash_rad", "rad", 0, 1,
-                                             "Play of the gearbox, between encoder and wheel.")),
-      MODEL(wheels[kSide].motor_reversed)(
-          toggle(side + ".motor_reversed", "The motor's wires are swapped.")),
-      MODEL(wheels[kSide].motor_open)(toggle(side + ".motor_open", "A wire of the motor is off.")),
-      MODEL(wheels[kSide].load_nm)(
-          real(side + ".load_nm", "N m", -10, 10, "Acts against forward motion.")),
-      MODEL(wheels[kSide].slip)(
-          real(side + ".slip", "", 0, 1, "Share of the wheel's travel lost, as on ice.")),
-      MODEL(wheels[kSide].blocked)(toggle(side + ".blocked", "The wheel is held fast.")),
-      FIELD(board.encoders[kSide].model.dead)(toggle(side + ".encoder_dead", "A and B are stuck.")),
-      FIELD(board.encoders[kSide].model.reversed)(
-          toggle(side + ".encoder_reversed", "A and B are swapped.")),
-      FIELD(board.encoders[kSide].model.stuck)(
-          whole(side + ".stuck_channel", "", 0, 2,
-                "Channel whose level never changes: 1 A, 2 B; 0: neither.")),
-      FIELD(board.encoders[kSide].model.stuck)(
-          whole(side + ".encoder_stuck", "", 0, 2, "Another name of stuck_channel.")),
-      FIELD(board.encoders[kSide].model.magnet_missing)(
+      WHEEL(scale, motor_scale, 0.2, 3, "No-load speed, relative to the rating."),
+      WHEEL(scale, torque_scale, 0.05, 3, "Torque per ampere, relative to the rating."),
+      WHEEL(scale, winding_scale, 0.2, 20, "The winding's resistance, relative to the rating."),
+      WHEEL(scale, coulomb_scale, 0, 20, "Relative to friction.coulomb_nm."),
+      WHEEL(scale, static_scale, 0, 20, "Relative to friction.static_nm."),
+      WHEEL(scale, viscous_scale, 0, 20, "Relative to friction.viscous_nms."),
+      WHEEL(scale, radius_scale, 0.5, 2, "Relative to wheel_radius_m."),
+      WHEEL(real, backlash_rad, "rad", 0, 1, "Play of the gearbox, between encoder and wheel."),
+      WHEEL(toggle, motor_reversed, "The motor's wires are swapped."),
+      WHEEL(toggle, motor_open, "A wire of the motor is off."),
+      WHEEL(real, load_nm, "N m", -10, 10, "Acts against forward motion."),
+      WHEEL(real, slip, "", 0, 1, "Share of the wheel's travel lost, as on ice."),
+      WHEEL(toggle, blocked, "The wheel is held fast."),
+      ENCODER(dead)(toggle(side + ".encoder_dead", "A and B are stuck.")),
+      ENCODER(reversed)(toggle(side + ".encoder_reversed", "A and B are swapped.")),
+      ENCODER(stuck)(whole(side + ".stuck_channel", "", 0, 2,
+                           "Channel whose level never changes: 1 A, 2 B; 0: neither.")),
+      ENCODER(stuck)(whole(side + ".encoder_stuck", "", 0, 2, "Another name of stuck_channel.")),
+      ENCODER(magnet_missing)(
           toggle(side + ".magnet_missing",
                  "A twelfth of each turn has no edges; they come together at its end.")),
-      FIELD(board.encoders[kSide].model.lost)(
-          real(side + ".encoder_lost", "", 0, 1, "Share of the edges that is lost.")),
-      FIELD(board.encoders[kSide].model.edge_error_ticks)(
-          real(side + ".encoder_error_ticks", "tick", 0, 0.45,
-               "Each edge is off by up to this, the same every turn.")),
+      ENCODER(lost)(real(side + ".encoder_lost", "", 0, 1, "Share of the edges that is lost.")),
+      ENCODER(edge_error_ticks)(real(side + ".encoder_error_ticks", "tick", 0, 0.45,
+                                     "Each edge is off by up to this, the same every turn.")),
       with(real(side + ".hand_turns", "turn", -1000, 1000,
                 "Turns by hand, forward positive, one a second; reads as what is left."),
            GET(board.plant.hand_rad(kSide) / kTurn),
@@ -306,24 +289,17 @@ std::vector<Variable> chips() {
   return {
     FIELD(board.sensors.chips.imu.bias_radps)(
         real("imu.bias", "rad/s", -5, 5, "What the gyroscope adds to the yaw rate.")),
-        FIELD(board.sensors.chips.imu.noise)(
-            scale("imu.noise", 0, 100,
-                  "Relative to the chip's own. With 0 the IMU at rest looks frozen.")),
-        FIELD(board.sensors.chips.imu.freeze)(
-            toggle("imu.freeze", "The IMU repeats its newest sample.")),
-        FIELD(board.sensors.chips.imu.absent)(toggle("imu.absent", "The IMU's plug is off.")),
-        FIELD(board.sensors.chips.imu.identity)(
-            whole("imu.identity", "", 0, 255, "What the IMU says it is; 0: the board's chip.")),
-        FIELD(board.sensors.chips.imu.bus_hung)(
-            toggle("imu.bus_hung", "A line of the IMU's bus is held low; the whole bus hangs.")),
-        FIELD(board.sensors.chips.imu.interrupt_lost)(
-            toggle("imu.interrupt_lost", "The wire of the IMU's data-ready output is off.")),
-        FIELD(board.sensors.chips.imu.forward)(
-            whole("imu.forward", "", -1, 5,
-                  "Axis that really points forward: 0 to 5 for x, y, z, -x, -y, -z. Set `imu.up` "
-                  "as well; -1: as the board says.")),
-        FIELD(board.sensors.chips.imu.up)(
-            whole("imu.up", "", -1, 5, "Axis that really points up.")),
+        IMU(scale, noise, 0, 100,
+            "Relative to the chip's own. With 0 the IMU at rest looks frozen."),
+        IMU(toggle, freeze, "The IMU repeats its newest sample."),
+        IMU(toggle, absent, "The IMU's plug is off."),
+        IMU(whole, identity, "", 0, 255, "What the IMU says it is; 0: the board's chip."),
+        IMU(toggle, bus_hung, "A line of the IMU's bus is held low; the whole bus hangs."),
+        IMU(toggle, interrupt_lost, "The wire of the IMU's data-ready output is off."),
+        IMU(whole, forward, "", -1, 5,
+            "Axis that really points forward: 0 to 5 for x, y, z, -x, -y, -z. Set `imu.up` "
+            "as well; -1: as the board says."),
+        IMU(whole, up, "", -1, 5, "Axis that really points up."),
         FIELD(board.sensors.chips.power_absent)(
             toggle("power.absent", "The power sensor does not answer.")),
         with(toggle("imu.reset", "The IMU loses its settings, once; reads as 0."), zero,
@@ -445,6 +421,11 @@ std::vector<Variable> readings() {
 
 #undef FIELD
 #undef MODEL
+#undef REAL
+#undef TOGGLE
+#undef WHEEL
+#undef ENCODER
+#undef IMU
 #undef GET
 #undef SET
 

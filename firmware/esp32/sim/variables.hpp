@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libfwsim.h"
 #include "simulator.hpp"
 
 namespace wheelwire::sim {
@@ -21,7 +22,12 @@ struct Variable {
   bool (*set)(Simulator& simulator, double value);
 };
 
-enum class VariableStatus { kOk, kUnknownName, kReadOnly, kOutOfRange };
+enum class VariableStatus {
+  kOk = FWSIM_OK,
+  kUnknownName = FWSIM_UNKNOWN_NAME,
+  kReadOnly = FWSIM_READ_ONLY,
+  kOutOfRange = FWSIM_OUT_OF_RANGE
+};
 
 /// In the order of the help text.
 const std::vector<Variable>& variables();

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 namespace wheelwire::sim {
 
@@ -12,42 +13,29 @@ class JsonLine {
  public:
   explicit JsonLine(std::string_view event) { add("event", event); }
 
-  JsonLine& add(std::string_view key, std::string_view value) {
-    begin(key);
-    quote(value);
-    return *this;
-  }
-  JsonLine& add(std::string_view key, const char* value) {
-    return add(key, std::string_view(value));
-  }
-  JsonLine& add(std::string_view key, bool value) {
-    begin(key);
-    text_ += value ? "true" : "false";
-    return *this;
-  }
-  JsonLine& add(std::string_view key, uint64_t value) {
-    begin(key);
-    text_ += std::to_string(value);
-    return *this;
-  }
   /// 15 significant digits keep whole numbers whole.
-  JsonLine& add(std::string_view key, double value) {
-    char digits[32];
-    std::snprintf(digits, sizeof digits, "%.15g", value);
-    begin(key);
-    text_ += digits;
+  template <typename Value>
+  JsonLine& add(std::string_view key, const Value& value) {
+    if (!text_.empty()) text_ += ", ";
+    quote(key);
+    text_ += ": ";
+    if constexpr (std::is_same_v<Value, bool>) {
+      text_ += value ? "true" : "false";
+    } else if constexpr (std::is_integral_v<Value>) {
+      text_ += std::to_string(value);
+    } else if constexpr (std::is_same_v<Value, double>) {
+      char digits[32];
+      std::snprintf(digits, sizeof digits, "%.15g", value);
+      text_ += digits;
+    } else {
+      quote(value);
+    }
     return *this;
   }
 
   std::string str() const { return "{" + text_ + "}\n"; }
 
  private:
-  void begin(std::string_view key) {
-    if (!text_.empty()) text_ += ", ";
-    quote(key);
-    text_ += ": ";
-  }
-
   void quote(std::string_view value) {
     text_ += '"';
     for (const char c : value) {
