@@ -65,12 +65,6 @@ StepNote odd_step(uint64_t now_us) {
 
 }  // namespace
 
-TEST(a_box_without_a_step_is_empty) {
-  std::vector<uint32_t> memory(box::kWords, 0xa5a5a5a5u);
-  CHECK(BoxReader(memory.data()).is_empty());
-  CHECK(Rerun(memory.data()).run() == Outcome::kEmpty);
-}
-
 TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
   RecordedRobot robot;
   robot.bench.send(robot.bench.velocity(0.3f, 0.2f));
@@ -216,38 +210,6 @@ TEST(a_message_between_two_steps_has_its_own_time) {
   CHECK(robot.rerun() == Outcome::kSame);
 }
 
-TEST(a_contact_that_opens_between_two_reads_re_runs_where_it_was_read) {
-  RecordedRobot robot;
-  robot.bench.drive(0.2f, 0.2f, 3);
-  // The clear reads the contact closed, the step that follows finds it open.
-  robot.bench.send(ClearEstop{robot.bench.session_id(), ++robot.bench.request_id});
-  robot.bench.service();
-  robot.bench.contact.open = true;
-  robot.bench.step();
-  const auto entries = robot.entries();
-  CHECK(robot.count(Kind::kContact) == 1);
-  CHECK(robot.bench.state() == SupervisorState::kEstopped && robot.rerun() == Outcome::kSame);
-}
-
-TEST(a_refusal_and_a_failed_write_are_recorded) {
-  RecordedRobot robot;
-  robot.bench.store.failing = true;
-  CHECK(robot.bench.refusal(ParameterSave{}) == RefusalCode::kStoreFailed);
-  robot.bench.step();
-  CHECK(robot.count(Kind::kStore) == 1 && robot.count(Kind::kRefusal) == 1);
-  CHECK(robot.rerun() == Outcome::kSame);
-}
-
-TEST(the_oldest_segment_is_dropped_for_a_new_one) {
-  RecordedRobot robot;
-  robot.bench.run(20'000);
-  const auto entries = robot.entries();
-  CHECK(robot.count(Kind::kState) >= box::kSegments - 1);
-  const uint64_t span_us = robot.bench.now_us - entries[1].t_us;
-  CHECK(span_us > 1'500'000 && entries.back().t_us == robot.bench.now_us);
-  CHECK(robot.rerun() == Outcome::kSame);
-}
-
 TEST(a_second_at_1_khz_with_100_setpoints_is_always_there) {
   RecordedRobot robot;
   uint64_t shortest_us = UINT64_MAX;
@@ -300,16 +262,6 @@ TEST(a_torn_last_record_is_dropped_and_the_rest_re_runs) {
     CHECK(torn.entries().size() == whole - 1);
     CHECK(torn.rerun() == Outcome::kSame);
   }
-}
-
-TEST(what_an_earlier_use_left_behind_the_newest_record_is_not_read) {
-  RecordedRobot robot;
-  robot.bench.run(9000);
-  // A reset: the next use restarts in the same memory, whose segments are full.
-  robot.black_box.clear();
-  robot.bench.run(3);
-  CHECK(robot.count(Kind::kStep) + robot.count(Kind::kWideStep) == 3);
-  CHECK(robot.rerun() == Outcome::kSame);
 }
 
 TEST(a_box_of_another_core_is_refused_or_only_what_the_robot_did_is_compared) {

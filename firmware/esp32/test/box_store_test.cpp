@@ -79,18 +79,6 @@ struct RobotWithBoxes {
       keeper->step(bench.device, bench.now_us);
     }
   }
-  /// The box as a host reads it, part by part; empty if it is not there to its end.
-  std::vector<uint8_t> read(uint32_t number) {
-    std::vector<uint8_t> image;
-    while (image.size() < kBoxImageSize) {
-      const auto part = bench.ask<BoxPart>(
-          BoxRead{.number = number, .offset = static_cast<uint32_t>(image.size())});
-      bench.received.clear();
-      if (!part || part->size == 0) return {};
-      image.insert(image.end(), part->data, part->data + part->size);
-    }
-    return image;
-  }
   void estop_and_clear(int steps) {
     bench.send(Estop{});
     run(steps);
@@ -250,33 +238,6 @@ TEST(a_second_cut_while_the_first_one_is_mended_loses_no_box_either) {
   }
 }
 
-TEST(a_cut_while_a_robot_stores_a_box_leaves_its_parameters_and_its_counts) {
-  size_t operations = SIZE_MAX;
-  for (size_t cut = 0; cut <= operations; ++cut) {
-    for (const CutFlash::Cut how : kCuts) {
-      RobotWithBoxes robot;
-      robot.start();
-      CHECK(robot.bench.set(ParameterId::kMaxDuty, 0.5f) == RefusalCode::kNone);
-      CHECK(robot.bench.refusal(ParameterSave{}) == RefusalCode::kNone);
-      robot.run(3000);
-      const std::vector<uint8_t> saved = robot.bench.store.block;
-      CHECK(!saved.empty());
-      const size_t before = robot.flash.operations;
-      if (operations != SIZE_MAX) robot.flash.cut_after(cut, how);
-      robot.bench.send(Estop{});
-      robot.run(300);
-      if (operations == SIZE_MAX) operations = robot.flash.operations - before;
-      CHECK(robot.bench.store.block == saved);
-      robot.flash.power_on();
-      StartedBoxes boxes(robot.flash);
-      CHECK(images(boxes).size() <= 1);
-      const LedgerCounts counts = counts_after(ResetReason::kPowerOn, robot.flash);
-      CHECK(resets(counts, ResetReason::kPowerOn) == 2);
-    }
-  }
-  CHECK(operations >= 33);
-}
-
 TEST(a_flash_that_takes_nothing_is_left_alone_until_the_next_start) {
   CutFlash flash(BoxStore::kSize);
   std::fill(flash.bytes.begin(), flash.bytes.end(), 0);
@@ -345,28 +306,6 @@ TEST(boxes_are_stored_three_at_once_and_then_one_in_ten_minutes) {
   CHECK(robot.keeper->store().count() == 4);
 }
 
-TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
-  for (const bool panics : {true, false}) {
-    RobotWithBoxes first;
-    first.start();
-    first.bench.drive(0.2f, 0.2f, 30);
-    RobotWithBoxes second(50'000);
-    second.memory = first.memory;
-    second.start(panics ? ResetReason::kPanic : ResetReason::kPowerOn);
-    second.run(9900);
-    CHECK(second.flash.operations == 0);
-    second.run(1000);
-    CHECK(second.keeper->store().count() == (panics ? 1 : 0));
-    if (!panics) continue;
-    const BoxHead& head = *second.keeper->store().head(0);
-    CHECK(head.cause == BoxCause::kReset && head.reset_reason == ResetReason::kPanic);
-    const auto recorded = memory_in(second.keeper->store(), 1);
-    Rerun rerun(recorded.data());
-    CHECK(rerun.run() == Rerun::Outcome::kSame && rerun.steps() == 32);
-    CHECK(!second.keeper->black_box().is_closed());
-  }
-}
-
 TEST(the_ledger_counts_across_resets) {
   CutFlash flash(RecorderKeeper::kFlashSize);
   LedgerMemory memory{};
@@ -413,21 +352,6 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
       CHECK(deadlines(later.counts(0)) == deadlines(after.counts(0)));
     }
   }
-}
-
-TEST(a_reset_of_the_processor_loses_no_count) {
-  CutFlash flash(RecorderKeeper::kFlashSize);
-  LedgerMemory memory;
-  memory.fill(0xa5);  // As a power-on leaves it.
-  for (uint32_t boot = 0; boot < 5; ++boot) {
-    StartedLedger ledger(flash, memory, boot == 0 ? ResetReason::kPowerOn : ResetReason::kPanic);
-    CHECK(deadlines(ledger.counts(0)) == boot);
-    CHECK(ledger.counts(0).uptime_s == 4 * boot);
-    CHECK(resets(ledger.counts(0), ResetReason::kPanic) == boot);
-    for (uint64_t now_us = 1000; now_us < 4'500'000; now_us += 1000) ledger.note_time(now_us);
-    ledger.count_deadline();
-  }
-  CHECK(flash.operations == 0);
 }
 
 TEST(what_is_in_flash_is_not_counted_twice) {
@@ -491,31 +415,6 @@ TEST(a_boot_loop_writes_nothing_and_is_counted) {
   CHECK(flash.operations == 0);
 }
 
-TEST(a_host_reads_the_boxes_part_by_part) {
-  RestingRobot robot;
-  CHECK(robot.bench.ask<GroupInfo>(GroupGet{.group = Group::kRecorder})->hash ==
-        hash_of(Group::kRecorder));
-  const auto none = robot.bench.ask<BoxValue>(BoxGet{});
-  CHECK(none && none->box_count == 0 && none->number == 0);
-  robot.estop_and_clear(200);
-  robot.estop_and_clear(200);
-  const auto newest = robot.bench.ask<BoxValue>(BoxGet{.age = 0});
-  const auto first = robot.bench.ask<BoxValue>(BoxGet{.age = 1});
-  CHECK(newest && newest->box_count == 2 && newest->number == 2);
-  CHECK(newest->size == kBoxImageSize && newest->cause == BoxCause::kEstop);
-  CHECK(newest->boot_id == 3 && newest->core == kCoreHash && newest->board == 0x77);
-  CHECK(first && first->number == 1 && first->stored_us < newest->stored_us);
-  CHECK(robot.bench.ask<BoxValue>(BoxGet{.age = 2})->number == 0);
-  // Each time more requests than the ids of a session go round with.
-  const Images stored = images(robot.keeper->store());
-  for (int i = 0; i < 120; ++i)
-    for (const auto& [number, image] : stored) CHECK(robot.read(number) == image);
-  CHECK(robot.read(3).empty());
-  // What was read is in the box that is recorded now, and re-runs.
-  robot.run(10);
-  CHECK(Rerun(robot.memory.box).run() == Rerun::Outcome::kSame);
-}
-
 TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {
   RobotWithBoxes robot;
   robot.start();
@@ -531,75 +430,6 @@ TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {
   CHECK(answers() == 2);
   request.request_id = 49;
   CHECK(answers() == 2);
-}
-
-TEST(nothing_is_read_while_driving_but_with_a_stop_or_a_fault_latched) {
-  RestingRobot robot;
-  robot.estop_and_clear(200);
-  const auto refusals = [&] {
-    return std::vector<RefusalCode>{robot.bench.refusal(BoxGet{}), robot.bench.refusal(BoxRead{1}),
-                                    robot.bench.refusal(LedgerGet{})};
-  };
-  const std::vector<RefusalCode> refused(3, RefusalCode::kNotStopped);
-  const std::vector<RefusalCode> served(3, RefusalCode::kNone);
-  robot.bench.send(robot.bench.velocity(0.0f, 0.0f));
-  robot.run(1);
-  robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
-  robot.run(1);
-  CHECK(robot.bench.state() == SupervisorState::kDriving && refusals() == refused);
-  robot.run(1000);
-  CHECK(robot.bench.state() == SupervisorState::kTimedOut && refusals() == served);
-  robot.bench.send(Estop{});
-  robot.run(1);
-  CHECK(robot.bench.state() == SupervisorState::kEstopped && refusals() == served);
-}
-
-TEST(a_box_is_current_until_anything_happens_to_the_state) {
-  RestingRobot robot;
-  const auto is_current = [&] { return robot.bench.ask<BoxValue>(BoxGet{})->is_current; };
-  robot.bench.send(Estop{});
-  robot.run(200);
-  CHECK(robot.keeper->store().count() == 1 && is_current() == 1);
-  robot.bench.send(robot.bench.stop());
-  robot.run(10);
-  CHECK(is_current() == 1);
-  (void)robot.bench.clear_estop();
-  CHECK(is_current() == 0);
-  // Cleared and stopped again while no box can be stored: the newest one is not of that stop.
-  for (int i = 0; i < 2; ++i) robot.estop_and_clear(200);
-  robot.bench.send(Estop{});
-  robot.run(200);
-  CHECK(robot.keeper->store().count() == 3 && is_current() == 0);
-}
-
-TEST(the_box_of_a_reset_is_current_all_of_the_boot) {
-  RobotWithBoxes first;
-  first.start();
-  first.bench.drive(0.2f, 0.2f, 30);
-  RobotWithBoxes second(50'000);
-  second.memory = first.memory;
-  second.start(ResetReason::kPanic);
-  second.run(11'000);
-  CHECK(second.bench.ask<BoxValue>(BoxGet{})->is_current == 1);
-  second.estop_and_clear(200);
-  CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 1})->is_current == 1);
-  CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 0})->is_current == 0);
-  RobotWithBoxes third(50'000);
-  third.flash = second.flash;
-  third.start(ResetReason::kPowerOn);
-  third.run(11'000);
-  CHECK(third.bench.ask<BoxValue>(BoxGet{.age = 1})->is_current == 0);
-}
-
-TEST(a_box_that_is_overwritten_while_it_is_read_ends_in_no_mixture) {
-  RestingRobot robot;
-  for (int i = 0; i < 8; ++i) {
-    robot.estop_and_clear(200);
-    robot.bench.now_us += 600'000'000;
-  }
-  CHECK(robot.keeper->store().count() == 8 && !robot.read(1).empty());
-  robot.estop_and_clear(200);
-  CHECK(robot.keeper->store().head(0)->number == 9 && robot.read(1).empty());
 }
 
 TEST(a_host_reads_the_ledger) {

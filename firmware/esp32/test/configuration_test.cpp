@@ -69,7 +69,7 @@ void write_and_confirm(BlockStore& store, const Configuration& configuration) {
 
 }  // namespace
 
-TEST(a_configuration_survives_the_way_to_bytes_and_back) {
+TEST(a_configuration_survives_the_way_to_bytes_and_back_and_has_its_fingerprint) {
   const Configuration wanted = variant(21);
   uint8_t packed[Configuration::kSize];
   CHECK(wanted.encode(packed) == wanted.fingerprint());
@@ -82,9 +82,6 @@ TEST(a_configuration_survives_the_way_to_bytes_and_back) {
     packed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
   }
   CHECK(!Configuration::decode(packed, sizeof packed - 1, found));
-}
-
-TEST(another_board_and_other_peripherals_have_other_fingerprints) {
   Configuration fewer = variant(21);
   --fewer.peripherals.count;
   CHECK(variant(21).fingerprint() != other().fingerprint());
@@ -93,13 +90,6 @@ TEST(another_board_and_other_peripherals_have_other_fingerprints) {
   Configuration rest = variant(21);
   rest.peripherals.entries[5].pin_a = 4;
   CHECK(rest.fingerprint() == variant(21).fingerprint());
-}
-
-TEST(without_a_stored_configuration_the_images_is_active) {
-  MemoryStore store;
-  CHECK(Start(store).has(kBuiltInOne, kBuiltIn));
-  CHECK(Start(store).active.refusal() == RefusalCode::kBoardUnconfirmed);
-  CHECK(Start(store, nullptr).active.state() == kDamaged);
 }
 
 TEST(what_was_written_is_tried_and_kept_when_confirmed) {
@@ -141,32 +131,18 @@ TEST(what_another_session_has_set_is_not_written) {
   CHECK(start.active.write(2, variant(21).fingerprint()) == RefusalCode::kBoardRefused);
 }
 
-TEST(the_images_configuration_is_confirmed_by_its_fingerprint) {
+TEST(the_images_configuration_is_active_without_another_and_is_confirmed_by_its_fingerprint) {
   MemoryStore store;
+  CHECK(Start(store, nullptr).active.state() == kDamaged);
   Start first(store);
-  CHECK(!first.active.is_confirmed());
+  CHECK(first.has(kBuiltInOne, kBuiltIn) && !first.active.is_confirmed());
+  CHECK(first.active.refusal() == RefusalCode::kBoardUnconfirmed);
   CHECK(first.active.confirm(variant(21).fingerprint()) == RefusalCode::kBoardRefused);
   CHECK(Start(store).active.state() == kBuiltIn);
   CHECK(first.confirm() == RefusalCode::kNone);
   CHECK(!first.active.is_confirmed());  // Its pins are started by the next start.
   CHECK(first.confirm() == RefusalCode::kNone);
   CHECK(Start(store, nullptr).has(kBuiltInOne, kStored));
-}
-
-TEST(what_cannot_be_saved_is_not_confirmed) {
-  MemoryStore store;
-  store.failing = true;
-  CHECK(Start(store).confirm() == RefusalCode::kStoreFailed);
-  store.failing = false;
-  CHECK(Start(store).active.state() == kBuiltIn);
-}
-
-TEST(a_simulated_robots_configuration_is_confirmed) {
-  ActiveConfiguration active(nullptr, Chip::kEsp32, &kBuiltInOne,
-                             ActiveConfiguration::BuiltIn::kConfirmed);
-  active.start();
-  CHECK(active.state() == kStored && active.is_confirmed());
-  CHECK(active.is_fixed());
 }
 
 TEST(the_previous_configuration_returns_without_a_confirmation) {
@@ -199,28 +175,6 @@ TEST(a_configuration_that_cannot_be_used_is_refused) {
   CHECK(start.active.stage_peripheral(kMostPeripherals, entry) == RefusalCode::kOutOfRange);
 }
 
-TEST(a_stored_configuration_that_this_firmware_cannot_use_is_damaged) {
-  MemoryStore store;
-  write_and_confirm(store, variant(21));
-  ActiveConfiguration other_chip(&store, Chip::kEsp32s3, &kBuiltInOne);
-  other_chip.start();
-  CHECK(other_chip.state() == kDamaged && other_chip.peripherals().count == 0);
-}
-
-TEST(a_block_of_another_size_is_damaged_until_a_configuration_is_confirmed) {
-  MemoryStore store;
-  store.block = {1, 2, 3};
-  Start start(store);
-  CHECK(start.active.state() == kDamaged && start.active.faults() == fault::kStoreUnreadable);
-  CHECK(start.write(variant(21)) == RefusalCode::kNone);
-  CHECK(Start(store).active.state() == kDamaged);
-  write_and_restart(store, variant(21));
-  CHECK(Start(store).active.on_trial());  // And loses its power.
-  CHECK(Start(store).active.state() == kDamaged);
-  write_and_confirm(store, variant(21));
-  CHECK(Start(store).has(variant(21), kStored));
-}
-
 TEST(one_damaged_slot_leaves_the_confirmed_configuration) {
   for (const bool has_former : {false, true}) {
     for (const int slot : {0, 1}) {
@@ -237,36 +191,21 @@ TEST(one_damaged_slot_leaves_the_confirmed_configuration) {
   }
 }
 
-/// At whichever write the power is cut, from the first to the last: the next starts have the
-/// previous configuration or the new one, and never stay on trial.
-TEST(a_power_cut_at_any_write_of_a_configuration_leaves_the_old_or_the_new_one) {
-  for (const bool loses : {false, true}) {
-    for (const bool has_former : {false, true}) {
-      for (int cut = 0; cut <= 8; ++cut) {
-        SlotFlash flash;
-        for (auto& slot : flash.slots[0]) slot.loses = loses;
-        if (has_former) {
-          write_and_confirm(flash.configuration(), other());
-        }
-        flash.writes_left = cut;
-        write_and_restart(flash.configuration(), variant(21));
-        bool is_confirmed = false;
-        {
-          Start start(flash.configuration());
-          is_confirmed = start.active.on_trial() && start.confirm() == RefusalCode::kNone;
-        }
-        // The power is back.
-        flash.writes_left = SlotFlash::kPlenty;
-        CHECK(Start(flash.configuration()).active.state() != kDamaged);
-        const Start last(flash.configuration());
-        const bool is_new = last.has(variant(21), kStored);
-        CHECK(is_new !=
-              (has_former ? last.has(other(), kStored) : last.has(kBuiltInOne, kBuiltIn)));
-        CHECK(is_new || !is_confirmed);
-        CHECK(is_confirmed == (cut == 8));
-      }
-    }
-  }
+TEST(a_block_of_another_size_or_chip_is_damaged_until_a_configuration_is_confirmed) {
+  MemoryStore store;
+  store.block = {1, 2, 3};
+  Start start(store);
+  CHECK(start.active.state() == kDamaged && start.active.faults() == fault::kStoreUnreadable);
+  CHECK(start.write(variant(21)) == RefusalCode::kNone);
+  CHECK(Start(store).active.state() == kDamaged);
+  write_and_restart(store, variant(21));
+  CHECK(Start(store).active.on_trial());  // And loses its power.
+  CHECK(Start(store).active.state() == kDamaged);
+  write_and_confirm(store, variant(21));
+  CHECK(Start(store).has(variant(21), kStored));
+  ActiveConfiguration other_chip(&store, Chip::kEsp32s3, &kBuiltInOne);
+  other_chip.start();
+  CHECK(other_chip.state() == kDamaged && other_chip.peripherals().count == 0);
 }
 
 TEST(the_boards_numbers_are_the_defaults) {

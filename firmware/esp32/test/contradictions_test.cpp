@@ -39,60 +39,20 @@ TEST(each_contradiction_has_its_flag_and_its_boundary) {
         contradiction::kGlitchFilter);
 }
 
-TEST(a_value_that_contradicts_another_is_refused_and_named) {
+TEST(values_on_trial_are_judged_together_at_rest_and_at_once_while_it_drives) {
   OpenRobot bench;
-  CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kContradiction);
-  const auto found = bench.ask<Contradictions>(ContradictionsGet{});
-  CHECK(found && found->active == 0 && found->refused == contradiction::kStreamRate);
-  CHECK(bench.set(kControlRateHz, 2000) == RefusalCode::kNone);
+  const ParameterTrial begin{.action = TrialAction::kBegin, .timeout_s = 5.0f};
+  const ParameterTrial keep{.action = TrialAction::kKeep};
+  CHECK(bench.refusal(begin) == RefusalCode::kNone);
   CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kNone);
-}
-
-TEST(values_on_trial_are_judged_together_in_any_order) {
-  for (const bool stream_first : {false, true}) {
-    OpenRobot bench;
-    const ParameterTrial begin{.action = TrialAction::kBegin, .timeout_s = 5.0f};
-    const ParameterTrial keep{.action = TrialAction::kKeep};
-    CHECK(bench.refusal(begin) == RefusalCode::kNone);
-    CHECK(bench.set(stream_first ? kStreamRateHz : kControlRateHz, 2000) == RefusalCode::kNone);
-    if (stream_first) {
-      // Until the other value is there nothing drives, and a KEEP is refused.
-      bench.drive(0.1f, 0.1f);
-      CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kContradiction);
-      CHECK(bench.refusal(keep) == RefusalCode::kContradiction);
-    }
-    CHECK(bench.set(stream_first ? kControlRateHz : kStreamRateHz, 2000) == RefusalCode::kNone);
-    CHECK(bench.refusal(keep) == RefusalCode::kNone);
-    bench.drive(0.1f, 0.1f);
-    CHECK(bench.driven());
-  }
-}
-
-TEST(what_the_robot_drives_with_is_judged_at_once_on_trial_too) {
-  OpenRobot bench;
-  CHECK(bench.refusal(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 5.0f}) ==
-        RefusalCode::kNone);
-  bench.drive(0.1f, 0.1f);
-  CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kContradiction);
-  CHECK(bench.driven());
-}
-
-TEST(saved_values_that_contradict_each_other_do_not_drive) {
-  MemoryStore store;
-  Parameters parameters;
-  parameters.set(kControlRateHz, 100);
-  parameters.set(kOverrunLimitUs, 2000);
-  CHECK(parameters.save(store));
-  RobotBench bench;
-  bench.store.block = store.block;
-  bench.open();
-  CHECK(bench.ask<Contradictions>(ContradictionsGet{})->active == contradiction::kOverrunLimit);
+  // Until the other value is there nothing drives, and a KEEP is refused.
   bench.drive(0.1f, 0.1f);
   CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kContradiction);
-  // Another value may still change, and each one that ends it.
-  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
-  CHECK(bench.set(kOverrunLimitUs, 20'000) == RefusalCode::kNone);
-  bench.arm();
+  CHECK(bench.refusal(keep) == RefusalCode::kContradiction);
+  CHECK(bench.set(kControlRateHz, 2000) == RefusalCode::kNone);
+  CHECK(bench.refusal(keep) == RefusalCode::kNone);
+  CHECK(bench.refusal(begin) == RefusalCode::kNone);
   bench.drive(0.1f, 0.1f);
+  CHECK(bench.driven() && bench.set(kStreamRateHz, 3000) == RefusalCode::kContradiction);
   CHECK(bench.driven());
 }

@@ -34,20 +34,6 @@ TEST(total_follows_the_register_over_both_limits) {
   }
 }
 
-TEST(hovering_at_a_limit_counts_nothing_twice) {
-  Register reg;
-  TickTotal total;
-  for (int i = 0; i < kCounterLimit - 1; ++i) {
-    reg.count(1);
-    total.update(reg.value, false);
-  }
-  for (int i = 0; i < 1000; ++i) {
-    reg.count(i % 2 == 0 ? 1 : -1);
-    total.update(reg.value, false);
-  }
-  CHECK(total.ticks() == kCounterLimit - 1);
-}
-
 TEST(totals_that_exchange_their_registers_keep_what_they_counted) {
   TickTotal left(100);
   TickTotal right(-200);

@@ -4,10 +4,10 @@
 #include <map>
 #include <vector>
 
-#include "check.hpp"
-#include "sensor_hub.hpp"
+#include "sensor_bench.hpp"
 
 using namespace wheelwire;
+using namespace wheelwire::test;
 
 namespace {
 
@@ -81,17 +81,15 @@ void put_bytes(FakeChip& chip, uint8_t at, const std::vector<uint8_t>& bytes) {
   for (size_t i = 0; i < bytes.size(); ++i) chip.bytes[static_cast<uint8_t>(at + i)] = bytes[i];
 }
 
-/// A robot's IMU from chip to hub, in steps of 100 us: the sensors' task each millisecond unless it
-/// is busy, the control task each millisecond.
-class I2cRig : public SensorPort, public SensorObserver {
+/// A robot's IMU: the sensors' task polls each millisecond unless it is busy.
+class I2cRig : public HubRig {
  public:
   static constexpr uint8_t kAddress = 0x68;
 
   explicit I2cRig(bool has_interrupt) {
     list_.count = 1;
     list_.entries[0] = {.kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050};
-    FakeChip& chip = bus.chips[kAddress];
-    chip.bytes[0x75] = 0x68;
+    chip().bytes[0x75] = 0x68;
     sensors.add(0, list_.entries[0], bus, has_interrupt ? &edges : nullptr);
     hub_.start(*this, list_);
   }
@@ -99,65 +97,42 @@ class I2cRig : public SensorPort, public SensorObserver {
   Bus bus;
   Edges edges;
   I2cSensors sensors;
-  bool is_frozen = false;
-  bool gives_edges = true;
   bool reads_sensors = true;
+  bool is_frozen = false;            ///< It repeats its newest sample.
   std::vector<uint64_t> sampled_us;  ///< When the chip measured the samples 1, 2, ...
   std::vector<ImuReading> readings;
-  std::vector<std::pair<SensorState, uint64_t>> states;
+  std::vector<SensorState> states;
 
   FakeChip& chip() { return bus.chips[kAddress]; }
-  SensorState state() const { return hub_.state(0); }
   uint16_t identity() const { return hub_.identity(0); }
   uint64_t now_us() const { return now_us_; }
 
-  void run(uint64_t duration_us) {
-    for (const uint64_t end_us = now_us_ + duration_us; now_us_ < end_us; now_us_ += 100) {
-      if (now_us_ % kSampleUs == 700) sample();
-      if (reads_sensors && now_us_ % 1000 == 0 && bus.time_us <= now_us_) {
-        bus.time_us = now_us_;
-        sensors.poll();
-      }
-      if (now_us_ % 1000 == 500) hub_.update(0, now_us_);
-    }
-  }
-  /// How long it takes until the hub says so.
-  uint64_t until(SensorState state) {
-    const uint64_t start_us = now_us_;
-    while (this->state() != state && now_us_ < start_us + 5'000'000) run(100);
-    return now_us_ - start_us;
-  }
-
-  uint16_t levels() override { return 0; }
+  using HubRig::take;
   bool take(size_t channel, ImuReading& out) override { return sensors.take(channel, out); }
-  bool take(size_t channel, PowerReading& out) override { return sensors.take(channel, out); }
-  bool take(size_t, RangeReading&) override { return false; }
-  bool take(size_t, AnalogReading&) override { return false; }
-  void on_sensor_event(SensorEventCode code, size_t, uint16_t value, uint64_t now_us) override {
-    if (code == SensorEventCode::kState)
-      states.push_back({static_cast<SensorState>(value), now_us});
+  void on_sensor_event(SensorEventCode code, size_t, uint16_t value, uint64_t) override {
+    if (code == SensorEventCode::kState) states.push_back(static_cast<SensorState>(value));
   }
+  using HubRig::on_reading;
   void on_reading(size_t, const ImuReading& reading, uint16_t) override {
     readings.push_back(reading);
   }
-  void on_reading(size_t, const RangeReading&, uint16_t) override {}
 
  private:
-  void sample() {
-    FakeChip& chip = this->chip();
-    const bool measures = chip.bytes[0x6b] == 0x01;  // It does not sleep.
-    if (measures && !is_frozen) {
-      ++count_;
-      sampled_us.push_back(now_us_);
-      put_bytes(chip, 0x47, {static_cast<uint8_t>(count_ >> 8), static_cast<uint8_t>(count_)});
-    }
-    if (measures && gives_edges && chip.bytes[0x38] == 1) edges.newest_us = now_us_;
+  void poll() override {
+    if (now_us_ % kSampleUs == 700) sample();
+    if (!reads_sensors || now_us_ % 1000 != 0 || bus.time_us > now_us_) return;
+    bus.time_us = now_us_;
+    sensors.poll();
   }
-
-  PeripheralList list_;
-  SensorHub hub_{*this};
-  uint64_t now_us_ = 0;
-  uint16_t count_ = 0;
+  void sample() {
+    if (chip().bytes[0x6b] != 0x01) return;  // It sleeps.
+    if (!is_frozen) {
+      const auto count = static_cast<uint16_t>(sampled_us.size() + 1);
+      sampled_us.push_back(now_us_);
+      put_bytes(chip(), 0x47, {static_cast<uint8_t>(count >> 8), static_cast<uint8_t>(count)});
+    }
+    if (chip().bytes[0x38] == 1) edges.newest_us = now_us_;
+  }
 };
 
 /// One that has run for half a second.
@@ -265,6 +240,17 @@ TEST(an_mpu9250_of_either_identity_is_known) {
   CHECK(decoded(SensorChip::kMpu9250, 0x69, 0x75, 0x73, 0x3b, bytes).temperature_cdeg == 2200);
 }
 
+TEST(a_chip_that_repeats_a_sample_is_frozen_within_one_more_than_its_table_says) {
+  const uint64_t samples = imu_table_of(SensorChip::kMpu6050)->frozen_samples;
+  for (const bool has_interrupt : {false, true}) {
+    RunningRig rig{has_interrupt};
+    rig.is_frozen = true;
+    CHECK(rig.until(SensorState::kFrozen) <= (samples + 1) * kSampleUs);
+    rig.is_frozen = false;
+    CHECK(rig.until(SensorState::kOk) <= kI2cRetryUs + kI2cSettleUs + 8 * kSampleUs);
+  }
+}
+
 TEST(an_ina219_measures_by_its_shunt) {
   Bus bus;
   FakeChip& chip = bus.chips[0x40];
@@ -308,7 +294,7 @@ TEST(each_sample_comes_once_stamped_within_its_bound) {
       CHECK(reading.bound_us <= (has_interrupt ? 50 : kSampleUs + 500));
     }
     CHECK(has_interrupt || rig.readings.back().bound_us < 1'500);
-    CHECK(rig.states.size() == 1 && rig.states[0].first == SensorState::kOk);
+    CHECK(rig.states.size() == 1 && rig.states[0] == SensorState::kOk);
   }
 }
 
@@ -359,18 +345,6 @@ TEST(an_output_that_stays_high_until_the_sample_is_read_starts_again) {
 }
 
 // --- faults --------------------------------------------------------------------------------------
-
-TEST(what_does_not_answer_is_absent_within_two_polls_and_comes_back) {
-  RunningRig rig{kInterrupt};
-  rig.chip().is_absent = true;
-  CHECK(rig.until(SensorState::kAbsent) <= kSampleUs + 2'000);
-  const size_t before = rig.readings.size();
-  rig.run(300'000);
-  CHECK(rig.readings.size() == before);
-  rig.chip().is_absent = false;
-  CHECK(rig.until(SensorState::kOk) <= kI2cRetryUs + 2 * kSampleUs);
-  CHECK(rig.chip().writes == 6);  // It still had its settings.
-}
 
 TEST(a_chip_that_never_answers_and_another_one_at_its_address_are_absent_at_once) {
   for (const bool is_another : {false, true}) {
@@ -426,22 +400,6 @@ TEST(a_single_transfer_that_fails_is_repeated_and_no_sample_is_lost) {
   CHECK(rig.states.size() == 1);
 }
 
-TEST(a_bus_that_hangs_is_named_recovered_and_comes_back) {
-  for (const bool has_interrupt : {false, true}) {
-    RunningRig rig{has_interrupt};
-    rig.bus.is_hung = true;
-    CHECK(rig.until(SensorState::kHung) <= kSampleUs + 2 * I2cBus::kTransferUs + 2'000);
-    CHECK(rig.bus.recoveries == 1);
-    const size_t before = rig.readings.size();
-    rig.run(1'000'000);
-    // At each attempt, which cost two transfers each.
-    CHECK(rig.bus.recoveries >= 9 && rig.bus.recoveries <= 11);
-    CHECK(rig.state() == SensorState::kHung && rig.readings.size() == before);
-    rig.bus.is_hung = false;
-    CHECK(rig.until(SensorState::kOk) <= kI2cRetryUs + 2 * kSampleUs + 2'000);
-  }
-}
-
 TEST(a_chip_that_lost_its_settings_is_reset_gets_them_again_and_time_to_settle) {
   for (const bool has_interrupt : {false, true}) {
     RunningRig rig{has_interrupt};
@@ -465,36 +423,10 @@ TEST(one_that_has_lost_its_range_only_is_not_believed) {
   CHECK(rig.state() == SensorState::kReset && rig.readings.size() == before);
 }
 
-TEST(a_chip_that_gives_no_sample_is_missed_within_two_periods) {
-  RunningRig rig{kInterrupt};
-  rig.gives_edges = false;
-  CHECK(rig.until(SensorState::kMissed) <= 3 * kSampleUs + 1'000);
-  CHECK(rig.now_us() - rig.readings.back().t_us <= 2 * kSampleUs + 2'000);
-  rig.gives_edges = true;
-  CHECK(rig.until(SensorState::kOk) <= 2 * kSampleUs + 1'000);
-}
-
 TEST(a_task_that_reads_no_more_is_missed_within_two_periods) {
   RunningRig rig{!kInterrupt};
   rig.reads_sensors = false;
   CHECK(rig.until(SensorState::kMissed) <= 2 * kSampleUs + 2'000);
-}
-
-TEST(a_chip_that_repeats_a_sample_is_frozen_within_one_more_than_its_table_says) {
-  const uint64_t samples = imu_table_of(SensorChip::kMpu6050)->frozen_samples;
-  for (const bool has_interrupt : {false, true}) {
-    RunningRig rig{has_interrupt};
-    rig.is_frozen = true;
-    const int16_t last = rig.readings.back().gyro[2];
-    CHECK(rig.until(SensorState::kFrozen) <= (samples + 1) * kSampleUs);
-    rig.run(1'000'000);
-    // It was set up again, in vain.
-    CHECK(rig.state() == SensorState::kFrozen && rig.chip().writes >= 24);
-    CHECK(rig.readings.back().gyro[2] - last <= 1);
-    CHECK(are_consecutive(rig.readings));
-    rig.is_frozen = false;
-    CHECK(rig.until(SensorState::kOk) <= kI2cRetryUs + kI2cSettleUs + 8 * kSampleUs);
-  }
 }
 
 TEST(a_slow_clock_of_the_chip_is_not_frozen_and_loses_nothing) {
@@ -518,14 +450,6 @@ TEST(a_slow_clock_of_the_chip_is_not_frozen_and_loses_nothing) {
     ++taken;
   }
   CHECK(taken >= 165);
-}
-
-TEST(a_steady_voltage_is_no_fault) {
-  PowerRig rig;
-  rig.run(2'000'000);
-  CHECK(rig.readings.size() >= 20);
-  for (const PowerReading& reading : rig.readings)
-    CHECK(reading.state == SensorState::kOk && reading.voltage_mv == 7500);
 }
 
 TEST(a_power_sensor_s_faults_have_names) {

@@ -64,17 +64,15 @@ TEST(peripherals_that_can_be_used) {
   CHECK(fault_of({kImu, kPowerSensor, bumper(Place::kFront), bumper(Place::kFrontRight, 39),
                   battery(7000, 6800, 6400)}) == kNone);
   CHECK(fault_of(kBoardOfEsp32, {}) == kNone);
+  CHECK(fault_of(kBoardOfEsp32, {kImu}) == kPinOfMemory);  // Its module needs these pins.
   CHECK(fault_of({kRangeSensor, analog(1, 35), analog(4, 36)}) == kNone);
   CHECK(fault_of(kBoardOfEsp32, {kRangeSensor, analog(2, 39)}) == kNone);
 }
 
-TEST(an_imu_may_have_any_bias) {
+TEST(an_imu_may_have_any_bias_and_a_range_sensor_any_side_but_no_bumper) {
   for (const uint16_t counts : std::initializer_list<uint16_t>{1, 0x7fff, 0x8000, 0xffff})
     CHECK(fault_of({changed(
               kImu, [counts](auto& e) { e.value_a = e.value_b = e.value_c = counts; })}) == kNone);
-}
-
-TEST(a_range_sensor_may_be_at_any_side_and_a_bumper_not) {
   for (const Place place : {Place::kFront, Place::kRearLeft, Place::kLeft, Place::kRight})
     CHECK(fault_of({changed(kRangeSensor, [place](auto& e) { e.place = place; })}) == kNone);
   for (const Place place : {Place::kLeft, Place::kRight})
@@ -92,10 +90,6 @@ TEST(there_are_as_many_range_sensors_as_the_chip_times_echoes) {
     for (const PeripheralIssue& issue : too_many)
       CHECK(issue.channel == 3 && issue.limit == kMostRanges);
   }
-}
-
-TEST(peripherals_by_the_pins_of_the_module) {
-  CHECK(fault_of(kBoardOfEsp32, {kImu}) == kPinOfMemory);
 }
 
 TEST(each_rule_of_peripherals) {
@@ -117,6 +111,8 @@ TEST(each_rule_of_peripherals) {
       {kPinAbsent, bumper(Place::kFront), [](auto& e) { e.pin_a = 37; }},
       {kPinTaken, bumper(Place::kFront), [](auto& e) { e.pin_a = 25; }},
       {kPinTaken, kImu, [](auto& e) { e.pin_b = e.pin_a; }},
+      {kPinTaken, kImu, [](auto& e) { e.pin_c = e.pin_a; }},
+      {kPinTaken, kImu, [](auto& e) { e.pin_c = e.pin_b; }},
       {kPinOfMemory, bumper(Place::kFront), [](auto& e) { e.pin_a = 6; }},
       {kPinOfLink, bumper(Place::kFront), [](auto& e) { e.pin_a = 3; }},
       {kPinStrapping, bumper(Place::kFront), [](auto& e) { e.pin_a = 12; }},
@@ -162,21 +158,6 @@ TEST(a_battery_needs_falling_bounds_and_something_that_measures_it) {
   CHECK(fault_of(board, {battery(7000, 6800, 0)}) == kLevels);
 }
 
-TEST(each_pin_of_a_peripheral_is_another) {
-  const auto with_pins = [](Peripheral entry, int8_t a, int8_t b, int8_t c) {
-    return changed(entry, [a, b, c](auto& e) {
-      e.pin_a = a;
-      e.pin_b = b;
-      e.pin_c = c;
-    });
-  };
-  CHECK(fault_of({with_pins(kImu, 16, 17, 21)}) == kNone);
-  CHECK(fault_of({with_pins(kImu, 16, 17, 16)}) == kPinTaken);
-  CHECK(fault_of({with_pins(kImu, 16, 17, 17)}) == kPinTaken);
-  CHECK(fault_of({with_pins(kImu, 16, 16, -1)}) == kPinTaken);
-  CHECK(fault_of({with_pins(kRangeSensor, 16, 16, -1)}) == kPinTaken);
-}
-
 TEST(a_pin_that_is_missing_is_not_taken) {
   for (Peripheral entry : {kImu, kPowerSensor, kRangeSensor}) {
     entry.pin_a = entry.pin_b = entry.pin_c = -1;
@@ -204,7 +185,7 @@ TEST(two_of_a_kind_at_one_place_or_at_one_address) {
   CHECK(fault_of({kRangeSensor, analog()}) == kPinTaken);
 }
 
-TEST(a_computer_has_its_buses_by_number) {
+TEST(a_computer_has_its_buses_by_number_times_no_echoes_and_measures_no_voltage) {
   CHECK(fault_of(pi(), {on_bus(kImu, 1), on_bus(kPowerSensor, 1), bumper(Place::kFront, 8)}) ==
         kNone);
   CHECK(fault_of(pi(), {on_bus(kImu, 0), on_bus(kPowerSensor, 3), battery(9000, 8000, 7000)}) ==
@@ -216,6 +197,8 @@ TEST(a_computer_has_its_buses_by_number) {
   CHECK(fault_of(pi(), {on_bus(kImu, 1), changed(on_bus(kPowerSensor, 1),
                                                  [](auto& e) { e.address = 0x68; })}) == kTwice);
   CHECK(fault_of(pi(), {battery(9000, 8000, 7000)}) == kNoBattery);
+  for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
+    CHECK(fault_of(pi(), {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }
 
 TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
@@ -229,9 +212,4 @@ TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
   }
   // The number of a bus is not a pin.
   CHECK(fault_of(pi(), {on_bus(kImu, 7), bumper(Place::kFront, 7)}) == kNone);
-}
-
-TEST(a_computer_times_no_echoes_and_measures_no_voltage) {
-  for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
-    CHECK(fault_of(pi(), {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }

@@ -53,8 +53,8 @@ class Echo final : public EchoPins {
   EchoPulse pulse_;
 };
 
-/// Some sensors, the sensors' task each millisecond, and the control task as often.
-class RangeRig final : public SensorPort, public SensorObserver {
+/// Some sensors, and the sensors' task each millisecond.
+class RangeRig final : public HubRig {
  public:
   explicit RangeRig(size_t count = 1) {
     for (size_t i = 0; i < count; ++i) {
@@ -77,20 +77,6 @@ class RangeRig final : public SensorPort, public SensorObserver {
 
   uint64_t round_us() const { return hub_.range_round_us(); }
   uint64_t now_us() const { return now_us_; }
-  SensorState state(size_t channel = 0) const { return hub_.state(channel); }
-
-  void run(uint64_t duration_us) {
-    for (const uint64_t end_us = now_us_ + duration_us; now_us_ < end_us; now_us_ += 100) {
-      if (is_polled && now_us_ % kPollUs == 0) finder_.poll(now_us_);
-      if (now_us_ % 1000 == 500) hub_.update(0, now_us_);
-    }
-  }
-  /// How long it takes until the hub says so.
-  uint64_t until(SensorState state, size_t channel = 0) {
-    const uint64_t start_us = now_us_;
-    while (this->state(channel) != state && now_us_ < start_us + 5'000'000) run(100);
-    return now_us_ - start_us;
-  }
   /// The newest one after two rounds.
   RangeReading newest() {
     readings.clear();
@@ -98,40 +84,25 @@ class RangeRig final : public SensorPort, public SensorObserver {
     return readings.empty() ? RangeReading{} : readings.back().second;
   }
 
-  uint16_t levels() override { return 0; }
-  bool take(size_t, ImuReading&) override { return false; }
-  bool take(size_t, PowerReading&) override { return false; }
+  using HubRig::take;
   bool take(size_t channel, RangeReading& out) override { return finder_.take(channel, out); }
-  bool take(size_t, AnalogReading&) override { return false; }
-  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
-  void on_reading(size_t, const ImuReading&, uint16_t) override {}
+  using HubRig::on_reading;
   void on_reading(size_t channel, const RangeReading& reading, uint16_t sample) override {
     readings.push_back({channel, reading});
     samples.push_back(sample);
   }
 
  private:
-  PeripheralList list_;
-  SensorHub hub_{*this};
+  void poll() override {
+    if (is_polled && now_us_ % kPollUs == 0) finder_.poll(now_us_);
+  }
+
   RangeFinder finder_;
-  uint64_t now_us_ = 0;
 };
 
 }  // namespace
 
 // --- what it measures ----------------------------------------------------------------------------
-
-TEST(the_length_of_a_pulse_is_a_distance_and_its_middle_the_time) {
-  RangeRig rig;
-  rig.run(kPeriodUs + 20'000);
-  CHECK(rig.readings.size() == 1);
-  const RangeReading found = rig.readings.at(0).second;
-  CHECK(found.quality == RangeQuality::kGood && found.distance_mm == 1000);
-  const uint64_t rise_us = rig.echoes[0].triggered_us.back() + kTable.trigger_us + 450;
-  CHECK(found.t_us == rise_us + 5831 / 2);
-  for (const uint32_t us : rig.echoes[0].pulses_us) CHECK(us == kTable.trigger_us);
-  CHECK(found.bound_us >= 200 && found.bound_us < 1000);
-}
 
 TEST(what_cannot_be_measured_is_no_distance) {
   const struct {
@@ -152,6 +123,18 @@ TEST(what_cannot_be_measured_is_no_distance) {
     CHECK(found.state == SensorState::kOk);
     CHECK(found.quality == one.quality && found.distance_mm == one.distance_mm);
   }
+}
+
+TEST(the_length_of_a_pulse_is_a_distance_and_its_middle_the_time) {
+  RangeRig rig;
+  rig.run(kPeriodUs + 20'000);
+  CHECK(rig.readings.size() == 1);
+  const RangeReading found = rig.readings.at(0).second;
+  CHECK(found.quality == RangeQuality::kGood && found.distance_mm == 1000);
+  const uint64_t rise_us = rig.echoes[0].triggered_us.back() + kTable.trigger_us + 450;
+  CHECK(found.t_us == rise_us + 5831 / 2);
+  for (const uint32_t us : rig.echoes[0].pulses_us) CHECK(us == kTable.trigger_us);
+  CHECK(found.bound_us >= 200 && found.bound_us < 1000);
 }
 
 TEST(each_measurement_is_handed_on_once) {
@@ -189,21 +172,6 @@ TEST(sensors_measure_in_turn_a_period_apart) {
     }
   for (const auto& [channel, reading] : rig.readings)
     CHECK(reading.distance_mm == (1000 + 1000 * channel) * 1715 / 10'000 + (channel != 1));
-}
-
-TEST(one_without_its_plug_or_whose_output_stays_high_takes_nothing_from_the_others) {
-  for (const size_t failing : {1u, 2u}) {
-    RangeRig rig(3);
-    rig.run(2 * rig.round_us());
-    const bool is_absent = failing == 1;
-    (is_absent ? rig.echoes[failing].is_absent : rig.echoes[failing].is_stuck) = true;
-    const uint64_t limit_us = (is_absent ? 0 : RangeFinder::kHungUs) + 2 * rig.round_us();
-    CHECK(rig.until(is_absent ? SensorState::kAbsent : SensorState::kHung, failing) <= limit_us);
-    rig.readings.clear();
-    rig.run(10 * rig.round_us());
-    CHECK(rig.state(0) == SensorState::kOk && rig.state(3 - failing) == SensorState::kOk);
-    CHECK(rig.readings.size() >= 19);
-  }
 }
 
 // --- faults --------------------------------------------------------------------------------------

@@ -11,27 +11,11 @@ using namespace wheelwire::test;
 namespace {
 
 const PeripheralList kBumpers = list_of({bumper(Place::kFrontLeft), bumper(Place::kRear, 39)});
-const PeripheralList kCliff =
-    list_of({Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 36}});
 const PeripheralList kGuard = list_of({battery(7000, 6800, 6400)});
 bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
 
-/// It drove until its bumper opened, and the bumper is free again.
-struct BumpedRobot : SensorRobot {
-  BumpedRobot() : SensorRobot(kBumpers) {
-    drive_on(0.2f, 0.2f, 100);
-    set_level(0, true);
-    drive_on(0.2f, 0.2f, 100);
-    CHECK(!driven());
-    set_level(0, false);
-    run(60);
-  }
-};
-
-struct Nobody final : SensorObserver {
-  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
-  void on_reading(size_t, const ImuReading&, uint16_t) override {}
-  void on_reading(size_t, const RangeReading&, uint16_t) override {}
+struct Nobody final : HubRig {
+  void poll() override {}
 };
 
 /// A voltage that lasts for some time, and the battery's level at its end.
@@ -45,24 +29,6 @@ struct Course {
   int times;
   std::vector<Phase> phases;
 };
-
-/// A robot whose battery was at STOP, and has recovered without its load.
-struct EmptyRobot : SensorRobot {
-  EmptyRobot() : SensorRobot(kGuard) {
-    battery.measured_mv = 6300;
-    drive_on(0.2f, 0.2f, 2100);
-    CHECK(device.faults() == fault::kExternal && !driven());
-    battery.measured_mv = 6900;
-    run(100);
-    CHECK(clear_fault() == RefusalCode::kCausePresent);
-  }
-};
-
-/// A reset of the processor; the battery has 6.9 V.
-void survive(const SensorBench& before, SensorBench& after) {
-  after.survive_reset(before);
-  after.battery.measured_mv = 6900;
-}
 
 /// What the power sensor measures now.
 void measure(SensorBench& bench, uint16_t millivolts) {
@@ -104,18 +70,6 @@ TEST(a_bumper_removes_the_drive_in_the_step_that_reads_it_and_then_holds_the_whe
   }
 }
 
-TEST(a_bumper_stops_an_open_loop_too) {
-  SensorRobot bench(kBumpers);
-  bench.drive_duty(20'000, 20'000);
-  CHECK(bench.left.duty() > 10'000);
-  bench.touch(0);
-  CHECK(!bench.driven());
-  bench.drive_duty(20'000, 20'000, 20);
-  CHECK(!bench.driven());
-  bench.drive_duty(-20'000, -20'000, 20);
-  CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
-}
-
 TEST(the_robot_backs_out_and_is_free_after_a_while) {
   SensorRobot bench(kBumpers);
   bench.touch(0);
@@ -131,37 +85,6 @@ TEST(the_robot_backs_out_and_is_free_after_a_while) {
   bench.drive_on(0.0f, 0.0f, 1);
   bench.drive_on(0.1f, 0.1f, 40);
   CHECK(forward(bench));
-}
-
-TEST(a_bumper_that_is_free_again_does_not_restart_the_program) {
-  BumpedRobot bench;
-  // Neither the setpoint that is still valid nor the next ones.
-  CHECK(bench.state() == SupervisorState::kDriving);
-  for (int i = 0; i < 2000; ++i) {
-    bench.drive_on(0.2f, 0.2f, 1);
-    CHECK(!forward(bench));
-  }
-  CHECK(bench.last_refusal() == RefusalCode::kUnarmed);
-  CHECK(bench.state() == SupervisorState::kTimedOut);
-}
-
-TEST(zero_a_pause_or_a_way_back_arms_after_a_bumper) {
-  for (const int how : {0, 1, 2}) {
-    BumpedRobot bench;
-    if (how == 0) bench.drive_on(0.0f, 0.0f, 1);
-    if (how == 1) bench.run(1000);
-    if (how == 2) bench.drive_on(-0.1f, 0.0f, 1);
-    bench.drive_on(0.2f, 0.2f, 200);
-    CHECK(forward(bench) && bench.last_refusal() == RefusalCode::kNone);
-  }
-}
-
-TEST(a_clear_after_a_bumper_needs_more_than_a_way_back) {
-  BumpedRobot bench;
-  bench.estop();
-  CHECK(bench.clear_estop() == RefusalCode::kNone);
-  bench.drive_on(-0.1f, -0.1f, 20);
-  CHECK(!bench.driven() && bench.last_refusal() == RefusalCode::kUnarmed);
 }
 
 /// Each wheel counts, however little the robot as a whole goes there.
@@ -216,19 +139,6 @@ TEST(a_reversal_at_a_bumper_never_drives_forward) {
   CHECK(bench.left.duty() < 0);
 }
 
-/// The setpoint is allowed already, but the slew limit still has the wheels going forward.
-TEST(a_bumper_during_a_reversal_stops_the_slewing) {
-  SensorRobot bench(kBumpers);
-  bench.drive_on(0.4f, 0.4f, 400);
-  bench.drive_on(-0.4f, -0.4f, 5);
-  CHECK(bench.device.commanded().left > 0);
-  bench.set_level(0, true);
-  bench.drive_on(-0.4f, -0.4f, 1);
-  CHECK(!bench.driven());
-  bench.drive_on(-0.4f, -0.4f, 10);
-  CHECK(bench.left.duty() < 0 && bench.device.commanded().left < 0);
-}
-
 /// Wheels that a hand holds while the setpoint reverses: the correction of the following error
 /// still commands a speed forward when the setpoint is slewed backward already.
 TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
@@ -249,78 +159,9 @@ TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
   }
 }
 
-TEST(what_is_wrong_at_the_start_forbids_driving_from_the_first_setpoint) {
-  for (const bool by_bumper : {false, true}) {
-    SensorBench bench(by_bumper ? kBumpers : kGuard);
-    bench.set_level(0, by_bumper);  // As where its wire is broken.
-    bench.battery.measured_mv = by_bumper ? 7400 : 6000;
-    bench.open();
-    for (int i = 0; i < 50; ++i) {
-      bench.drive_on(0.2f, 0.2f, 1);
-      CHECK(!bench.driven());
-    }
-  }
-}
-
 // --- what stops ----------------------------------------------------------------------------------
 
-TEST(a_cliff_is_a_fault_that_lasts_as_long_as_it_does) {
-  SensorRobot bench(kCliff);
-  bench.drive_on(0.2f, 0.2f, 20);
-  CHECK(bench.driven());
-  bench.touch(0);
-  CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
-  CHECK(bench.device.faults() == fault::kExternal);
-  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
-  bench.set_level(0, false);
-  bench.run(60);
-  CHECK(bench.clear_fault() == RefusalCode::kNone);
-  CHECK(bench.state() == SupervisorState::kIdle);
-}
-
-TEST(a_robot_that_is_lifted_is_in_no_fault_until_it_is_to_drive) {
-  SensorRobot bench(kCliff);
-  bench.set_level(0, true);
-  bench.run(20);
-  CHECK(bench.state() == SupervisorState::kIdle);
-  bench.received.clear();
-  bench.drive(0.0f, 0.0f);
-  CHECK(bench.last_refusal() == RefusalCode::kFault);
-  CHECK(bench.state() == SupervisorState::kIdle && bench.device.faults() == 0);
-  bench.received.clear();
-  bench.drive(0.1f, 0.1f, 1);
-  CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
-  CHECK(bench.last_refusal() == RefusalCode::kFault);
-}
-
 // --- the battery ---------------------------------------------------------------------------------
-
-TEST(a_battery_limits_and_then_stops) {
-  SensorBench bench(kGuard);
-  bench.battery.measured_mv = 7400;
-  bench.open();
-  const float top = bench.device.parameter(ParameterId::kMaxVelocityMps);
-  const auto settled = [&] {
-    bench.drive_on(top, top, 2500);
-    return to_mps(bench.device.commanded().left);
-  };
-  CHECK(settled() > 0.99f * top);
-  bench.battery.measured_mv = 6900;
-  CHECK(settled() > 0.99f * top);
-  bench.battery.measured_mv = 6700;
-  const float limited = settled();
-  CHECK(limited > 0.49f * top && limited < 0.51f * top);
-  bench.battery.measured_mv = 6300;
-  bench.drive_on(top, top, 2500);
-  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
-  // Without its load the voltage rises by itself: it stays.
-  bench.battery.measured_mv = 7100;
-  bench.run(15'000);
-  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
-  bench.battery.measured_mv = 7400;
-  bench.run(11'000);
-  CHECK(bench.clear_fault() == RefusalCode::kNone);
-}
 
 TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
   using enum BatteryLevel;
@@ -375,16 +216,19 @@ TEST(a_battery_s_level_falls_and_rises_by_the_time_beyond_its_bounds) {
 }
 
 TEST(a_reset_charges_no_battery) {
-  EmptyRobot first;
+  SensorRobot first(kGuard);
+  first.battery.measured_mv = 6300;
+  first.drive_on(0.2f, 0.2f, 2100);
+  CHECK(first.device.faults() == fault::kExternal && !first.driven());
   // Neither does a reset on a board whose list has no levels, such as a list on trial.
   SensorBench second(kBumpers);
-  survive(first, second);
-  second.open();
+  second.battery.measured_mv = 6900;
+  second.survive_reset(first).open();
   CHECK(second.clear_fault() == RefusalCode::kNone);
   second.run(20);
   SensorBench third(kGuard);
-  survive(second, third);
-  third.open();
+  third.battery.measured_mv = 6900;
+  third.survive_reset(second).open();
   third.drive_on(0.2f, 0.2f, 50);
   CHECK(!third.driven() && third.device.faults() == fault::kExternal);
   third.run(20'000);
@@ -392,22 +236,6 @@ TEST(a_reset_charges_no_battery) {
   third.battery.measured_mv = 7400;
   third.run(11'000);
   CHECK(third.clear_fault() == RefusalCode::kNone);
-  SensorBench fourth(kGuard);
-  survive(third, fourth);
-  fourth.open();
-  fourth.send(fourth.velocity(0, 0));
-  fourth.drive_on(0.2f, 0.2f, 50);
-  CHECK(fourth.driven());
-}
-
-TEST(after_a_power_cut_the_first_voltage_decides) {
-  EmptyRobot first;
-  SensorBench second(kGuard);
-  second.survive_power_cut(first);
-  second.battery.measured_mv = 6900;
-  second.open();
-  second.drive_on(0.2f, 0.2f, 50);
-  CHECK(second.driven());
 }
 
 TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
@@ -416,9 +244,8 @@ TEST(a_fault_is_not_cleared_before_its_cause_can_be_read) {
   first.drive_on(0.2f, 0.2f, 200);
   CHECK(first.device.faults() == fault::kExternal);
   SensorBench second(kGuard);
-  survive(first, second);
   second.battery.measured_mv = 0;
-  second.open();
+  second.survive_reset(first).open();
   for (int i = 0; i < 3; ++i) {
     CHECK(second.clear_fault() == RefusalCode::kCausePresent);
     second.run(500);
@@ -441,48 +268,24 @@ TEST(a_battery_that_was_not_read_yet_refuses_setpoints_and_then_stops) {
   }
 }
 
-TEST(a_divider_whose_wire_breaks_stops_the_robot) {
-  SensorRobot bench(kGuard);
-  bench.drive_on(0.2f, 0.2f, 20);
-  bench.battery.measured_mv = 0;
-  bench.drive_on(0.2f, 0.2f, 90);
-  CHECK(bench.driven());  // One reading of 0 may be noise.
-  bench.drive_on(0.2f, 0.2f, 15);
-  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
-}
-
-TEST(a_battery_that_is_only_measured_stops_nothing) {
-  SensorBench bench(list_of({battery(0, 0, 0)}));
-  bench.battery.measured_mv = 0;
-  bench.open();
-  bench.drive_on(0.2f, 0.2f, 1500);
-  CHECK(bench.device.reflexes() == 0 && bench.state() == SupervisorState::kDriving);
-}
-
-TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
-  SensorBench bench(list_of({battery(7000, 6800, 6400), kPowerSensor}), false);
-  measure(bench, 7400);
-  bench.open();
-  for (int i = 0; i < 10; ++i) {
+TEST(a_power_sensor_guards_the_battery_also_beside_a_divider_and_stops_if_it_falls_silent) {
+  for (const bool has_divider : {false, true}) {
+    SensorBench bench(list_of({battery(7000, 6800, 6400), kPowerSensor}), has_divider);
     measure(bench, 7400);
-    bench.drive_on(0.2f, 0.2f, 100);
+    bench.open();
+    for (int i = 0; i < 10; ++i) {
+      measure(bench, 7400);
+      bench.drive_on(0.2f, 0.2f, 100);
+    }
+    measure(bench, has_divider ? 5800 : 7400);
+    bench.drive_on(0.2f, 0.2f, 195);
+    CHECK(bench.driven() && bench.device.faults() == 0);
+    for (int i = 0; i < 20; ++i) {
+      if (has_divider) measure(bench, 5800);
+      bench.drive_on(0.2f, 0.2f, has_divider ? 100 : 1);
+    }
+    CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
   }
-  CHECK(bench.driven() && bench.device.faults() == 0);
-  measure(bench, 7400);
-  bench.drive_on(0.2f, 0.2f, 195);
-  CHECK(bench.driven());
-  bench.drive_on(0.2f, 0.2f, 10);
-  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
-}
-
-TEST(a_power_sensor_guards_the_battery_also_beside_a_divider) {
-  SensorBench bench(list_of({battery(7000, 6800, 6400), kPowerSensor}));
-  bench.battery.measured_mv = 7600;
-  measure(bench, 5800);
-  bench.open();
-  measure(bench, 5800);
-  bench.drive_on(0.2f, 0.2f, 20);
-  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
 }
 
 TEST(charge_is_counted_while_the_current_is_measured) {
@@ -518,45 +321,6 @@ TEST(charge_is_counted_while_the_current_is_measured) {
 
 // --- what the host is sent -----------------------------------------------------------------------
 
-TEST(a_host_that_did_not_ask_is_sent_nothing) {
-  SensorRobot bench(kBumpers);
-  bench.set_level(0, true);
-  bench.run(2000);
-  CHECK(bench.of<SensorEvent>().empty() && bench.of<Inputs>().empty());
-  CHECK(bench.of<SensorInfo>().empty());
-}
-
-TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
-  SensorRobot bench(list_of({kImu, bumper(Place::kFront)}));
-  CHECK(bench.refusal(SensorStream{.rate_hz = 200}) == RefusalCode::kNone);
-  bench.run(5);
-  CHECK(bench.of<SensorInfo>().size() == 2 && bench.of<Inputs>().size() == 1);
-  for (const SensorInfo& info : bench.of<SensorInfo>()) {
-    CHECK(info.channel_count == 2);
-    if (info.channel == 0) CHECK(info.rate_hz == 200 && info.gyro_scale > 0);
-  }
-  for (int i = 0; i < 10; ++i) {
-    bench.sensors.imu = ImuReading{.state = SensorState::kOk,
-                                   .t_us = bench.now_us - 300,
-                                   .bound_us = 50,
-                                   .gyro = {static_cast<int16_t>(i), 2, 3}};
-    bench.run(5);
-  }
-  const auto readings = bench.of<Imu>();
-  CHECK(readings.size() == 10);
-  for (size_t i = 0; i < readings.size(); ++i)
-    CHECK(readings[i].gyro_x == static_cast<int16_t>(i) && readings[i].bound_us == 50);
-  bench.set_level(1, true);
-  bench.run(30);
-  CHECK(bench.of<Inputs>().back().triggered == 2);
-  CHECK(bench.of<Inputs>().back().edges_1 == 1);
-  CHECK(bench.of<Inputs>().back().reflexes == reflex::kNoForward);
-  const auto events = bench.of<SensorEvent>();
-  CHECK(std::ranges::any_of(events, [](const SensorEvent& event) {
-    return event.code == SensorEventCode::kTriggered && event.channel == 1;
-  }));
-}
-
 TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
   SensorRobot bench(list_of({kImu}));
   bench.refusal(SensorStream{.rate_hz = 200});
@@ -586,18 +350,6 @@ TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
   CHECK(bench.of<Imu>().size() > 390);
   CHECK(bench.of<Inputs>().size() == 2);
   CHECK(bench.of<Inputs>().back().edges_0 == 0);
-}
-
-TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
-  Peripheral imu = kImu;
-  imu.value_a = 3;
-  imu.value_b = 0xffff;
-  imu.value_c = 0x8000;
-  SensorRobot bench(list_of({imu}));
-  bench.refusal(SensorStream{.rate_hz = 200});
-  bench.run(2);
-  const SensorInfo info = bench.of<SensorInfo>().back();
-  CHECK(info.bias_x == 3 && info.bias_y == -1 && info.bias_z == INT16_MIN);
 }
 
 TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
@@ -693,28 +445,3 @@ TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
 }
 
 // --- rolling -------------------------------------------------------------------------------------
-
-TEST(a_robot_that_rolls_while_nothing_drives_or_a_bumper_holds_it_is_reported) {
-  for (const bool is_held : {false, true}) {
-    SensorRobot bench(kBumpers);
-    bench.set_level(0, is_held);
-    for (int i = 0; i < 1500; ++i) {
-      if (is_held) bench.send(bench.velocity(0.2f, 0.2f));
-      bench.roll(1);  // 0.576 m/s
-    }
-    CHECK(bench.count(EventCode::kRolling) == 1);
-    for (const Event& event : bench.of<Event>()) {
-      if (event.code != EventCode::kRolling) continue;
-      CHECK(event.after == (is_held ? SupervisorState::kDriving : SupervisorState::kIdle));
-      CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
-    }
-    CHECK((bench.state() == SupervisorState::kDriving) == is_held && !forward(bench));
-  }
-}
-
-TEST(a_robot_that_a_bumper_lets_drive_back_does_not_roll) {
-  SensorRobot bench(kBumpers);
-  bench.set_level(0, true);
-  bench.drive_on(-0.4f, -0.4f, 1500);
-  CHECK(bench.driven() && bench.count(EventCode::kRolling) == 0);
-}

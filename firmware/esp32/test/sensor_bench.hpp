@@ -33,6 +33,43 @@ struct BenchSensors final : SensorPort {
   }
 };
 
+/// Sensors from their pins to the hub, in steps of 100 us: the control task each millisecond, the
+/// sensors' task as a rig says. It has no readings, and hears nothing, but what a rig overrides.
+class HubRig : public SensorPort, public SensorObserver {
+ public:
+  void run(uint64_t duration_us) {
+    for (const uint64_t end_us = now_us_ + duration_us; now_us_ < end_us; now_us_ += 100) {
+      poll();
+      if (now_us_ % 1000 == 500) hub_.update(0, now_us_);
+    }
+  }
+  SensorState state(size_t channel = 0) const { return hub_.state(channel); }
+  /// How long it takes until the hub says so.
+  uint64_t until(SensorState state, size_t channel = 0) {
+    const uint64_t start_us = now_us_;
+    while (this->state(channel) != state && now_us_ < start_us + 5'000'000) run(100);
+    return now_us_ - start_us;
+  }
+
+  uint16_t levels() override { return 0; }
+  bool take(size_t, ImuReading&) override { return false; }
+  bool take(size_t, PowerReading&) override { return false; }
+  bool take(size_t, RangeReading&) override { return false; }
+  bool take(size_t, AnalogReading&) override { return false; }
+  void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
+  void on_reading(size_t, const ImuReading&, uint16_t) override {}
+  void on_reading(size_t, const RangeReading&, uint16_t) override {}
+
+ protected:
+  ~HubRig() = default;
+  /// What happens at this time.
+  virtual void poll() = 0;
+
+  PeripheralList list_;
+  SensorHub hub_{*this};
+  uint64_t now_us_ = 0;
+};
+
 inline PeripheralList list_of(std::initializer_list<Peripheral> entries) {
   PeripheralList list;
   for (const Peripheral& entry : entries) list.entries[list.count++] = entry;

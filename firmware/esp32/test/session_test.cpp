@@ -42,6 +42,7 @@ TEST(the_last_four_requests_are_repeats_and_older_ones_are_old) {
 TEST(request_ids_wrap) {
   Session session = opened();
   session.record(30'000);
+  CHECK(classify(session, 40'000) == Session::Request::kNew);
   session.record(60'000);
   session.record(65'535);
   CHECK(classify(session, 0) == Session::Request::kNew);
@@ -50,31 +51,22 @@ TEST(request_ids_wrap) {
   CHECK(classify(session, 65'000) == Session::Request::kOld);
 }
 
-TEST(a_new_session_forgets_answers_commands_and_the_clock) {
-  Session session = opened();
-  session.record(1);
-  session.note_ping();
-  CHECK(session.take_command(5));
-  session.open(0x9999, 0xff00);
-  CHECK(classify(session, 1) == Session::Request::kNew);
-  CHECK(!session.clock_synchronised());
-  CHECK(session.take_command(1));
-}
-
-TEST(a_new_host_gets_no_answer_to_a_previous_hosts_request) {
-  Session session = opened();
-  // An id that is old in the new session.
-  session.record(40'000);
-  CHECK(classify(session, 40'000) == Session::Request::kRepeat);
-  session.open(0x9999, 0xff00);
-  CHECK(classify(session, 40'000) == Session::Request::kOld);
-}
-
-TEST(only_newer_commands_are_taken) {
+TEST(only_newer_commands_are_taken_and_a_new_session_forgets_them_answers_and_the_clock) {
   Session session = opened();
   CHECK(!session.take_command(0));
   CHECK(session.take_command(1));
   CHECK(!session.take_command(1));
   CHECK(session.take_command(7));
   CHECK(!session.take_command(6));
+  session.record(1);
+  // An id that is old in the new session.
+  session.record(40'000);
+  CHECK(classify(session, 40'000) == Session::Request::kRepeat);
+  session.note_ping();
+  session.open(0x9999, 0xff00);
+  CHECK(classify(session, 1) == Session::Request::kNew);
+  CHECK(classify(session, 30'000) == Session::Request::kNew);
+  CHECK(classify(session, 40'000) == Session::Request::kOld);
+  CHECK(!session.clock_synchronised());
+  CHECK(session.take_command(1));
 }

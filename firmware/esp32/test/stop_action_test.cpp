@@ -19,15 +19,6 @@ bool stays_shorted(RobotBench& bench, int steps) {
   return true;
 }
 
-/// One that brakes after a stop of its session.
-struct BrakingRobot : DrivingRobot {
-  explicit BrakingRobot(StopMode mode = kBrake) {
-    send(stop(mode));
-    run(5);
-    CHECK(brakes());
-  }
-};
-
 }  // namespace
 
 TEST(a_weaker_stop_replaces_only_where_it_may) {
@@ -83,54 +74,18 @@ TEST(a_stop_that_follows_an_estop_leaves_it_as_it_is) {
 
 // --- at the robot's pins -------------------------------------------------------------------------
 
-TEST(a_flood_of_stops_never_opens_the_short) {
-  BrakingRobot bench;
+TEST(neither_a_stop_at_a_setpoint_of_zero_nor_a_flood_of_them_opens_the_short) {
+  OpenRobot bench;
+  bench.drive(0.0f, 0.0f);
+  CHECK(bench.brakes());
+  bench.send(bench.stop(kBrake));
+  CHECK(stays_shorted(bench, 500));
   for (int i = 0; i < 500; ++i) {
     Stop stop = bench.stop(i % 3 == 0 ? kBrake : kConfigured);
     if (i % 2 == 0) stop.session_id ^= 1;
     bench.send(stop);
     if (i % 5 == 0) bench.send(Estop{});
     CHECK(stays_shorted(bench, 1));
-  }
-}
-
-TEST(a_contact_that_stays_open_never_opens_the_short) {
-  BrakingRobot bench;
-  bench.contact.open = true;
-  CHECK(stays_shorted(bench, 900));
-}
-
-TEST(a_stop_at_a_setpoint_of_zero_does_not_open_the_short) {
-  OpenRobot bench;
-  bench.drive(0.0f, 0.0f);
-  CHECK(bench.brakes());
-  bench.send(bench.stop(kBrake));
-  CHECK(stays_shorted(bench, 500));
-}
-
-TEST(only_a_stop_of_the_session_that_names_a_mode_ends_a_brake) {
-  BrakingRobot bench(kBrakeUntilDriven);
-  Stop stranger = bench.stop(kCoast);
-  stranger.session_id ^= 1;
-  bench.send(stranger);
-  bench.send(bench.stop(kConfigured));
-  CHECK(stays_shorted(bench, 3000));
-  bench.greet(RobotBench::kNonce + 1);
-  CHECK(stays_shorted(bench, 3000));
-  bench.send(bench.stop(kCoast));
-  bench.step();
-  CHECK(bench.coasts());
-}
-
-TEST(nothing_weaker_replaces_a_brake_while_an_estop_or_a_fault_is_latched) {
-  for (const bool fault : {false, true}) {
-    DrivingRobot bench;
-    if (!fault) bench.send(Estop{});
-    bench.step(fault ? 50'000 : RobotBench::kPeriodUs);
-    bench.run(5);
-    CHECK(bench.left.brakes());
-    bench.send(bench.stop(kCoast));
-    CHECK(stays_shorted(bench, 500));
   }
 }
 
@@ -158,49 +113,4 @@ TEST(a_power_stage_that_reports_a_fault_is_switched_off_and_any_other_input_brak
     CHECK(bench.state() == SupervisorState::kFault);
     CHECK(bench.left.brakes() == (tripped == 0) && bench.right.brakes() == (tripped == 0));
   }
-}
-
-TEST(what_stops_again_brakes_a_robot_that_coasts) {
-  void (*const stops[])(RobotBench&) = {
-      [](RobotBench& bench) { bench.send(RobotBench::hello(RobotBench::kNonce + 1)); },
-      [](RobotBench& bench) { bench.device.hang_up(bench.now_us); },
-      [](RobotBench& bench) { bench.device.report_driver_failure(); },
-      [](RobotBench& bench) { bench.send(bench.stop(kBrake)); },
-      [](RobotBench& bench) { bench.send(Estop{}); },
-      [](RobotBench& bench) { bench.contact.open = true; },
-  };
-  for (const auto stop : stops) {
-    DrivingRobot bench;
-    bench.send(bench.stop(kCoast));
-    bench.run(100);
-    CHECK(!bench.left.brakes());
-    stop(bench);
-    bench.run(3);
-    CHECK(bench.brakes());
-  }
-}
-
-TEST(an_estopped_robot_that_begins_to_roll_brakes_again) {
-  DrivingRobot bench;
-  bench.estop();
-  bench.run(4000);
-  CHECK(bench.coasts());
-  bench.roll(3);
-  CHECK(bench.brakes());
-}
-
-TEST(a_brake_until_driven_is_recorded_until_the_robot_drives) {
-  BrakingRobot first(kBrakeUntilDriven);
-  RobotBench second;
-  second.latches.record = first.latches.record;
-  second.connect().run(5);
-  CHECK(stays_shorted(second, 3000));
-  second.drive(0.0f, 0.0f);
-  second.drive(0.2f, 0.2f);
-  second.send(second.stop(kBrake));
-  second.run(5);
-  RobotBench third;
-  third.latches.record = second.latches.record;
-  third.open().run(1100);
-  CHECK(!third.left.brakes());
 }

@@ -38,23 +38,14 @@ TEST(driving_ends_with_each_event_that_must_end_it) {
   CHECK(next_state(kDriving, SupervisorEvent::kFault) == kFault);
 }
 
-TEST(an_estop_latches_from_everywhere_until_its_own_clear) {
+TEST(an_estop_latches_from_everywhere_and_a_fault_below_it_until_their_own_clears) {
   for_each_transition([](auto before, auto event, auto after) {
     if (event == SupervisorEvent::kEstop) CHECK(after == kEstopped);
     if (before == kEstopped)
       CHECK(after == (event == SupervisorEvent::kClearEstop ? kIdle : kEstopped));
-  });
-}
-
-TEST(a_fault_latches_until_its_own_clear_or_an_estop) {
-  for_each_transition([](auto before, auto event, auto after) {
     if (event == SupervisorEvent::kFault && before != kEstopped) CHECK(after == kFault);
-    if (before != kFault) return;
-    if (event == SupervisorEvent::kClearFault) {
-      CHECK(after == kIdle);
-    } else if (event != SupervisorEvent::kEstop) {
-      CHECK(after == kFault);
-    }
+    if (before == kFault && event != SupervisorEvent::kEstop)
+      CHECK(after == (event == SupervisorEvent::kClearFault ? kIdle : kFault));
   });
 }
 

@@ -49,38 +49,6 @@ struct Slots {
   }
 };
 
-struct RecordedStores {
-  Slots configuration;
-  Slots other;
-  Slots latches;
-
-  /// Calls `use` with two stores, the first recording the second, as after a start.
-  auto with(auto use) {
-    TwinStore first(configuration.slots[0], configuration.slots[1]);
-    TwinStore second(other.slots[0], other.slots[1]);
-    TwinStore third(latches.slots[0], latches.slots[1]);
-    if (is_of_latches)
-      first.record(third, second);
-    else
-      first.record(second, third);
-    return use(first, second);
-  }
-  Found start(bool of_configuration = false) {
-    return with([&](TwinStore& first, TwinStore& second) {
-      return Slots::start(of_configuration ? first : second);
-    });
-  }
-  bool save(const Block& block, bool of_configuration = false) {
-    return with([&](TwinStore& first, TwinStore& second) {
-      return (of_configuration ? first : second).save(block.data(), block.size());
-    });
-  }
-  bool save_configuration(const Block& block) { return save(block, true); }
-  void clear(Slots& slots) { slots[0] = slots[1] = {}; }
-
-  bool is_of_latches = false;  ///< The other block holds the latches.
-};
-
 }  // namespace
 
 TEST(a_save_is_done_once_both_slots_hold_it) {
@@ -219,81 +187,30 @@ TEST(what_earlier_firmware_wrote_is_named) {
   CHECK(slots.save(kNew) && slots.start().block == kNew && slots.start().faults == 0);
 }
 
-// --- which blocks exist --------------------------------------------------------------------------
-
-TEST(a_block_that_is_gone_is_damaged_and_not_one_that_never_was) {
-  for (const bool has_configuration : {false, true}) {
-    RecordedStores flash;
-    CHECK(flash.start().faults == 0 && flash.start(true).faults == 0);
-    if (has_configuration) CHECK(flash.save_configuration(kOld));
-    CHECK(flash.start().faults == 0);
-    CHECK(flash.save(kNew) && flash.start().block == kNew);
-    CHECK(flash.start(true).block == (has_configuration ? kOld : Block{}));
-    CHECK(flash.start(true).faults == 0);
-    flash.clear(flash.other);
-    CHECK(flash.start().block.empty() && flash.start().faults == fault::kStoreUnreadable);
-    CHECK(flash.save(kOld) && flash.start().block == kOld && flash.start().faults == 0);
-  }
-}
-
 TEST(a_configuration_that_is_gone_is_damaged_where_another_block_is_left) {
-  RecordedStores flash;
-  CHECK(flash.save_configuration(kOld) && flash.save(kNew));
-  flash.clear(flash.configuration);
-  CHECK(flash.start(true).faults == fault::kStoreUnreadable);
-  CHECK(flash.start().block == kNew && flash.start().faults == 0);
+  Slots configuration, other, latches;
+  // With the configuration's store or the other one, as after a start.
+  const auto with = [&](bool of_configuration, auto use) {
+    TwinStore first(configuration.slots[0], configuration.slots[1]);
+    TwinStore second(other.slots[0], other.slots[1]);
+    TwinStore third(latches.slots[0], latches.slots[1]);
+    first.record(second, third);
+    return use(of_configuration ? first : second);
+  };
+  const auto start = [&](bool of_configuration) {
+    return with(of_configuration, [](TwinStore& store) { return Slots::start(store); });
+  };
+  const auto save = [&](const Block& block, bool of_configuration) {
+    return with(of_configuration,
+                [&](TwinStore& store) { return store.save(block.data(), block.size()); });
+  };
+  CHECK(save(kOld, true) && save(kNew, false));
+  configuration[0] = configuration[1] = {};
+  CHECK(start(true).faults == fault::kStoreUnreadable);
+  CHECK(start(false).block == kNew && start(false).faults == 0);
   // Saving another block leaves it damaged; saving a configuration ends it, and knows of the rest.
-  CHECK(flash.save(kOld) && flash.start(true).faults == fault::kStoreUnreadable);
-  CHECK(flash.save_configuration(kNew) && flash.start(true).faults == 0);
-  flash.clear(flash.other);
-  CHECK(flash.start().faults == fault::kStoreUnreadable);
-}
-
-TEST(a_first_save_that_is_cut_at_any_write_leaves_no_block_or_the_new_one) {
-  for (const bool has_configuration : {false, true}) {
-    for (int writes = 0;; ++writes) {
-      RecordedStores flash;
-      if (has_configuration) CHECK(flash.save_configuration(kOld));
-      int left = writes;
-      flash.configuration.cut_after(left);
-      flash.other.cut_after(left);
-      const bool done = flash.save(kNew);
-      left = 99;
-      const Found found = flash.start();
-      CHECK(found.faults == 0 && (found.block.empty() || found.block == kNew));
-      CHECK(!done || found.block == kNew);
-      CHECK(flash.start(true).faults == 0);
-      CHECK(flash.start(true).block == (has_configuration ? kOld : Block{}));
-      // A repair completes it.
-      flash.with([](TwinStore& first, TwinStore& second) {
-        Slots::start(first);
-        CHECK(first.repair());
-        Slots::start(second);
-        CHECK(second.repair());
-        return 0;
-      });
-      CHECK(!flash.start().is_incomplete && !flash.start(true).is_incomplete);
-      if (!found.block.empty()) {
-        flash.clear(flash.other);
-        CHECK(flash.start().faults == fault::kStoreUnreadable);
-      }
-      if (done) {
-        CHECK(writes == (has_configuration ? 4 : 6));
-        break;
-      }
-    }
-  }
-}
-
-TEST(an_estop_is_stored_though_the_configuration_cannot_be_written) {
-  RecordedStores flash;
-  flash.is_of_latches = true;
-  int none = 0;
-  flash.configuration.cut_after(none);
-  CHECK(flash.save(kNew) && flash.start().block == kNew);
-  CHECK(flash.start(true).faults == 0 && flash.start(true).block.empty());
-  flash.configuration.cut_after(none = 99);
-  CHECK(flash.start().is_incomplete);
-  flash.clear(flash.other);
-  CHECK(flash.start().faults == 0);  // Nothing has recorded it.
+  CHECK(save(kOld, false) && start(true).faults == fault::kStoreUnreadable);
+  CHECK(save(kNew, true) && start(true).faults == 0);
+  other[0] = other[1] = {};
+  CHECK(start(false).faults == fault::kStoreUnreadable);
 }

@@ -32,19 +32,6 @@ void save_duty(SlotFlash& flash, float duty) {
   CHECK(robot.refusal(ParameterSave{}) == RefusalCode::kNone);
 }
 
-void latch_estop(SlotFlash& flash) {
-  SlotRobot robot{flash};
-  robot.open().send(Estop{});
-  robot.run(3000);
-}
-
-void clear_estop(SlotFlash& flash) {
-  SlotRobot robot{flash};
-  robot.open();
-  CHECK(robot.clear_estop() == RefusalCode::kNone);
-  robot.run(3000);
-}
-
 enum class Loss { kGone, kDamaged, kOutdated };
 
 /// Loses both slots of a block. Those of earlier firmware are no good, either.
@@ -117,80 +104,27 @@ TEST(a_robot_whose_saved_values_are_damaged_outdated_or_gone_does_not_drive_on_d
 
 TEST(damaged_latches_are_an_estop_until_it_is_cleared) {
   for (const Loss loss : {Loss::kGone, Loss::kDamaged}) {
-    for (const bool was_cleared : {true, false}) {
-      for (const bool keeps_memory : {true, false}) {
-        SlotFlash flash;
-        latch_estop(flash);
-        if (was_cleared) clear_estop(flash);
-        lose(flash, StoredBlock::kLatches, loss);
-        SlotRobot robot{flash};
-        if (keeps_memory) {
-          uint8_t record[Latches::kSize];
-          Latches{}.encode(record);
-          robot.latches.save(record, sizeof record);
-        }
-        robot.open();
-        CHECK(robot.state() == SupervisorState::kEstopped);
-        CHECK(robot.clear_estop() == RefusalCode::kNone);
-        robot.run(3000);
-        SlotRobot next{flash};
-        next.open();
-        CHECK(next.state() == SupervisorState::kIdle);
-      }
-    }
-  }
-}
-
-TEST(an_estop_outlives_the_loss_of_either_slot) {
-  for (const int slot : {0, 1}) {
-    SlotFlash flash;
-    latch_estop(flash);
-    flash.bytes(StoredBlock::kLatches, slot).clear();
-    SlotRobot robot{flash};
-    robot.start_and_greet();
-    CHECK(robot.state() == SupervisorState::kEstopped);
-    CHECK(robot.reports(EventCode::kLatchesCopyLost));
-    robot.run(3000);
-    CHECK(flash.bytes(StoredBlock::kLatches, 0) == flash.bytes(StoredBlock::kLatches, 1));
-  }
-}
-
-/// At whichever write of whichever block the power is cut, each block is then the old or the new
-/// one, and undamaged.
-TEST(a_power_cut_at_any_write_damages_no_block) {
-  for (const bool were_saved : {false, true}) {
-    int most = 0;
-    for (int cut = 0; cut <= most; ++cut) {
+    for (const bool keeps_memory : {true, false}) {
       SlotFlash flash;
-      if (were_saved) {
-        save_duty(flash, 0.5f);
-        latch_estop(flash);
-        clear_estop(flash);
-      }
-      flash.writes_left = cut == 0 ? SlotFlash::kPlenty : cut - 1;
-      bool saved = false;
       {
         SlotRobot robot{flash};
-        robot.open();
-        CHECK(robot.set(kMaxDuty, 0.25f) == RefusalCode::kNone);
-        saved = robot.refusal(ParameterSave{}) == RefusalCode::kNone;
-        robot.send(Estop{});
-        robot.run(15'000);
+        robot.open().send(Estop{});
+        robot.run(3000);
       }
-      if (cut == 0) most = SlotFlash::kPlenty - flash.writes_left;
-      const bool is_latched = cut == 0;
-      flash.writes_left = SlotFlash::kPlenty;
+      lose(flash, StoredBlock::kLatches, loss);
       SlotRobot robot{flash};
-      robot.start_and_greet();
-      CHECK((robot.device.faults() & fault::kStoreUnreadable) == 0);
-      const float duty = robot.device.parameter(kMaxDuty);
-      const float before = were_saved ? 0.5f : Parameters().get(kMaxDuty);
-      CHECK(duty == 0.25f || (!saved && duty == before));
-      if (is_latched) CHECK(robot.state() == SupervisorState::kEstopped);
-      uint8_t bytes[TwinStore::kCapacity];
-      flash.configuration().load(bytes, sizeof bytes);
-      CHECK(flash.configuration().faults() == 0);
+      if (keeps_memory) {
+        uint8_t record[Latches::kSize];
+        Latches{}.encode(record);
+        robot.latches.save(record, sizeof record);
+      }
+      robot.open();
+      CHECK(robot.state() == SupervisorState::kEstopped);
+      CHECK(robot.clear_estop() == RefusalCode::kNone);
+      robot.run(3000);
+      SlotRobot next{flash};
+      next.open();
+      CHECK(next.state() == SupervisorState::kIdle);
     }
-    CHECK(most >= 4);
   }
 }

@@ -5,13 +5,6 @@ using namespace wheelwire;
 using enum ParameterId;
 using namespace wheelwire::test;
 
-namespace {
-
-constexpr std::initializer_list<std::pair<ParameterId, float>> kBothSwapped = {
-    {kMotorsSwapped, 1}, {kEncodersSwapped, 1}};
-
-}  // namespace
-
 TEST(each_motor_and_each_encoder_has_its_inversion_and_pairs_are_swapped) {
   const struct {
     std::initializer_list<std::pair<ParameterId, float>> parameters;
@@ -47,57 +40,15 @@ TEST(each_motor_and_each_encoder_has_its_inversion_and_pairs_are_swapped) {
   }
 }
 
-TEST(a_reset_of_the_parameters_swaps_back) {
+TEST(swapped_encoders_count_on_from_what_they_had_counted_and_their_transitions_are_the_wheels) {
   OpenRobot bench;
-  bench.configure(kBothSwapped);
-  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNone);
-  bench.drive_duty(8'000, 0, 50);
-  bench.turn(10, 0);
-  CHECK(bench.left.duty() == 8'000 && bench.right.duty() == 0);
-  CHECK(bench.newest_state().left_ticks == 10);
-}
-
-TEST(swapped_encoders_count_on_from_what_they_had_counted) {
-  OpenRobot bench;
+  bench.encoders.counts.left_illegal = 3;
+  bench.encoders.counts.right_illegal = 5;
   bench.roll(1, 100, 7);
   bench.configure({{kEncodersSwapped, 1}});
   bench.roll(1, 3, -20);
   const WheelState state = bench.newest_state();
   CHECK(state.left_ticks == 80 && state.right_ticks == 10);
-}
-
-TEST(ticks_at_the_moment_of_a_swap_are_counted_once) {
-  OpenRobot bench;
-  bench.turn(20'000 - 32'767, 5);
-  bench.step();
-  bench.turn(11, 0);  // after the last latch, before the swap
-  bench.configure({{kEncodersSwapped, 1}});
-  bench.step();
-  const WheelState state = bench.newest_state();
-  CHECK(state.left_ticks == 20'000 - 32'767 && state.right_ticks == 16);
-}
-
-TEST(illegal_transitions_are_those_of_the_wheels_encoder) {
-  OpenRobot bench;
-  bench.encoders.counts.left_illegal = 3;
-  bench.encoders.counts.right_illegal = 5;
-  bench.configure({{kEncodersSwapped, 1}});
-  bench.step();
   const auto counters = bench.ask<ControlCounters>(ControlCountersGet{});
   CHECK(counters && counters->left_illegal == 5 && counters->right_illegal == 3);
-}
-
-TEST(saved_swaps_hold_from_the_start) {
-  OpenRobot saved;
-  saved.configure(kBothSwapped);
-  CHECK(saved.refusal(ParameterSave{}) == RefusalCode::kNone);
-  RobotBench bench;
-  bench.store = saved.store;
-  bench.encoders.counts.left = 50;  // the register before the start does not count as travel
-  bench.open();
-  bench.turn(2, 9);
-  bench.drive_duty(0, 6'000);
-  CHECK(bench.left.duty() == 6'000 && bench.right.duty() == 0);
-  const WheelState state = bench.newest_state();
-  CHECK(state.left_ticks == 9 && state.right_ticks == 2);
 }

@@ -1,7 +1,5 @@
 // Battery and analogue inputs on one ADC.
-#include "analog_inputs.hpp"
-
-#include "battery.hpp"
+#include "adc.hpp"
 #include "check.hpp"
 
 using namespace wheelwire;
@@ -34,16 +32,9 @@ TEST(a_battery_and_analogue_inputs_share_the_unit) {
   CHECK(inputs.take(2, reading) && reading.pin_mv == 0);
   CHECK(!inputs.take(1, reading) && !inputs.take(2, reading));
   CHECK(battery.measure_millivolts() == 7400);
-}
-
-TEST(an_input_that_cannot_be_measured_has_no_reading) {
-  fake_adc = {};
-  Adc adc;
-  AnalogInputs inputs;
-  CHECK(inputs.start(analog_at({35}), adc));
+  // What cannot be measured has no reading.
   fake_adc.fails = true;
   inputs.measure();
-  AnalogReading reading;
   CHECK(!inputs.take(1, reading));
   fake_adc.fails = false;
   inputs.measure();

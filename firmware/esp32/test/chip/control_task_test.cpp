@@ -114,23 +114,6 @@ struct StartedChip {
   ControlTask task;
 };
 
-/// How a start after `reason` goes on until 20 s after it: a fault at 2 s if `fails`, and flash
-/// that takes 400 ms to erase a sector. Returns the newest box in it then, and how many there are.
-BoxValue newest_after_a_run(ResetReason reason, bool fails) {
-  FakeLine line;
-  StartedChip chip(reason, line);
-  fake_partition.on_call = [](bool erases) {
-    CHECK(!erases || fake_task_watchdog.timeout_ms > 400);
-    if (erases) fake_time_us += 400'000;
-  };
-  chip.run_until(20'000'000, [&] {
-    if (fails && fake_time_us >= 2'000'000) chip.device.report_driver_failure();
-  });
-  BoxValue newest{};
-  chip.recorder.describe(newest);
-  return newest;
-}
-
 void blank_flash() { fake_partition = blank_partition("recorder", RecorderKeeper::kFlashSize); }
 
 /// A host that opens a session, asks ten times a second, and notes how long each answer took.
@@ -187,15 +170,6 @@ TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
   fake_timer_creation = fake_timer_start = ESP_OK;
 }
 
-TEST(a_fault_s_box_is_stored_by_the_task_within_the_watchdog_s_limit) {
-  blank_flash();
-  std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
-  const BoxValue newest = newest_after_a_run(ResetReason::kPowerOn, true);
-  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kFault);
-  CHECK(newest.faults == fault::kDriverFailed);
-  CHECK(fake_partition.erasures > 8);
-}
-
 TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   constexpr int64_t kEraseUs = 400'000;
   blank_flash();
@@ -210,6 +184,7 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
   fake_partition.on_call = [&](bool erases) {
     ++calls;
     if (!erases) return;
+    CHECK(int64_t{1000} * fake_task_watchdog.timeout_ms > kEraseUs);
     shortest_rest_us = std::min(shortest_rest_us, fake_time_us - erased_us);
     erased_us = fake_time_us += kEraseUs;
   };
@@ -244,15 +219,5 @@ TEST(a_restart_that_is_asked_for_leaves_no_box_to_a_boot_that_crashes_at_once) {
   RecorderKeeper next{recorder_memory, chip.flash, {}, ResetReason::kPanic, 0};
   next.start();
   CHECK(!next.black_box().is_closed());  // It records, and holds nothing back.
-  fake_partition = {};
-}
-
-TEST(what_a_panic_left_in_memory_is_stored_after_the_restart) {
-  blank_flash();
-  CHECK(newest_after_a_run(ResetReason::kPowerOn, false).box_count == 0);
-  const BoxValue newest = newest_after_a_run(ResetReason::kPanic, false);
-  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kReset);
-  CHECK(newest.reset_reason == ResetReason::kPanic);
-  CHECK(newest_after_a_run(ResetReason::kSoftware, false).box_count == 1);  // The one of before.
   fake_partition = {};
 }

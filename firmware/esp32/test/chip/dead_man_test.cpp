@@ -88,29 +88,3 @@ TEST(a_robot_that_drives_is_released_after_a_few_checks) {
     CHECK(watched.is_released());
   });
 }
-
-TEST(a_step_that_begins_to_drive_and_hangs_is_released) {
-  // At full duty all levels are static, as with a brake.
-  for (const int16_t duty_q15 : {int16_t{1}, int16_t{20'000}, int16_t{32'767}}) {
-    watch_every_stage([duty_q15](Watched& watched) {
-      watched.brake();
-      for (int i = 0; i < 2; ++i) watched.robot.right_motor.drive(duty_q15);
-      watched.timer->ring(kLimit);
-      CHECK(watched.is_released());
-    });
-  }
-}
-
-TEST(a_wheel_that_stands_while_the_robot_drives_and_a_start_that_hangs_are_released) {
-  for (const bool has_stepped : {true, false}) {
-    watch_every_stage([has_stepped](Watched& watched) {
-      if (has_stepped) {
-        watched.steps(3, true, [](MotorPort& motor) { motor.brake(); });
-      } else {
-        for (int i = 0; i < 2; ++i) watched.robot.left_motor.drive(20'000);
-      }
-      watched.timer->ring(kLimit);
-      CHECK(watched.is_released());
-    });
-  }
-}

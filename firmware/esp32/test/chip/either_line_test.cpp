@@ -43,10 +43,7 @@ TEST(it_speaks_on_the_line_that_was_heard_last) {
   CHECK(bench.hear() == Bytes{9});
   bench.say(4);
   CHECK(bench.uart.bytes.to_host == Bytes({1, 4}));
-}
-
-TEST(bytes_of_two_lines_are_not_mixed_in_one_read) {
-  LinesBench bench;
+  // Bytes of both are not mixed in one read.
   bench.uart.bytes.to_device = {1, 2};
   bench.usb.bytes.to_device = {3};
   CHECK(bench.hear() == Bytes({1, 2}));

@@ -40,14 +40,6 @@ bool load(Latches& latches) {
 
 }  // namespace
 
-TEST(latches_are_read_back_after_a_reset) {
-  Latches found;
-  for (const Latches& latches : {kEstop, kFault, Latches{}}) {
-    save(latches);
-    CHECK(load(found) && found == latches);
-  }
-}
-
 TEST(a_reset_that_takes_one_memory_leaves_the_latches_and_after_a_power_on_nothing_is_known) {
   for (const uint8_t content : {uint8_t{0x00}, uint8_t{0x5a}, uint8_t{0xff}}) {
     Latches found;

@@ -33,7 +33,7 @@ TEST(only_a_partition_that_has_room_and_can_be_written_is_used) {
   CHECK(!starts(coarse));
 }
 
-TEST(what_was_written_is_read_back_until_its_sector_is_erased) {
+TEST(what_was_written_is_read_back_until_its_sector_is_erased_and_what_fails_is_reported) {
   CHECK(starts(blank_partition("recorder", kSize)));
   PartitionFlash flash;
   CHECK(flash.start(kSize));
@@ -44,12 +44,6 @@ TEST(what_was_written_is_read_back_until_its_sector_is_erased) {
   CHECK(flash.read(kSize - 3, found, sizeof found) && found[0] == 1 && found[2] == 3);
   CHECK(flash.read(0, found, sizeof found) && found[0] == 0xff);
   CHECK(fake_partition.erasures == 1);
-}
-
-TEST(an_operation_that_fails_is_reported) {
-  fake_partition = blank_partition("recorder", kSize);
-  PartitionFlash flash;
-  CHECK(flash.start(kSize));
   uint8_t byte = 0;
   CHECK(!flash.read(kSize, &byte, 1) && !flash.write(kSize, &byte, 1) && !flash.erase(kSize));
   fake_partition.result = ESP_FAIL;

@@ -45,26 +45,6 @@ void power_on() {
   for (uint8_t& byte : fake_rtc_memory.custom) byte = 0x5a;
 }
 
-/// A board whose encoders lie on what is an output of the one before it.
-BoardDescription with_encoders_on_outputs_of(const BoardDescription& before) {
-  BoardDescription board = board_of(Stage::kPwmDir);
-  const PinMask outputs = stage_pins(before);
-  int8_t* const moved[] = {&board.left_encoder_a, &board.left_encoder_b, &board.right_encoder_a,
-                           &board.right_encoder_b};
-  const int8_t free_pins[] = {18, 19, 13, 14};
-  board.left_pwm = free_pins[0];
-  board.left_dir = free_pins[1];
-  board.right_pwm = free_pins[2];
-  board.right_dir = free_pins[3];
-  board.estop = -1;
-  board.pulldowns = mask_of(18) | mask_of(13);
-  size_t next = 0;
-  for (int8_t pin = 0; pin < 40 && next < 4; ++pin)
-    if (outputs & mask_of(pin)) *moved[next++] = pin;
-  CHECK(next == 4 && first_issue(board).fault == BoardFault::kNone);
-  return board;
-}
-
 }  // namespace
 
 TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
@@ -80,12 +60,21 @@ TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
   }
 }
 
-TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone) {
+TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone_and_the_wheel_that_is_to_drive) {
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     on_every_stage([state](const BoardDescription& board) {
       power_on();
       StartedRobot robot(state, board);
       CHECK(driven_pins() == stage_pins(board));
+      CHECK((once_high_pins() & stage_pins(board)) == 0);
+      CHECK(fake_matrix.pwm.runs);
+      robot.left_motor.drive(1000);
+      PinMask wheels[2] = {0, 0};
+      for (size_t wheel = 0; wheel < 2; ++wheel)
+        for (size_t input = 0; input < kStageInputs; ++input)
+          wheels[wheel] |= mask_of(board.pin(input_of(wheel, input)));
+      CHECK((once_high_pins() & wheels[0]) != 0 && (once_high_pins() & wheels[1]) == 0);
+      CHECK(board.standby < 0 || (once_high_pins() & mask_of(board.standby)) != 0);
     });
   }
 }
@@ -105,17 +94,6 @@ TEST(the_pins_of_the_previous_board_float_after_a_change) {
   });
 }
 
-TEST(no_encoder_fights_an_output_of_the_previous_board) {
-  const BoardDescription former = board_of(Stage::kPwmIn1In2);
-  const BoardDescription board = with_encoders_on_outputs_of(former);
-  power_on();
-  StartedRobot driver(ConfigurationState::kStored, former);
-  driver.left_motor.drive(20'000);
-  CHECK((driven_pins() & encoder_pins(board)) == encoder_pins(board));
-  StartedRobot robot(ConfigurationState::kStored, board);
-  CHECK((driven_pins() & encoder_pins(board)) == 0);
-}
-
 TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   power_on();
   const BoardDescription former = board_of(Stage::kPwmIn1In2);
@@ -128,17 +106,19 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   CHECK(driven_pins() == 0);
 }
 
-TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
-  const BoardDescription board = board_of(Stage::kEnableIn1In2);
+TEST(the_bootloader_holds_a_confirmed_board_low_and_nothing_of_one_on_trial) {
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
-    power_on();
-    StartedRobot robot(state, board);
-    robot.left_motor.drive(20'000);
-    bootloader_before_init();
-    CHECK(driven_pins() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
-    // What it holds, the application goes on holding until it knows the board.
-    CHECK(float_pins());
-    CHECK(driven_pins() == (state == ConfigurationState::kStored ? release_pins(board) : 0));
+    on_every_stage([state](const BoardDescription& board) {
+      power_on();
+      StartedRobot robot(state, board);
+      robot.left_motor.drive(20'000);
+      bootloader_before_init();
+      const PinMask held = state == ConfigurationState::kStored ? release_pins(board) : 0;
+      CHECK(!drives(board) && driven_pins() == held);
+      // What it holds, the application goes on holding until it knows the board.
+      CHECK(float_pins());
+      CHECK(driven_pins() == held);
+    });
   }
 }
 

@@ -42,16 +42,6 @@ TEST(a_release_takes_the_drive_from_every_stage) {
   });
 }
 
-TEST(the_bootloader_releases_the_board_that_was_active) {
-  on_every_stage([](const BoardDescription& board) {
-    Driving driving(board);
-    bootloader_before_init();
-    CHECK(!drives(board));
-    // Low by the chip, not floating.
-    CHECK((release_pins(board) & ~driven_pins()) == 0);
-  });
-}
-
 TEST(the_bootloader_lets_all_pins_float_when_it_knows_no_board) {
   on_every_stage([](const BoardDescription& board) {
     for (const int content : {0x00, 0x5a, 0xff}) {

@@ -31,8 +31,7 @@ int any_body_size(uint8_t id) {
 /// A device with the self-test image, and its host.
 class SelfTestWorld : public test::BenchHost {
  public:
-  SelfTestWorld() : SelfTestWorld(own_store_) {}
-  explicit SelfTestWorld(BlockStore& parameters) : BenchHost(any_body_size), store_(parameters) {
+  SelfTestWorld() : BenchHost(any_body_size) {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
@@ -82,8 +81,7 @@ class SelfTestWorld : public test::BenchHost {
   SelfTestLine self_test_line{chip_line, test};
 
  private:
-  MemoryStore own_store_;
-  BlockStore& store_;
+  MemoryStore store_;
   MemoryLatches latches_;
   MemoryStore latch_store_;
   test::BenchEncoders encoders_;
@@ -168,52 +166,42 @@ TEST(a_host_finds_the_self_test_by_its_group_and_the_others_as_they_were) {
 
 TEST(the_core_gets_every_byte_but_the_self_tests_frames) {
   SelfTestWorld world;
-  std::vector<uint8_t> passed;
-  std::vector<uint8_t> wanted;
-  uint32_t random = 1;
-  const auto read = [&](size_t capacity) {
-    uint8_t out[100];
-    const size_t size = world.self_test_line.read(out, capacity);
-    passed.insert(passed.end(), out, out + size);
-    return size;
-  };
   auto& to_device = world.line.to_device;
-  for (int i = 0; i < 2000; ++i) {
+  std::vector<uint8_t> passed, wanted;
+  uint32_t random = 1;
+  const auto read = [&] {
+    uint8_t out[100];
+    const size_t size = world.self_test_line.read(out, 1 + random % 90);
+    passed.insert(passed.end(), out, out + size);
+    return size != 0;
+  };
+  for (uint16_t i = 0; i < 2000; ++i) {
     random = random * 1'664'525 + 1'013'904'223;
     const size_t before = to_device.size();
-    switch (random >> 29) {
-      case 0:
-      case 1:
-        world.send(Ping{world.session_id(), static_cast<uint16_t>(i), random});
-        break;
-      case 2:  // A line with nothing but noise on it, longer than any frame.
-        for (uint32_t byte = 0; byte < 200; ++byte)
-          to_device.push_back(static_cast<uint8_t>(1 + (random + 77 * byte) % 255));
-        break;
-      case 3:
-        to_device.push_back(0);
-        break;
-      case 4:
-        world.send(GroupGet{world.session_id(), static_cast<uint16_t>(i), Group::kStore});
-        break;
-      default:
-        // A delimiter ends what is in front of the frame, and is passed on, as the one before it.
-        to_device.push_back(0);
-        wanted.push_back(0);
-        world.send(SelfTestAllow{world.session_id(), static_cast<uint16_t>(i), 0});
-        wanted.push_back(0);
-        while (read(1 + random % 90) > 0) {
-        }
-        CHECK(world.line.to_host.size() > 0);
-        world.line.to_host.clear();
-        continue;
-    }
+    const uint32_t kind = random >> 29;
+    if (kind <= 1) world.send(Ping{world.session_id(), i, random});
+    // A line with nothing but noise on it, longer than any frame.
+    for (uint32_t byte = 0; kind == 2 && byte < 200; ++byte)
+      to_device.push_back(static_cast<uint8_t>(1 + (random + 77 * byte) % 255));
+    if (kind == 4) world.send(GroupGet{world.session_id(), i, Group::kStore});
+    // A delimiter ends what is in front of a frame of the self-test, and is passed on, as the one
+    // before it.
+    if (kind == 3 || kind > 4) to_device.push_back(0);
     wanted.insert(wanted.end(), to_device.begin() + static_cast<long>(before), to_device.end());
-    if (i % 3 == 0) read(1 + random % 90);
+    if (kind > 4) {
+      world.send(SelfTestAllow{world.session_id(), i, 0});
+      wanted.push_back(0);
+      while (read()) {
+      }
+      CHECK(world.line.to_host.size() > 0);
+      world.line.to_host.clear();
+    } else if (i % 3 == 0) {
+      read();
+    }
   }
   to_device.push_back(0);
   wanted.push_back(0);
-  while (read(64) > 0) {
+  while (read()) {
   }
   CHECK(passed == wanted);
 }
@@ -256,38 +244,6 @@ TEST(nothing_is_driven_before_the_user_has_said_that_the_supply_is_off) {
   CHECK(world.left.duty == 3000 && world.right.duty == -3000);
   world.test.right_motor.brake();
   CHECK(world.right.brakes);
-}
-
-TEST(the_ordinary_image_has_the_same_settings_and_drives_without_a_permission) {
-  MemoryStore store;
-  const auto parameter = [](ParameterId id) { return static_cast<uint8_t>(id); };
-  {
-    SelfTestWorld world{store};
-    world.allow();
-    CHECK(world.refusal(ParameterSet{.parameter = parameter(ParameterId::kPwmFrequencyHz),
-                                     .value = 500}) == RefusalCode::kNone);
-    CHECK(world.refusal(ParameterSave{.parameter = parameter(ParameterId::kPwmFrequencyHz)}) ==
-          RefusalCode::kNone);
-    // What is not saved ends with the image.
-    CHECK(world.refusal(ParameterSet{.parameter = parameter(ParameterId::kMaxDuty),
-                                     .value = 0.25f}) == RefusalCode::kNone);
-  }
-  {  // A reset, still with the self-test image: it needs a new permission.
-    SelfTestWorld world{store};
-    CHECK(world.device.parameter(ParameterId::kPwmFrequencyHz) == 500);
-    world.drive(0, 0);
-    world.drive(3000, 3000);
-    CHECK(world.left.duty == 0 && world.device.state() == SupervisorState::kDriving);
-  }
-  MemoryStore latched;
-  test::RobotBench ordinary{store, latched};
-  ordinary.open();
-  CHECK(ordinary.device.parameter(ParameterId::kPwmFrequencyHz) == 500);
-  CHECK(ordinary.device.parameter(ParameterId::kMaxDuty) ==
-        Parameters{}.get(ParameterId::kMaxDuty));
-  ordinary.send(ordinary.duty(3000, 3000));
-  ordinary.run(50);
-  CHECK(ordinary.driven());
 }
 
 TEST(each_core_fails_as_it_is_asked_to_and_no_other) {

@@ -155,32 +155,6 @@ TEST(a_brake_follows_a_control_period_of_coast_and_lasts) {
   });
 }
 
-TEST(a_duty_lasts_as_long_as_it_should_in_each_period) {
-  at_every_stage([](Stage stage, uint32_t frequency_hz) {
-    for (const double fraction : {0.1, 0.5, 0.99}) {
-      StageBench bench(stage, frequency_hz);
-      bench.drive(kLong, fraction);
-      bench.drive(60, fraction);
-      const double part =
-          static_cast<double>(bench.count(Asks::kForward)) / static_cast<double>(bench.seen.size());
-      CHECK(std::abs(part - fraction) < 0.055);
-    }
-  });
-}
-
-TEST(at_full_duty_there_is_no_edge) {
-  at_every_stage([](Stage stage, uint32_t frequency_hz) {
-    StageBench bench(stage, frequency_hz);
-    bench.drive(kLong, 0.3);
-    bench.drive(kLong, 1.0);
-    CHECK(bench.count(Asks::kForward) == bench.seen.size());
-    // And none of it is left once the duty falls.
-    bench.drive(kLong, 0.3);
-    bench.drive(kLong, 0.3);
-    CHECK(bench.most_of_a_period(Asks::kForward) <= 0.355);
-  });
-}
-
 TEST(the_smallest_duties_are_a_tick_and_no_level) {
   for (const uint32_t frequency_hz : {20'000u, 40'000u}) {
     for (int16_t duty_q15 = 1; duty_q15 <= 20; ++duty_q15) {

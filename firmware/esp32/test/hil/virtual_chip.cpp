@@ -98,6 +98,7 @@ End VirtualChip::run(const std::function<void()>& plan) {
   dead_man.watch_from_this_core();
   timers_[0] = fake_newest_timer;
   Identity identity{};
+  identity.boot_id = HostEnd::kBootId;
   identity.reset_reason = reset_.reason;
   Device device{{.left_motor = robot.left_motor,
                  .right_motor = robot.right_motor,

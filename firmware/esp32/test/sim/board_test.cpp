@@ -67,41 +67,36 @@ TEST(board_counts_the_encoder_that_lies_on_its_pins) {
 }
 
 TEST(board_sees_its_contact_on_its_own_pin_alone) {
-  for (const bool same_pin : {true, false}) {
-    for (const ContactKind kind : {ContactKind::kNormallyClosed, ContactKind::kNormallyOpen}) {
-      BoardDescription active = kBoardL298n;
-      active.estop_contact = kind;
-      BoardDescription wired = active;
-      if (!same_pin) wired.estop = 21;
-      Bench bench(active);
-      bench.board.wire(wired);
-      for (const bool pressed : {false, true, false}) {
-        bench.board.estop.open = pressed;
-        // A pin with nothing but its pull-up is a broken wire.
-        const bool wanted = same_pin ? pressed : kind == ContactKind::kNormallyClosed;
-        CHECK(bench.board.estop.is_open() == wanted);
-      }
+  using enum ContactKind;
+  const struct {
+    int8_t active_pin;
+    ContactKind active;
+    int8_t wired_pin;
+    ContactKind wired;
+    bool pressed, released;  ///< Whether it is then open.
+  } cases[] = {
+      {14, kNormallyClosed, 14, kNormallyClosed, true, false},
+      {14, kNormallyOpen, 14, kNormallyOpen, true, false},
+      // A pin with nothing but its pull-up is a broken wire.
+      {14, kNormallyClosed, 21, kNormallyClosed, true, true},
+      {14, kNormallyOpen, 21, kNormallyOpen, false, false},
+      {14, kNormallyClosed, 14, kNormallyOpen, false, true},
+      {-1, kNormallyClosed, 14, kNormallyClosed, false, false},
+  };
+  for (const auto& one : cases) {
+    BoardDescription active = kBoardL298n;
+    active.estop = one.active_pin;
+    active.estop_contact = one.active;
+    BoardDescription wired = kBoardL298n;
+    wired.estop = one.wired_pin;
+    wired.estop_contact = one.wired;
+    Bench bench(active);
+    bench.board.wire(wired);
+    for (const bool pressed : {false, true, false}) {
+      bench.board.estop.open = pressed;
+      CHECK(bench.board.estop.is_open() == (pressed ? one.pressed : one.released));
     }
   }
-}
-
-TEST(board_with_another_kind_of_contact_stops_until_it_is_pressed) {
-  Bench bench;
-  BoardDescription wired = kBoardL298n;
-  wired.estop_contact = ContactKind::kNormallyOpen;
-  bench.board.wire(wired);
-  CHECK(bench.board.estop.is_open());
-  bench.board.estop.open = true;
-  CHECK(!bench.board.estop.is_open());
-}
-
-TEST(board_without_a_contact_never_sees_one) {
-  BoardDescription active = kBoardL298n;
-  active.estop = -1;
-  Bench bench(active);
-  bench.board.wire(kBoardL298n);
-  bench.board.estop.open = true;
-  CHECK(!bench.board.estop.is_open());
 }
 
 TEST(board_measures_the_battery_on_its_pin_by_its_divider) {
@@ -145,26 +140,6 @@ TEST(board_counts_pins_that_both_sides_drive) {
   }
 }
 
-TEST(board_drives_nothing_that_was_not_confirmed) {
-  for (const ShippedBoard& shipped : kShippedBoards) {
-    Bench bench(shipped.board);
-    bench.board.reset();
-    bench.board.take_up(shipped.board, false);
-    const Winding afloat = bench.left();
-    CHECK(afloat == (shipped.board.stage == Stage::kPwmDir ? Winding::kShorted : Winding::kOpen));
-    for (int i = 0; i < 3; ++i) {
-      bench.board.hal().left_motor.drive(20'000);
-      bench.board.hal().right_motor.brake();
-      CHECK(bench.board.pins().driven() == 0);
-      CHECK(!bench.board.drives() && bench.left() == afloat);
-    }
-    // It counts and reads, as it does when it drives.
-    CHECK(bench.turned().left == 180);
-    bench.board.estop.open = true;
-    CHECK(bench.board.estop.is_open() == (shipped.board.estop >= 0));
-  }
-}
-
 TEST(board_that_has_none_drives_and_counts_nothing) {
   Bench bench;
   bench.board.reset();
@@ -176,23 +151,6 @@ TEST(board_that_has_none_drives_and_counts_nothing) {
   const EncoderCounts counts = bench.turned();
   CHECK(counts.left == 0 && counts.right == 0);
   CHECK(!bench.board.estop.is_open());
-}
-
-TEST(board_floats_in_reset_whatever_it_did) {
-  for (const ShippedBoard& shipped : kShippedBoards) {
-    Bench bench(shipped.board);
-    const Winding wanted =
-        shipped.board.stage == Stage::kPwmDir ? Winding::kShorted : Winding::kOpen;
-    for (int i = 0; i < 2; ++i) {
-      bench.board.hal().left_motor.drive(20'000);
-      bench.board.hal().left_motor.drive(20'000);
-      CHECK(bench.board.drives());
-      bench.board.reset();
-      CHECK(bench.left() == wanted && bench.board.pins().driven() == 0);
-      bench.board.take_up(shipped.board);
-      CHECK(!bench.board.drives());
-    }
-  }
 }
 
 TEST(board_is_rewired_at_once) {
@@ -223,20 +181,4 @@ TEST(board_pull_up_of_an_input_decides_what_only_the_part_holds) {
     bench.board.hal().left_motor.coast();  // Standby is high.
     CHECK(bench.left() == (has_pull_down ? Winding::kOpen : Winding::kShorted));
   }
-}
-
-TEST(board_in_standby_is_open_until_the_first_step) {
-  Bench bench(kBoardTb6612);
-  CHECK(bench.board.pins().is_driven(kBoardTb6612.standby));
-  CHECK(bench.board.pins().duty_q15(kBoardTb6612.standby) == 0);
-  bench.board.hal().left_motor.brake();
-  CHECK(bench.board.pins().duty_q15(kBoardTb6612.standby) == kHigh_q15);
-  CHECK(bench.left() == Winding::kShorted);
-  // Tied high on the module instead.
-  BoardDescription wired = kBoardTb6612;
-  wired.standby = -1;
-  Bench tied(kBoardTb6612);
-  tied.board.wire(wired);
-  tied.board.hal().left_motor.brake();
-  CHECK(tied.left() == Winding::kShorted);
 }

@@ -31,20 +31,14 @@ constexpr BridgeState kBraking{.on = Winding::kShorted, .off = Winding::kShorted
 
 }  // namespace
 
-TEST(bridge_drives_by_its_state_at_standstill) {
+TEST(bridge_drives_by_its_state_brakes_shorted_above_its_own_drop_and_coasts_open) {
   CHECK(current(forward(1.0), 0.0) > 0.5);
   CHECK(current({.on = Winding::kReverse, .duty = 1.0}, 0.0) < -0.5);
-  CHECK(current(kBraking, 0.0) == 0.0);
-  CHECK(current(kCoasting, 0.0) == 0.0);
-}
-
-TEST(bridge_brakes_shorted_and_coasts_open) {
   CHECK(current(kBraking, 4.0) < -0.2);
   CHECK(current(kBraking, -4.0) > 0.2);
+  CHECK(current(kBraking, 1.0) == 0.0);
   CHECK(current(kCoasting, 4.0) == 0.0);
 }
-
-TEST(bridge_does_not_brake_below_its_own_drop) { CHECK(current(kBraking, 1.0) == 0.0); }
 
 TEST(bridge_drop_is_within_the_datasheet) {
   // A winding that lets `amperes` flow at standstill shows the drop in what it does not get.
@@ -67,32 +61,6 @@ TEST(bridge_averages_or_chops_the_voltage) {
   CHECK(current(forward(0.5), 7.0, chopped) == 0.0);
   // Where the off time shorts the winding, no current dies out.
   CHECK(current(forward(0.5, Winding::kShorted), 4.0, chopped) < 0.0);
-}
-
-/// Every stage behind the core's power stage: what the winding sees is what was asked for.
-TEST(bridge_of_every_stage_does_what_the_core_asks) {
-  for (size_t i = 0; i < kStages; ++i) {
-    const StageTable& table = kStageTables[i];
-    Bridge bridge(static_cast<Stage>(i));
-    PowerStage motor(bridge, table);
-    CHECK(!bridge.state().drives());
-    const auto twice = [&](auto act) {
-      act();
-      act();
-    };
-    twice([&] { motor.drive(kHalf); });
-    CHECK(bridge.state().on == Winding::kForward && bridge.state().signed_duty() > 0.49 &&
-          bridge.state().signed_duty() < 0.51);
-    twice([&] { motor.drive(-kHalf); });
-    CHECK(bridge.state().on == Winding::kReverse && bridge.state().signed_duty() < -0.49);
-    twice([&] { motor.drive(kHigh_q15); });
-    CHECK(bridge.state().signed_duty() == 1.0);
-    twice([&] { motor.brake(); });
-    CHECK(!bridge.state().drives() && bridge.state().shorted() == 1.0);
-    motor.coast();
-    CHECK(!bridge.state().drives() && bridge.state().shorted() == (table.can_coast ? 0.0 : 1.0));
-    CHECK(bridge.hard_switches() == 0);
-  }
 }
 
 TEST(bridge_counts_a_reversal_without_a_pause) {
@@ -144,15 +112,4 @@ TEST(bridge_with_several_duties_gets_their_average) {
   // Only shorted and open.
   const BridgeState none = state_of(Stage::kInIn, with(0.0, 0.3, 0.3));
   CHECK(!none.drives() && near(none.shorted(), 0.3));
-}
-
-TEST(bridge_in_standby_is_open) {
-  for (const Stage stage : {Stage::kPwmIn1In2, Stage::kInIn}) {
-    StageOutputs inputs;
-    for (const StageInput input : {StageInput::kIn1, StageInput::kPwm})
-      inputs.duty_q15[static_cast<size_t>(input)] = kHigh_q15;
-    CHECK(state_of(stage, inputs).drives());
-    CHECK(!state_of(stage, inputs, 0).drives());
-    CHECK(state_of(stage, inputs, 0).shorted() == 0.0);
-  }
 }

@@ -63,7 +63,9 @@ class EnduranceRun {
 
   bool run(int64_t edges) {
     while (bench_.edges() < edges) {
-      const bool exact = run_one_way(1) && run_one_way(-1) && run_by_chance() &&
+      const bool exact = turn([this] { return draw(kLongestStep); }) &&
+                         turn([this] { return -draw(kLongestStep); }) &&
+                         turn([this] { return sign() * draw(kLongestStep); }) &&
                          hover_about(kCounterLimit) && hover_about(-kCounterLimit);
       if (!exact) return false;
     }
@@ -79,19 +81,10 @@ class EnduranceRun {
   }
   int sign() { return random_.next() % 2 == 0 ? 1 : -1; }
 
-  bool run_one_way(int direction) {
-    const int64_t end = bench_.edges() + kPhaseEdges;
-    while (bench_.edges() < end) {
-      if (!bench_.step(direction * draw(kLongestStep))) return false;
-    }
-    return true;
-  }
-
-  bool run_by_chance() {
-    const int64_t end = bench_.edges() + kPhaseEdges;
-    while (bench_.edges() < end) {
-      if (!bench_.step(sign() * draw(kLongestStep))) return false;
-    }
+  /// A phase of steps of so many ticks.
+  bool turn(auto ticks) {
+    for (const int64_t end = bench_.edges() + kPhaseEdges; bench_.edges() < end;)
+      if (!bench_.step(ticks())) return false;
     return true;
   }
 
@@ -101,15 +94,13 @@ class EnduranceRun {
     while (bench_.counter() != limit - direction) {
       if (!bench_.step(direction)) return false;
     }
-    const int64_t end = bench_.edges() + kPhaseEdges;
     int away = 0;  // From the limit [tick]; kept small, or it would not hover.
-    while (bench_.edges() < end) {
+    return turn([&] {
       const int move = away > kHoverReach ? -1 : away < -kHoverReach ? 1 : sign();
       const int step = move * draw(3);
       away += step;
-      if (!bench_.step(step)) return false;
-    }
-    return true;
+      return step;
+    });
   }
 
   Random random_;

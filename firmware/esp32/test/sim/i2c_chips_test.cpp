@@ -79,25 +79,6 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
   }
 }
 
-TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
-  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
-  const double g = 9.80665 / imu_table_of(SensorChip::kMpu6050)->accelerometer_mps2;
-  ImuFaults& imu = bench.board.sensors.chips.imu;
-  bench.run(300);
-  const auto check_gravity = [&](double x, double z) {
-    bench.run(20);
-    bench.run(500);
-    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0), x, 10));
-    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 2), z, 10));
-  };
-  imu.up = 3;
-  check_gravity(0, g);  // which way is forward is unknown
-  imu.forward = 2;
-  check_gravity(-g, 0);
-  imu.forward = 0;
-  check_gravity(0, g);  // on one line with the axis that is up
-}
-
 TEST(a_power_sensor_measures_the_motors_supply) {
   for (const SensorChip chip : {SensorChip::kIna219, SensorChip::kIna226}) {
     SensedBoard bench{{power_entry(chip, 500)}};
@@ -116,28 +97,6 @@ TEST(a_power_sensor_measures_the_motors_supply) {
     CHECK(is_near(bench.powers.back().current_ma, drawn_a * 1e3, 20));
     CHECK(is_near(bench.powers.back().voltage_mv, bench.board.plant.supply_v() * 1e3, 10));
   }
-}
-
-TEST(each_fault_of_a_bus_takes_what_it_concerns_and_lets_go_of_it) {
-  SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
-                     power_entry(SensorChip::kIna219, 1000)}};
-  bench.run(500);
-  const auto is_after = [&bench](int milliseconds, SensorState imu, SensorState power) {
-    bench.run(milliseconds);
-    return !bench.imus.empty() && bench.imus.back().state == imu && !bench.powers.empty() &&
-           bench.powers.back().state == power;
-  };
-  bench.board.sensors.chips.imu.bus_hung = true;
-  CHECK(is_after(500, SensorState::kHung, SensorState::kHung));
-  bench.board.sensors.chips.imu.bus_hung = false;
-  CHECK(is_after(500, SensorState::kOk, SensorState::kOk));
-  bench.board.sensors.chips.power_absent = true;
-  CHECK(is_after(500, SensorState::kOk, SensorState::kAbsent));
-  bench.board.sensors.chips.power_absent = false;
-  CHECK(is_after(500, SensorState::kOk, SensorState::kOk));
-  bench.board.sensors.chips.reset_power_sensors();
-  CHECK(is_after(350, SensorState::kOk, SensorState::kOk));
-  CHECK(bench.powers.size() >= 2 && bench.powers.front().state == SensorState::kReset);
 }
 
 TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
@@ -197,31 +156,5 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
     for (size_t i = 0; i < 3; ++i)
       CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, i) * table.accelerometer_mps2,
                     one.expected[i], 0.05));
-  }
-}
-
-TEST(an_imu_feels_hands_that_push_and_turn) {
-  for (const bool is_raised : {false, true}) {
-    SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
-    const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
-    PlantModel model = bench.board.plant.model();
-    model.wheels_free = is_raised;
-    bench.board.plant.configure(model);
-    bench.run(300);
-    bench.board.plant.push() = {.forward_mps = 1.0, .turn_radps = 1.5};
-    bench.run(500);  // It takes half a second to that speed.
-    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0) * table.accelerometer_mps2,
-                  kPushGrowth.forward_mps, 0.1));
-    bench.run(1000);
-    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5, 0.01));
-    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 1) * table.accelerometer_mps2, 1.5,
-                  0.05));
-    bench.board.plant.held() = {.roll_rad = 0.5};
-    bench.run(600);
-    bench.run(500);
-    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 1) * table.gyro_radps, 1.5 * std::sin(0.5),
-                  0.01));
-    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5 * std::cos(0.5),
-                  0.01));
   }
 }

@@ -84,19 +84,6 @@ TEST(a_model_that_the_step_cannot_follow_is_refused) {
   CHECK(!is_physical(model));
 }
 
-TEST(a_hand_turns_exactly_and_lets_go) {
-  PlantModel model;
-  model.wheels_free = true;
-  Plant plant(model);
-  plant.turn_by_hand(kRight, -1.5 * kHandSpeed);
-  run(plant, 1.0, {});
-  CHECK(std::abs(plant.hand_rad(kRight) + 0.5 * kHandSpeed) < 1e-6);
-  run(plant, 0.6, {});
-  CHECK(plant.hand_rad(kRight) == 0.0 && plant.stands_still());
-  CHECK(std::abs(plant.wheel_rad(kRight) + 1.5 * kHandSpeed) < 1e-9);
-  CHECK(plant.distance_m() == 0.0);
-}
-
 TEST(hands_push_a_robot_with_its_wheels_and_let_go_once_it_stands) {
   PlantModel model;
   model.wheels[kLeft].backlash_rad = 0.2;
@@ -132,16 +119,6 @@ TEST(a_raised_robot_is_carried_and_a_blocked_wheel_slides) {
     CHECK(plant.wheel_rad(kLeft) == 0.0);
     CHECK((plant.wheel_rad(kRight) == 0.0) == is_raised);
   }
-}
-
-TEST(a_tilt_takes_its_time_and_stays) {
-  Plant plant;
-  plant.held() = {.roll_rad = 0.5, .pitch_rad = -0.2};
-  run(plant, 0.1, {});
-  CHECK(std::abs(plant.tilt().roll_rad - 0.1) < 1e-9);
-  CHECK(std::abs(plant.tilt().pitch_rad + 0.1) < 1e-9);
-  run(plant, 1.0, {});
-  CHECK(plant.tilt().roll_rad == 0.5 && plant.tilt().pitch_rad == -0.2);
 }
 
 TEST(the_motors_current_empties_a_battery) {

@@ -1,4 +1,4 @@
-// The simulated range sensors and analogue inputs, each with its own truth.
+// The simulated range sensors, each with its own truth.
 #include "range_sensors.hpp"
 
 #include "check.hpp"
@@ -16,13 +16,6 @@ constexpr Peripheral range_entry(Place place, int8_t trigger, int8_t echo) {
           .place = place,
           .pin_a = trigger,
           .pin_b = echo};
-}
-
-constexpr Peripheral analog_entry(uint16_t number, int8_t pin, uint16_t divider_permille) {
-  return {.kind = PeripheralKind::kAnalog,
-          .pin_a = pin,
-          .value_a = divider_permille,
-          .value_b = number};
 }
 
 constexpr Peripheral kImu{
@@ -80,15 +73,4 @@ TEST(a_start_of_the_firmware_begins_anew) {
     CHECK(reading.state == SensorState::kOk && reading.t_us <= bench.board.device_us());
     CHECK(reading.distance_mm == 1000);
   }
-}
-
-TEST(an_analogue_input_reads_its_own_voltage_behind_its_divider) {
-  SensedBoard bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
-  bench.board.sensors.analog_v = {2.0, 9.0, 6.0, 9.0};
-  bench.run(1000);
-  CHECK(bench.analogs[0].size() == 10 && bench.analogs[1].size() == 10);
-  CHECK(bench.analogs[0].back().pin_mv == 1500 && bench.analogs[1].back().pin_mv == 2000);
-  bench.board.sensors.analog_v = {24.0, 0.0, 60.0, 0.0};
-  bench.run(200);
-  CHECK(bench.analogs[0].back().pin_mv == 3100 && bench.analogs[1].back().pin_mv == 3100);
 }

@@ -70,14 +70,6 @@ struct Folder {
 constexpr size_t kSlotAt[] = {4, 4 + 1024};
 constexpr size_t kFileSize = 4 + 2 * 1024;
 
-struct Deny final : StoreWatch {
-  int asked = 0;
-  WriteFate fate_of_write(const Store&, int) override {
-    ++asked;
-    return WriteFate::kUntouched;
-  }
-};
-
 }  // namespace
 
 TEST(store_in_memory) {
@@ -138,27 +130,6 @@ TEST(a_file_has_two_slots_that_hold_the_same) {
   CHECK(store.save(kBlock, sizeof kBlock) && folder.load(faults) == 3 && faults == 0);
 }
 
-TEST(a_slot_that_time_damages_is_empty_as_nvs_leaves_it) {
-  for (const auto what : {Damage::kFirst, Damage::kSecond, Damage::kBoth}) {
-    Store store;
-    CHECK(store.save(kBlock, sizeof kBlock));
-    store.damage(what);
-    CHECK(loaded(store) == (what == Damage::kBoth ? 0u : 3u));
-    CHECK(store.has_lost_copy() == (what != Damage::kBoth) && store.faults() == 0);
-  }
-}
-
-TEST(a_block_that_another_store_records_is_missed) {
-  Store configuration;
-  Store parameters;
-  Store latches;
-  configuration.record(parameters, latches);
-  CHECK(parameters.save(kBlock, sizeof kBlock));
-  parameters.damage(Damage::kBoth);
-  CHECK(loaded(parameters) == 0);
-  CHECK(parameters.faults() == wheelwire::fault::kStoreUnreadable);
-}
-
 TEST(a_save_ends_what_made_a_store_unreadable) {
   const Folder folder;
   Store in_file;
@@ -196,30 +167,4 @@ TEST(stores_in_a_partition_that_cannot_be_opened_are_formatted_together) {
   CHECK(parameters.format());
   CHECK(loaded(board) == 0 && board.faults() == 0);
   CHECK(board.save(kBlock, sizeof kBlock));
-}
-
-TEST(a_watch_may_refuse_each_write) {
-  Store store;
-  CHECK(store.save(kBlock, sizeof kBlock));
-  Deny deny;
-  store.watch = &deny;
-  CHECK(!store.save(kBlock, 1));
-  CHECK(deny.asked == 2);  // Each write is tried twice.
-  CHECK(loaded(store) == 3);
-}
-
-TEST(the_power_may_fail_in_any_write_of_a_save) {
-  const uint8_t first[] = {1};
-  const uint8_t second[] = {2, 2};
-  for (const uint32_t write : {1u, 2u, 3u}) {
-    Store store;
-    PowerCut cut;
-    store.watch = &cut;
-    CHECK(store.save(first, sizeof first));
-    cut.writes_left = write;
-    CHECK(store.save(second, sizeof second) == (write == 3));
-    CHECK(cut.has_failed == (write != 3) && cut.writes_left == (write == 3 ? 1u : 0u));
-    CHECK(loaded(store) == (write == 1 ? 1u : 2u));
-    CHECK(store.has_lost_copy() == (write != 3));
-  }
 }
