@@ -17,13 +17,11 @@ from wheelwire.link.session import Phase, Session
 from wheelwire.tools.files.board import load_board, shipped_boards
 from wheelwire_protocol.codec import BOARD, ENTRY, schema_hash
 from wheelwire_protocol.codes import (
-    MOST_PERIPHERALS,
     Chip,
     ConfigurationState,
     Group,
     RefusalCode,
     ResetReason,
-    StopMode,
     SupervisorState,
 )
 from wheelwire_protocol.types import (
@@ -101,23 +99,6 @@ def refused(robot: VirtualRobot, message: object) -> RefusalCode:
     return RefusalCode(error.value.code)
 
 
-def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path) -> None:
-    robot = unwritten(tmp_path / "store")
-    assert in_force(robot) == (ConfigurationState.BUILT_IN, "L298N, ESP32-DevKitC")
-    for reason in (None, ResetReason.POWER_ON, ResetReason.SOFTWARE):
-        if reason is not None:
-            robot.sim.reset(reason)
-            robot.samples.clear()
-            robot.run_until(lambda: bool(robot.samples))
-            robot.arm()
-        with pytest.raises(DeviceRefused, match="wheelwire board confirm") as error:
-            robot.drive(0.2, 0.2, 0.3)
-        assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
-        robot.stop(StopMode.BRAKE)
-        robot.run(0.1)
-        assert robot.sim.get("left.duty") == robot.sim.get("left.shorted") == 0.0
-
-
 def test_a_board_that_another_session_wrote_is_never_tried(tmp_path: Path) -> None:
     robot = with_board("drv8833", tmp_path / "store")
     write(robot, load_board("tb6612"))
@@ -171,36 +152,6 @@ def test_the_groups_of_a_device_have_their_hashes(robot: VirtualRobot) -> None:
     assert cast("GroupInfo", robot.request(GroupGet(0, 0, 200))).hash == 0
 
 
-def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
-    robot = VirtualRobot(1, tmp_path / "store", wheels_free=1).open()
-    write(robot, load_board("tb6612"))
-    assert in_force(robot)[1] == OWN_BOARD.name  # until the restart
-    restart(robot)
-    assert in_force(robot) == (ConfigurationState.TRIAL, "TB6612FNG")
-    # On trial nothing drives.
-    with pytest.raises(DeviceRefused) as error:
-        robot.drive(0.2, 0.2, 0.3)
-    assert error.value.code == RefusalCode.BOARD_ON_TRIAL
-    assert robot.sim.get("left.duty") == 0.0
-    robot.request(confirmation(load_board("tb6612")))
-    assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
-    robot.arm()
-    robot.drive(0.2, 0.2, 0.5)
-    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
-    robot.sim.reset(ResetReason.POWER_ON)
-    robot.run(1.0)
-    assert in_force(robot) == (ConfigurationState.STORED, "TB6612FNG")
-
-
-def test_a_board_is_written_only_while_stopped(tmp_path: Path) -> None:
-    robot = with_board("l298n", tmp_path / "store")
-    robot.drive(0.2, 0.2, 0.2)
-    board = load_board("tb6612")
-    for message in (stage(robot, board), Restart(0, 0), confirmation(board)):
-        assert refused(robot, message) == RefusalCode.NOT_STOPPED
-        robot.drive(0.2, 0.2, 0.1)
-
-
 def test_a_device_that_is_about_to_restart_does_not_drive() -> None:
     robot = VirtualRobot(wheels_free=1).open()
     robot.request(Restart(0, 0))
@@ -209,19 +160,6 @@ def test_a_device_that_is_about_to_restart_does_not_drive() -> None:
     assert robot.sim.get("left.duty") == 0.0
     with pytest.raises(DeviceRefused, match="still starting"):
         robot.set_velocity(0.2, 0.2)
-
-
-def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too(robot: VirtualRobot) -> None:
-    board = load_board("l298n")
-    wrong = Configuration(**{**board.__dict__, "pulldowns": frozenset()})
-    assert refused(robot, stage(robot, wrong)) == RefusalCode.BOARD_REFUSED
-    # A part of it was lost on the way, or another program has set one.
-    meant = stage(robot, board)
-    for other in (meant._replace(fingerprint=1), meant._replace(peripheral_count=1)):
-        assert refused(robot, other) == RefusalCode.BOARD_REFUSED
-    too_many = meant._replace(peripheral_count=MOST_PERIPHERALS + 1)
-    assert refused(robot, too_many) == RefusalCode.BOARD_REFUSED
-    assert refused(robot, confirmation(board)) == RefusalCode.NO_BOARD_ON_TRIAL
 
 
 def test_a_board_of_another_chip_is_refused(robot: VirtualRobot) -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from support import control_quality as quality
 from support.virtual import VirtualRobot
-from wheelwire_protocol.codes import SupervisorState
 
 
 def test_a_step_settles_right_after_the_slew_limit_with_little_overshoot() -> None:
@@ -91,18 +90,6 @@ def test_no_wheel_catches_up_beyond_max_velocity(robot: VirtualRobot) -> None:
     assert quality.catching_up(robot, 0.2) < 0.2 * 1.005
 
 
-def test_a_limit_that_is_lowered_while_driving_slows_both_wheels_by_one_factor(
-    robot: VirtualRobot,
-) -> None:
-    robot.drive(0.4, 0.2, 1.0)
-    robot.set_velocity(0.4, 0.2)
-    robot.set_parameter("max_velocity_mps", 0.2)
-    robot.run(0.25)  # within the life of that setpoint
-    assert robot.state() is SupervisorState.DRIVING
-    speeds = robot.sim.get("true.left_mps"), robot.sim.get("true.right_mps")
-    assert speeds == pytest.approx((0.2, 0.1), abs=0.02)
-
-
 @pytest.mark.parametrize("limit_m", [0.001, 0.05])
 def test_no_more_is_caught_up_than_the_error_limit(robot: VirtualRobot, limit_m: float) -> None:
     robot.set_parameter("path_error_limit_m", limit_m)
@@ -115,22 +102,6 @@ def test_a_wheel_that_waited_keeps_the_acceleration_limit(
     robot: VirtualRobot, held: str, waits: str
 ) -> None:
     assert quality.acceleration_after_waiting(robot, held, waits) < 1.1
-
-
-def test_a_stop_forgets_what_was_to_be_caught_up(robot: VirtualRobot) -> None:
-    robot.drive(0.2, 0.2, 1.0)
-    robot.sim.set("left.load_nm", 0.03)
-    robot.sim.set("right.load_nm", 0.03)
-    robot.drive(0.2, 0.2, 0.3)
-    robot.stop()
-    robot.sim.set("left.load_nm", 0)
-    robot.sim.set("right.load_nm", 0)
-    robot.run(1.5)
-    robot.drive(0.2, 0.2, 0.5)
-    robot.samples.clear()
-    robot.drive(0.2, 0.2, 0.5)
-    speeds = [sample.left_mps for sample in robot.samples]
-    assert sum(speeds) / len(speeds) == pytest.approx(0.2, rel=0.01)
 
 
 @pytest.mark.parametrize("target", [0.4, 0.1, 0.03, -0.2])
@@ -146,15 +117,6 @@ def test_the_same_at_another_control_rate(robot: VirtualRobot, rate_hz: int) -> 
     assert robot.sim.get("true.left_mps") == pytest.approx(0.3, rel=0.03)
 
 
-def test_a_new_setpoint_while_rolling_starts_from_the_speed_there_is(robot: VirtualRobot) -> None:
-    robot.drive(0.3, 0.3, 1.0)
-    robot.stop()
-    robot.run(0.03)
-    before = robot.sim.get("true.left_mps")
-    robot.drive(0.3, 0.3, 0.1)
-    assert robot.sim.get("true.left_mps") > before
-
-
 def test_acceleration_keeps_the_curvature_of_the_path(robot: VirtualRobot) -> None:
     for _ in range(15):
         robot.drive(0.1, 0.4, 0.02)
@@ -163,19 +125,3 @@ def test_acceleration_keeps_the_curvature_of_the_path(robot: VirtualRobot) -> No
     travelled = robot.sim.get("true.x_m")
     assert right > 3 * left
     assert turned / travelled == pytest.approx((0.4 - 0.1) / 0.25, rel=0.15)
-
-
-def test_both_motors_and_encoders_may_be_inverted() -> None:
-    wiring = {
-        f"{side}.{what}_reversed": 1.0
-        for side in ("left", "right")
-        for what in ("motor", "encoder")
-    }
-    robot = VirtualRobot(1, **wiring).open()
-    for side in ("left", "right"):
-        robot.set_parameter(f"{side}_motor_inverted", 1)
-        robot.set_parameter(f"{side}_encoder_inverted", 1)
-    robot.drive(0.2, 0.3, 2.0)
-    assert robot.sim.get("true.left_mps") == pytest.approx(0.2, rel=0.05)
-    assert robot.sim.get("true.right_mps") == pytest.approx(0.3, rel=0.05)
-    assert robot.sample.left_ticks > 0

@@ -7,16 +7,12 @@ from pathlib import Path
 import pytest
 
 from support.library_robot import LibraryRobot
-from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import Chip, RefusalCode, SupervisorState
 from wheelwire_protocol.core import Core, Identity, StageInputs
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
-    ClearEstop,
-    ControlCounters,
-    ControlCountersGet,
     ParameterEntry,
     ParameterGet,
     ParameterList,
@@ -76,70 +72,6 @@ def test_a_duty_becomes_pins_until_the_deadline(robot: LibraryRobot) -> None:
     assert robot.outputs.left == robot.outputs.right == BRAKE
 
 
-def test_no_tick_is_lost_in_a_step_that_came_late(robot: LibraryRobot) -> None:
-    robot.left_ticks += 100_000
-    robot.right_ticks -= 60_000
-    for _ in range(10):
-        robot.step()
-    assert robot.samples[-1].left_ticks == 100_000
-    assert robot.samples[-1].right_ticks == -60_000
-
-
-def test_after_a_host_that_hung_up_the_next_one_drives(robot: LibraryRobot) -> None:
-    drive(robot, 0.5, 0.5)
-    robot.core.hang_up(robot.now_us)
-    robot.session.disconnect(LinkLost("hung up"))
-    robot.connect()
-    drive(robot, 0.5, 0.5)
-    assert state(robot) is SupervisorState.DRIVING
-
-
-def test_the_control_loop_counts_what_it_lost(robot: LibraryRobot) -> None:
-    robot.step()
-    before = control_counters(robot)
-    robot.illegal = (3, 5)
-    robot.now_us += 70_000
-    robot.step()
-    drive_against_the_limit(robot)
-    counters = control_counters(robot)
-    assert counters.late_steps == before.late_steps + 1
-    assert counters.latest_step_us >= 70_000
-    assert (counters.left_illegal, counters.right_illegal) == (3, 5)
-    assert counters.saturated_steps > before.saturated_steps
-
-
-def control_counters(robot: LibraryRobot) -> ControlCounters:
-    answer = robot.request(ControlCountersGet(0, 0))
-    assert isinstance(answer, ControlCounters)
-    return answer
-
-
-def drive_against_the_limit(robot: LibraryRobot) -> None:
-    """Wheels that do not turn, for less than it takes to be a fault."""
-    robot.request(ParameterSet(0, 0, PARAMETER_BY_NAME["max_duty"].id, 0.1))
-    for _ in range(20):
-        robot.set_velocity(0.4, 0.4)
-        robot.step()
-
-
-def test_the_active_values_can_be_read(robot: LibraryRobot) -> None:
-    for name in ("control_rate_hz", "wheel_radius"):
-        id_ = PARAMETER_BY_NAME[name].id
-        assert robot.core.value(id_) == pytest.approx(parameter(robot, name))
-    assert robot.core.value(0) == robot.core.value(255) == 0
-
-
-def test_an_open_contact_is_an_estop_where_one_is_fitted() -> None:
-    robot = LibraryRobot()
-    assert robot.core.preset(PARAMETER_BY_NAME["estop_input_enabled"].id, 1) is RefusalCode.NONE
-    robot.open()
-    robot.contact_open = True
-    assert robot.step().state is SupervisorState.ESTOPPED
-    with pytest.raises(DeviceRefused) as refused:
-        robot.request(ClearEstop(0, 0))
-    assert refused.value.code == RefusalCode.CAUSE_PRESENT
-
-
 def test_a_computer_has_its_own_defaults_and_a_reset_restores_them(robot: LibraryRobot) -> None:
     assert robot.outputs.period_us == 10_000
     assert parameter(robot, "estop_input_enabled") == 0
@@ -189,13 +121,6 @@ def test_a_missing_library_names_the_cure(unloaded: pytest.MonkeyPatch, tmp_path
     with pytest.raises(NativeMissingError, match="does not exist; build it with `make sim`"):
         native.load()
     assert not native.is_present()
-
-
-def test_a_checkout_never_takes_an_installed_copy(
-    unloaded: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    unloaded.setattr(native, "_PACKAGE", tmp_path / "installed")
-    assert native.library_path().parent == native._CHECKOUT / "build" / "host"
 
 
 @pytest.mark.parametrize("changed", ["ABI", "SCHEMA_HASH"])

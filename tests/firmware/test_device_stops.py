@@ -10,7 +10,6 @@ import pytest
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused
 from wheelwire.log.why.device import DatedStop, ledger_facts, stops_of_device
-from wheelwire.robot.black_boxes import Recorded
 from wheelwire_protocol.codes import Group, ResetReason, SupervisorState
 from wheelwire_protocol.types import GROUP_HASHES
 
@@ -57,11 +56,6 @@ def test_the_box_of_how_it_stands_says_it_once(robot: VirtualMockDriver) -> None
     assert found.is_dated
     age_s = robot.read().stamp - found.stop.host_us / 1e6
     assert STORED_S < age_s < STORED_S + 6.0
-
-
-def test_before_the_box_is_stored_the_flags_alone_speak(robot: VirtualMockDriver) -> None:
-    block(robot)
-    assert causes(robot) == ["encoder_dead or wheel_blocked"]
 
 
 def test_a_stop_after_the_newest_box_is_not_mistaken_for_it(robot: VirtualMockDriver) -> None:
@@ -146,17 +140,6 @@ def test_a_reset_before_a_fault_s_box_is_stored_costs_neither(
     assert not any("its last control step" in text for text in found[1].stop.evidence)
 
 
-def test_a_reset_while_an_estop_s_box_is_written_costs_neither(robot: VirtualMockDriver) -> None:
-    robot.advance(STORED_S)
-    drive(robot, 1.0)
-    robot.estop()
-    robot.advance(2.02)  # it rests, and the write has begun
-    assert robot.recorder.boxes() == []
-    robot.simulator.reset(ResetReason.TASK_WATCHDOG)
-    robot.advance(STORED_S)
-    assert causes(robot) == ["estop_by_session", "task_watchdog"]
-
-
 @pytest.mark.parametrize("latch", ["fault", "estop"])
 def test_a_cause_from_an_earlier_boots_box_is_not_guessed_again(
     robot: VirtualMockDriver, latch: str
@@ -179,33 +162,6 @@ def test_a_cause_from_an_earlier_boots_box_is_not_guessed_again(
     robot.estop()
     robot.advance(STORED_S)
     assert causes(robot) == [stopped, "panic", "estop_by_session"]
-
-
-def test_an_estop_while_another_one_s_box_is_written(robot: VirtualMockDriver) -> None:
-    robot.advance(STORED_S)
-    drive(robot, 0.5)
-    robot.estop()
-    robot.advance(2.05)
-    robot.clear_estop()
-    for speed in (0.0, 0.2):
-        robot.set_velocity(speed, speed)
-        robot.advance(0.05)
-    robot.simulator.set("estop_open", 1)
-    robot.advance(STORED_S)
-    assert causes(robot) == ["estop_by_session", "contact_open"]
-
-
-def test_a_crash_that_follows_a_crash_before_a_box_is_stored(robot: VirtualMockDriver) -> None:
-    drive(robot, 1.0)
-    robot.simulator.reset(ResetReason.PANIC)
-    robot.advance(2.0)
-    drive(robot, 1.0)
-    robot.simulator.reset(ResetReason.TASK_WATCHDOG)
-    robot.advance(STORED_S)
-    (found,) = stops(robot)
-    assert found.stop.cause == "task_watchdog"
-    ledger = robot.recorder.ledger()
-    assert ledger.resets[ResetReason.PANIC] == ledger.resets[ResetReason.TASK_WATCHDOG] == 1
 
 
 Damage = Callable[[bytes], bytes]
@@ -238,17 +194,6 @@ def test_a_damaged_box_is_named_and_its_head_tells_on(
     assert found.is_dated
 
 
-def test_a_damaged_box_of_a_fault_that_is_cleared_says_that_it_is_lost(
-    robot: VirtualMockDriver,
-) -> None:
-    block(robot)
-    robot.simulator.set("left.blocked", 0)
-    robot.clear_fault()
-    robot.advance(STORED_S)
-    (found,) = damaged(robot)
-    assert found.stop.cause == "box_damaged"
-
-
 def test_a_damaged_box_of_an_estop_or_a_reset_is_named(robot: VirtualMockDriver) -> None:
     robot.estop()
     robot.advance(STORED_S)
@@ -259,24 +204,6 @@ def test_a_damaged_box_of_an_estop_or_a_reset_is_named(robot: VirtualMockDriver)
     robot.simulator.reset(ResetReason.INTERRUPT_WATCHDOG)
     robot.advance(STORED_S)
     assert [one.stop.cause for one in damaged(robot)][1:] == ["interrupt_watchdog"]
-
-
-def test_a_power_cut_leaves_the_boxes(robot: VirtualMockDriver) -> None:
-    block(robot)
-    robot.advance(STORED_S)
-    robot.simulator.reset(ResetReason.POWER_ON)
-    robot.simulator.set("left.blocked", 0)
-    robot.advance(3.0)
-    found = stops(robot)
-    assert [one.stop.cause for one in found] == ["wheel_blocked"]
-    assert not found[0].is_dated
-
-
-def test_a_robot_that_drives_says_to_stop_it(robot: VirtualMockDriver) -> None:
-    drive(robot, 0.5)
-    recorded = robot.recorder.read()
-    assert recorded == Recorded(why_none="the robot drives: stop it to read its black boxes")
-    assert stops(robot) == []
 
 
 def test_a_device_without_a_recorder_or_of_another_release_has_none(

@@ -80,16 +80,6 @@ def test_any_wiring_is_found_whatever_supply_friction_and_play_are(case: Case) -
     assert check_wiring(case) == []
 
 
-def test_a_script_sets_up_a_robot_whose_wheels_no_gentle_pulse_turns() -> None:
-    case = Case((1, 0, 0, 1, 0, 1), "tt-1-48", 2496, HARD[3])
-    with raised_robot(case.settings) as robot:
-        answers = {**UNTUNED, "counts_per_revolution": "2496"}
-        person = SimulatedPerson(robot, {**answers, "first": "right backward", "second": "forward"})
-        findings = set_up(robot, person, lambda _: None)
-    assert findings.wiring == case.wiring
-    assert findings.saved
-
-
 def test_thresholds_that_it_raises_meanwhile_are_back_afterwards() -> None:
     watched = {"reversal_duty": 0.25, "rolling_velocity_mps": 0.2}
     with raised_robot(WRONG) as robot:
@@ -106,12 +96,6 @@ def test_wheels_turned_by_hand_are_no_robot_that_rolls_away(
     with raised_robot({"counts_per_revolution": 2496}) as robot:
         assert set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None).saved
     assert not [record for record in caplog.records if "rolls" in record.getMessage()]
-
-
-@pytest.mark.whole
-def test_every_case_is_there() -> None:
-    assert len(set(cases())) == 64 * 3 * 3
-    assert len(set(corners())) == 64 * 3 * 2 * 2 * 2 * 2
 
 
 @pytest.mark.parametrize("robot", DEFECTS, ids=lambda robot: str(dict(robot.settings)))
@@ -204,19 +188,6 @@ def test_test_drives_that_end_in_a_fault_are_no_success(
 
 
 @pytest.mark.whole
-def test_a_fault_with_the_new_values_alone_is_no_success_either(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    bad = {"velocity_feedforward": 0.0, "static_feedforward": 0.0, "plausibility_margin": 0.05}
-    monkeypatch.setattr(setup, "identify", lambda *_, **_options: identified())
-    monkeypatch.setattr(setup, "tuned", lambda *_: bad)
-    with raised_robot(load_plant("tt-1-48").settings) as robot:
-        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None)
-    assert (findings.is_complete, findings.saved) == (False, False)
-    assert "a drive ended in a fault: with the new values. " in findings.problems[-1]
-
-
-@pytest.mark.whole
 def test_a_fault_with_the_previous_values_is_reported_and_corrected() -> None:
     said: list[str] = []
     with raised_robot({"left.motor_scale": 0.5, "right.motor_scale": 0.5}) as robot:
@@ -258,17 +229,6 @@ def test_a_wheel_that_stops_while_both_are_compared_is_named(
     assert findings.problems[0].startswith("a drive ended in a fault: LEFT_NOT_COUNTING: ")
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize(("plant", "raised"), [("25ga-1440", 1), ("tt-1-48", 0)])
-def test_a_missing_magnet_is_named_once_wherever_the_robot_stands(plant: str, raised: int) -> None:
-    with plant_robot(plant, raised=bool(raised), settings={"right.magnet_missing": 1}) as robot:
-        options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), lambda _: None, options)
-    named = [text for text in findings.problems if "misses a magnet" in text]
-    assert len(named) == 1
-    assert named[0].startswith("right encoder")
-
-
 @pytest.mark.parametrize("plant", shipped_plants())
 @pytest.mark.parametrize("raised", [1, 0])
 def test_an_empty_battery_is_no_weak_motor(plant: str, raised: int) -> None:
@@ -290,18 +250,6 @@ def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
     assert findings.saved
     assert findings.velocity_feedforward is not None
     assert not any("battery low" in text for text in findings.problems)
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("raised", [1, 0])
-def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
-    said: list[str] = []
-    with raised_robot({"left.radius_scale": 1.1, "wheels_free": raised}) as robot:
-        options = Options(on_the_floor=not raised)
-        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append, options)
-    assert findings.problems == ()
-    assert setup.UNEQUAL_WHEELS in said
-    assert "cannot find unequal ones" in setup.UNEQUAL_WHEELS
 
 
 @pytest.mark.whole
@@ -352,18 +300,6 @@ def test_late_setpoints_are_named_in_place_of_an_encoder(
     assert "repeat the set-up" in problem
     # What was found before the test drives is still good.
     assert (findings.is_complete, findings.saved) == (raised, raised)
-
-
-def test_a_motor_too_weak_for_the_loop_is_a_finding() -> None:
-    with raised_robot({**WRONG, "left.winding_scale": 7}) as robot:
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
-    assert findings.wiring == WIRING
-    assert findings.saved
-    assert [text[:40] for text in findings.problems] == [
-        "left motor much weaker: the left wheel h",
-        "the left wheel does not start to turn up",
-    ]
-    assert "the loop cannot hold a weaker motor" in findings.problems[1]
 
 
 def test_values_to_be_saved_are_listed_before_and_after() -> None:
@@ -436,47 +372,6 @@ def test_a_wrong_enter_forgets_nothing(tmp_path: Path, answers: dict[str, str]) 
         assert set_up(robot, person, lambda _: None, replace(options, resume=True)).saved
     assert "first" not in person.asked
     assert Progress("board", tmp_path).load() == {}
-
-
-@pytest.mark.whole
-def test_a_picture_that_cannot_be_drawn_costs_no_tuning(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    said: list[str] = []
-    monkeypatch.setattr(setup, "identify", lambda *_, **_options: identified())
-    with raised_robot({}) as robot:
-        options = Options(plot=tmp_path / "drives.xyz")
-        findings = set_up(robot, SimulatedPerson(robot, NO_IMU), said.append, options)
-    assert findings.saved
-    assert findings.rms_after_mps is not None
-    assert any(line.startswith(f"cannot draw {options.plot}") for line in said)
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("raised", [1, 0])
-def test_while_wheels_turn_for_long_it_says_how_long_they_still_do(raised: int) -> None:
-    told: list[tuple[float, float]] = []
-    with plant_robot("tt-1-48", raised=bool(raised)) as robot:
-        clock = robot.simulator
-
-        def left(seconds: float) -> None:
-            told.append((clock.get("t_us") / 1e6, seconds))
-
-        class Asked(Watched):
-            def answer(self, question: Question) -> str:
-                assert not told or told[-1][1] == 0.0
-                return super().answer(question)
-
-        options = Options(on_the_floor=not raised, left=left)
-        assert set_up(robot, Asked(robot), lambda _: None, options).saved
-    assert told[-1][1] == 0.0
-    last = [moment for moment, seconds in told if seconds > 0.0][-1]
-    begin = max(moment for moment, seconds in told if seconds > 60.0)
-    end_s = next(moment for moment, seconds in told if moment > last and seconds == 0.0)
-    for moment, seconds in told:
-        # As far as can be known before breakaway and lag are.
-        if begin <= moment < end_s and seconds > 0.0:
-            assert seconds == pytest.approx(end_s - moment, rel=0.35, abs=3.0)
 
 
 def test_no_time_is_left_after_wheels_that_cannot_be_measured() -> None:

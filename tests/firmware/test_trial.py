@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 
-import wheelwire
 from support.virtual import VirtualRobot
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, LinkLost
@@ -149,40 +148,12 @@ def test_leaving_the_block_reverts_and_stops(mock: MockDriver) -> None:
     mock.set_duty(0.3, 0.3, ttl=0.1)
 
 
-def test_what_is_kept_stays(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout=0.2) as trial:
-        try_values(mock)
-        trial.keep()
-        mock.advance(1.0)
-    mock.advance(1.0)
-    assert values(mock) == TRIED
-    assert mock.sessions == 1
-
-
-def test_a_trial_lasts_as_long_as_its_block(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout=0.2):
-        try_values(mock)
-        mock.advance(5.0)
-        assert values(mock) == TRIED
-
-
 def test_dimensions_on_trial_are_those_of_the_setpoints(mock: MockDriver) -> None:
     before = mock.geometry
     with mock.parameters.trial():
         mock.parameters.set("wheel_separation", 0.3)
         assert mock.geometry != before
     assert mock.geometry == before
-
-
-def test_an_error_in_the_block_is_raised_and_reverts(mock: MockDriver) -> None:
-    def fail() -> None:
-        with mock.parameters.trial():
-            try_values(mock)
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert values(mock) == FORMER
 
 
 def test_a_trial_whose_end_is_interrupted_is_reverted(
@@ -287,12 +258,3 @@ def test_a_trial_in_a_trial_is_refused_and_harms_nothing(mock: MockDriver) -> No
 def test_a_time_out_beyond_the_bounds_is_refused(mock: MockDriver, timeout_s: float) -> None:
     with pytest.raises(InvalidArgument, match="timeout = "):
         mock.parameters.trial(timeout_s)
-
-
-def test_a_wrong_value_leaves_the_trial_running(mock: MockDriver) -> None:
-    with mock.parameters.trial() as trial:
-        try_values(mock)
-        with pytest.raises(wheelwire.ParameterOutOfRange):
-            mock.parameters.set(GAIN, -1)
-        trial.keep()
-    assert values(mock) == TRIED

@@ -215,12 +215,6 @@ def test_setup_repeats_a_drive_in_which_the_computer_was_held_up(
     assert len(begun) == drives
 
 
-def test_an_estop_moves_nothing(robot: MockDriver) -> None:
-    robot.estop()
-    with pytest.raises(CommissioningFailed, match="e-stop is latched"):
-        compare(robot, Drive(), {})
-
-
 def test_the_figures_of_a_step_that_is_known() -> None:
     """A wheel that follows a step by a ramp of 0.2 s, overshoots by a tenth, then settles."""
     drive = Drive(seconds=2.0)

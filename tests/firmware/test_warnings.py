@@ -45,24 +45,6 @@ def test_a_robot_that_rolls_away_is_logged_and_known_until_it_drives(
     assert robot.rolling_mps is None
 
 
-def test_a_robot_that_was_caught_rolls_no_longer(robot: MockDriver) -> None:
-    roll_away(robot)
-    robot.simulator.set("slope_rad", 0.0)
-    robot.simulator.set("left.blocked", 1)
-    robot.simulator.set("right.blocked", 1)
-    robot.advance(0.5)
-    assert robot.rolling_mps is None
-
-
-def test_a_lost_link_forgets_that_the_robot_rolled(robot: MockDriver) -> None:
-    roll_away(robot)
-    robot.unplug()
-    assert robot.rolling_mps is None
-    robot.plug()
-    robot.advance(2.0)
-    assert robot.rolling_mps is not None  # the device reports it to each host
-
-
 def test_a_board_that_nobody_confirmed_is_a_warning(robot: MockDriver) -> None:
     assert not robot.warnings
     robot.simulator.set("board_unwritten", 1)
