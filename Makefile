@@ -57,10 +57,10 @@ gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictu
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw_packages.py
 	$(BIN)/python tools/write_cli_page.py
+	$(BIN)/python tools/write_boards.py
 	@$(MAKE) --no-print-directory sim
 	$(BIN)/python tools/write_simulator_page.py
 	$(BIN)/python tools/write_view.py
-	$(BIN)/python tools/write_boards.py
 	$(BIN)/python tools/write_page_words.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from html import escape
-from typing import NamedTuple
 
 from wheelwire.board import Configuration
 from wheelwire_protocol.codes import Chip
-from wheelwire_protocol.power_stages import OUTPUTS, STAGES, Stage
+from wheelwire_protocol.power_stages import OUTPUTS, STAGES
 
 ORANGE, BLUE, GREEN, RED, BLACK = "#bc4c00", "#1f6feb", "#1a7f37", "#cf222e", "#24292f"
 GREY, PAPER, FILL, EDGE = "#555", "#ffffff", "#f4f6f8", "#333"
@@ -25,67 +24,6 @@ IN_THE_DARK = (
 )
 
 
-class Module(NamedTuple):
-    """What is printed on a driver module's pins."""
-
-    title: str
-    note: str
-    left: dict[str, str]
-    right: dict[str, str]
-    outputs: tuple[str, str, str, str]
-    supply: str
-    logic: str = ""
-    """Its own supply's pin, from 3.3 V of the chip."""
-    one_each: bool = False
-    """A module for each wheel."""
-
-
-MODULES = {
-    Stage.ENABLE_IN1_IN2: Module(
-        "L298N",
-        "EN jumpers off, 5V-EN on",
-        {"enable": "ENA", "in1": "IN1", "in2": "IN2"},
-        {"enable": "ENB", "in1": "IN3", "in2": "IN4"},
-        ("OUT1", "OUT2", "OUT3", "OUT4"),
-        "12 V in",
-    ),
-    Stage.PWM_IN1_IN2: Module(
-        "TB6612FNG",
-        "",
-        {"pwm": "PWMA", "in1": "AIN1", "in2": "AIN2"},
-        {"pwm": "PWMB", "in1": "BIN1", "in2": "BIN2"},
-        ("AO1", "AO2", "BO1", "BO2"),
-        "VM",
-        logic="VCC",
-    ),
-    Stage.IN_IN: Module(
-        "DRV8833",
-        "",
-        {"in1": "AIN1", "in2": "AIN2"},
-        {"in1": "BIN1", "in2": "BIN2"},
-        ("AOUT1", "AOUT2", "BOUT1", "BOUT2"),
-        "VM",
-    ),
-    Stage.HALF_BRIDGES: Module(
-        "BTS7960",
-        "one each",
-        {"enable": "R_EN + L_EN", "in1": "RPWM", "in2": "LPWM"},
-        {"enable": "R_EN + L_EN", "in1": "RPWM", "in2": "LPWM"},
-        ("M+", "M-", "M+", "M-"),
-        "B+",
-        logic="VCC",
-        one_each=True,
-    ),
-    Stage.PWM_DIR: Module(
-        "MDD10A",
-        "it cannot coast",
-        {"pwm": "PWM1", "dir": "DIR1"},
-        {"pwm": "PWM2", "dir": "DIR2"},
-        ("M1A", "M1B", "M2A", "M2B"),
-        "POWER +",
-    ),
-}
-STANDBY = {Stage.PWM_IN1_IN2: "STBY", Stage.IN_IN: "nSLEEP"}
 CHIP_TITLES = {
     Chip.ESP32: ("ESP32-DevKitC", "to the computer by USB"),
     Chip.ESP32S3: ("ESP32-S3-DevKitC-1", "to the computer by USB"),
@@ -159,8 +97,9 @@ class Wiring:
 
     def __init__(self, board: Configuration) -> None:
         self.board = board
-        self.module = MODULES[board.stage]
-        self.inputs = [name for name in OUTPUTS if name in STAGES[board.stage].inputs]
+        self.stage = STAGES[board.stage]
+        self.module = self.stage.module
+        self.inputs = [name for name in OUTPUTS if name in self.stage.inputs]
         self.boxes = Shapes()
         """Under the ends of the wires."""
         self.wires = Shapes()
@@ -219,7 +158,7 @@ class Wiring:
             y += max(len(self.inputs), 3) * ROW + GAP + extra
         if self.board.standby is not None:
             self._to_stage(y, f"GPIO {self.board.standby}", BLUE)
-            self.wires.text(STAGE_LEFT + 8, y + 4, STANDBY[self.board.stage])
+            self.wires.text(STAGE_LEFT + 8, y + 4, self.module.standby)
             y += ROW
         if self.module.logic:
             self._to_stage(y, "3V3", RED)
@@ -242,7 +181,8 @@ class Wiring:
                 title = f"{module.title}, {side}"
                 self.boxes.box(STAGE_LEFT, top - 42, width, 42 + 3 * ROW, title)
             for index, name in enumerate(self.inputs):
-                self.wires.text(STAGE_LEFT + 8, top + index * ROW + 4, labels[name])
+                label = labels[self.stage.inputs.index(name)]
+                self.wires.text(STAGE_LEFT + 8, top + index * ROW + 4, label)
 
     def _left_of_chip(self) -> int:
         """Encoders, e-stop and LED; returns where they end."""

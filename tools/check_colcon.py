@@ -38,14 +38,10 @@ def main() -> None:
         _run([sys.executable, "-m", "colcon", "build", *arguments], workspace)
         _check(workspace / "install" / NAME)
         print(f"{way}: built and found")
-    listed = subprocess.run(
-        [sys.executable, "-m", "colcon", "list", "--names-only", "--base-paths", str(ROOT)],
-        check=True,
-        capture_output=True,
-        text=True,
-        cwd=folder,  # where it writes its log
-    ).stdout.split()
-    if listed:
+    command = [sys.executable, "-m", "colcon", "list", "--names-only", "--base-paths", str(ROOT)]
+    # It writes its log to the folder.
+    found = subprocess.run(command, check=True, capture_output=True, text=True, cwd=folder)
+    if listed := found.stdout.split():
         sys.exit(f"colcon finds {listed} in the repository's root: it would build the firmware")
 
 

@@ -12,11 +12,11 @@ import json
 import re
 import subprocess
 import sys
-import tokenize
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from statistics import median
+from tokenize import COMMENT, DEDENT, ENCODING, ENDMARKER, INDENT, NEWLINE, NL, generate_tokens
 from typing import NamedTuple
 
 from generated import ROOT, table
@@ -45,15 +45,7 @@ GENERATED = re.compile(rb"enerated by `?(?:make gen|tools/)")
 C_TOKENS = re.compile(
     r'//[^\n]*|/\*.*?\*/|R"\(.*?\)"|"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])\'', re.DOTALL
 )
-LAYOUT = {
-    tokenize.COMMENT,
-    tokenize.DEDENT,
-    tokenize.ENCODING,
-    tokenize.ENDMARKER,
-    tokenize.INDENT,
-    tokenize.NEWLINE,
-    tokenize.NL,
-}
+LAYOUT = {COMMENT, DEDENT, ENCODING, ENDMARKER, INDENT, NEWLINE, NL}
 
 # Runs in a fresh process, with a port as its argument.
 DRIVE = """
@@ -107,17 +99,13 @@ def code_lines(text: str, suffix: str) -> int:
 
 def _python_lines(text: str) -> set[int]:
     lines: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+    for token in generate_tokens(io.StringIO(text).readline):
         if token.type not in LAYOUT:
             lines.update(range(token.start[0], token.end[0] + 1))
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Expr) and _is_text(node.value):
+        if isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str):
             lines.difference_update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return {number for number, line in enumerate(text.splitlines(), 1) if line.strip()} & lines
-
-
-def _is_text(value: ast.expr) -> bool:
-    return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
 def count(path: Path) -> Count:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import enum
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from . import core_abi as abi
@@ -239,17 +239,7 @@ class Box:
         outcome = self._library.wheelwire_box_rerun(self._handle, any_core, ctypes.byref(raw))
         if outcome == RerunOutcome.NO_MEMORY:
             raise MemoryError("no memory to re-run a black box")
-        return Rerun(
-            RerunOutcome(outcome),
-            raw.steps,
-            raw.first_us,
-            raw.last_us,
-            raw.step,
-            raw.t_us,
-            raw.field.decode(),
-            raw.recorded,
-            raw.computed,
-        )
+        return native.typed(Rerun, raw, outcome=RerunOutcome(outcome))
 
 
 def head_of(head: abi.BoxHead | BoxValue) -> BoxHead:
@@ -258,53 +248,30 @@ def head_of(head: abi.BoxHead | BoxValue) -> BoxHead:
     Raises:
         ValueError: It has a code of a later release.
     """
-    return BoxHead(
-        BoxCause(head.cause),
-        ResetReason(head.reset_reason),
-        head.number,
-        head.boot_id,
-        head.core,
-        release_text(head.release),
-        head.git_hash,
-        head.board,
-        Fault(head.faults),
-        head.stored_us,
-    )
+    return native.typed(BoxHead, head, release=release_text(head.release))
+
+
+_ENTRIES: dict[int, Callable[..., Entry]] = {
+    Kind.STEP: Step,
+    Kind.WIDE_STEP: Step,
+    Kind.END: End,
+    Kind.TRANSITION: Transition,
+    Kind.REFUSAL: Refusal,
+    Kind.HANG_UP: HangUp,
+}
+"""Records whose fields have the names of the library's."""
 
 
 def _entry(raw: abi.BoxEntry) -> Entry | None:
-    t_us = raw.t_us
     match raw.kind:
-        case Kind.STEP | Kind.WIDE_STEP:
-            return Step(
-                t_us,
-                raw.left_counter,
-                raw.right_counter,
-                raw.battery_mv,
-                raw.left_duty_q15,
-                raw.right_duty_q15,
-            )
-        case Kind.END:
-            return End(t_us, raw.left_duty_q15, raw.right_duty_q15)
         case Kind.MESSAGE:
             return _received(raw)
-        case Kind.TRANSITION:
-            return Transition(
-                t_us,
-                SupervisorEvent(raw.event),
-                SupervisorState(raw.before),
-                SupervisorState(raw.after),
-                Fault(raw.faults),
-            )
-        case Kind.REFUSAL:
-            return Refusal(t_us, raw.message_id, RefusalCode(raw.code))
         case Kind.CONTACT:
-            return Contact(t_us, bool(raw.flag))
+            return Contact(raw.t_us, bool(raw.flag))
         case Kind.STORE:
-            return Stored(t_us, bool(raw.flag))
-        case Kind.HANG_UP:
-            return HangUp(t_us)
-    return None
+            return Stored(raw.t_us, bool(raw.flag))
+    kind = _ENTRIES.get(raw.kind)
+    return None if kind is None else native.typed(kind, raw)
 
 
 def _received(raw: abi.BoxEntry) -> Received | None:

@@ -21,7 +21,7 @@ from .codes import (
 )
 from .core_abi import RECORDER_SIZE as RECORDER_SIZE
 from .core_abi import TransferResult as TransferResult
-from .native import load
+from .native import load, typed
 from .peripherals import PeripheralFault
 
 # The capacity of the core's own buffer, so that one call empties it.
@@ -355,17 +355,8 @@ def check_board(packed: bytes) -> list[BoardIssue]:
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    return [
-        BoardIssue(
-            BoardFault(one.fault),
-            BoardPin(one.function),
-            one.pin,
-            BoardPin(one.other),
-            one.value,
-            one.limit,
-        )
-        for one in _issues(abi.BoardIssue, load().wheelwire_board_check, packed)
-    ]
+    found = _issues(abi.BoardIssue, load().wheelwire_board_check, packed)
+    return [typed(BoardIssue, one) for one in found]
 
 
 class PeripheralIssue(NamedTuple):
@@ -386,7 +377,5 @@ def check_peripherals(packed: bytes) -> list[PeripheralIssue]:
     Raises:
         NativeMissingError: The library is missing or of another release.
     """
-    return [
-        PeripheralIssue(PeripheralFault(one.fault), one.channel, one.pin, one.value, one.limit)
-        for one in _issues(abi.PeripheralIssue, load().wheelwire_peripherals_check, packed)
-    ]
+    found = _issues(abi.PeripheralIssue, load().wheelwire_peripherals_check, packed)
+    return [typed(PeripheralIssue, one) for one in found]

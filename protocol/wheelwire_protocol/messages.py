@@ -2,36 +2,9 @@
 
 from __future__ import annotations
 
+from . import codes
 from .board_layout import Board, Peripheral
-from .codes import (
-    MOST_PERIPHERALS,
-    BatteryLevel,
-    BoxCause,
-    Capability,
-    Chip,
-    ConfigurationState,
-    Contradiction,
-    EstopSource,
-    EventCode,
-    Fault,
-    Group,
-    Held,
-    PeripheralKind,
-    Place,
-    RangeQuality,
-    Reflex,
-    RefusalCode,
-    ResetReason,
-    SensorEventCode,
-    SensorState,
-    StopCause,
-    StopFlag,
-    StopMode,
-    SupervisorEvent,
-    SupervisorState,
-    TrialAction,
-    Unit,
-)
+from .codes import Group, Unit
 from .message import (
     Definition,
     Field,
@@ -104,7 +77,7 @@ class Stop(Request, id=0x02, frozen=True):
 
     # Otherwise a setpoint sent before the stop, but arriving after it, would drive again.
     command_seq = u32("Setpoints up to this one are void.")
-    mode = u8(codes=StopMode)
+    mode = u8(codes=codes.StopMode)
 
 
 class Estop(Request, id=0x03, frozen=True):
@@ -185,7 +158,7 @@ class ControlCountersGet(Query, id=0x10, answer="ControlCounters"):
 class ParameterTrial(Request, id=0x11):
     """Begins, renews or ends a trial of parameters."""
 
-    action = u8(codes=TrialAction)
+    action = u8(codes=codes.TrialAction)
     timeout_s = f32("Of BEGIN and RENEW: 0.2 to 60.", unit=Unit.SECOND)
 
 
@@ -303,13 +276,13 @@ class DeviceHello(Definition, id=0x80, frozen=True):
     nonce = u32("From Hello.")
     protocol_version = u16()
     schema_hash = u32()
-    refusal = u8("NONE: the session is open.", RefusalCode)
+    refusal = u8("NONE: the session is open.", codes.RefusalCode)
     boot_id = u32("Random at each reset, which zeroes the ticks.")
     device_us = u64(unit=Unit.MICROSECOND)
-    reset_reason = u8(codes=ResetReason)
-    board = u8(codes=Chip)
+    reset_reason = u8(codes=codes.ResetReason)
+    board = u8(codes=codes.Chip)
     board_id = u64("The chip's MAC address.")
-    capabilities = u32(codes=Capability)
+    capabilities = u32(codes=codes.Capability)
     version_major = u8("Of the firmware.")
     version_minor = u8("Of the firmware.")
     version_patch = u8("Of the firmware.")
@@ -329,8 +302,8 @@ class WheelState(Definition, id=0x81):
     left_duty_q15 = i16("Applied; 0 when not driving.", unit=Unit.DUTY_Q15)
     right_duty_q15 = i16("Applied; 0 when not driving.", unit=Unit.DUTY_Q15)
     command_seq = u32("Setpoint obeyed last; 0: none yet.")
-    supervisor = u8(codes=SupervisorState)
-    faults = u16(codes=Fault)
+    supervisor = u8(codes=codes.SupervisorState)
+    faults = u16(codes=codes.Fault)
     overruns = u16("Late control steps since reset. Wraps.")
     battery_mv = u16("0: not measured.", unit=Unit.MILLIVOLT)
 
@@ -340,7 +313,7 @@ class Refuse(Definition, id=0x82, frozen=True):
 
     session_id = u32()
     message_id = u8("Of the refused message.")
-    code = u8(codes=RefusalCode)
+    code = u8(codes=codes.RefusalCode)
     reference = u32("Its request_id or command_seq.")
 
 
@@ -381,11 +354,11 @@ class ParameterEntry(Answer, id=0x86):
 class Event(Dated, id=0x87):
     """Reports a change of state, or another incident."""
 
-    code = u8(codes=EventCode)
-    cause = u8(codes=SupervisorEvent)
-    before = u8(codes=SupervisorState)
-    after = u8(codes=SupervisorState)
-    faults = u16(codes=Fault)
+    code = u8(codes=codes.EventCode)
+    cause = u8(codes=codes.SupervisorEvent)
+    before = u8(codes=codes.SupervisorState)
+    after = u8(codes=codes.SupervisorState)
+    faults = u16(codes=codes.Fault)
     speed_mps = f32("With ROLLING: of the faster wheel.", unit=Unit.METRE_PER_SECOND)
 
 
@@ -424,8 +397,8 @@ class GroupInfo(Answer, id=0x8A):
 class Contradictions(Answer, id=0x8B):
     """Parameters that contradict each other or the board."""
 
-    active = u32(codes=Contradiction)
-    refused = u32("Of the values refused last.", Contradiction)
+    active = u32(codes=codes.Contradiction)
+    refused = u32("Of the values refused last.", codes.Contradiction)
 
 
 class Hold(Definition, id=0x8C):
@@ -433,14 +406,14 @@ class Hold(Definition, id=0x8C):
 
     session_id = u32()
     request_id = u16("0: sent unasked.")
-    held = u32("0: nothing.", Held)
-    estop_source = u8(codes=EstopSource)
-    contradictions = u32(codes=Contradiction)
-    stop_cause = u8(codes=StopCause)
-    stop_flags = u8(codes=StopFlag)
-    stop_reset = u8("With RESET.", ResetReason)
-    stop_held = u32(codes=Held)
-    stop_faults = u16(codes=Fault)
+    held = u32("0: nothing.", codes.Held)
+    estop_source = u8(codes=codes.EstopSource)
+    contradictions = u32(codes=codes.Contradiction)
+    stop_cause = u8(codes=codes.StopCause)
+    stop_flags = u8(codes=codes.StopFlag)
+    stop_reset = u8("With RESET.", codes.ResetReason)
+    stop_held = u32(codes=codes.Held)
+    stop_faults = u16(codes=codes.Fault)
     stop_session = u32()
     stop_command = u32("Its last setpoint.")
     stop_us = u64("Device clock; 0: before this start.", unit=Unit.MICROSECOND)
@@ -454,7 +427,7 @@ class Hold(Definition, id=0x8C):
 class ConfigurationValue(Answer, id=0xA0):
     """The active configuration."""
 
-    state = u8(codes=ConfigurationState)
+    state = u8(codes=codes.ConfigurationState)
     peripheral_count = u8()
     fingerprint = u32()
     board = fields_of(Board)
@@ -478,14 +451,14 @@ class BoxValue(Answer, id=0xB0):
     is_current = u8("1: it ends with the present latch, or the last reset.")
     number = u32("From 1; 0: no such box.")
     size = u32("In bytes.")
-    cause = u8(codes=BoxCause)
-    reset_reason = u8("Before the boot that stored it.", ResetReason)
+    cause = u8(codes=codes.BoxCause)
+    reset_reason = u8("Before the boot that stored it.", codes.ResetReason)
     boot_id = u32("Boot that recorded it.")
     core = u32("Hash of the firmware's core.")
     release = u32("Firmware: major << 16, minor << 8, patch.")
     git_hash = u32("First 8 hex digits of its commit; 0: unknown.")
     board = u32("Fingerprint; 0: none.")
-    faults = u32(codes=Fault)
+    faults = u32(codes=codes.Fault)
     stored_us = u64(unit=Unit.MICROSECOND)
 
 
@@ -503,7 +476,7 @@ class LedgerValue(Answer, id=0xB2):
 
     uptime_s = u32(unit=Unit.SECOND)
     # In the order of ResetReason.
-    resets = tuple(u32(name=f"resets_{reason.name.lower()}") for reason in ResetReason)
+    resets = tuple(u32(name=f"resets_{reason.name.lower()}") for reason in codes.ResetReason)
     stops_session = u32("Drives that it ended.")
     stops_stop = u32("Drives that it ended.")
     stops_deadline = u32("Drives that it ended.")
@@ -536,12 +509,12 @@ class SensorInfo(Definition, id=0xD0):
     session_id = u32()
     channel = u8()
     channel_count = u8()
-    kind = u8(codes=PeripheralKind)
+    kind = u8(codes=codes.PeripheralKind)
     chip = u8(codes=SensorChip)
-    place = u8(codes=Place)
+    place = u8(codes=codes.Place)
     forward = u8(codes=Axis)
     up = u8(codes=Axis)
-    state = u8(codes=SensorState)
+    state = u8(codes=codes.SensorState)
     rate_hz = u16("Rate of samples; 0: on a change.", unit=Unit.HERTZ)
     gyro_scale = f32("One count.", unit=Unit.RADIAN_PER_SECOND)
     accelerometer_scale = f32("One count.", unit=Unit.METRE_PER_SECOND_SQUARED)
@@ -566,7 +539,7 @@ class Power(Sample, id=0xD2):
     voltage_mv = u16(unit=Unit.MILLIVOLT)
     current_ma = i32("Drawn; 0: not measured.", unit=Unit.MILLIAMPERE)
     used_mah = f32("Since the start.", unit=Unit.MILLIAMPERE_HOUR)
-    level = u8(codes=BatteryLevel)
+    level = u8(codes=codes.BatteryLevel)
 
 
 class Inputs(Dated, id=0xD3):
@@ -575,9 +548,11 @@ class Inputs(Dated, id=0xD3):
     levels = u16("Bit n: level at the pin of channel n.")
     triggered = u16("Bit n: channel n has triggered.")
     stale = u16("Bit n: channel n has no valid samples.")
-    reflexes = u8(codes=Reflex)
-    level = u8(codes=BatteryLevel)
-    edges = tuple(u16("Since reset. Wraps.", name=f"edges_{n}") for n in range(MOST_PERIPHERALS))
+    reflexes = u8(codes=codes.Reflex)
+    level = u8(codes=codes.BatteryLevel)
+    edges = tuple(
+        u16("Since reset. Wraps.", name=f"edges_{n}") for n in range(codes.MOST_PERIPHERALS)
+    )
     analog = tuple(
         u16("0: none.", unit=Unit.MILLIVOLT, name=f"analog_{n}_mv")
         for n in range(1, MOST_ANALOG + 1)
@@ -587,7 +562,7 @@ class Inputs(Dated, id=0xD3):
 class SensorEvent(Sample, id=0xD4):
     """A sensor's change, or its reflex."""
 
-    code = u8(codes=SensorEventCode)
+    code = u8(codes=codes.SensorEventCode)
     value = u16("See SensorEventCode.")
 
 
@@ -597,7 +572,7 @@ class Range(Sample, id=0xD6):
     sample = u16("Counts samples. Wraps.")
     bound_us = u16("Uncertainty of t_us.", unit=Unit.MICROSECOND)
     distance_mm = u16("Only if quality is GOOD.", unit=Unit.MILLIMETRE)
-    quality = u8(codes=RangeQuality)
+    quality = u8(codes=codes.RangeQuality)
 
 
 # --- what the firmware runs on, from the device: ids 0xe0 to 0xef --------------------------------

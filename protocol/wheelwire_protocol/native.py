@@ -10,10 +10,10 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_type_hints
 
 from . import core_abi as abi
 from .core_abi import ABI
@@ -24,6 +24,8 @@ LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
 _PACKAGE = Path(__file__).parent
 # The repository's root, if this is a checkout. For an installed package it is any directory.
 _CHECKOUT = _PACKAGE.parents[1]
+
+Result = TypeVar("Result")
 
 
 class NativeMissingError(Exception):
@@ -117,6 +119,30 @@ def declare(library: ctypes.CDLL, signatures: Mapping[str, tuple[Any, tuple[Any,
         function = getattr(library, name)
         function.restype = result
         function.argtypes = arguments
+
+
+def typed(kind: Callable[..., Result], raw: object, **known: Any) -> Result:
+    """What a C structure or a message holds: the fields of `kind`, by their names and types.
+
+    Args:
+        kind: A class whose annotated fields are its arguments.
+        raw: Where the fields are from; its texts are bytes.
+        known: Fields that are not in it, or not in this form.
+
+    Raises:
+        ValueError: It has a code of a later release.
+    """
+    for name, convert in _fields(kind):
+        if name not in known:
+            known[name] = convert(getattr(raw, name))
+    return kind(**known)
+
+
+@cache
+def _fields(kind: Callable[..., Any]) -> tuple[tuple[str, Any], ...]:
+    """Each field's name, and what makes its value."""
+    types = get_type_hints(kind)
+    return tuple((name, bytes.decode if one is str else one) for name, one in types.items())
 
 
 def _remedy() -> str:

@@ -12,17 +12,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from .codes import (
-    BatteryLevel,
-    DocumentedEnum,
-    DocumentedFlag,
-    PeripheralKind,
-    Place,
-    RangeQuality,
-    Reflex,
-    SensorEventCode,
-    SensorState,
-)
+from . import codes
 
 MOST_ANALOG = 4
 """Analogue inputs of a list. Each has a number of its own, from 1."""
@@ -30,7 +20,7 @@ MOST_RANGES = 3
 """Range sensors of a list: as many as the capture unit of each supported chip has channels."""
 
 
-class SensorChip(DocumentedEnum):
+class SensorChip(codes.DocumentedEnum):
     """The chip of an IMU or of a power sensor, or the part that measures a range."""
 
     NONE = 0, "Not a chip."
@@ -44,7 +34,7 @@ class SensorChip(DocumentedEnum):
     HC_SR04 = 8, "HC-SR04, an ultrasonic range sensor."
 
 
-class Axis(DocumentedEnum):
+class Axis(codes.DocumentedEnum):
     """An axis of the sensor's chip, as printed on its board."""
 
     X = 0, "+x"
@@ -55,7 +45,7 @@ class Axis(DocumentedEnum):
     MINUS_Z = 5, "-z"
 
 
-class PeripheralFlag(DocumentedFlag):
+class PeripheralFlag(codes.DocumentedFlag):
     """Flags of an entry."""
 
     TRIGGERED_LOW = 1, "A digital input triggers at the low level; otherwise at the high one."
@@ -63,7 +53,7 @@ class PeripheralFlag(DocumentedFlag):
     PULL_DOWN = 4, "The chip's own pull-down holds the pin."
 
 
-class PeripheralFault(DocumentedEnum):
+class PeripheralFault(codes.DocumentedEnum):
     """Why a list is refused. `{entry}` is its number, from 1; `{pin}` a GPIO."""
 
     NONE = 0, "Nothing is wrong."
@@ -125,23 +115,23 @@ class PeripheralFault(DocumentedEnum):
 
 
 # Their names and values are part of the hashes of both groups.
-PERIPHERAL_CODES: tuple[type[DocumentedEnum], ...] = (
-    PeripheralKind,
+PERIPHERAL_CODES: tuple[type[codes.DocumentedEnum], ...] = (
+    codes.PeripheralKind,
     SensorChip,
-    Place,
+    codes.Place,
     Axis,
     PeripheralFault,
 )
 """The codes of a configuration's peripherals."""
-CODES: tuple[type[DocumentedEnum], ...] = (
+CODES: tuple[type[codes.DocumentedEnum], ...] = (
     *PERIPHERAL_CODES,
-    SensorState,
-    RangeQuality,
-    BatteryLevel,
-    SensorEventCode,
+    codes.SensorState,
+    codes.RangeQuality,
+    codes.BatteryLevel,
+    codes.SensorEventCode,
 )
 """The codes of the group SENSOR."""
-FLAGS: tuple[type[DocumentedFlag], ...] = (PeripheralFlag, Reflex)
+FLAGS: tuple[type[codes.DocumentedFlag], ...] = (PeripheralFlag, codes.Reflex)
 MAX_SHUNT_UOHM = 6_553_500
 """The largest shunt that an entry can name: 65535 x 100 uOhm."""
 

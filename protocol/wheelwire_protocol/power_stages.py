@@ -9,6 +9,7 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 from .codes import DocumentedEnum
 
@@ -44,9 +45,29 @@ class Action(enum.Enum):
     BRAKE = "brake"
 
 
+class Module(NamedTuple):
+    """What is printed on a module with such a stage, for its picture."""
+
+    title: str
+    left: tuple[str, ...]
+    """The left wheel's inputs, in the order of the table."""
+    right: tuple[str, ...]
+    outputs: tuple[str, str, str, str]
+    supply: str
+    note: str = ""
+    standby: str = ""
+    logic: str = ""
+    """Its own supply's pin, from 3.3 V of the chip."""
+    one_each: bool = False
+    """A module for each wheel."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StageTable:
     """A power stage as data.
+
+    In a row of `coast` each input is low or as before: it is the state of a chip that starts. An
+    input that the stage itself does not hold low is one of `pull_downs`.
 
     Attributes:
         parts: Integrated circuits and modules with such inputs.
@@ -59,6 +80,7 @@ class StageTable:
             unconnected to the chip, tied high.
         coast, brake, release, dead_time: What these mean on it, in sentences.
         floating: What the motors do while no input is driven, in sentences.
+        module: A module of this kind.
     """
 
     parts: str
@@ -73,6 +95,7 @@ class StageTable:
     dead_time: str
     floating: str
     has_standby: bool = False
+    module: Module
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -120,6 +143,14 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
                 "With the resistors they coast. Without them its inputs float high, which brakes; "
                 "a disturbed one drives at full duty."
             ),
+            module=Module(
+                "L298N",
+                ("ENA", "IN1", "IN2"),
+                ("ENB", "IN3", "IN4"),
+                ("OUT1", "OUT2", "OUT3", "OUT4"),
+                "12 V in",
+                note="EN jumpers off, 5V-EN on",
+            ),
         ),
         Stage.PWM_IN1_IN2: StageTable(
             parts="TB6612FNG",
@@ -137,6 +168,15 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
                 "200 kΩ each."
             ),
             has_standby=True,
+            module=Module(
+                "TB6612FNG",
+                ("PWMA", "AIN1", "AIN2"),
+                ("PWMB", "BIN1", "BIN2"),
+                ("AO1", "AO2", "BO1", "BO2"),
+                "VM",
+                standby="STBY",
+                logic="VCC",
+            ),
         ),
         Stage.IN_IN: StageTable(
             parts="DRV8833, DRV8871, MX1508",
@@ -152,6 +192,14 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
                 "with 150 kΩ."
             ),
             has_standby=True,
+            module=Module(
+                "DRV8833",
+                ("AIN1", "AIN2"),
+                ("BIN1", "BIN2"),
+                ("AOUT1", "AOUT2", "BOUT1", "BOUT2"),
+                "VM",
+                standby="nSLEEP",
+            ),
         ),
         Stage.HALF_BRIDGES: StageTable(
             parts="BTS7960 (IBT-2)",
@@ -169,6 +217,16 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
                 "With the resistors they coast. Without them the motors may drive at full duty, "
                 "either way."
             ),
+            module=Module(
+                "BTS7960",
+                ("R_EN + L_EN", "RPWM", "LPWM"),
+                ("R_EN + L_EN", "RPWM", "LPWM"),
+                ("M+", "M-", "M+", "M-"),
+                "B+",
+                note="one each",
+                logic="VCC",
+                one_each=True,
+            ),
         ),
         Stage.PWM_DIR: StageTable(
             parts="Cytron MD10C, MDD10A",
@@ -184,6 +242,14 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             floating=(
                 "With the resistors they brake. Without them the motors may drive at full duty, "
                 "either way."
+            ),
+            module=Module(
+                "MDD10A",
+                ("PWM1", "DIR1"),
+                ("PWM2", "DIR2"),
+                ("M1A", "M1B", "M2A", "M2B"),
+                "POWER +",
+                note="it cannot coast",
             ),
         ),
     }

@@ -170,16 +170,7 @@ class FwSim:
         for index in range(self._library.fwsim_variable_count()):
             raw = abi.Variable()
             self._check(self._library.fwsim_describe(index, ctypes.byref(raw)), "describe")
-            described.append(
-                Variable(
-                    raw.name.decode(),
-                    raw.unit.decode(),
-                    raw.doc.decode(),
-                    raw.minimum,
-                    raw.maximum,
-                    bool(raw.settable),
-                )
-            )
+            described.append(native.typed(Variable, raw))
         return described
 
     @staticmethod

@@ -5,7 +5,16 @@ from __future__ import annotations
 from ..board_layout import PERIPHERAL_SIZE, Peripheral
 from ..codes import FRONT_PLACES, MOST_PERIPHERALS, REAR_PLACES
 from ..message import fields_of
-from ..peripherals import IMUS, MAX_SHUNT_UOHM, MOST_ANALOG, MOST_RANGES, POWERS, RANGES, Order
+from ..peripherals import (
+    IMUS,
+    MAX_SHUNT_UOHM,
+    MOST_ANALOG,
+    MOST_RANGES,
+    POWERS,
+    RANGES,
+    ImuTable,
+    Order,
+)
 from .cpp import cpp_header, cpp_is_one_of, cpp_struct
 from .cpp_tables import cpp_table
 from .text import lines
@@ -57,6 +66,13 @@ uint16_t farthest_mm
 """
 
 
+def _two_identities(table: ImuTable) -> tuple[int, int]:
+    # As many as the struct holds; a third one fails here.
+    first, *more = table.identities
+    (second,) = more or [first]
+    return first, second
+
+
 def generate() -> str:
     """The text of `sensor_tables.hpp`."""
     most_writes = max(len(table.setup) for table in IMUS.values())
@@ -88,7 +104,7 @@ constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};
             "How to use an IMU.",
             _IMU.format(most_writes=most_writes),
             IMUS,
-            identities=lambda table: (*table.identities, table.identities[-1])[:2],
+            identities=_two_identities,
             setup_count=lambda table: len(table.setup),
             is_big_endian=lambda table: table.order is Order.BIG,
         ),
