@@ -46,6 +46,7 @@ from .output import (
     print_lines,
     print_result,
     print_table,
+    printed_json,
     show_help_alone,
     wants_json,
     write_new,
@@ -103,8 +104,7 @@ def show(
 
 
 def _show(found: Configuration) -> None:
-    if wants_json():
-        print_json(board_mapping(found))
+    if printed_json(board_mapping(found)):
         return
     stage = STAGES[found.stage]
     print_table(
@@ -152,9 +152,7 @@ def check(
     _refuse_port(file)
     found = load_board(file)
     problems, warnings = found.problems(), found.warnings()
-    if wants_json():
-        print_json({"board": found.name, "problems": problems, "warnings": warnings})
-    else:
+    if not printed_json({"board": found.name, "problems": problems, "warnings": warnings}):
         verdict = [] if problems else ["nothing is wrong with this board"]
         lines = (*problems, *(f"warning: {warning}" for warning in warnings), *verdict)
         print_lines(*(f"{file}: {line}" for line in lines))
@@ -257,8 +255,7 @@ def read(given: Given) -> None:
     with given.resolve().open_to_look() as driver:
         board = _with_a_board(driver).board
         state, found = board.read()
-    if wants_json():
-        print_json({"state": state, "board": board_mapping(found) if found else None})
+    if printed_json({"state": state, "board": board_mapping(found) if found else None}):
         return
     typer.echo(reported(state, found), nl=False)
 
@@ -295,9 +292,7 @@ def init(
         write_new(file, to_yaml(made).encode())
     except OSError as error:
         raise ConfigurationError(f"{file}: {error.strerror}") from error
-    if wants_json():
-        print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
-    else:
+    if not printed_json({"file": str(file), "board": board_mapping(made), "problems": problems}):
         print_lines(*(f"{file}: {problem}" for problem in problems))
         look = "`wheelwire board show"
         if problems:

@@ -14,7 +14,7 @@ import typer
 from wheelwire.errors import ProtocolMismatch, WheelwireError
 
 from .address import Address, Given
-from .output import console, print_json, print_lines, wants_json
+from .output import console, print_lines, printed_json
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -35,9 +35,7 @@ def doctor(given: Given) -> None:
     found = list(examine(Machine(robot=given.robot or "")))
     if given.robot is not None:
         found += _of_robot(Address(given.robot, given.baud_rate))
-    if wants_json():
-        print_json([{**asdict(finding), "page": finding.page} for finding in found])
-    else:
+    if not printed_json([{**asdict(finding), "page": finding.page} for finding in found]):
         _print(found, given.robot)
     if found:
         raise typer.Exit(FOUND)

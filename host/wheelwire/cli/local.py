@@ -10,7 +10,7 @@ from pathlib import Path
 from wheelwire.errors import OutputFailed
 from wheelwire.link.ports import ports as serial_ports
 
-from .output import console, print_facts, print_json, print_table, screen, wants_json
+from .output import console, print_facts, print_table, printed_json, screen
 from .registry import Heading, command
 
 PLUG_IN = (
@@ -23,8 +23,7 @@ PLUG_IN = (
 def ports() -> None:
     """List serial ports, likely robots first. Opens none of them."""
     found = serial_ports()
-    if wants_json():
-        print_json(found)
+    if printed_json(found):
         return
     if not found:
         console.print(f"no serial ports: {PLUG_IN}")
@@ -51,9 +50,7 @@ def demo(output: Path = Path("build/demo")) -> None:
     )
 
     report = run(output, screen())
-    if wants_json():
-        print_json(report)
-    else:
+    if not printed_json(report):
         print_facts("Measured", report.rows())
         console.print(
             "Next: `wheelwire start` leads to the first drive of your robot; without one, "

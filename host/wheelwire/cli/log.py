@@ -35,6 +35,7 @@ from .output import (
     print_lines,
     print_note,
     print_result,
+    printed_json,
     show_help_alone,
     to_json_value,
     wants_json,
@@ -149,15 +150,14 @@ def _wait(driver: Robot, recorder: Recorder, until: float) -> None:
 
 def _say_what_was_written(recorder: Recorder, duration_s: float, frames_lost: int) -> None:
     sizes = {str(file): file.stat().st_size for file in recorder.files if file.exists()}
-    if wants_json():
-        print_json(
-            {
-                "files": sizes,
-                "duration_s": duration_s,
-                "frames_lost": frames_lost,
-                "records_lost": recorder.lost,
-            }
-        )
+    if printed_json(
+        {
+            "files": sizes,
+            "duration_s": duration_s,
+            "frames_lost": frames_lost,
+            "records_lost": recorder.lost,
+        }
+    ):
         return
     print_lines(*(f"wrote {file}, {_megabytes(size)}" for file, size in sizes.items()))
     console.print(f"recorded {duration_s:.1f} s; `wheelwire log info` and `log plot` show it")
@@ -171,8 +171,7 @@ def info(file: FileArgument) -> None:
     from wheelwire.log.summary import summary
 
     found = summary(file)
-    if wants_json():
-        print_json({"file": str(file), **to_json_value(found)})
+    if printed_json({"file": str(file), **to_json_value(found)}):
         return
     print_facts(
         f"Recording {file}",

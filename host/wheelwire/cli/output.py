@@ -45,6 +45,13 @@ def print_json(value: Any) -> None:
     print(json.dumps(to_json_value(value)), flush=True)  # noqa: T201 - stdout is this module's task
 
 
+def printed_json(value: Any) -> bool:
+    """Print the result as JSON if this command prints JSON; whether it does."""
+    if is_wanted := wants_json():
+        print_json(value)
+    return is_wanted
+
+
 def print_lines(*lines: str, style: str | None = None) -> None:
     """Print lines for people, each as long as it is: only a terminal breaks them."""
     for line in lines:
@@ -53,9 +60,7 @@ def print_lines(*lines: str, style: str | None = None) -> None:
 
 def print_result(result: object, text: str) -> None:
     """Print what a command has done: as JSON, or as a line for people."""
-    if wants_json():
-        print_json(result)
-    else:
+    if not printed_json(result):
         print_lines(text)
 
 

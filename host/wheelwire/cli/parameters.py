@@ -36,6 +36,7 @@ from .output import (
     print_note,
     print_result,
     print_table,
+    printed_json,
     show_help_alone,
     wants_json,
     write_new,
@@ -99,8 +100,7 @@ def list_all(given: Given) -> None:
     # Bare: with a robot's file the values on the robot are shown, not replaced by the file's.
     with given.resolve().open_to_look() as driver:
         parameters = driver.parameters.list()
-    if wants_json():
-        print_json(parameters)
+    if printed_json(parameters):
         return
     if console.width < TABLE_COLUMNS:
         for p in parameters:
@@ -300,9 +300,7 @@ def export(given: Given) -> None:
     """
     with given.resolve().open_to_look() as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
-    if wants_json():
-        print_json(exported.as_mapping())
-    else:
+    if not printed_json(exported.as_mapping()):
         typer.echo(exported.text(), nl=False)
 
 
@@ -333,15 +331,14 @@ def import_file(given: RobotAndFile, save: bool = False) -> None:
         ending.outcome = "interrupted; the values in the file are set"
         driver.read()  # it may have been sent before the last change
         state = driver.read().state
-    if wants_json():
-        print_json(
-            {
-                "changed": {change.name: change.wanted for change in changes},
-                "saved": save,
-                "state": state,
-                **_boards(wanted, device),
-            }
-        )
+    if printed_json(
+        {
+            "changed": {change.name: change.wanted for change in changes},
+            "saved": save,
+            "state": state,
+            **_boards(wanted, device),
+        }
+    ):
         return
     print_lines(
         *_notes(wanted, device),

@@ -29,6 +29,7 @@ from .output import (
     print_lines,
     print_note,
     print_result,
+    printed_json,
     to_json_value,
     wants_json,
 )
@@ -65,22 +66,21 @@ def info(given: Given) -> None:
         warnings = _warnings(driver, sample, address.text)
         holding = driver.holding()
         link, statistics = driver.info, driver.statistics
-    if wants_json():
-        print_json(
-            {
-                "link": link,
-                "core_dump": link.device.has_core_dump,
-                "state": sample.state,
-                "faults": sample.faults,
-                "held_by": holding.held_by.names,
-                "last_stop": holding.last_stop,
-                "host_counters": statistics,
-                "device_counters": device_counters,
-                "ledger": None if ledger is None else ledger_counts(ledger),
-                "memory": memory,
-                "warnings": warnings,
-            }
-        )
+    if printed_json(
+        {
+            "link": link,
+            "core_dump": link.device.has_core_dump,
+            "state": sample.state,
+            "faults": sample.faults,
+            "held_by": holding.held_by.names,
+            "last_stop": holding.last_stop,
+            "host_counters": statistics,
+            "device_counters": device_counters,
+            "ledger": None if ledger is None else ledger_counts(ledger),
+            "memory": memory,
+            "warnings": warnings,
+        }
+    ):
         return
     device = link.device
     latency = {True: "yes", False: "no: the kernel may delay bytes", None: "not applicable"}
@@ -414,8 +414,7 @@ def clear(given: Given, yes: YesFlag = False) -> None:
         while before.state.is_latched and after.state is before.state and time.monotonic() < end:
             after = driver.read()
     ended = before.state if before.state.is_latched else None
-    if wants_json():
-        print_json({"ended": ended, "state": after.state, "faults": after.faults})
+    if printed_json({"ended": ended, "state": after.state, "faults": after.faults}):
         return
     if ended is None:
         console.print("nothing was latched")
@@ -458,16 +457,15 @@ def restart(given: Given) -> None:
             sample = driver.read()
         device, board = driver.info.device, driver.info.board
         warnings = _warnings(driver, sample, address.text)
-    if wants_json():
-        print_json(
-            {
-                "device": device,
-                "board": board,
-                "state": sample.state,
-                "faults": sample.faults,
-                "warnings": warnings,
-            }
-        )
+    if printed_json(
+        {
+            "device": device,
+            "board": board,
+            "state": sample.state,
+            "faults": sample.faults,
+            "warnings": warnings,
+        }
+    ):
         return
     print_facts(
         f"Robot at {address.text} is back",

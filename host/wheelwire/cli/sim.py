@@ -24,7 +24,7 @@ from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 from wheelwire.tools.files.bad_line import load_profile
 from wheelwire.tools.files.plant import load_plant
 
-from .output import JsonFlag, print_json, print_lines, print_note, print_result, wants_json
+from .output import JsonFlag, print_lines, print_note, print_result, printed_json
 from .registry import Commands, Heading, command
 
 DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
@@ -119,9 +119,7 @@ def _announcement(port: str | Path) -> str:
 def _run_on_a_bad_line(link: Path, faults: str, arguments: list[str]) -> None:
     _leave_by_signals()
     with ImpairedSimulator(load_profile(faults), link=link, arguments=arguments) as simulator:
-        if wants_json():
-            print_json({"event": "ready", "port": simulator.port})
-        else:
+        if not printed_json({"event": "ready", "port": simulator.port}):
             print_lines(_announcement(simulator.port))
         with suppress(KeyboardInterrupt):
             simulator.wait()

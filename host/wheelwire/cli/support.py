@@ -9,7 +9,7 @@ from wheelwire.errors import WheelwireError
 from wheelwire.tools.support import LEFT_OUT, newest_recording, of_error, of_robot, pack, versions
 
 from .address import Given
-from .output import print_json, print_lines, wants_json
+from .output import print_lines, printed_json
 from .registry import Heading, command
 
 
@@ -35,8 +35,7 @@ def support(given: Given, output: Path | None = None, recording: Path | None = N
         parts.append(of_error(error))
     source = recording or newest_recording()
     listed = pack(target, parts, source)
-    if wants_json():
-        print_json({"file": str(target), "parts": listed})
+    if printed_json({"file": str(target), "parts": listed}):
         return
     print_lines(f"wrote {target}:", *(f"  {name}: {what}" for name, what in listed.items()))
     if source is None:

@@ -23,7 +23,7 @@ from wheelwire_protocol.codes import StopCause
 
 from .address import Address, Given
 from .log import draw_recording
-from .output import print_json, print_lines, wants_json, write_new
+from .output import print_json, print_lines, printed_json, wants_json, write_new
 from .registry import Heading, command
 
 if TYPE_CHECKING:
@@ -82,9 +82,7 @@ def why(
         facts = [] if said else [NOTHING]
     else:
         said, facts = _of_robot(address, save_boxes)
-    if wants_json():
-        print_json(said)
-    else:
+    if not printed_json(said):
         _print(said, facts)
 
 
