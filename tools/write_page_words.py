@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 
 import generated
 from generated import ROOT
-from wheelwire.holds import LastStop
+from wheelwire.link.holds import LastStop
 from wheelwire.log.why.causes import look_at_of, sentence_of
 from wheelwire.log.why.device import last_stop
 from wheelwire.parameters import definition_of

@@ -53,9 +53,9 @@ if TYPE_CHECKING:
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
-    from .holds import HeldBy as HeldBy
-    from .holds import LastStop as LastStop
-    from .holds import Program as Program
+    from .link.holds import HeldBy as HeldBy
+    from .link.holds import LastStop as LastStop
+    from .link.holds import Program as Program
     from .link.ports import SerialPort as SerialPort
     from .link.ports import ports as ports
     from .link.sample_stream import Latest as Latest
@@ -115,7 +115,7 @@ _MODULES = {
     ),
     ".link.sample_stream": "Latest SampleIterator",
     ".simulation.simulator": "Simulator",
-    ".holds": "HeldBy LastStop Program",
+    ".link.holds": "HeldBy LastStop Program",
     ".link.statistics": "Health LinkStatistics",
     ".link.ports": "ports SerialPort",
 }

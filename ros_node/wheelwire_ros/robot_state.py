@@ -21,7 +21,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire.holds import UNARMED
+from wheelwire.link.holds import UNARMED
 
 from .robot_connection import RobotConnection
 from .sensors import Limits

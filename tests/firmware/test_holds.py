@@ -12,14 +12,13 @@ import pytest
 from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.errors import DeviceRefused, WheelwireError
-from wheelwire.holds import UNARMED, HeldBy
+from wheelwire.link.holds import UNARMED, HeldBy
 from wheelwire.log.why.device import stops_of_device
 from wheelwire.robot.black_boxes import Recorded
 from wheelwire.tools.files.board import load_board
 from wheelwire_protocol.codes import (
     Contradiction,
     EstopSource,
-    Fault,
     Held,
     PeripheralKind,
     Place,
@@ -134,18 +133,10 @@ CLIFF = DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL)
 ESTOP = Held.ESTOP
 STAGED = {
     "deadline": Staged(waits, StopCause.DEADLINE, "program_paused"),
-    "stop": Staged(lambda robot: robot.stop(), StopCause.STOP, "stop_by_session"),
     "stop of another": Staged(
         lambda robot: stranger(robot, Stop(9, 1, 0, StopMode.COAST)),
         StopCause.STOP_OTHER,
         "stop_by_stranger",
-    ),
-    "e-stop": Staged(
-        lambda robot: robot.estop(),
-        StopCause.ESTOP_SESSION,
-        "estop_by_session",
-        ESTOP,
-        EstopSource.SESSION,
     ),
     "e-stop of another": Staged(
         lambda robot: stranger(robot, Estop(9, 1)),
@@ -162,9 +153,6 @@ STAGED = {
         EstopSource.CONTACT,
     ),
     "wheel blocked": Staged(sets("left.blocked"), StopCause.FAULT, "encoder_dead", Held.FAULT),
-    "late steps": Staged(
-        sets("control_delay_us", 40_000), StopCause.FAULT, "control_overrun", Held.FAULT
-    ),
     "bumper left": Staged(
         bumps("front_left"),
         StopCause.BUMPER,
@@ -172,23 +160,12 @@ STAGED = {
         Held.BUMPER_FRONT_LEFT | Held.UNARMED_FORWARD,
         after=Held.BUMPER_FRONT_LEFT,
     ),
-    "bumper right": Staged(
-        bumps("front_right"),
-        StopCause.BUMPER,
-        "bumper_pressed",
-        Held.BUMPER_FRONT_RIGHT | Held.UNARMED_FORWARD,
-        after=Held.BUMPER_FRONT_RIGHT,
-    ),
     "bumper, and goes on": Staged(
         bumps_and_goes_on,
         StopCause.BUMPER,
         "bumper_pressed",
         Held.UNARMED_FORWARD,
         after=Held(0),
-    ),
-    "reset pin": Staged(resets(ResetReason.EXTERNAL), StopCause.UNKNOWN, ""),
-    "interrupts": Staged(
-        resets(ResetReason.INTERRUPT_WATCHDOG), StopCause.RESET, "interrupt_watchdog"
     ),
     "cliff": Staged(
         sets("cliff.front"),
@@ -203,8 +180,6 @@ STAGED = {
     "trial left": Staged(tries, StopCause.TRIAL_ENDED, "trial_expired"),
     "contradiction": Staged(contradicts, StopCause.STOP, "stop_by_session"),
     "panic": Staged(resets(ResetReason.PANIC), StopCause.RESET, "panic"),
-    "watchdog": Staged(resets(ResetReason.TASK_WATCHDOG), StopCause.RESET, "task_watchdog"),
-    "power cut": Staged(resets(ResetReason.POWER_ON), StopCause.UNKNOWN, ""),
     "new session": Staged(
         lambda robot: renew(robot), StopCause.NEW_SESSION, "new_session", after=Held(0)
     ),
@@ -305,17 +280,6 @@ def test_it_is_unarmed_from_the_refusal_until_a_zero_or_a_pause(
         robot.set_velocity(0.2, 0.0)
 
 
-def test_a_refusal_unarms_at_once_and_no_motion_asked_for_does_not() -> None:
-    with MockDriver(realtime=False) as robot:
-        assert isinstance(robot, VirtualMockDriver)
-        robot.estop()
-        robot.clear_estop()
-        robot.advance(REPORTED_S)
-        assert not is_unarmed(robot)
-        refused(robot)
-        assert is_unarmed(robot)
-
-
 def test_a_stop_tells_when_it_was_and_how_far_the_robot_rolled() -> None:
     with MockDriver(realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
@@ -330,19 +294,6 @@ def test_a_stop_tells_when_it_was_and_how_far_the_robot_rolled() -> None:
     assert stop.command_seq == sample.command_seq
     assert "The setpoint of the program that drove expired" in str(stop)
     assert "came to rest" in str(stop)
-
-
-def test_a_fault_is_reported_with_its_flags() -> None:
-    with MockDriver(realtime=False) as robot:
-        assert isinstance(robot, VirtualMockDriver)
-        drive(robot)
-        sets("left.blocked")(robot)
-        found, stop = held_by(robot), robot.last_stop
-    assert found.names == ("FAULT",)
-    assert found.faults == Fault.LEFT_NOT_COUNTING
-    assert "LEFT_NOT_COUNTING" in str(found)
-    assert stop is not None
-    assert stop.faults == Fault.LEFT_NOT_COUNTING
 
 
 def test_the_cause_of_a_hold_is_unknown_out_of_reach() -> None:

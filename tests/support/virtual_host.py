@@ -13,6 +13,7 @@ from wheelwire.link.session import Phase, Session
 from wheelwire.link.statistics import LinkStatistics
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.types import SetDuty, SetWheelVelocity
 
 TIMEOUT_S = 5.0
 ARMING_S = 1.01
@@ -89,13 +90,13 @@ class VirtualHost(ABC):
     def set_velocity(self, left_mps: float, right_mps: float, ttl_s: float = 0.5) -> None:
         """Send one setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
-        frame = self.session.setpoints.velocity_frame
-        self.write(frame(left_mps, right_mps, expiry_us, self.now_us))
+        frame = self.session.setpoints.frame
+        self.write(frame(SetWheelVelocity, left_mps, right_mps, expiry_us, self.now_us))
 
     def set_duty(self, left: float, right: float, ttl_s: float = 0.5) -> None:
         """Send one open-loop setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
-        self.write(self.session.setpoints.duty_frame(left, right, expiry_us, self.now_us))
+        self.write(self.session.setpoints.frame(SetDuty, left, right, expiry_us, self.now_us))
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop, and wait for the acknowledgement."""

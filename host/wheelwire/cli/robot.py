@@ -12,7 +12,7 @@ import typer
 
 from wheelwire import errors
 from wheelwire.connect import is_recording
-from wheelwire.holds import HeldBy
+from wheelwire.link.holds import HeldBy
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose

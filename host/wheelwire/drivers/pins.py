@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 
+from ..link import LOG
 from ..link.connection import Link
 from ..link.transports import Transport
 from ..pi.launch import launch
 from ..pi.settings import McuSettings
 from ..robot.robot import Robot
 from .options import DeviceOptions
-
-_log = logging.getLogger("wheelwire")
 
 
 class PinProcess:
@@ -36,7 +34,7 @@ class PinProcess:
         if transport.limits != self.limits:
             self.limits = transport.limits
             for limit in self.limits:
-                _log.warning("%s: %s", self._settings.backend, limit)
+                LOG.warning("%s: %s", self._settings.backend, limit)
         return transport
 
 

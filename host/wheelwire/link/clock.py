@@ -68,25 +68,24 @@ class SuspendWatch:
     """The two clocks compared run at the same rate, so a step means a suspension."""
 
     def __init__(self, boot_clock_ns: Callable[[], int] | None = None) -> None:
-        self._boot_clock_ns = boot_clock_ns or BOOT_CLOCK_NS
-        self._suspended_us: int | None = None
+        self.boot_clock_ns = boot_clock_ns or BOOT_CLOCK_NS or time.monotonic_ns
+        self._longest_us = 0
         """The longest that the computer can have been suspended up to the last check."""
+        self.limit_us = 0
+        """How far the boot clock may be ahead of the host's for `was_suspended` to be False: who
+        asks often need not call it."""
         # The first check only sets what later ones are compared with.
         self.was_suspended(host_clock_us())
 
     def was_suspended(self, now_us: int) -> bool:
         """Whether it was suspended since the last check. `now_us` was read just before."""
-        boot_clock_ns = self._boot_clock_ns
-        if boot_clock_ns is None:
-            return False
-        boot_us = boot_clock_ns() // 1000
+        boot_us = self.boot_clock_ns() // 1000
         # The thread may be preempted between two readings; that must not look like a suspension, so
-        # their difference is bounded from both sides. Nearly always one bound is enough.
-        former_us, self._suspended_us = self._suspended_us, boot_us - now_us
-        if former_us is None or self._suspended_us <= former_us + self.STEP_US:
-            return False
-        # `now_us` was read before the boot clock; a reading after it gives the other bound.
-        return boot_us - host_clock_us() > former_us + self.STEP_US
+        # their difference is bounded from both sides: `now_us` was read before, this is after.
+        shortest_us = boot_us - host_clock_us()
+        former_us, self._longest_us = self._longest_us, boot_us - now_us
+        self.limit_us = shortest_us + self.STEP_US
+        return shortest_us > former_us + self.STEP_US
 
 
 class Exchange(NamedTuple):
@@ -140,11 +139,6 @@ class _Line(NamedTuple):
     def offset_us(self, host_us: float) -> float:
         return self.a_us + self.b * (host_us - self.origin_us)
 
-    def host_us(self, device_us: int) -> int:
-        # The class's formula, with offset(h) written as device time less h, solved for h.
-        elapsed = device_us - self.base_us - self.origin_us - self.a_us
-        return self.origin_us + round(elapsed / (1 + self.b))
-
     def contradicts(self, reading: _Reading) -> bool:
         # Both bounds hold for certain, so the two can differ by no more than their sum.
         error = abs(reading.offset_us - self.base_us - self.offset_us(reading.host_us))
@@ -171,7 +165,10 @@ class Conversion:
             self.check()  # raises
         best, best_error_us = self.lines[0], math.inf
         for line in self.lines:  # a plain loop takes half as long, and every setpoint needs this
-            error_us = line.bound_us(host_us)
+            # `line.bound_us`, without the call.
+            slope = line.error_slope * (host_us - line.origin_us - line.mean_us)
+            growth = line.growth * abs(host_us - line.last_us)
+            error_us = math.hypot(line.error_us, slope) + growth + RESOLUTION_US
             if error_us < best_error_us:
                 best, best_error_us = line, error_us
         # `best.offset_us`, without the call.
@@ -184,8 +181,13 @@ class Conversion:
             self.check()  # raises
         best_us, best_error_us = 0, math.inf
         for line in self.lines:  # a plain loop takes half as long, and every sample needs this
-            host_us = line.host_us(device_us)
-            error_us = line.bound_us(host_us)
+            # The formula of `_Line`, with offset(h) written as device time less h, solved for h.
+            elapsed = device_us - line.base_us - line.origin_us - line.a_us
+            host_us = line.origin_us + round(elapsed / (1 + line.b))
+            # `line.bound_us`, without the call.
+            slope = line.error_slope * (host_us - line.origin_us - line.mean_us)
+            growth = line.growth * abs(host_us - line.last_us)
+            error_us = math.hypot(line.error_us, slope) + growth + RESOLUTION_US
             if error_us < best_error_us:
                 best_us, best_error_us = host_us, error_us
         return best_us, best_error_us

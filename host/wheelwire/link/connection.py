@@ -114,8 +114,7 @@ class Link(DeviceLink):
         self._sharing_server: SharingServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Requests whose callers have given up. Each change is one call into C, without a lock."""
-        self.reported, setpoints = self._session.reported, self._session.setpoints
-        self.drive_velocity, self.drive_duty = setpoints.drive_velocity, setpoints.drive_duty
+        self.reported = self._session.reported
         # Weakly: the port's thread alone must not keep the owner alive.
         this = weakref.ref(self)
         self._loop = PortLoop(
@@ -126,7 +125,7 @@ class Link(DeviceLink):
             latest_sample,
             is_wanted=lambda: this() is not None,
         )
-        setpoints.port = self._loop
+        self._drive_through(self._loop)
         self._thread = threading.Thread(
             target=self._loop.run, name=f"wheelwire {options.port}", daemon=True
         )
@@ -259,12 +258,8 @@ class Link(DeviceLink):
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer; see `DeviceLink.request`."""
-        answer: Answer = self._result(partial(self._ask, message), is_stop=False)
+        answer: Answer = self._result(partial(self._loop.ask, message, self.post), is_stop=False)
         return answer
-
-    def _ask(self, message: RequestMessage, done: RequestDone) -> None:
-        if not self._loop.ask(message, done):
-            self.post(message, done)
 
     def _remind(self) -> None:
         self._loop.wake_up.wake()

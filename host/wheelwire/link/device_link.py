@@ -12,11 +12,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
+from os import sched_yield
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from wheelwire_protocol.codes import RefusalCode, StopMode
-from wheelwire_protocol.types import Hold, SetDuty
+from wheelwire_protocol.types import Hold, SetDuty, SetWheelVelocity
 
 from ..errors import (
     DeviceRefused,
@@ -28,14 +29,14 @@ from ..errors import (
     WheelwireError,
     afresh,
 )
-from ..holds import HeldBy, LastStop
 from ..samples import Setpoint
 from .clock import host_clock_us
+from .holds import HeldBy, LastStop
 from .info import DeviceInfo, LinkInfo
 from .requests import REPEAT_US, Answer, Done, RequestMessage
 from .sample_stream import DUTY_SCALE
 from .session import Phase, Session
-from .setpoints import SetpointSender
+from .setpoints import SetpointPort, SetpointSender
 from .traffic import Reporter, Traffic, TrafficReader
 
 if TYPE_CHECKING:
@@ -212,6 +213,13 @@ class DeviceLink(Reporter, ABC):
 
     # --- what is asked for -----------------------------------------------------------------------
 
+    def _drive_through(self, port: SetpointPort) -> None:
+        """Have setpoints written to `port`."""
+        setpoints = self._session.setpoints
+        setpoints.port = port
+        self.drive_velocity = partial(setpoints.drive, SetWheelVelocity)
+        self.drive_duty = partial(setpoints.drive, SetDuty)
+
     def settle(self) -> None:
         """A setpoint could not be sent: where a thread serves the port, wait for what it knows.
 
@@ -263,7 +271,12 @@ class DeviceLink(Reporter, ABC):
         """
         # A queue for each call: a result that comes after its caller gave up is dropped.
         results: SimpleQueue[Any] = SimpleQueue()
-        done = results.put
+
+        def done(result: object) -> None:
+            results.put(result)
+            # Or the caller wakes while this thread has the interpreter, and has to sleep again.
+            sched_yield()
+
         try:
             post(done)
             try:

@@ -12,7 +12,7 @@ from wheelwire_protocol.codes import ConfigurationState, EventCode, Fault, Held,
 from wheelwire_protocol.types import ConfigurationValue, Event, Hold
 
 from ..errors import NO_FAULT, BoardMismatch
-from ..holds import UNARMED, HeldBy, LastStop
+from .holds import UNARMED, HeldBy, LastStop
 from .info import ActiveBoard, ExpectedBoard
 from .requests import Answer
 from .sample_stream import Measurement

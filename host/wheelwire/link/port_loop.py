@@ -10,7 +10,6 @@ frame in one system call: waking another thread would take twice as long.
 
 from __future__ import annotations
 
-import logging
 import select
 import threading
 from collections import deque
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 from wheelwire_protocol.framing import MAX_ENCODED
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
+from . import LINK_LOG, LOG
 from .clock import SuspendWatch, host_clock_us
 from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer, RequestMessage
@@ -51,10 +51,7 @@ OpenPort: TypeAlias = "Callable[[int], Transport]"
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
 Task: TypeAlias = Callable[[Done, int], None]
 """Gets `done` and the time. It passes `done` on, calls it, or raises."""
-
-_log = logging.getLogger("wheelwire")
-_link_log = logging.getLogger("wheelwire.link")
-"""Logs the loss and the return of a link alone: a program that reports them itself can filter."""
+Post: TypeAlias = Callable[[RequestMessage, RequestDone], None]
 
 
 class PortLoop(Reporter):
@@ -92,6 +89,7 @@ class PortLoop(Reporter):
         self.port = ""
         self.served_by: SharedThread | None = None
         """Serves the port while it is open; None: the link's own thread does. Set before `run`."""
+        self.clock_ns = monotonic_ns
         self._first_baud_rate = baud_rate
         self._suspend = SuspendWatch()
         self._open_port = open_port
@@ -106,8 +104,9 @@ class PortLoop(Reporter):
         self._transport: Transport | None = None
         """The port while it is served."""
         # Bytes, replaced as a whole: other threads look at it without a lock.
-        self._output = b""
-        self._frames: deque[bytes] = deque()
+        self.output = b""
+        """What waits for the port."""
+        self.frames: deque[bytes] = deque()
         """Setpoints that did not fit into the port's buffer."""
         self._turned_us = 0
         """When the last pass began."""
@@ -148,36 +147,37 @@ class PortLoop(Reporter):
         if self.end is not None:  # the loop may have ended before it saw the call
             self._refuse_calls(self.end)
 
-    def ask(self, message: RequestMessage, done: RequestDone) -> bool:
-        """Write a request in the calling thread; False if it has to be handed over by `call`.
+    def ask(self, message: RequestMessage, post: Post, done: RequestDone) -> None:
+        """Write a request in the calling thread; if that has to hand it over, as `post` does.
 
         The port's thread waits for bytes anyway, so this need not wake it. If the answer is late,
         the caller that waits for `done` calls `wake_up.wake`, and the thread repeats the request.
         """
         transport = self._transport
         # What was handed over before comes first.
-        if transport is None or self._calls or self._output or self._frames:
-            return False
+        if transport is None or self._calls or self.output or self.frames:
+            post(message, done)
+            return
         now_us = monotonic_ns() // 1000
         claimed = self._session.claim_request(message, done, now_us)
         if claimed is None:
-            return False
+            post(message, done)
+            return
         if not claimed.frame:
             # As in `_begin` of the link: its result is an answer or an error.
             self.call(
                 lambda done, now_us: self._session.request_claimed(claimed, done, now_us),
                 cast("Done", done),
             )
-            return True
+            return
         # What the port does not take is repeated like what is lost behind it, and a loss of the
         # port ends the request.
         try:  # not `suppress`, which is three calls of Python
             transport.write(claimed.frame)
         except LinkLost:
-            return True
+            return
         if not self.wanted & select.POLLIN:  # it rests
             self.wake_up.wake()
-        return True
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser.
@@ -205,7 +205,7 @@ class PortLoop(Reporter):
                     transport = self._reopen()
         except BaseException as error:
             # Reported to all waiting threads: otherwise they would learn only that time ran out.
-            _log.exception("the link's thread failed")
+            LOG.exception("the link's thread failed")
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
         finally:
@@ -218,14 +218,10 @@ class PortLoop(Reporter):
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
 
-    def clock_us(self) -> int:
-        """The host's clock."""
-        return monotonic_ns() // 1000  # as `host_clock_us`, without the call
-
     def check_room(self) -> None:
         """Raise LinkLost if a setpoint would only queue up; requests have the other half."""
         # An upper bound: their sum would iterate over what another thread may be changing.
-        if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
+        if len(self.output) + MAX_FRAME * len(self.frames) > OUTPUT_LIMIT // 2:
             raise LinkLost(
                 "the port accepts no data, so the setpoint was not sent: check what is at its "
                 "other end"
@@ -247,13 +243,13 @@ class PortLoop(Reporter):
                 "robot is back"
             )
         # Behind what waits, or a newer setpoint would overtake an older one.
-        waits = bool(self._output or self._frames)
+        waits = bool(self.output or self.frames)
         if not waits:
             is_read = self._session.traffic.readers  # `_put` is for them
             written = self._put(transport, frame) if is_read else transport.write(frame)
             waits = written < len(frame)
         if waits:
-            self._frames.append(frame)
+            self.frames.append(frame)
             self.wake_up.wake()
         else:
             # This setpoint may have to be repeated, for which no state may cause a turn in time:
@@ -362,7 +358,7 @@ class PortLoop(Reporter):
                 if self.wanted != polled:
                     polled = self.wanted
                     poller.modify(descriptor, polled)
-                if self._has_sample:
+                if self._has_sample and self._latest_sample.changed.waiting:
                     self.wake_readers()
                 events = 0
                 for ready, found in poller.poll(max(0.0, (until_us - now_us) / 1000)):
@@ -394,15 +390,17 @@ class PortLoop(Reporter):
             until_us = unseen[2]
         # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
-        rest_until_us = self._coalescing.rest_until_us
-        if now_us < rest_until_us:
+        rest_until_us, latest = self._coalescing.idle_until_us, self._latest_sample
+        if latest.changed.waiting or latest.iterators:
+            rest_until_us = 0  # as `_longest_rest`, without the call
+        elif now_us < rest_until_us:
             self._rest_until_us = rest_until_us = self._longest_rest(now_us)
         rests = now_us < rest_until_us
         if rests:
             # First: a thread that puts a request on the line after the next look finds it so.
             self.wanted = 0
             rests = not self._session.is_asked
-        self.wanted = (0 if rests else select.POLLIN) | (select.POLLOUT if self._output else 0)
+        self.wanted = (0 if rests else select.POLLIN) | (select.POLLOUT if self.output else 0)
         return min(until_us, rest_until_us) if rests else until_us
 
     def turn(self, transport: Transport, events: int) -> None:
@@ -424,7 +422,10 @@ class PortLoop(Reporter):
             raise transport.lost()
         # Not before the read: an arrival dated too early would break the bound of the clock.
         self._turned_us = now_us = monotonic_ns() // 1000
-        if self._suspend.was_suspended(now_us):  # before what came is stamped by a wrong estimate
+        suspend = self._suspend
+        # Before what came is stamped by a wrong estimate.
+        ahead_us = suspend.boot_clock_ns() // 1000 - now_us
+        if ahead_us > suspend.limit_us and suspend.was_suspended(now_us):
             self._renew(now_us)
         if data:
             session, latest = self._session, self._latest_sample
@@ -452,7 +453,7 @@ class PortLoop(Reporter):
             self._advance(transport, now_us)
         if self._session.notices:
             self._tell_listener()
-        if self._frames or self._output:
+        if self.frames or self.output:
             self._write(transport)
 
     def _rest_is_over(self) -> bool:
@@ -465,11 +466,17 @@ class PortLoop(Reporter):
         At high state rates one read then takes several frames, which saves wake-ups.
         """
         latest = self._latest_sample
-        if self._work_pending or latest.is_awaited:
+        if self._work_pending or latest.sensors.is_iterated:
             return 0
+        coalescing = self._coalescing
         if latest.is_read(now_us):
-            return self._coalescing.short_rest_until_us
-        return self._coalescing.rest_until_us
+            return coalescing.short_rest_until_us
+        is_idle = (
+            now_us > self._session.setpoints.moves_until_us
+            and self._listener is None
+            and not self._session.traffic.readers
+        )
+        return coalescing.idle_until_us if is_idle else coalescing.rest_until_us
 
     def _do_calls(self, now_us: int) -> None:
         while self._calls:
@@ -485,7 +492,7 @@ class PortLoop(Reporter):
                 if not isinstance(error, WheelwireError):
                     # A bug in one call must not end the loop: others must be able to stop the
                     # robot.
-                    _log.exception("a call of the link failed")
+                    LOG.exception("a call of the link failed")
                     why = f"the call failed ({error!r}): report this, with the log"
                     error = WheelwireError(why)
                 done(error)
@@ -520,7 +527,7 @@ class PortLoop(Reporter):
         self._check_port(transport, now_us)
         self._session.advance(now_us)
         self._queue_output()
-        if self._output:
+        if self.output:
             self._write(transport)  # before the rest: the round trip of a ping has begun
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
@@ -530,10 +537,10 @@ class PortLoop(Reporter):
 
     def _write(self, transport: Transport) -> None:
         """Write what the port takes."""
-        while self._frames:  # other threads append at any time
-            self._output += self._frames.popleft()
-        if self._output:
-            self._output = self._output[self._put(transport, self._output) :]
+        while self.frames:  # other threads append at any time
+            self.output += self.frames.popleft()
+        if self.output:
+            self.output = self.output[self._put(transport, self.output) :]
 
     def _put(self, transport: Transport, data: bytes) -> int:
         """Write what the port takes of `data`; returns how much that was."""
@@ -552,10 +559,10 @@ class PortLoop(Reporter):
         if not self._session.output:
             return
         output = self._session.take_output()
-        room = OUTPUT_LIMIT - len(self._output)
+        room = OUTPUT_LIMIT - len(self.output)
         if len(output) > room:  # whole frames alone: between two of them are two delimiters
             output = output[: output.rfind(b"\0\0", 0, room + 1) + 1]
-        self._output += output
+        self.output += output
 
     # --- the port ------------------------------------------------------------------------------
 
@@ -583,7 +590,7 @@ class PortLoop(Reporter):
         self.policy.begin(transport.baud_rate, transport.longest_pause_s, self._session, now_us)
         self._session.connect(now_us)
         # A caller may have queued one for the previous port after it was lost, and got an error.
-        self._frames.clear()
+        self.frames.clear()
         # A pass at once: the hello waits in the session.
         self._work_pending, self._due_us = True, 0
 
@@ -601,13 +608,13 @@ class PortLoop(Reporter):
             if kept is not None:  # its traceback would keep the port's descriptors
                 kept.__traceback__ = None
         if self.policy.note_lost(error):
-            _link_log.warning("%s: %s", self.port, error)
+            LINK_LOG.warning("%s: %s", self.port, error)
         # First: a thread that sees the link lost must get no earlier sample.
         self._latest_sample.interrupt()
         self._session.disconnect(error)
         self._tell_changes()
-        self._output = b""
-        self._frames.clear()
+        self.output = b""
+        self.frames.clear()
 
     # --- changes and the end -------------------------------------------------------------------
 
@@ -618,10 +625,10 @@ class PortLoop(Reporter):
             self._was_open = is_open
             if is_open:
                 self.policy.session_opened()
-                _link_log.info("%s: link open", self.port)
+                LINK_LOG.info("%s: link open", self.port)
             else:
                 self._latest_sample.interrupt()
-                _link_log.warning("%s: %s", self.port, self._session.error)
+                LINK_LOG.warning("%s: %s", self.port, self._session.error)
         self._tell_listener()  # samples of a lost link are gone by now
         # Even if it did not change: a thread that opens a link also waits for a final error.
         self._changed.notify_all()
@@ -645,7 +652,7 @@ class PortLoop(Reporter):
             self._last_stop.begin(self._session, now_us)
             self.wake_up.wake()  # one more turn, to write it
             return False
-        return self._last_stop.is_over(now_us, all_written=not self._output)
+        return self._last_stop.is_over(now_us, all_written=not self.output)
 
     def _note_closing(self) -> None:
         """Begin to close: whether the robot moves is decided at this moment."""
@@ -656,7 +663,7 @@ class PortLoop(Reporter):
         """Log a warning if the robot drove when the closing began, and has acknowledged no stop."""
         left_us = self._session.setpoints.moves_until_us - (self._closing_us or host_clock_us())
         if left_us > 0:
-            _link_log.warning(
+            LINK_LOG.warning(
                 "%s: closed while the robot drives and cannot be reached: it stops by itself when "
                 "its last setpoint expires, within %.1f s",
                 self.port,

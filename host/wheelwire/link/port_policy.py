@@ -31,8 +31,13 @@ STOP_ACK_TIMEOUT_US = 500_000
 REST_US = 10_000
 """How long to rest. At 5000 frames a second, 2500 bytes arrive in this time; a terminal's buffer
 holds 4095."""
-READ_REST_US = 2_000
+READ_REST_US = 3_000
 """As `REST_US`, while a program reads samples but does not wait for one."""
+IDLE_REST_US = 25_000
+"""As `REST_US`, while the robot is not driven, and nobody reads or listens: of the usual 100 frames
+a second it gathers two or three."""
+IDLE_FRAMES = 60
+"""A rest that would take more frames than these is `REST_US` long."""
 
 
 class BaudSearch:
@@ -253,6 +258,8 @@ class Coalescing:
         """When to read again; in the past for a slow stream: each frame is read when it comes."""
         self.short_rest_until_us = 0
         """The same for a program that reads samples."""
+        self.idle_until_us = 0
+        """The same for an idle robot: the latest of the three."""
         self.next_us = 0
         """When the next state is expected at the latest, by the longer of the two newest gaps."""
         self._gap_us = 0
@@ -273,11 +280,19 @@ class Coalescing:
         """
         if has_state or has_sensed:
             # Several frames in a read, or reads in quick succession: a rest would gather several.
-            several, pause_us = frames > self._frames + 1, now_us - self._read_us
-            self.rest_until_us = now_us + REST_US if several or pause_us < REST_US // 2 else 0
-            is_fast = several or pause_us < READ_REST_US * 3 // 4
+            count, pause_us = frames - self._frames, now_us - self._read_us
+            # A rest gathers no more than one frame of a stream that is slower than these.
+            gap_us = 0 if count > 1 else pause_us
+            self.rest_until_us = now_us + REST_US if gap_us < REST_US // 2 else 0
+            is_fast = gap_us < READ_REST_US * 3 // 4
             self.short_rest_until_us = now_us + READ_REST_US if is_fast else 0
+            if gap_us < IDLE_REST_US * 3 // 4 and count * IDLE_REST_US <= IDLE_FRAMES * pause_us:
+                self.idle_until_us = now_us + IDLE_REST_US
+            else:
+                self.idle_until_us = self.rest_until_us
             self._read_us = now_us
+        else:  # the answer may be to a request for a faster stream
+            self.idle_until_us = self.rest_until_us
         self._frames = frames
         if has_state:
             gap_us = now_us - self._state_us

@@ -81,7 +81,7 @@ class Request:
 class RequestQueue:
     """The requests of one session after the other.
 
-    The port's thread calls the methods; any thread may call `claim` and `begin_claimed`.
+    The port's thread calls the methods; any thread may call `claim` and `begin`.
 
     Stop and Estop do not queue: the device neither caches nor orders them. The others go one at a
     time, because the device remembers only its last few answers. Each kind has its own count of
@@ -153,18 +153,24 @@ class RequestQueue:
     def claim(self, message: RequestMessage, done: Done, now_us: int) -> Request | None:
         """Put a request on the line, from any thread; None if others come before it.
 
-        Nothing is locked. If the caller is interrupted for good before `begin_claimed`, nothing is
-        sent, and `withdraw` ends the request.
+        Nothing is locked. If the caller is interrupted for good before `begin`, nothing is sent,
+        and `withdraw` ends the request.
         """
         request = Request(message, done, urgent=False, deadline_us=now_us + REPEAT_US)
         # One call into C, which no other thread and no signal handler can be in the middle of.
         return request if self._lane.setdefault(_LANE, request) is request else None
 
-    def begin_claimed(self, request: Request, session_id: int) -> RequestMessage:
-        """Begin a request by the thread that claimed the line; returns the message to write."""
+    def begin(self, request: Request, session_id: int) -> None:
+        """Begin a request by the thread that put it on the line, which then writes its message."""
         request.attempts = 1
-        self._draw_id(request, session_id)
-        return request.message
+        # As `_id_after`, without the call.
+        request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS or COPY_ID + 1
+        message = request.message
+        # In this order, which `snapshot` relies on. As `_replace`, which is two calls more: each
+        # request begins with these two.
+        fields = session_id, request_id, *message[2:]
+        request.message = tuple.__new__(type(message), fields)
+        self._last_ids[request.urgent] = request_id
 
     def release_claimed(self, request: Request) -> bool:
         """Take a claimed request from the line before it is begun; False if it was aborted."""
@@ -182,8 +188,7 @@ class RequestQueue:
             if not request.attempts:  # its thread has been held up, and is about to send it
                 request.deadline_us = now_us + REPEAT_US
             elif request.attempts < (URGENT_ATTEMPTS if request.urgent else ATTEMPTS):
-                self.repeated += 1
-                self._send(request, now_us)
+                self._repeat(request, now_us)
             else:
                 name = type(request.message).__name__
                 error = RequestTimeout(
@@ -194,15 +199,18 @@ class RequestQueue:
 
     def answered_by(self, answer: Answer) -> Request | None:
         """The open request that an answer of this session belongs to; None if there is none."""
-        is_stop = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
-        request = self._with_id(is_stop, answer.request_id)
-        if request is None:
+        if type(answer) is Ack and answer.message_id in _URGENT_IDS:
+            request = self._stops.get(answer.request_id)
+        else:  # as `_with_id`, without the call
+            request = self._lane.get(_LANE)
+        number = answer.request_id
+        if request is None or not number or request.message.request_id != number:
             return None
         # An id alone is not enough: a previous host's answer may carry the same one.
         expected = ANSWERS.get(type(request.message), Ack)
         if type(answer) is not expected:
             return None
-        if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
+        if type(answer) is Ack and answer.message_id != message_id(type(request.message)):
             return None
         return request
 
@@ -289,20 +297,16 @@ class RequestQueue:
             self._begin(self._waiting.popleft(), now_us)
 
     def _begin(self, request: Request, now_us: int) -> None:
-        self._draw_id(request, request.message.session_id)
-        self._send(request, now_us)
+        self.begin(request, request.message.session_id)
+        request.deadline_us = now_us + REPEAT_US
+        self._send_message(request.message)
         if request.urgent:
             self._stops[request.message.request_id] = request
 
-    def _draw_id(self, request: Request, session_id: int) -> None:
-        request_id = _id_after(self._last_ids.get(request.urgent, 0))
-        # In this order, which `snapshot` relies on.
-        request.message = request.message._replace(session_id=session_id, request_id=request_id)
-        self._last_ids[request.urgent] = request_id
-
-    def _send(self, request: Request, now_us: int) -> None:
+    def _repeat(self, request: Request, now_us: int) -> None:
+        self.repeated += 1
         request.attempts += 1
-        # The first wait is REPEAT_US for all: only repeats of what is not urgent make it longer.
+        # Only repeats of what is not urgent make the wait longer.
         doublings = 0 if request.urgent else request.attempts - 1
         request.deadline_us = now_us + min(REPEAT_US << doublings, LONGEST_WAIT_US)
         self._send_message(request.message)

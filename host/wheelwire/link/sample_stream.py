@@ -7,7 +7,6 @@ iterators: `for sample in robot.samples():`. What sensors measure comes from `se
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -28,6 +27,7 @@ from ..samples import (
     SensorEvent,
     WheelSample,
 )
+from . import LazyLogger
 from .clock import ClockEstimator, Conversion, DeviceTime, host_clock_us
 from .threads import Notifier
 
@@ -201,7 +201,7 @@ class SampleIterator(Generic[Sample]):
             sample = self.poll()
             if sample is not None:
                 return sample
-            self.wait(ITERATOR_WAIT_S)
+            self._wait(self.is_ready, ITERATOR_WAIT_S)  # as `wait`, without the call
 
     def poll(self) -> Sample | None:
         """As `next`, without waiting: None when there is no sample yet."""
@@ -315,7 +315,7 @@ class Pacer:
 
 # --- iterators of the sensors' samples and events -------------------------------------------------
 
-_log = logging.getLogger("wheelwire.sensors")
+_LOG = LazyLogger("wheelwire.sensors")
 
 
 class SensorQueues:
@@ -351,8 +351,8 @@ class SensorQueues:
                 self.iterators[group].put(what.sample, arrived_us)
 
     def _pass_on_event(self, port: str, event: SensorEvent, arrived_us: int) -> None:
-        level = logging.WARNING if event.is_warning else logging.INFO
-        _log.log(level, "%s: %s", port, event.sentence)
+        log = _LOG.warning if event.is_warning else _LOG.info
+        log("%s: %s", port, event.sentence)
         self.iterators[EVENTS].put(lambda: event, arrived_us)
 
     def end(self, failure: WheelwireError | None) -> None:
@@ -548,14 +548,11 @@ class LatestSample:
         """A sample was measured since the last interruption."""
         return self._current
 
-    @property
-    def is_awaited(self) -> bool:
-        """Whether the next sample is wanted without delay."""
-        return bool(self.changed.waiting or self.iterators) or self.sensors.is_iterated
-
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then no sample should be old."""
-        return now_us < self._asked_us + ATTENTION_US or self.is_awaited
+        if now_us < self._asked_us + ATTENTION_US or self.changed.waiting or self.iterators:
+            return True
+        return self.sensors.is_iterated
 
     def _take_fresh(self, since_us: int | None) -> tuple[Measurement, ...]:
         """The unread sample, or one that another reader has taken since then; none too old."""

@@ -19,25 +19,25 @@ uses only one object of the session, which is replaced as a whole.
 from __future__ import annotations
 
 import enum
-import logging
 import os
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wheelwire_protocol import types as wire
-from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import EventCode, RefusalCode, StopMode, TrialAction
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder, encode_frame
 from wheelwire_protocol.types import ANSWERS, AnyMessage, WheelState
 
 from ..errors import NO_FAULT, DeviceRefused, LinkLost, WheelwireError, WrongBoard, afresh
-from ..holds import LastStop
+from . import LINK_LOG, LOG
 from .clock import Liveness, Synchroniser
 from .device_reports import DeviceReports
+from .holds import LastStop
 from .info import (
     BootHistory,
     DeviceInfo,
@@ -86,9 +86,6 @@ _CHANGES = (wire.ParameterSet, wire.ParameterSave, wire.ParameterReset, wire.Par
 _CONSEQUENTIAL = (wire.ParameterTrial, wire.ClearEstop, wire.ClearFault)
 """Requests that change what the session knows before they are answered."""
 _SENSED = (wire.Imu, wire.Power, wire.Range, wire.Inputs, wire.SensorEvent)
-_CLEARS = (message_id(wire.ClearEstop), message_id(wire.ClearFault))
-_LOG = logging.getLogger("wheelwire")
-_LINK_LOG = logging.getLogger("wheelwire.link")
 
 
 def random_nonce() -> int:
@@ -110,6 +107,9 @@ class Phase(enum.Enum):
     PREPARING = enum.auto()
     """The clock is being synchronised, stream rate and parameters are being set."""
     OPEN = enum.auto()
+
+
+_IN_SESSION = (Phase.PREPARING, Phase.OPEN)
 
 
 class Session:
@@ -165,8 +165,8 @@ class Session:
         self.frames_received = 0
         self.notices: deque[Notice] = deque()
         self.traffic = Traffic()
-        self.warn: Callable[..., None] = _LOG.warning
-        self.warn_held: Callable[..., None] = _LINK_LOG.warning
+        self.warn: Callable[..., None] = LOG.warning
+        self.warn_held: Callable[..., None] = LINK_LOG.warning
 
         self._joining: list[TrafficReader] = []
         """The readers that listen as soon as the session is prepared."""
@@ -213,8 +213,9 @@ class Session:
         )
         # It belongs to no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
-        # Without WheelState, which `receive` collects itself.
-        self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
+        self._handlers: dict[type[AnyMessage], Callable[..., object]] = {
+            # `receive` collects those of this boot itself.
+            WheelState: lambda state, now_us: self._is_this_boot(state.boot_id, now_us),
             wire.DeviceHello: self._on_hello,
             wire.Pong: self._on_pong,
             wire.Event: self._on_event,
@@ -223,6 +224,21 @@ class Session:
             wire.Hold: self._on_hold,
             wire.SensorInfo: self._on_sensor_info,
             **dict.fromkeys(_SENSED, self._on_sensed),
+        }
+        # What the answer to a request changes here, by the request.
+        self._applied: dict[type[RequestMessage], Callable[[Any, Any, int], None]] = {
+            wire.ParameterTrial: lambda asked, _, now_us: self._trial.on_done(asked, now_us),
+            **dict.fromkeys(
+                (wire.ParameterGet, wire.ParameterSet, wire.ParameterList),
+                lambda _, answer, __: self.reported.take_value(answer.parameter, answer.value),
+            ),
+            **dict.fromkeys(
+                (wire.ConfigurationGet, wire.ConfigurationConfirm),
+                lambda _, answer, __: self.reported.take_board(answer),
+            ),
+            wire.SensorStream: self._apply_stream,
+            **dict.fromkeys((wire.Stop, wire.Estop), self._apply_stop),
+            **dict.fromkeys((wire.ClearEstop, wire.ClearFault), self._apply_clear),
         }
 
     @property
@@ -303,7 +319,7 @@ class Session:
                 continue
             if states:  # before the message that came after them: it may end the session
                 self._take_states(states, found, now_us)
-            self._take(message, now_us)
+            self._handlers.get(type(message), self._on_echo)(message, now_us)
         if states:
             self._take_states(states, found, now_us)
         # At once, not at the next `advance`: the last answer may just have come.
@@ -316,17 +332,6 @@ class Session:
         if self.phase is Phase.PREPARING:
             self._open_when_prepared(now_us)
         self._join()
-
-    def _take(self, message: AnyMessage, now_us: int) -> None:
-        """Take any message but a state of this boot."""
-        if type(message) is WheelState:  # in any phase it may be a sign of a reset
-            self._is_this_boot(message.boot_id, now_us)
-            return
-        handler = self._handlers.get(type(message))
-        if handler is None:
-            self._foreign += 1  # a message that only hosts send: an echo
-        else:
-            handler(message, now_us)
 
     def _text_in(self, data: bytes) -> list[AnyMessage]:
         """Read the text of a chip that does not run and may say why; no message is in it."""
@@ -484,19 +489,16 @@ class Session:
             something else comes first, or it changes what is known here.
         """
         opened = self.setpoints.opened
-        if (
-            opened is None
-            or self._trial.held is not None
-            or self.traffic.readers
-            or isinstance(message, _CONSEQUENTIAL)
-        ):
+        if opened is None or self._trial.held is not None or self.traffic.readers:
+            return None
+        if isinstance(message, _CONSEQUENTIAL):
             return None
         claimed = self._requests.claim(message, done, now_us)
         # Checked again now that the line is claimed. From here on, a new reader sees the request,
         # and so does the end of the session.
         if claimed is not None and self.setpoints.opened is opened and not self.traffic.readers:
-            begun = self._requests.begin_claimed(claimed, opened.id)
-            claimed.frame = opened.encoder.encode(begun)
+            self._requests.begin(claimed, opened.id)
+            claimed.frame = opened.encoder.encode(claimed.message)
         return claimed
 
     def request_claimed(self, claimed: Request, done: Done, now_us: int) -> None:
@@ -543,7 +545,7 @@ class Session:
     @property
     def _in_session(self) -> bool:
         """Whether the device has opened a session; it may not be ready for use yet."""
-        return self.phase in (Phase.PREPARING, Phase.OPEN)
+        return self.phase in _IN_SESSION
 
     def _begin_hello(self, error: WheelwireError, now_us: int, pause_us: int = 0) -> None:
         """End the current session and, after a pause, say hello with a new nonce."""
@@ -657,7 +659,7 @@ class Session:
 
     def _is_ours(self, session_id: int, now_us: int) -> bool:
         """Whether a message belongs to this session. If so, the device counts as heard."""
-        ours = self._in_session and session_id == self.id
+        ours = self.phase in _IN_SESSION and session_id == self.id
         # Messages of an earlier session do not show that this one is alive.
         if ours:
             self._liveness.heard_us = now_us
@@ -698,6 +700,10 @@ class Session:
                     reported.note_latched(newest.faults)
                 self.setpoints.on_obeyed(newest.state.command_seq, now_us)
         states.clear()
+
+    def _on_echo(self, _: AnyMessage, _now_us: int) -> None:
+        """A message that only hosts send."""
+        self._foreign += 1
 
     def _on_pong(self, pong: wire.Pong, now_us: int) -> None:
         if not self._is_ours(pong.session_id, now_us):
@@ -791,28 +797,26 @@ class Session:
             self._foreign += answer.request_id != COPY_ID
             return
         # First apply what the answer changes: then the caller goes on, in another thread.
-        if isinstance(request, wire.ParameterTrial):
-            self._trial.on_done(request, now_us)
-        elif isinstance(answer, (wire.ParameterValue, wire.ParameterEntry)):
-            self.reported.take_value(answer.parameter, answer.value)
-        elif isinstance(answer, wire.ConfigurationValue) or (
-            isinstance(request, wire.ConfigurationConfirm)
-        ):
-            self.reported.take_board(answer)
-        elif isinstance(request, wire.SensorStream):
-            board = self.reported.board
-            size = None if board is None else board.peripheral_count
-            self.sensors.note_asked(request.rate_hz, size, now_us)
-        elif isinstance(request, (wire.Stop, wire.Estop)):
-            self.setpoints.moves_until_us = 0
-        elif isinstance(answer, wire.Ack) and answer.message_id in _CLEARS:
-            # Until the next state frame tells, assume that the device is no longer latched: else
-            # the first setpoint after a clear would be refused here.
-            self.setpoints.clear()
-            if isinstance(request, wire.ClearFault):
-                # The same fault may be latched before the next frame.
-                self.reported.latched = NO_FAULT
+        apply = self._applied.get(type(asked.message))
+        if apply is not None:
+            apply(asked.message, answer, now_us)
         self._requests.finish(asked, answer, now_us)
+
+    def _apply_stream(self, request: wire.SensorStream, _: Answer, now_us: int) -> None:
+        board = self.reported.board
+        size = None if board is None else board.peripheral_count
+        self.sensors.note_asked(request.rate_hz, size, now_us)
+
+    def _apply_stop(self, _: wire.Stop | wire.Estop, __: Answer, _now_us: int) -> None:
+        self.setpoints.moves_until_us = 0
+
+    def _apply_clear(self, request: RequestMessage, _: Answer, _now_us: int) -> None:
+        # Until the next state frame tells, assume that the device is no longer latched: else the
+        # first setpoint after a clear would be refused here.
+        self.setpoints.clear()
+        if isinstance(request, wire.ClearFault):
+            # The same fault may be latched before the next frame.
+            self.reported.latched = NO_FAULT
 
     def _begin_after_trial(self, now_us: int) -> None:
         """Void all known values: the device has reverted a trial by itself."""

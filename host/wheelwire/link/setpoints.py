@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import count
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Held, RefusalCode, StopMode, SupervisorState
@@ -19,8 +19,8 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
 from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError, afresh
-from ..holds import UNARMED
 from .clock import ClockEstimator
+from .holds import UNARMED
 from .requests import COPY_ID, HeldTrial
 from .sample_stream import DUTY_SCALE
 from .traffic import ESTOP, Kind, Traffic
@@ -70,13 +70,22 @@ class OpenSession(NamedTuple):
 
 
 class SetpointPort(Protocol):
-    """Where a link writes setpoints."""
+    """Where a link writes setpoints. Each looks at attributes: a method would be a call."""
 
-    def clock_us(self) -> int:
+    @property
+    def clock_ns(self) -> Callable[[], int]:
         """The host's time of the link."""
 
+    @property
+    def output(self) -> bytes:
+        """What waits for the port."""
+
+    @property
+    def frames(self) -> Collection[bytes]:
+        """The setpoints that wait behind it."""
+
     def check_room(self) -> None:
-        """Raise `LinkLost` if a setpoint could not be written soon."""
+        """Raise `LinkLost` if a setpoint could not be written soon. Called if something waits."""
 
     def send(self, frame: bytes, now_us: int) -> None:
         """Write a frame in the calling thread; `LinkLost` if the port is gone."""
@@ -220,32 +229,31 @@ class SetpointSender:
         self.void()
         self._refusal = None
 
-    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Write one velocity setpoint at once; it expires at the host's `expiry_us`.
-
-        From any thread.
+    def drive(self, kind: type[Setpoint], left: float, right: float, expiry_us: int) -> None:
+        """Write a setpoint at once; as `frame`.
 
         Raises:
             LinkLost: The session is not open, or the port takes nothing.
-            WheelwireError: As `velocity_frame`.
+            WheelwireError: As `frame`.
         """
         port = self.port
-        now_us = port.clock_us()
+        now_us = port.clock_ns() // 1000
         # Before a frame is made, which would be recorded for a repeat and so be sent after all.
-        port.check_room()
-        port.send(self.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)
+        if port.output or port.frames:
+            port.check_room()
+        port.send(self.frame(kind, left, right, expiry_us, now_us), now_us)
 
-    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Write one duty setpoint; otherwise as `drive_velocity`."""
-        port = self.port
-        now_us = port.clock_us()
-        port.check_room()
-        port.send(self.duty_frame(left, right, expiry_us, now_us), now_us)
-
-    def velocity_frame(
-        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
+    def frame(
+        self, kind: type[Setpoint], left: float, right: float, expiry_us: int, now_us: int
     ) -> bytes:
-        """Encode a velocity setpoint that expires at the host's `expiry_us`; from any thread.
+        """Encode a setpoint; from any thread.
+
+        Args:
+            kind: Of the message.
+            left: Velocity [m/s] at the rim, or duty, -1..1.
+            right: The same.
+            expiry_us: When it expires, on the host's clock.
+            now_us: The host's clock.
 
         Returns:
             Its frame, to be written at once.
@@ -258,15 +266,49 @@ class SetpointSender:
                 sent, and does not raise.
         """
         if self._traffic.readers:
-            self._traffic.put(Kind.VELOCITY, now_us, ASKED.pack(left_mps, right_mps, expiry_us))
-        return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
-
-    def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
-        """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
-        if self._traffic.readers:
-            self._traffic.put(Kind.DUTY, now_us, ASKED.pack(left, right, expiry_us))
-        left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
-        return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
+            what = Kind.DUTY if kind is SetDuty else Kind.VELOCITY
+            self._traffic.put(what, now_us, ASKED.pack(left, right, expiry_us))
+        if kind is SetDuty:
+            left, right = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
+        opened = self.opened
+        if opened is None:  # read once: the port's thread may end the session at any time
+            raise afresh(self._why_closed())
+        if self._trial.held is not None:
+            self._trial.check("the setpoint")
+        # By identity: a dictionary lookup would hash the state, in Python code.
+        state = self.supervisor
+        is_unarmed = False
+        if self._refusal is not None or state is _ESTOPPED or state is _FAULT:
+            is_unarmed = self._take_unarmed(is_zero=not (left or right), now_us=now_us)
+            self.check()
+        # The device's clock is known only within a bound. Subtract the bound from the expiry, or
+        # the setpoint could live longer than its ttl.
+        device_expiry_us, error_us = opened.clock.conversion.host_to_device(expiry_us)
+        bound_us = math.ceil(error_us)
+        sure_us = expiry_us - bound_us
+        if sure_us <= now_us:
+            raise Expired(
+                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
+                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
+            )
+        if self._quiet_since_us is not None:
+            self._end_hold(is_zero=not (left or right), now_us=now_us)
+        # Two threads never get the same number: next() of a count is atomic in CPython.
+        command_seq = next(opened.command_seqs)
+        fields = opened.id, command_seq, device_expiry_us - bound_us, left, right
+        setpoint = tuple.__new__(kind, fields)  # as `kind`, without its call
+        if not (left or right):
+            self.zero_seq = command_seq
+        if is_unarmed:
+            # Sent even so. The device would take silence for a pause and then drive, although the
+            # caller never stopped asking for motion.
+            self.unseen = setpoint, sure_us, now_us
+            raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+        self.moves_until_us = sure_us if left or right else 0
+        # Before it is written: the state frame that shows it may come at any moment after.
+        self.unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
+        self.newest = setpoint, sure_us
+        return opened.encoder.encode(setpoint)
 
     def stop_copy(self, mode: StopMode | None) -> bytes | None:
         """A frame that stops at once, or with None latches, sent as well as the acknowledged stop.
@@ -368,48 +410,6 @@ class SetpointSender:
             self._late += 1
             if self._late == LATE:
                 self._warn(ALL_LATE)
-
-    def _frame(
-        self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
-    ) -> bytes:
-        opened = self.opened
-        if opened is None:  # read once: the port's thread may end the session at any time
-            raise afresh(self._why_closed())
-        if self._trial.held is not None:
-            self._trial.check("the setpoint")
-        # By identity: a dictionary lookup would hash the state, in Python code.
-        state = self.supervisor
-        is_unarmed = False
-        if self._refusal is not None or state is _ESTOPPED or state is _FAULT:
-            is_unarmed = self._take_unarmed(is_zero=not (left or right), now_us=now_us)
-            self.check()
-        # The device's clock is known only within a bound. Subtract the bound from the expiry, or
-        # the setpoint could live longer than its ttl.
-        device_expiry_us, error_us = opened.clock.conversion.host_to_device(expiry_us)
-        bound_us = math.ceil(error_us)
-        sure_us = expiry_us - bound_us
-        if sure_us <= now_us:
-            raise Expired(
-                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
-                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
-            )
-        if self._quiet_since_us is not None:
-            self._end_hold(is_zero=not (left or right), now_us=now_us)
-        # Two threads never get the same number: next() of a count is atomic in CPython.
-        command_seq = next(opened.command_seqs)
-        setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
-        if not (left or right):
-            self.zero_seq = command_seq
-        if is_unarmed:
-            # Sent even so. The device would take silence for a pause and then drive, although the
-            # caller never stopped asking for motion.
-            self.unseen = setpoint, sure_us, now_us
-            raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
-        self.moves_until_us = sure_us if left or right else 0
-        # Before it is written: the state frame that shows it may come at any moment after.
-        self.unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
-        self.newest = setpoint, sure_us
-        return opened.encoder.encode(setpoint)
 
     def _take_unarmed(self, *, is_zero: bool, now_us: int) -> bool:
         """Whether a setpoint has to raise that the device is unarmed, which is reported once."""

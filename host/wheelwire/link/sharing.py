@@ -6,7 +6,6 @@ The port's owner alone drives, sets and clears. All of it runs in a thread of it
 from __future__ import annotations
 
 import errno
-import logging
 import os
 import select
 import socket
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import WheelwireError
+from . import LazyLogger
 from .sharing_folder import SUFFIX, SharingFolder, note_driver, sharing_folder
 from .threads import Notifier, WakeUp, abandon_in_child, start_without_waiting
 
@@ -40,7 +40,7 @@ NAMES = 8
 CLOSE_TIMEOUT_S = 1.0
 
 _CREDENTIALS = struct.Struct("3i")
-_log = logging.getLogger("wheelwire.share")
+_LOG = LazyLogger("wheelwire.share")
 
 
 class SharingServer:
@@ -91,7 +91,7 @@ class SharingServer:
     # --- the thread ----------------------------------------------------------------------------
 
     def _give_up(self, error: RuntimeError) -> None:
-        _log.warning("other programs cannot look at this robot: %s", error)
+        _LOG.warning("other programs cannot look at this robot: %s", error)
         self._release()
 
     def _run(self) -> None:
@@ -100,7 +100,7 @@ class SharingServer:
                 pass
         except Exception:
             # No failure here may become an error in the program that drives.
-            _log.exception("sharing has failed: other programs cannot look at this robot any more")
+            _LOG.exception("sharing has failed: other programs cannot look at this robot any more")
         finally:
             self._place.close()
             self._release()
@@ -181,7 +181,7 @@ def offer(link: Link) -> SharingServer | None:
     try:
         server = SharingServer(link)
     except OSError as error:
-        _log.warning("other programs cannot look at this robot: %s", error)
+        _LOG.warning("other programs cannot look at this robot: %s", error)
         return None
     server.start()
     return server
@@ -225,7 +225,7 @@ class _Place:
             # Once: it is tried again each second.
             if not self._problem:
                 self._problem = str(error)
-                _log.warning("other programs cannot look at this robot: %s", error)
+                _LOG.warning("other programs cannot look at this robot: %s", error)
         else:
             self._board_id, self._problem = board_id, ""
 

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import ConfigurationError
-from ..holds import Program, start_of
 from ..whole_file import write_whole
+from .holds import Program, start_of
 
 DIRECTORY_VARIABLE = "WHEELWIRE_TAP_DIR"
 GROUP_VARIABLE = "WHEELWIRE_TAP_GROUP"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 
-from ..holds import HeldBy
+from .holds import HeldBy
 
 if TYPE_CHECKING:
     from .session import Session

@@ -8,11 +8,12 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import Hold
+from wheelwire_protocol.types import Hold, SetDuty, SetWheelVelocity
 
 from ..errors import LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
@@ -21,7 +22,7 @@ from ..link.handover import resumed
 from ..link.requests import Answer
 from ..link.sample_stream import LatestSample, Measurement
 from ..link.session import Phase, Session
-from ..link.setpoints import ASKED
+from ..link.setpoints import ASKED, Setpoint
 from ..link.threads import Notifier
 from ..link.traffic import ATTACHED, ESTOP, Kind, Record
 
@@ -91,10 +92,8 @@ class Rerun:
             Kind.REQUEST: _request,
             Kind.STOP: _stop,
             Kind.STOP_COPY: lambda session, record: session.setpoints.stop_copy(_mode(record)),
-            Kind.VELOCITY: lambda session, record: session.setpoints.velocity_frame(
-                *_asked(record)
-            ),
-            Kind.DUTY: lambda session, record: session.setpoints.duty_frame(*_asked(record)),
+            Kind.VELOCITY: partial(_drive, SetWheelVelocity),
+            Kind.DUTY: partial(_drive, SetDuty),
             Kind.WITHDRAWN: lambda session, record: session.withdraw_places(_u32s(record)),
             Kind.RELEASED: lambda session, _: session.release_trial(),
         }
@@ -151,9 +150,9 @@ def _nobody(_: Answer | WheelwireError) -> None:
     """Takes the answer to a recorded stop, which no call waits for."""
 
 
-def _asked(record: Record) -> tuple[float, float, int, int]:
+def _drive(kind: type[Setpoint], session: Session, record: Record) -> None:
     left, right, expiry_us = ASKED.unpack(record.data)
-    return left, right, expiry_us, record.host_us
+    session.setpoints.frame(kind, left, right, expiry_us, record.host_us)
 
 
 def _mode(record: Record) -> StopMode | None:

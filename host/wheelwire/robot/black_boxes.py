@@ -10,9 +10,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.black_box import BoxHead, head_of
 from wheelwire_protocol.codes import Group, RefusalCode, ResetReason, SupervisorEvent
-from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
 from .calls import Requests, blocking
@@ -93,7 +93,7 @@ class AwaitableRecorder:
         # By number: a box stored during the download makes all others older.
         found: dict[int, StoredBox] = {}
         for age in range(_MOST_BOXES):
-            value = cast("BoxValue", await self._requests.ask(BoxGet(0, 0, age)))
+            value = cast("wire.BoxValue", await self._requests.ask(wire.BoxGet(0, 0, age)))
             if value.number == 0:
                 break
             try:
@@ -119,8 +119,8 @@ class AwaitableRecorder:
         number = box.head.number
         image = bytearray()
         while len(image) < box.size:
-            request = BoxRead(0, 0, number, len(image))
-            part = cast("BoxPart", await self._requests.ask(request))
+            request = wire.BoxRead(0, 0, number, len(image))
+            part = cast("wire.BoxPart", await self._requests.ask(request))
             if part.size == 0:
                 raise RecordingError(
                     f"black box {number} is no longer on the device: a newer one has taken "
@@ -136,7 +136,7 @@ class AwaitableRecorder:
             GroupUnavailable, DeviceRefused, LinkLost, RequestTimeout: As `boxes`.
         """
         await self._requests.check_group(Group.RECORDER)
-        value = cast("LedgerValue", await self._requests.ask(LedgerGet(0, 0)))
+        value = cast("wire.LedgerValue", await self._requests.ask(wire.LedgerGet(0, 0)))
         counts = value._asdict()
         return Ledger(
             value.uptime_s,

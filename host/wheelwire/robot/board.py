@@ -7,26 +7,12 @@ from __future__ import annotations
 
 from typing import cast
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codec import BOARD, BY_TYPE, ENTRY, assembled, fingerprint_of
 from wheelwire_protocol.codes import ConfigurationState, Contradiction, Group
 from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.power_stages import STAGES
-from wheelwire_protocol.types import (
-    BoardSet,
-    ConfigurationConfirm,
-    ConfigurationGet,
-    ConfigurationValue,
-    ConfigurationWrite,
-    Contradictions,
-    ContradictionsGet,
-    ParameterGet,
-    ParameterValue,
-    PeripheralGet,
-    PeripheralSet,
-    PeripheralValue,
-    Restart,
-)
 
 from ..board import Configuration, packed_entry, unpacked
 from ..errors import BoardNotKept, ConfigurationError, LinkLost, WheelwireError
@@ -58,18 +44,23 @@ class AwaitableBoard:
         # First: a device of another release may mean something else by these messages.
         await self._requests.check_group(Group.CONFIGURATION)
         for _ in range(_READINGS):
-            value = cast("ConfigurationValue", await self._requests.ask(ConfigurationGet(0, 0)))
+            value = cast(
+                "wire.ConfigurationValue", await self._requests.ask(wire.ConfigurationGet(0, 0))
+            )
             state = ConfigurationState(value.state)
             if state is ConfigurationState.DAMAGED:
                 return state, None
             entries = [
-                cast("PeripheralValue", await self._requests.ask(PeripheralGet(0, 0, channel)))
+                cast(
+                    "wire.PeripheralValue",
+                    await self._requests.ask(wire.PeripheralGet(0, 0, channel)),
+                )
                 for channel in range(value.peripheral_count)
             ]
             # Each message ends with these fields, in the layout in which they are packed.
             packed = assembled(
-                BY_TYPE[ConfigurationValue].pack_body(*value)[-BOARD.size :],
-                [BY_TYPE[PeripheralValue].pack_body(*one)[-ENTRY.size :] for one in entries],
+                BY_TYPE[wire.ConfigurationValue].pack_body(*value)[-BOARD.size :],
+                [BY_TYPE[wire.PeripheralValue].pack_body(*one)[-ENTRY.size :] for one in entries],
             )
             # Not if a restart came between two answers: then all are asked for again.
             if fingerprint_of(packed) == value.fingerprint:
@@ -91,12 +82,12 @@ class AwaitableBoard:
         await self._requests.check_group(Group.CONFIGURATION)
         _check_peripherals(board)
         fields = BOARD.unpack_from(board.packed())
-        await self._requests.ask(BoardSet(0, 0, *fields))
+        await self._requests.ask(wire.BoardSet(0, 0, *fields))
         for channel, one in enumerate(board.peripherals):
             entry = ENTRY.unpack(packed_entry(one))
-            await self._requests.ask(PeripheralSet(0, 0, channel, *entry))
+            await self._requests.ask(wire.PeripheralSet(0, 0, channel, *entry))
         count = len(board.peripherals)
-        await self._requests.ask(ConfigurationWrite(0, 0, count, board.fingerprint()))
+        await self._requests.ask(wire.ConfigurationWrite(0, 0, count, board.fingerprint()))
 
     async def confirm(self, board: Configuration) -> None:
         """Save what is on trial, the firmware's own board too, and let it drive.
@@ -111,7 +102,7 @@ class AwaitableBoard:
             GroupUnavailable, LinkLost, RequestTimeout: As `read`.
         """
         await self._requests.check_group(Group.CONFIGURATION)
-        await self._requests.ask(ConfigurationConfirm(0, 0, board.fingerprint()))
+        await self._requests.ask(wire.ConfigurationConfirm(0, 0, board.fingerprint()))
 
     async def accept(self, board: Configuration) -> None:
         """Confirm the active board, and wait until the device drives on it.
@@ -170,13 +161,13 @@ class AwaitableBoard:
 
     async def _contradicting(self, board: Configuration) -> list[str]:
         """The parameters that contradict the active board, or each other, with the cure of each."""
-        answer = cast("Contradictions", await self._requests.ask(ContradictionsGet(0, 0)))
+        answer = cast("wire.Contradictions", await self._requests.ask(wire.ContradictionsGet(0, 0)))
         flags = Contradiction(answer.active)
         sentences = [flag.doc for flag in Contradiction if flag in flags]
         if Contradiction.PWM_FREQUENCY in flags:
             name, limit = "pwm_frequency_hz", STAGES[board.stage].max_frequency_hz
-            get = ParameterGet(0, 0, PARAMETER_BY_NAME[name].id)
-            value = cast("ParameterValue", await self._requests.ask(get)).value
+            get = wire.ParameterGet(0, 0, PARAMETER_BY_NAME[name].id)
+            value = cast("wire.ParameterValue", await self._requests.ask(get)).value
             sentences[sentences.index(Contradiction.PWM_FREQUENCY.doc)] = (
                 f"{name} is {number_text(value)}, and the power stage, {board.stage.name.lower()}, "
                 f"takes {limit} at most: run `wheelwire params set {self._requests.link.name} "
@@ -193,7 +184,7 @@ class AwaitableBoard:
         """
         # Before the request: the device may be back before its answer is handed out.
         before = self._requests.link.info.device.boot_id
-        await self._requests.ask(Restart(0, 0))
+        await self._requests.ask(wire.Restart(0, 0))
         await self._await_restart(before)
 
     async def _await_restart(self, before: int) -> None:

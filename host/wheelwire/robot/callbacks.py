@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import weakref
 from abc import ABC, abstractmethod
@@ -14,6 +13,7 @@ from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from ..errors import InvalidArgument, WheelwireError, shown
+from ..link import LOG
 from ..link.threads import Notifier
 from ..link.traffic import Happening, Listener, Notice, StandingNotice
 
@@ -21,8 +21,6 @@ LAST_CALL_S = 1.0
 """How long closing waits for a callback that runs; calls of the robot in there end at once."""
 
 Handler: TypeAlias = Callable[[Any], object]
-
-_log = logging.getLogger("wheelwire")
 
 
 class _Assignment:
@@ -103,7 +101,7 @@ def unwrapped(handler: object) -> object:
 
 def log_failure(happening: Happening) -> None:
     """Log the exception that a function of the application has raised."""
-    _log.exception("%s raised an exception; the link goes on", happening.value)
+    LOG.exception("%s raised an exception; the link goes on", happening.value)
 
 
 class Inbox:

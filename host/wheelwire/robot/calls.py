@@ -23,6 +23,8 @@ from ..link.sample_stream import LatestSample
 if TYPE_CHECKING:
     from ..log.why.watch import StopWatch
 
+ON_A_THREAD = "an operation for asyncio was run on a thread"
+
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
@@ -71,16 +73,16 @@ class Requests:
         """Raise `InvalidCommand` in a thread that may not use the link; here each one may."""
 
     def answer_to(self, message: RequestMessage) -> Answer:
-        """As `Link.request`, for what cannot be awaited."""
+        """As `request`, for what cannot be awaited."""
+        return run(Requests.request, self, message)
+
+    async def request(self, message: RequestMessage) -> Answer:
+        """As `Link.request`."""
         try:  # with `explanations` it would take two more calls
             return self.link.request(message)
         except WheelwireError as error:
             self.explanations.explain(error)
             raise
-
-    async def request(self, message: RequestMessage) -> Answer:
-        """As `Link.request`."""
-        return self.answer_to(message)
 
     async def ask(self, message: RequestMessage) -> Answer:
         """As `request`; an error about contradictory values names them."""
@@ -135,8 +137,9 @@ def run(
     try:
         operation(*args, **kwargs).send(None)
     except StopIteration as end:
-        return cast("Result", end.value)
-    raise RuntimeError("an operation for asyncio was run on a thread")
+        result: Result = end.value
+        return result
+    raise RuntimeError(ON_A_THREAD)
 
 
 def blocking(
@@ -146,6 +149,11 @@ def blocking(
 
     @wraps(operation)
     def method(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> Result:
-        return run(operation, self._awaited, *args, **kwargs)
+        try:  # as `run`, without the call
+            operation(self._awaited, *args, **kwargs).send(None)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        raise RuntimeError(ON_A_THREAD)
 
     return method

@@ -7,18 +7,9 @@ from collections.abc import Mapping
 from contextlib import AbstractAsyncContextManager, suppress
 from typing import cast
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codes import TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Parameter, decimal_of_float32
-from wheelwire_protocol.types import (
-    ParameterEntry,
-    ParameterGet,
-    ParameterList,
-    ParameterReset,
-    ParameterSave,
-    ParameterSet,
-    ParameterTrial,
-    ParameterValue,
-)
 
 from ..arguments import number
 from ..errors import DeviceRefused, InvalidArgument, WheelwireError
@@ -37,7 +28,7 @@ from ..parameters import (
 from .calls import Requests, blocking, run
 
 # The session fills in its own id and the request's.
-_REVERT = ParameterTrial(0, 0, TrialAction.REVERT, 0.0)
+_REVERT = wire.ParameterTrial(0, 0, TrialAction.REVERT, 0.0)
 
 
 class AwaitableParameters(ParameterMapping):
@@ -73,7 +64,7 @@ class AwaitableParameters(ParameterMapping):
         # Both before the request: it may be carried out although its answer is lost.
         self._tried.add(definition.id)
         self._unsure.add(definition.id)  # until it is answered
-        return await self._value_by(ParameterSet(0, 0, definition.id, number))
+        return await self._value_by(wire.ParameterSet(0, 0, definition.id, number))
 
     async def set_all(
         self, values: Mapping[str, float], *, save: bool = False
@@ -88,10 +79,10 @@ class AwaitableParameters(ParameterMapping):
 
     async def list(self) -> tuple[ParameterInfo, ...]:
         """All parameters, with the bounds that the device holds them to."""
-        entries: list[ParameterEntry] = []
+        entries: list[wire.ParameterEntry] = []
         while not entries or len(entries) < entries[0].parameter_count:
-            message = ParameterList(0, 0, len(entries))
-            entry = cast("ParameterEntry", await self._requests.ask(message))
+            message = wire.ParameterList(0, 0, len(entries))
+            entry = cast("wire.ParameterEntry", await self._requests.ask(message))
             self._unsure.discard(entry.parameter)
             entries.append(entry)
         infos = tuple(_info(entry) for entry in entries)
@@ -102,13 +93,15 @@ class AwaitableParameters(ParameterMapping):
 
     async def save(self, name: str | None = None) -> None:
         """Save one value, or all, across resets. Only while the robot is stopped."""
-        await self._requests.ask(ParameterSave(0, 0, 0 if name is None else definition_of(name).id))
+        await self._requests.ask(
+            wire.ParameterSave(0, 0, 0 if name is None else definition_of(name).id)
+        )
 
     async def reset(self) -> None:
         """Go back to the defaults, and delete what was saved. Only while the robot is stopped."""
         # Until they are asked for below: the reset may be done although its answer is lost.
         self._unsure.update(definition.id for definition in PARAMETERS)
-        await self._requests.ask(ParameterReset(0, 0))
+        await self._requests.ask(wire.ParameterReset(0, 0))
         await self.refresh()
 
     def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> AwaitableTrial:
@@ -135,8 +128,8 @@ class AwaitableParameters(ParameterMapping):
     def _value(self, definition: Parameter) -> float:
         value = self._newest(definition.id)
         if value is None:
-            answer = self._requests.answer_to(ParameterGet(0, 0, definition.id))
-            value = decimal_of_float32(cast("ParameterValue", answer).value)
+            answer = self._requests.answer_to(wire.ParameterGet(0, 0, definition.id))
+            value = decimal_of_float32(cast("wire.ParameterValue", answer).value)
         return value
 
     def _newest(self, parameter: int) -> float | None:
@@ -145,10 +138,10 @@ class AwaitableParameters(ParameterMapping):
         return None if value is None else decimal_of_float32(value)
 
     async def _get(self, parameter: int) -> float:
-        return await self._value_by(ParameterGet(0, 0, parameter))
+        return await self._value_by(wire.ParameterGet(0, 0, parameter))
 
-    async def _value_by(self, message: ParameterGet | ParameterSet) -> float:
-        answer = cast("ParameterValue", await self._requests.ask(message))
+    async def _value_by(self, message: wire.ParameterGet | wire.ParameterSet) -> float:
+        answer = cast("wire.ParameterValue", await self._requests.ask(message))
         self._unsure.discard(message.parameter)
         return decimal_of_float32(answer.value)
 
@@ -171,13 +164,13 @@ class AwaitableTrial(AbstractAsyncContextManager["AwaitableTrial"]):
             DeviceRefused: The trial was lost; the previous values are active.
             RequestTimeout: It is unknown whether the device kept the values.
         """
-        await self._requests.ask(ParameterTrial(0, 0, TrialAction.KEEP, 0.0))
+        await self._requests.ask(wire.ParameterTrial(0, 0, TrialAction.KEEP, 0.0))
         # Only once it is acknowledged: until then the end of the block has to revert.
         self._kept = True
 
     async def __aenter__(self) -> AwaitableTrial:
         try:
-            await self._requests.ask(ParameterTrial(0, 0, TrialAction.BEGIN, self._timeout_s))
+            await self._requests.ask(wire.ParameterTrial(0, 0, TrialAction.BEGIN, self._timeout_s))
         except DeviceRefused:
             raise  # this one was not begun; the other goes on, with its values
         except BaseException:  # it may have begun, and nothing else would end it
@@ -242,7 +235,7 @@ class _DeviceTrial(Trial):
     __exit__ = blocking(AwaitableTrial.__aexit__)
 
 
-def _info(entry: ParameterEntry) -> ParameterInfo:
+def _info(entry: wire.ParameterEntry) -> ParameterInfo:
     definition = PARAMETER_BY_ID[entry.parameter]
     return ParameterInfo(
         name=definition.name,

@@ -11,6 +11,7 @@ from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, NoReturn, TypeVar, cast
 
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import (
     ConfigurationState,
@@ -22,24 +23,6 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, decimal_of_float32
-from wheelwire_protocol.types import (
-    ClearEstop,
-    ClearFault,
-    Contradictions,
-    ContradictionsGet,
-    ControlCounters,
-    ControlCountersGet,
-    GroupGet,
-    GroupInfo,
-    Hold,
-    HoldGet,
-    LinkCounters,
-    LinkCountersGet,
-    MemoryGet,
-    MemoryValue,
-    UnsavedGet,
-    UnsavedValue,
-)
 
 from ..arguments import LONGEST_WAIT_S, finite, for_json, text, ttl_s
 from ..errors import (
@@ -53,7 +36,7 @@ from ..errors import (
     WheelwireError,
     meant,
 )
-from ..holds import UNARMED, HeldBy, Holding, LastStop
+from ..link.holds import UNARMED, HeldBy, Holding, LastStop
 from ..link.info import DeviceInfo, LinkInfo
 from ..link.requests import Answer
 from ..link.sample_stream import Latest, LatestSample
@@ -154,8 +137,8 @@ class Verbs:
         self._now_us = latest_sample.now_us
         """The clock of stamps and expiries."""
         self._known_limits = Limits(None, None, None)
-        self._newest_counters = _Newest(ControlCounters)
-        self._newest_memory = _Newest(MemoryValue)
+        self._newest_counters = _Newest(wire.ControlCounters)
+        self._newest_memory = _Newest(wire.MemoryValue)
 
     # --- driving -------------------------------------------------------------------------------
 
@@ -206,7 +189,8 @@ class Verbs:
                 f"linear = {linear:g}, angular = {angular:g}: no wheel can turn that fast; "
                 "give smaller numbers"
             )
-        self._drive_velocity(WheelVelocities(left, right), expiry_us)
+        # As `WheelVelocities`, without its call.
+        self._drive_velocity(tuple.__new__(WheelVelocities, (left, right)), expiry_us)
 
     def set_wheel_velocity(
         self,
@@ -396,30 +380,30 @@ class Verbs:
         name = text("name", name, "floor")
         self._link.note({name: for_json(f"note {name}", value)})
 
-    def latest_control_counters(self) -> ControlCounters | None:
+    def latest_control_counters(self) -> wire.ControlCounters | None:
         """As `control_counters`, without waiting: the newest answer to an earlier call."""
         newest = self._newest_counters
         known = newest.answer  # first: this call's answer may come while it asks
         with suppress(LinkLost, LinkClosed, DriverUnavailable):
-            self._link.post(ControlCountersGet(0, 0), newest.note)
+            self._link.post(wire.ControlCountersGet(0, 0), newest.note)
         return known
 
-    def latest_memory(self) -> MemoryValue | None:
+    def latest_memory(self) -> wire.MemoryValue | None:
         """As `memory`, without waiting; also None where the robot cannot tell."""
         newest, link = self._newest_memory, self._link
         known = newest.answer
 
         def ask(answer: Answer | WheelwireError) -> None:
             # Only a device of the same messages is asked by them.
-            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.PLATFORM):
+            if isinstance(answer, wire.GroupInfo) and answer.hash == schema_hash(Group.PLATFORM):
                 with suppress(LinkLost, LinkClosed):
-                    link.post(MemoryGet(0, 0), newest.note)
+                    link.post(wire.MemoryGet(0, 0), newest.note)
 
         with suppress(LinkLost, LinkClosed, DriverUnavailable):
             if known is not None and known.session_id == link.session_id:  # it has said so before
-                link.post(MemoryGet(0, 0), newest.note)
+                link.post(wire.MemoryGet(0, 0), newest.note)
             else:
-                link.post(GroupGet(0, 0, Group.PLATFORM), ask)
+                link.post(wire.GroupGet(0, 0, Group.PLATFORM), ask)
         return known
 
     # --- what is reported ----------------------------------------------------------------------
@@ -626,24 +610,26 @@ class WaitingVerbs:
 
     async def clear_estop(self) -> None:
         """End the emergency stop; `DeviceRefused` while its cause lasts."""
-        await self._requests.request(ClearEstop(0, 0))
+        await self._requests.request(wire.ClearEstop(0, 0))
 
     async def clear_fault(self) -> None:
         """Clear the latched faults; `DeviceRefused` while their cause lasts."""
-        await self._requests.request(ClearFault(0, 0))
+        await self._requests.request(wire.ClearFault(0, 0))
 
-    async def device_counters(self) -> LinkCounters:
+    async def device_counters(self) -> wire.LinkCounters:
         """What the device has counted at its end of the link since its reset."""
-        return cast("LinkCounters", await self._requests.request(LinkCountersGet(0, 0)))
+        return cast("wire.LinkCounters", await self._requests.request(wire.LinkCountersGet(0, 0)))
 
     async def contradictions(self) -> Contradiction:
         """Which active parameters contradict each other or the board, so that nothing drives."""
-        answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
+        answer = cast(
+            "wire.Contradictions", await self._requests.request(wire.ContradictionsGet(0, 0))
+        )
         return Contradiction(answer.active)
 
     async def holding(self) -> Holding:
         """Ask what holds the robot, and what ended its last motion: `held_by` and `last_stop`."""
-        hold = cast("Hold", await self._requests.request(HoldGet(0, 0)))
+        hold = cast("wire.Hold", await self._requests.request(wire.HoldGet(0, 0)))
         link = self._requests.link
         return Holding(link.held_by(hold), link.last_stop(hold))
 
@@ -654,21 +640,23 @@ class WaitingVerbs:
             GroupUnavailable: The firmware is of a release that cannot tell.
         """
         await self._requests.check_group(Group.STORE)
-        answer = cast("UnsavedValue", await self._requests.ask(UnsavedGet(0, 0)))
+        answer = cast("wire.UnsavedValue", await self._requests.ask(wire.UnsavedGet(0, 0)))
         return tuple(p.name for p in PARAMETERS if answer.parameters >> (p.id - 1) & 1)
 
-    async def memory(self) -> MemoryValue:
+    async def memory(self) -> wire.MemoryValue:
         """How much of the chip's memory is left, in bytes.
 
         Raises:
             GroupUnavailable: The robot has no chip, or firmware of a release that cannot tell.
         """
         await self._requests.check_group(Group.PLATFORM)
-        return cast("MemoryValue", await self._requests.ask(MemoryGet(0, 0)))
+        return cast("wire.MemoryValue", await self._requests.ask(wire.MemoryGet(0, 0)))
 
-    async def control_counters(self) -> ControlCounters:
+    async def control_counters(self) -> wire.ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""
-        return cast("ControlCounters", await self._requests.request(ControlCountersGet(0, 0)))
+        return cast(
+            "wire.ControlCounters", await self._requests.request(wire.ControlCountersGet(0, 0))
+        )
 
 
 class Questions:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import logging
 import os
 import queue
 import subprocess
@@ -24,8 +23,7 @@ from wheelwire_protocol import native
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 
 from ..errors import SimulatorNotFound, WheelwireError
-
-_log = logging.getLogger("wheelwire")
+from ..link import LOG
 
 PROGRAM = "wheelwire-fwsim"
 ENVIRONMENT = "WHEELWIRE_FWSIM"
@@ -335,7 +333,7 @@ class Simulator:
             for text in _pipe(process.stdout):
                 self._take(json.loads(text))
         except Exception as error:
-            _log.exception("the simulator's output cannot be read")
+            LOG.exception("the simulator's output cannot be read")
             self._unreadable = error
         self._answers.put(None)  # a caller may be waiting for an answer
 
@@ -349,7 +347,7 @@ class Simulator:
             try:
                 self._on_state(state)
             except Exception:  # it is the application's, and the next state may be all right
-                _log.exception("on_state of the simulator failed")
+                LOG.exception("on_state of the simulator failed")
 
     def _answer(self, number: int | None) -> dict[str, Any]:
         """The answer to the command of this number; None: what it prints at the start."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout
+from ..link import LINK_LOG
 from ..link.device_link import InlineLink, arming
 from ..link.requests import Done, RequestMessage
 from ..link.sample_stream import LatestSample
@@ -15,8 +15,6 @@ from ..link.session import Phase, Session, random_nonce
 from ..link.statistics import LinkStatistics
 from ..link.traffic import Kind, TrafficReader
 from .libfwsim import FwSim
-
-_log = logging.getLogger("wheelwire.link")
 
 STEP_US = 1000
 OPEN_S = 5.0
@@ -34,6 +32,8 @@ class VirtualLink(InlineLink):
     in_virtual_time = True
     now_us = 0
     """The host's time, starting at 0."""
+    output = b""
+    frames = ()
     _end: LinkClosed | None = None
 
     def __init__(
@@ -44,9 +44,8 @@ class VirtualLink(InlineLink):
         latest_sample.wait_for = self.wait_for
         self.simulator = sim
         self._session = Session(random_nonce, None, watched)
-        self.reported, setpoints = self._session.reported, self._session.setpoints
-        self.drive_velocity, self.drive_duty = setpoints.drive_velocity, setpoints.drive_duty
-        setpoints.port = self
+        self.reported = self._session.reported
+        self._drive_through(self)
         self._plugged = False
         # The first connection, in `plug` below, is not a reconnection.
         self._reconnects = -1
@@ -107,9 +106,12 @@ class VirtualLink(InlineLink):
         # It begins once the session knows its board; until then virtual time has to pass.
         self.wait_for(lambda: reader in self.traffic.readers, OPEN_S)
 
+    def clock_ns(self) -> int:
+        """The host's time."""
+        return self.now_us * 1000
+
     def check_room(self) -> None:
-        """The line takes any setpoint while the link is open."""
-        self.check()
+        """The line takes any setpoint."""
 
     def send(self, frame: bytes, now_us: int) -> None:  # noqa: ARG002 - that of the link
         """Write a setpoint's frame, behind what waits."""
@@ -138,7 +140,7 @@ class VirtualLink(InlineLink):
             self._session.stop(StopMode.CONFIGURED, lambda _: None, self.now_us)
             self._step()
         elif self._session.setpoints.moves_until_us > self.now_us:
-            _log.warning("mock: closed while the robot drives and cannot be reached")
+            LINK_LOG.warning("mock: closed while the robot drives and cannot be reached")
         self._end = LinkClosed("the link is closed; open it again")
         self._session.disconnect(self._end)
         self._latest_sample.fail(self._end)

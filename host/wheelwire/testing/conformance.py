@@ -17,7 +17,7 @@ import pytest
 from wheelwire_protocol.codes import EstopSource, Fault, Held, StopCause, SupervisorState
 
 from .. import errors
-from ..holds import HeldBy
+from ..link.holds import HeldBy
 from ..motion.kinematics import WheelVelocities
 from ..robot.robot import Robot
 from ..samples import WheelSample

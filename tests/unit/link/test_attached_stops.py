@@ -7,7 +7,6 @@ import socket
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -69,17 +68,10 @@ def posting() -> Posting:
 # --- several at once -----------------------------------------------------------------------------
 
 
-def test_the_first_stop_goes_out_at_once(posting: Posting) -> None:
-    posting.ask("a")
-    assert posting.stops.due_s() == 0.0
-    posting.stops.advance(100.0)
-    assert len(posting.posted) == 1
-    assert posting.answered == ""
-
-
 def test_stops_of_one_moment_are_one_and_each_is_answered(posting: Posting) -> None:
     for name in "abc":
         posting.ask(name)
+    assert posting.stops.due_s() == 0.0
     posting.stops.advance(100.0)
     assert len(posting.posted) == 1
     posting.posted[0](ACK)
@@ -163,16 +155,6 @@ def test_the_owners_next_setpoint_drives_and_nothing_is_repeated(line: VirtualLi
     assert line.device.supervisor is SupervisorState.DRIVING
 
 
-def test_a_lost_stop_is_repeated_until_it_is_answered(line: VirtualLine) -> None:
-    results: list[object] = []
-    line.to_device.impairment.loss = 1.0
-    line.session.stop_for_attached(results.append, line.now_us)
-    line.run(0.1)
-    line.to_device.impairment.loss = 0.0
-    line.run(0.1)
-    assert [type(one) for one in results] == [Ack]
-
-
 def test_an_answer_of_another_kind_of_stop_is_not_its_own(line: VirtualLine) -> None:
     foreign = line.statistics.foreign
     line.device.lost.add(Stop)
@@ -209,12 +191,6 @@ def test_a_rerun_counts_as_the_session_does(line: VirtualLine) -> None:
     assert followed is not None
 
 
-@pytest.fixture
-def owner(device: PtyDevice) -> Iterator[SerialDriver]:
-    with SerialDriver(str(device.path)) as robot:
-        yield robot
-
-
 def flood(device: PtyDevice, end: threading.Event) -> None:
     """Ask for stops as fast as the owner takes them, and read the answers."""
     holder = holder_of(str(device.path))
@@ -234,22 +210,9 @@ def flood(device: PtyDevice, end: threading.Event) -> None:
 # --- beside a program that drives ----------------------------------------------------------------
 
 
-def test_a_mode_of_its_own_is_not_passed_on(device: PtyDevice, owner: SerialDriver) -> None:
-    owner.read()
-    device.device.forget()
-    holder = holder_of(str(device.path))
-    with holder.connection as peer:
-        frame = encode_frame(Stop(0, 0, 4711, StopMode.COAST), 0)
-        peer.sendall(tagged(Say.ASK, 7, frame))
-        wait_until(lambda: device.device.count(Stop) > 0)
-    assert {(m.session_id, m.command_seq, m.mode) for m in device.device.asked(Stop)} == {
-        (0, 0, StopMode.CONFIGURED)
-    }
-
-
-def test_an_attached_stop_names_its_program(device: PtyDevice, owner: SerialDriver) -> None:
+def test_an_attached_stop_names_its_program(device: PtyDevice, robot: SerialDriver) -> None:
     reader = TrafficReader()
-    owner._link.listen_to_traffic(reader)
+    robot._link.listen_to_traffic(reader)
     with AttachedDriver(holder_of(str(device.path))) as attached:
         attached.stop()
         attached.estop()
@@ -265,7 +228,7 @@ def test_an_attached_stop_names_its_program(device: PtyDevice, owner: SerialDriv
 
 
 def test_under_a_flood_the_owner_drives_and_is_obeyed(
-    device: PtyDevice, owner: SerialDriver
+    device: PtyDevice, robot: SerialDriver
 ) -> None:
     end = threading.Event()
     device.device.forget()
@@ -279,12 +242,12 @@ def test_under_a_flood_the_owner_drives_and_is_obeyed(
         wait_until(lambda: device.device.count(Stop) > 3)
         took_s = []
         for _ in range(5):
-            owner.set_wheel_velocity(0.1, 0.1)
+            robot.set_wheel_velocity(0.1, 0.1)
             called_s = time.monotonic()
-            owner.estop()
+            robot.estop()
             took_s.append(time.monotonic() - called_s)
-            owner.clear_estop()
-            owner.set_wheel_velocity(0.0, 0.0)
+            robot.clear_estop()
+            robot.set_wheel_velocity(0.0, 0.0)
         lasted_s = time.monotonic() - begin_s
     # Copies on a busy computer, and the owner's, included.
     stops = device.device.asked(Stop)
@@ -293,9 +256,9 @@ def test_under_a_flood_the_owner_drives_and_is_obeyed(
 
 
 def test_an_estop_goes_out_though_a_stop_is_under_way(
-    device: PtyDevice, owner: SerialDriver
+    device: PtyDevice, robot: SerialDriver
 ) -> None:
-    owner.read()
+    robot.read()
     device.device.lost.add(Stop)  # its answers
     link = AttachedLink(LatestSample(), holder_of(str(device.path)), listens=False)
     link.open()

@@ -21,7 +21,7 @@ def test_the_bound_covers_the_error(drift_ppm: float) -> None:
     for seed, coverage in enumerate(coverages):
         session(coverage, Clocks(seed, drift_ppm * 1e-6))
         assert max(coverage.bounds_us[settled]) < 2_500
-    checked = sum(coverage.checked for coverage in coverages)
+    checked = sum(len(coverage.errors_us) for coverage in coverages)
     assert checked == 8000
     assert sum(coverage.missed for coverage in coverages) <= checked // 1000
     errors_us = sorted(error for coverage in coverages for error in coverage.errors_us[settled])
@@ -53,35 +53,12 @@ def test_the_drift_is_known_while_no_ping_is_answered(drift_ppm: float, period_u
     assert sorted(errors)[10] < 600
 
 
-def estimator_after(clocks: Clocks, count: int) -> tuple[ClockEstimator, int]:
-    """What so many exchanges led to, and the time of the next one."""
-    estimator, now = ClockEstimator(), 10**9
-    for _ in range(count):
-        estimator.add(clocks.exchange(now))
-        now += GAP_US
-    return estimator, now
-
-
 def test_the_conversions_are_inverse() -> None:
-    estimator, moment = estimator_after(Clocks(5, 150e-6), 40)
+    clocks, estimator = Clocks(5, 150e-6), ClockEstimator()
+    for moment in range(10**9, 10**9 + 40 * GAP_US, GAP_US):
+        estimator.add(clocks.exchange(moment))
     there, _ = estimator.conversion.host_to_device(moment)
     assert abs(estimator.conversion.device_to_host(there)[0] - moment) <= 1
-
-
-def test_the_bound_grows_while_no_ping_is_answered() -> None:
-    estimator, last = estimator_after(Clocks(6, 0.0), 20)
-    known = estimator.conversion
-    assert known.host_to_device(last + 60_000_000)[1] > known.host_to_device(last)[1] + 100
-
-
-def test_a_step_of_a_clock_voids_the_past() -> None:
-    clocks = Clocks(7, 0.0)
-    estimator, now = estimator_after(clocks, 64)
-    clocks.offset_us += 30_000_000  # the host slept, the device did not
-    exchange = clocks.exchange(now)
-    estimator.add(exchange)
-    host_us, bound_us = estimator.conversion.device_to_host(clocks.device_us(now))
-    assert abs(host_us - now) <= bound_us
 
 
 @pytest.mark.parametrize("late_us", [0, 5_000, 900_000])

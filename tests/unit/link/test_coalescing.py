@@ -1,4 +1,4 @@
-from wheelwire.link.port_policy import READ_REST_US, REST_US, Coalescing
+from wheelwire.link.port_policy import IDLE_REST_US, READ_REST_US, REST_US, Coalescing
 
 
 def test_each_frame_of_a_slow_stream_is_read_when_it_comes() -> None:
@@ -48,3 +48,20 @@ def test_samples_of_sensors_in_quick_succession_are_a_stream() -> None:
     coalescing.note_read(1, 100_000, has_state=False, has_sensed=True)
     coalescing.note_read(2, 101_000, has_state=False, has_sensed=True)
     assert coalescing.rest_until_us == 101_000 + REST_US
+
+
+def test_an_idle_robot_is_left_alone_for_some_frames() -> None:
+    for period_us, frames, rest_us in (
+        (20_000, 1, 0),
+        (10_000, 1, IDLE_REST_US),
+        (25_000, 2, IDLE_REST_US),
+        (10_000, 20, IDLE_REST_US),
+        (10_000, 50, REST_US),  # 5000 frames a second: a longer rest would overflow the port
+    ):
+        coalescing = Coalescing()
+        coalescing.note_read(1, 100_000)
+        now_us = 100_000 + period_us
+        coalescing.note_read(1 + frames, now_us)
+        assert coalescing.idle_until_us == (now_us + rest_us if rest_us else 0)
+        coalescing.note_read(2 + frames, now_us + 1, has_state=False)
+        assert coalescing.idle_until_us == coalescing.rest_until_us, "after an answer"

@@ -1,17 +1,14 @@
 """A process that forks while it uses a robot."""
 
-import os
-import signal
 from collections.abc import Callable
 
 import pytest
 
-from support.forking import descriptors, fork, forked
+from support.forking import descriptors, forked
 from support.pty_device import PtyDevice
-from support.waiting import measures, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire_protocol.types import Stop, WheelState
+from wheelwire_protocol.types import Stop
 
 
 def test_in_the_child_every_method_says_that_it_was_forked(device: PtyDevice) -> None:
@@ -67,30 +64,3 @@ def test_a_child_keeps_the_port_from_nobody_and_stops_nothing(device: PtyDevice)
         driver.shutdown()
         with SerialDriver(str(device.path)) as second:
             second.read()
-
-
-def test_a_fork_in_a_signal_handler_ends_the_interrupted_call_in_the_child(
-    device: PtyDevice,
-) -> None:
-    children: list[int] = []
-    report_read, report_write = os.pipe()
-
-    with SerialDriver(str(device.path)) as driver:
-        device.device.lost.add(WheelState)
-        wait_until(lambda: not measures(driver))
-        former = signal.signal(signal.SIGALRM, lambda *_: children.append(fork()))
-        signal.setitimer(signal.ITIMER_REAL, 0.1)
-        try:
-            driver.read(timeout=1.0)
-        except errors.LinkClosed as error:
-            os.write(report_write, str(error).encode())
-            os._exit(0)
-        except errors.RequestTimeout:
-            assert children
-            assert children[0] != 0
-        finally:
-            signal.signal(signal.SIGALRM, former)
-    os.close(report_write)
-    assert "forked" in os.read(report_read, 1000).decode()
-    os.close(report_read)
-    assert os.waitpid(children[0], 0)[1] == 0

@@ -155,12 +155,6 @@ def test_a_lost_link_without_a_reset_holds_nobody(warned: WarnedLine) -> None:
     assert warned.warnings == []
 
 
-def test_the_first_session_holds_nobody(warned: WarnedLine) -> None:
-    assert warned.publish(0.2) == []
-    assert warned.moved()
-    assert warned.warnings == []
-
-
 def test_a_session_that_is_lost_meanwhile_holds_on(held: WarnedLine) -> None:
     held.session.renew(LinkLost("the computer was suspended"), held.now_us)
     assert RefusalCode.UNARMED in held.publish(3.0)
@@ -200,7 +194,7 @@ def test_a_resumed_session_knows_what_is_held(held: WarnedLine) -> None:
     assert follower.setpoints.held == held.session.setpoints.held
     assert follower.setpoints.is_unarmed
     with pytest.raises(DeviceRefused):
-        follower.setpoints.velocity_frame(0.1, 0.1, held.now_us + 500_000, held.now_us)
+        follower.setpoints.frame(SetWheelVelocity, 0.1, 0.1, held.now_us + 500_000, held.now_us)
 
 
 def test_a_refusal_by_the_device_is_reported_too(warned: WarnedLine) -> None:

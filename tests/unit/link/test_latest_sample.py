@@ -48,17 +48,6 @@ def test_after_a_failure_there_is_only_the_error(latest_sample: LatestSample) ->
         latest_sample.ticks(10)
 
 
-def test_to_whom_the_error_is_raised_the_iterators_have_ended(
-    latest_sample: LatestSample, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    iterator = latest_sample.iterate()
-    monkeypatch.setattr(iterator, "end", lambda _: latest_sample.poll())
-    latest_sample.close()
-    latest_sample.fail(LinkLost("gone"))  # which `poll` does not raise yet
-    with pytest.raises(LinkLost):
-        latest_sample.poll()
-
-
 def test_a_failure_ends_the_wait(latest_sample: LatestSample) -> None:
     threading.Timer(0.02, latest_sample.fail, [LinkLost("over")]).start()
     with pytest.raises(LinkLost, match="over"):
@@ -74,11 +63,6 @@ def test_ticks_from_before_an_interruption_are_not_current(latest_sample: Latest
     assert latest_sample.ticks(0) == (9, 0)
 
 
-def test_the_first_ticks_are_the_devices_own(latest_sample: LatestSample) -> None:
-    latest_sample.put(measurement(left_ticks=-4, right_ticks=1000))
-    assert latest_sample.ticks(0) == (-4, 1000)
-
-
 def test_it_is_read_for_some_time_after_each_question(latest_sample: LatestSample) -> None:
     assert not latest_sample.is_read(host_clock_us())
     with pytest.raises(RequestTimeout):
@@ -86,7 +70,7 @@ def test_it_is_read_for_some_time_after_each_question(latest_sample: LatestSampl
     asked_us = host_clock_us()
     assert latest_sample.is_read(asked_us)
     assert not latest_sample.is_read(asked_us + ATTENTION_US)
-    assert not latest_sample.is_awaited
+    assert not latest_sample.changed.waiting
 
 
 def test_ticks_go_on_across_a_reset_of_the_device(latest_sample: LatestSample) -> None:

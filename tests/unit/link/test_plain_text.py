@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 from random import Random
 
@@ -100,21 +101,26 @@ def said_at(text: bytes, *, hangs_up: bool) -> str:
     return str(raised.value)
 
 
-@pytest.mark.parametrize("text", [BROWN_OUT, b"invalid header: 0xffffffff\r\n"], ids=len)
-def test_opening_the_port_reports_what_the_chip_printed(text: bytes) -> None:
-    said = said_at(text, hangs_up=False)
-    assert all(part in said for part in TEXTS[text])
-    assert "another port" not in said
+GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n"
+HEADER, REFUSAL = b"invalid header: 0xffffffff\r\n", b"Port already in use\r\n"
 
 
-def test_a_device_that_is_not_ours() -> None:
-    gps = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n"
-    assert "no Wheelwire frame" in said_at(gps, hangs_up=False)
-
-
-def test_a_bridge_that_refuses_and_hangs_up_is_quoted() -> None:
-    said = said_at(b"Port already in use\r\n", hangs_up=True)
-    assert "'Port already in use': the bridge" in said
+@pytest.mark.parametrize(
+    ("text", "hangs_up", "parts"),
+    [
+        (BROWN_OUT, False, TEXTS[BROWN_OUT]),
+        (HEADER, False, TEXTS[HEADER]),
+        (GPS, False, ["no Wheelwire frame"]),
+        (REFUSAL, True, ["'Port already in use': the bridge"]),
+    ],
+    ids=["brown-out", "no firmware", "not ours", "bridge"],
+)
+def test_opening_the_port_reports_what_was_printed(
+    text: bytes, hangs_up: bool, parts: Sequence[str]
+) -> None:
+    said = said_at(text, hangs_up=hangs_up)
+    assert all(part in said for part in parts)
+    assert ("another port" in said) == (text == GPS)
 
 
 def test_text_that_is_not_known_is_quoted() -> None:

@@ -24,12 +24,12 @@ from wheelwire.errors import (
 )
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.port_loop import MAX_FRAME, OUTPUT_LIMIT, PortLoop
-from wheelwire.link.port_policy import FIRST_PAUSE_S
+from wheelwire.link.port_policy import FIRST_PAUSE_S, IDLE_REST_US
 from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.shared_thread import SharedThread
 from wheelwire.link.threads import Notifier
-from wheelwire.link.traffic import Happening, Notice
+from wheelwire.link.traffic import Happening, TrafficReader
 from wheelwire.link.transports import Transport
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.decoder import Decoder
@@ -175,7 +175,7 @@ def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> No
             now_us = host_clock_us()
             rig.loop.check_room()
             expiry_us = now_us + 60_000_000
-            frame = rig.session.setpoints.duty_frame(0.1, 0.1, expiry_us, now_us)
+            frame = rig.session.setpoints.frame(SetDuty, 0.1, 0.1, expiry_us, now_us)
             rig.loop.send(frame, now_us)
         return refusing(rig)
 
@@ -283,26 +283,6 @@ def test_calls_do_not_shorten_the_pauses_between_attempts_to_open_the_port() -> 
     assert attempts_s[-1] - attempts_s[0] > 2.9 * FIRST_PAUSE_S
 
 
-def test_calls_learn_at_once_that_there_is_no_session() -> None:
-    outcomes: list[object] = []
-    before_the_next_attempt: list[object] = []
-    asked = False
-
-    def call_once(rig: Rig) -> None:
-        nonlocal asked
-        if asked:
-            before_the_next_attempt.extend(outcomes)
-            return
-        asked = True
-        rig.ask_for_estop(outcomes.append)
-        raise PortUnavailable("port", "gone")
-
-    rig = Rig(lost=call_once)
-    rig.port.theirs.close()
-    rig.loop.run()
-    assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]
-
-
 def broken(_done: object, _now_us: int) -> None:
     raise ValueError("a bug")
 
@@ -336,20 +316,6 @@ def test_what_a_call_raises_that_nobody_awaits_ends_the_link() -> None:
     assert "a bug" in str(rig.loop.end)
     with pytest.raises(LinkClosed, match="a bug"):
         rig.latest_sample.ticks(0)
-
-
-def test_a_listener_that_raises_ends_the_link() -> None:
-    def listener(_notice: Notice) -> None:
-        raise LinkLost("not of the port")  # a port that is lost is opened again
-
-    def listen(rig: Rig) -> None:
-        rig.loop.call(
-            lambda _done, _now_us: rig.loop.listen(listener, Happening.LOST),
-            ignore,
-            is_awaited=False,
-        )
-
-    assert "not of the port" in str(run_with(listen).loop.end)
 
 
 def test_each_caller_learns_of_the_end_though_telling_one_fails() -> None:
@@ -436,7 +402,7 @@ class Blocked(Rig):
 
     def setpoint(self, left: float) -> bytes:
         now_us = host_clock_us()
-        return self.session.setpoints.duty_frame(left, 0.0, now_us + 60_000_000, now_us)
+        return self.session.setpoints.frame(SetDuty, left, 0.0, now_us + 60_000_000, now_us)
 
     def send(self, left: float) -> None:
         frame = self.setpoint(left)
@@ -554,6 +520,33 @@ def test_a_setpoint_wakes_the_loop_if_no_state_will_before_its_repeat(
         loop._coalescing.note_read(frames, now_us - 1000 * read_ms, has_state=has_state)
     loop.send(b"\0", now_us)
     assert bool(select.select([loop.wake_up], [], [], 0)[0]) is wakes, stream
+    loop.finish()
+    rig.port.close()
+
+
+def test_a_port_rests_longest_where_nobody_reads_or_listens_and_nothing_drives() -> None:
+    rig = Rig()
+    loop, now_us = rig.loop, host_clock_us()
+    loop._work_pending, loop._due_us = False, now_us + 1_000_000
+    for frames, read_us in enumerate((now_us - 10_000, now_us)):
+        loop._coalescing.note_read(frames, read_us)
+
+    def rest_us() -> int:
+        until_us = loop.next_wait(now_us) - now_us
+        return 0 if loop.wanted & select.POLLIN else until_us
+
+    assert rest_us() == IDLE_REST_US
+    rig.session.setpoints.moves_until_us = now_us + 1
+    assert rest_us() == 0
+    rig.session.setpoints.moves_until_us = 0
+    rig.loop.listen(ignore, Happening.LOST)
+    assert rest_us() == 0
+    loop._listener = None
+    rig.session.traffic.readers = (TrafficReader(),)
+    assert rest_us() == 0
+    rig.session.traffic.readers = ()
+    rig.latest_sample.poll()
+    assert rest_us() == 0
     loop.finish()
     rig.port.close()
 

@@ -13,11 +13,10 @@ import pytest
 
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire import Simulator, errors
+from wheelwire import Simulator
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.sample_stream import QUEUE_US, SampleIterator
-from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.types import WheelState
 
 
@@ -80,18 +79,6 @@ def test_it_waits_across_a_reconnection(device: PtyDevice, robot: SerialDriver) 
     plugged_s = time.monotonic()
     device.plug()
     assert next(sample for sample in samples if sample.stamp > plugged_s)
-
-
-def test_a_link_that_ends_for_another_reason_raises(
-    robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(_: SerialTransport) -> bytes:
-        raise ZeroDivisionError
-
-    samples = robot.samples()
-    monkeypatch.setattr(SerialTransport, "read", fail)
-    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
-        list(samples)
 
 
 def test_a_forgotten_iterator_costs_nothing() -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from itertools import product
 from typing import TypeVar
 
 import pytest
 
 from support.cases import each
 from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, distance, imu, info, inputs
-from wheelwire.link.sensor_stream import EARLY_EVENTS, INFO_ATTEMPTS, INFO_US, SensorStream, _turn
+from wheelwire.link.sensor_stream import INFO_ATTEMPTS, INFO_US, SensorStream
 from wheelwire.samples import (
     EVENTS,
     IMU,
@@ -22,17 +21,10 @@ from wheelwire.samples import (
     InputsSample,
     PowerSample,
     RangeSample,
-    Vector,
 )
-from wheelwire_protocol.codes import (
-    BatteryLevel,
-    PeripheralKind,
-    RangeQuality,
-    Reflex,
-    SensorState,
-)
+from wheelwire_protocol.codes import BatteryLevel, PeripheralKind, RangeQuality, Reflex, SensorState
 from wheelwire_protocol.codes import SensorEventCode as Code
-from wheelwire_protocol.peripherals import Axis, SensorChip
+from wheelwire_protocol.peripherals import SensorChip
 from wheelwire_protocol.types import SensorEvent as EventMessage
 
 SampleT = TypeVar("SampleT", ImuSample, InputsSample, PowerSample, RangeSample)
@@ -87,23 +79,6 @@ def test_the_gyroscopes_bias_is_taken_off_in_the_chips_axes(known: Stream) -> No
     # 2, 4 and 6 counts of 0.5 rad/s without those of the bias; its y points forward.
     assert sample.gyro == (3.0, -0.5, 0.0)
     assert sample.acceleration == (-3.0, -2.0, 10.0)
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def unit(axis: Axis) -> Vector:
-    x, y, z = ((1.0 if axis < 3 else -1.0) if axis % 3 == i else 0.0 for i in range(3))
-    return x, y, z
-
-
-@each(("forward", "up"), [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3])
-def test_every_mounting_gives_a_right_handed_frame(forward: Axis, up: Axis) -> None:
-    turn = _turn(forward, up)
-    assert turn(unit(forward)) == (1, 0, 0)
-    assert turn(unit(up)) == (0, 0, 1)
-    assert turn(cross(unit(up), unit(forward))) == (0, 1, 0)
 
 
 def test_a_sample_that_the_line_doubled_is_one(known: Stream) -> None:
@@ -319,17 +294,6 @@ def test_an_event_waits_until_its_channel_says_what_it_is(known: Stream) -> None
     # What the channel says is newer.
     assert stream.states[0] is SensorState.OK
     assert stream.infos[0].rate_hz == 200
-
-
-def test_events_of_unknown_channels_fill_no_memory(known: Stream) -> None:
-    for _ in range(1000):
-        known.stream.take_event(
-            EventMessage(BOOT, 2_000_000, 200, Code.REDUCED, 1), known.clock, 1_000_000
-        )
-    assert known.sensed == []
-    assert len(known.stream._early_events) == EARLY_EVENTS
-    known.stream.forget()
-    assert known.stream._early_events == []
 
 
 @each(

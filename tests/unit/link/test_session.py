@@ -105,6 +105,13 @@ def test_answers_of_another_session_are_ignored_and_counted() -> None:
     assert line.statistics.foreign == foreign + 2
     assert line.session.reported.values[1] == pytest.approx(0.033)
     line.drive()
+    line.device.mute = True
+    outcomes = line.post(ParameterGet(0, 0, 1))
+    line.run(0.01)
+    asked = line.sent_of(ParameterGet)[-1]
+    line.device.send(ParameterValue(other, asked.request_id, 1, 99.0))
+    line.run(0.01)
+    assert outcomes == []
 
 
 def test_a_reset_is_reported_and_a_new_session_follows() -> None:
@@ -123,12 +130,6 @@ def test_a_reset_is_reported_and_a_new_session_follows() -> None:
     line.drive(0.0, 0.0)
     line.run(0.05)
     assert line.device.obeyed[-1].command_seq == 1
-
-
-def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon(line: VirtualLine) -> None:
-    line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN, timeout_s=0.12)
-    line.wait_open()
 
 
 def test_the_reset_is_found_soon_though_the_first_answer_is_lost(line: VirtualLine) -> None:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import errno
-import gc
 import os
 import select
-import socket
 import threading
-import weakref
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -20,12 +17,11 @@ from support.core_device import CoreDevice
 from support.forking import forked
 from support.processes import open_files, opened_since
 from support.waiting import wait_until
-from wheelwire.errors import DriverUnavailable, LinkClosed, LinkLost, WheelwireError
+from wheelwire.errors import LinkClosed, LinkLost, WheelwireError
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.port_loop import Done
 from wheelwire.link.sample_stream import LatestSample
-from wheelwire.link.shared_thread import SharedThread, _Ports
-from wheelwire.link.threads import WakeUp
+from wheelwire.link.shared_thread import SharedThread
 from wheelwire.link.transports import Transport
 from wheelwire_protocol.types import ControlCountersGet, Stop
 
@@ -40,8 +36,6 @@ class Robot:
         self.ports: list[Port] = []
         self.accepts = True
         self.openings = 0
-        self.failure: WheelwireError | None = None
-        """Why the port cannot be opened."""
         self.may_open = threading.Event()
         self.may_open.set()
         self.latest_sample = LatestSample()
@@ -52,8 +46,6 @@ class Robot:
     def _open(self, _baud_rate: int) -> Transport:
         self.openings += 1
         assert self.may_open.wait(30)
-        if self.failure is not None:
-            raise self.failure
         self.ports.append(Port(self.device, lambda: self.accepts))
         return self.ports[-1]
 
@@ -122,18 +114,6 @@ def test_a_port_is_lost_and_opened_again_while_the_other_is_served(robots: Robot
     lost.may_open.set()
     wait_until(lost.is_back)
     assert other.link.sessions == 1
-    assert lost.link.statistics.reconnects == 1
-
-
-def test_any_failure_to_reopen_is_reported_and_retried(robots: Robots) -> None:
-    lost, _ = robots
-    lost.failure = DriverUnavailable("pigpiod does not run")
-    lost.unplug()
-    wait_until(lambda: lost.openings >= 4)
-    with pytest.raises(LinkLost, match="pigpiod does not run; trying again"):
-        lost.link.check()
-    lost.failure = None
-    wait_until(lost.is_back)
     assert lost.link.statistics.reconnects == 1
 
 
@@ -234,32 +214,6 @@ def test_a_lost_port_is_served_again_once_a_thread_can_be_started(
     robot.link.close()
 
 
-class File(Port):
-    """A port whose descriptor leads to a file, which cannot be polled."""
-
-    def __init__(self, device: CoreDevice) -> None:
-        super().__init__(device)
-        self._file = os.open(__file__, os.O_RDONLY)
-
-    def fileno(self) -> int:
-        return self._file
-
-    def close(self) -> None:
-        os.close(self._file)
-        super().close()
-
-
-def test_a_port_that_cannot_be_polled_ends_its_own_link_alone(
-    thread: SharedThread, robots: Robots
-) -> None:
-    third = Robot(thread)
-    third.link._loop._open_port = lambda _baud_rate: File(third.device)
-    with pytest.raises(LinkClosed, match="Operation not permitted"):
-        third.link.open()
-    assert all(robot.works() for robot in robots)
-    assert all(robot.link.sessions == 1 for robot in robots)
-
-
 def test_a_descriptor_that_somebody_else_closed_ends_no_other_link(robots: Robots) -> None:
     first, second = robots
     first.task(first.ports[-1].ours.close)
@@ -273,70 +227,6 @@ def test_a_descriptor_that_somebody_else_closed_ends_no_other_link(robots: Robot
     first.link.close()
     assert second.works()
     assert second.link.sessions == 1
-
-
-class Quiet:
-    """A port that reads what comes, and has nothing to do otherwise."""
-
-    wanted = select.POLLIN
-
-    def __init__(self, done: Callable[[str], object]) -> None:
-        self.ours, self.theirs = socket.socketpair()
-        self.wake_up = WakeUp()
-        self.fileno = self.ours.fileno
-        self._done = done
-        self._finished = False
-
-    def turn(self, _transport: object, events: int) -> None:
-        if events:
-            self._done("turn")
-            self._finished = self.ours.recv(1) == b"e"
-
-    def is_over(self) -> bool:
-        return self._finished
-
-    def next_wait(self, now_us: int) -> int:
-        return now_us + 10_000_000
-
-    def wake_readers(self) -> None:
-        self._done("readers")
-
-    def close(self) -> None:
-        for end in (self.ours, self.theirs, self.wake_up):
-            end.close()
-
-
-def test_a_waiter_is_woken_once_for_all_ready_ports() -> None:
-    happened: list[str] = []
-    begun, go_on = threading.Event(), threading.Event()
-
-    def passed() -> None:
-        happened.append("passed")
-        if not begun.is_set():
-            begun.set()
-            assert go_on.wait(30)
-
-    thread = SharedThread(passed=passed)
-    ports = [Quiet(happened.append) for _ in range(3)]
-    serving = [threading.Thread(target=thread.serve, args=(port, port)) for port in ports]
-    for one in serving:
-        one.start()
-    assert begun.wait(30)
-    wait_until(
-        lambda: thread._ports and len(thread._ports._due_us) + len(thread._ports._joining) == 3
-    )
-    for port in ports[:2]:
-        port.theirs.send(b".")
-    happened.clear()
-    go_on.set()
-    wait_until(lambda: happened[-1:] == ["passed"])
-    assert happened == ["turn", "turn", "readers", "readers", "passed"]
-    for port in ports:
-        port.theirs.send(b"e")
-    for one in serving:
-        one.join()
-    for port in ports:
-        port.close()
 
 
 def test_a_link_that_the_thread_itself_throws_away_is_not_waited_for(
@@ -359,29 +249,6 @@ def test_a_link_that_the_thread_itself_throws_away_is_not_waited_for(
     wait_until(lambda: alone.link.has_ended)
 
 
-@pytest.mark.parametrize("step", ["add", "release"])
-def test_a_link_that_is_thrown_away_at_the_begin_or_end_of_the_serving_is_not_waited_for(
-    thread: SharedThread, step: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In a link's own thread, for which the shared one waits, or in the shared one at its end."""
-    monkeypatch.setattr("wheelwire.link.connection.CLOSE_TIMEOUT_S", 45.0)
-    first, second = Robot(thread), Robot(thread)
-    first.link.open()
-    usual = getattr(_Ports, step)
-
-    def throw_away(ports: _Ports, *arguments: object) -> None:
-        first.link.close()
-        usual(ports, *arguments)
-
-    monkeypatch.setattr(_Ports, step, throw_away)
-    if step == "add":
-        second.link.open()
-        assert second.works()
-    first.link.finish()
-    wait_until(lambda: first.link.has_ended)
-    second.link.close()
-
-
 def test_in_a_forked_process_another_thread_serves(thread: SharedThread, robots: Robots) -> None:
     def child() -> None:
         robot = Robot(thread)
@@ -391,15 +258,6 @@ def test_in_a_forked_process_another_thread_serves(thread: SharedThread, robots:
     with thread._lock, forked(child):
         pass
     assert all(robot.works() for robot in robots)
-
-
-def test_nothing_refers_to_a_link_that_was_closed(thread: SharedThread) -> None:
-    robot = Robot(thread)
-    link = weakref.ref(robot.link)
-    robot.link.open()
-    robot.link.close()
-    del robot
-    wait_until(lambda: (gc.collect(), link() is None)[1])
 
 
 def test_a_port_that_is_finished_as_it_joins_is_stopped_at_once(

@@ -5,11 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import shutil
-import signal
 import socket
 import stat
-import subprocess
-import sys
 import threading
 import time
 import weakref
@@ -23,7 +20,7 @@ import pytest
 
 from support.attached import holder_of, wait_for_holder
 from support.core_device import CoreDevice
-from support.forking import descriptors, forked
+from support.forking import forked
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
@@ -158,10 +155,7 @@ def test_what_a_killed_program_left_is_replaced(device: PtyDevice) -> None:
 
 
 def test_what_a_running_program_offers_stays(device: PtyDevice, tmp_path: Path) -> None:
-    with (
-        PtyDevice(tmp_path / "other", CoreDevice()) as other,
-        SerialDriver(str(device.path)),
-    ):
+    with PtyDevice(tmp_path / "other", CoreDevice()) as other, SerialDriver(str(device.path)):
         offered()
         with SerialDriver(str(other.path)):
             offered(f"{BOARD_ID}-2.tap")
@@ -242,15 +236,6 @@ def test_a_group_that_is_named_may_use_it(
         wait_for_holder(str(device.path))
 
 
-def test_a_group_that_is_unknown_is_only_logged(
-    device: PtyDevice, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setenv(GROUP_VARIABLE, "no such group")
-    with SerialDriver(str(device.path)) as robot:
-        robot.read()
-        wait_until(lambda: "there is no such group" in caplog.text)
-
-
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 def test_another_user_is_sent_away(robot: SerialDriver) -> None:
     path = offered()
@@ -278,23 +263,6 @@ def test_the_file_follows_the_board(device: PtyDevice, monkeypatch: pytest.Monke
         wait_until(lambda: robot.is_open and names() == ["240ac4aaaaaa.tap"])
         assert find_holder("", BOARD_ID) is None
         wait_for_holder("", "240ac4aaaaaa")
-
-
-def test_a_forked_child_has_nothing_of_it(device: PtyDevice, robot: SerialDriver) -> None:
-    path = offered()
-    server = server_of(robot)
-    sockets = server._wake_up._reader, server._wake_up._writer, server._place.listener
-    ours = {descriptors()[str(each.fileno())] for each in sockets if each is not None}
-    assert ours <= set(descriptors().values())
-
-    def child() -> None:
-        assert not ours & set(descriptors().values())
-        robot.shutdown()
-        assert path.exists()
-
-    with forked(child):
-        pass
-    wait_for_holder(str(device.path))
 
 
 def test_a_driver_that_nobody_has_any_more_ends(device: PtyDevice) -> None:
@@ -353,19 +321,6 @@ def test_what_the_owner_measures_and_knows(robot: SerialDriver, attached: Attach
     attached.control_counters()
 
 
-def test_all_samples_are_those_of_the_owner(robot: SerialDriver, attached: AttachedDriver) -> None:
-    ours, theirs = robot.samples(), attached.samples()
-    first = next(theirs)
-    other = next(ours)
-    while other.t_us < first.t_us:
-        other = next(ours)
-    while first.t_us < other.t_us:
-        first = next(theirs)
-    for _ in range(50):
-        assert first == other
-        first, other = next(theirs), next(ours)
-
-
 def test_a_lost_link_is_waited_for(
     device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
 ) -> None:
@@ -390,19 +345,6 @@ def test_the_end_of_the_owner_is_the_end(robot: SerialDriver, attached: Attached
     wait_until(lambda: attached._link.has_ended)
     with pytest.raises(errors.LinkClosed, match=f"process {os.getpid()}, which held"):
         attached.read()
-
-
-def test_two_beside_one_and_one_leaves_half_way(
-    device: PtyDevice, robot: SerialDriver, attached: AttachedDriver
-) -> None:
-    path = offered()
-    with peer_at(path) as peer:
-        peer.sendall(VERSION + message(Say.LISTEN)[:3])
-    with AttachedDriver(holder_of(str(device.path))) as other:
-        other.read()
-        wait_until(lambda: len(robot._link.traffic.readers) == 2)
-    wait_until(lambda: len(robot._link.traffic.readers) == 1)
-    attached.read()
 
 
 def test_nobody_misses_a_record_because_another_one_comes(
@@ -434,30 +376,6 @@ def test_a_late_program_gets_what_was_said_before(device: PtyDevice, robot: Seri
 
         wait_until(has_come)
     assert notes == [b'{"weather": "sun"}']
-
-
-def test_a_reader_gets_the_records(robot: SerialDriver, attached: AttachedDriver) -> None:
-    reader = TrafficReader()
-    link_of(attached).listen_to_traffic(reader)
-    seen: list[Kind] = []
-
-    def has_come() -> bool:
-        seen.extend(record.kind for record in reader.take())
-        return Kind.RECEIVED in seen and Kind.VELOCITY in seen
-
-    robot.set_velocity(0.0, 0.0, ttl=0.1)
-    wait_until(lambda: bool(reader._queue))
-    robot.set_velocity(0.0, 0.0, ttl=0.1)
-    wait_until(has_come)
-    assert seen[0] is Kind.START
-    link_of(attached).leave_traffic(reader)
-
-
-def test_a_watch_of_stops_knows_that_it_has_begun(attached: AttachedDriver) -> None:
-    watch = attached.watch_stops(print)
-    assert link_of(attached).traffic.readers  # or it had waited in vain, for seconds
-    watch.close()
-    assert not link_of(attached).traffic.readers
 
 
 # --- stopping ------------------------------------------------------------------------------------
@@ -625,37 +543,6 @@ def test_a_slow_program_loses_its_own_copies_and_starts_again(
     assert robot.statistics.frames_lost == 0
 
 
-def test_what_fails_in_following_ends_every_call(
-    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        raise KeyError("a bug")
-
-    outcomes: list[object] = []
-    with attached_link(device) as link:
-        device.device.lost = {ParameterGet}
-        link.post(ParameterGet(0, 0, 1), outcomes.append)
-        monkeypatch.setattr(link, "_do_again", fail)
-        wait_until(lambda: bool(outcomes))
-        assert "a bug" in str(outcomes[0])
-        with pytest.raises(errors.LinkClosed, match="a bug"):
-            link.check()
-    robot.read()
-
-
-def test_one_that_the_link_gives_nothing_is_told_at_once(
-    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(_session: object) -> None:
-        raise TypeError("a bug")
-
-    monkeypatch.setattr("wheelwire.link.handover.start_of", fail)
-    link = AttachedLink(LatestSample(), holder_of(str(device.path)))
-    with pytest.raises(errors.LinkClosed, match="has ended or closed it"):
-        link.open()
-    robot.read()
-
-
 def test_one_that_reads_nothing_costs_bounded_memory(
     robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -692,38 +579,3 @@ def test_one_that_says_nothing_keeps_nobody_from_the_others(
         assert time.monotonic() - begin_s < attached_module.GREETING_S
         silent.accept()[0].close()
     robot.read()
-
-
-def test_a_suspended_owner_is_not_contacted(tmp_path: Path) -> None:
-    code = (
-        "import sys, time\n"
-        f"sys.path[:0] = {sys.path!r}\n"
-        "from pathlib import Path\n"
-        "from support.pty_device import PtyDevice\n"
-        "from support.core_device import CoreDevice\n"
-        "from wheelwire.drivers.serial import SerialDriver\n"
-        "with PtyDevice(Path(sys.argv[1]), CoreDevice()) as d, SerialDriver(str(d.path)):\n"
-        "    time.sleep(60)\n"
-    )
-    port = tmp_path / "port"
-    owner = subprocess.Popen([sys.executable, "-c", code, str(port)])
-    try:
-        offered()
-        owner.send_signal(signal.SIGSTOP)
-        state = Path(f"/proc/{owner.pid}/stat")
-        wait_until(lambda: state.read_text().rpartition(") ")[2].startswith("T"))
-        assert find_holder(str(port)) is None
-        owner.send_signal(signal.SIGCONT)
-        holder = find_holder(str(port))
-        assert holder is not None
-        assert f"process {owner.pid}" in holder.name
-        # A killed program leaves its file, with no listener.
-        owner.kill()
-        owner.wait()
-        with pytest.raises(errors.LinkClosed, match="has ended"):
-            AttachedDriver(holder)
-        assert names() == [f"{BOARD_ID}.tap"]
-        assert find_holder(str(port)) is None
-    finally:
-        owner.kill()
-        owner.wait()

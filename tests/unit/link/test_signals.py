@@ -7,8 +7,8 @@ frames and in the standard library's, and at each of them in turn.
 import gc
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
@@ -21,8 +21,6 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport import TransportDriver
-from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.link.sample_stream import LatestSample
 from wheelwire.link.threads import Notifier
 from wheelwire.link.transports import Transport, open_transport
 from wheelwire_protocol.types import ParameterSet
@@ -73,15 +71,6 @@ def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
     assert step > 20
 
 
-@contextmanager
-def handled(number: signal.Signals, handler: Callable[[int, object], None]) -> Iterator[None]:
-    former = signal.signal(number, handler)
-    try:
-        yield
-    finally:
-        signal.signal(number, former)
-
-
 def test_a_request_whose_caller_was_interrupted_is_not_sent_again(
     device: PtyDevice, robot: SerialDriver
 ) -> None:
@@ -93,11 +82,12 @@ def test_a_request_whose_caller_was_interrupted_is_not_sent_again(
         signal.pthread_kill(main, signal.SIGUSR1)
 
     thread = threading.Thread(target=interrupt_the_wait)
-    with handled(signal.SIGUSR1, interrupt):
-        thread.start()
-        with pytest.raises(KeyboardInterrupt):
-            robot.parameters.set("wheel_radius", 0.05)
-        thread.join()
+    former = signal.signal(signal.SIGUSR1, interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        robot.parameters.set("wheel_radius", 0.05)
+    thread.join()
+    signal.signal(signal.SIGUSR1, former)
     robot.stop()  # its answer comes behind all copies that were sent until now
     sent = core.count(ParameterSet)
     robot.parameters.refresh("wheel_radius")  # waits until the time of the first is up
@@ -139,12 +129,6 @@ def test_no_handler_interrupts_the_opening_itself(device: PtyDevice) -> None:
     with TransportDriver("robot", open_port, baud_rate=921_600):
         assert threads
         assert threading.main_thread() not in threads
-
-
-def test_a_link_that_nobody_got_is_closed(device: PtyDevice) -> None:
-    Link(LinkOptions(str(device.path), baud_rate=921_600), LatestSample()).open()
-    wait_until(lambda: not link_threads())
-    SerialDriver(str(device.path)).shutdown()
 
 
 def test_an_interrupted_shutdown_can_be_repeated(device: PtyDevice) -> None:

@@ -21,7 +21,7 @@ from wheelwire_protocol.codes import (
     SupervisorState,
 )
 
-from ...holds import HeldBy, Holding, LastStop
+from ...link.holds import HeldBy, Holding, LastStop
 from ...link.info import DeviceInfo
 from ...robot.black_boxes import Ledger, Recorded
 from ...samples import WheelSample

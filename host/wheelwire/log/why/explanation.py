@@ -25,7 +25,7 @@ from .causes import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...holds import HeldBy
+    from ...link.holds import HeldBy
     from ...link.sensor_stream import SensorStream
     from .watch import StopWatch
 

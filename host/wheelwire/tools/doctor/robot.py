@@ -18,8 +18,8 @@ from wheelwire_protocol.codes import (
 from wheelwire_protocol.types import MemoryValue
 
 from ...errors import DeviceRefused, GroupUnavailable, InvalidCommand
-from ...holds import UNARMED
 from ...link.clock import host_clock_us
+from ...link.holds import UNARMED
 from ...link.info import library_version
 from ...log.why.causes import STORED, cure_of_stores, latched_causes, sentence_of
 from ...log.why.device import FAILURES, counts_text, standing_stops

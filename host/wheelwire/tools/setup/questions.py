@@ -28,20 +28,6 @@ TURNED, HELD, SKIP = "turned", "held", "skip"
 READY = "ready"
 KEEP = "keep"
 
-ANSWER_KEYS = (
-    "raised",
-    "first",
-    "second",
-    "board",
-    "imu",
-    "counts_per_revolution",
-    "wheel_radius",
-    "wheel_separation",
-    "tune",
-    "save",
-)
-"""What a file of answers may hold."""
-
 _SEEN_TURNS = 0.005
 """A person does not see a smaller turn."""
 _HAND_LIMIT_S = 1.5
@@ -115,19 +101,20 @@ def yes_or_no(key: str, text: str, default: str = NO) -> Question:
 def _forms() -> dict[str, Question]:
     """The questions that a file may answer, by key."""
     seen = (*WHEEL_AND_WAY, NONE, BOTH, AGAIN)
-    choices = {
-        **dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO)),
+    words = {
         "first": seen,
         "second": ("forward", "backward", *seen),
         "board": (*shipped_boards(), KEEP),
+        **dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO)),
+    }
+    numbers = {
         "counts_per_revolution": (HAND, *shipped_plants()),
         "wheel_radius": (),
         "wheel_separation": (),
     }
-    numbers = ("counts_per_revolution", "wheel_radius", "wheel_separation")
     return {
-        key: Question(key, "", choices[key], "", key if key in numbers else "")
-        for key in ANSWER_KEYS
+        key: Question(key, "", choices, "", key if key in numbers else "")
+        for key, choices in (words | numbers).items()
     }
 
 
@@ -142,7 +129,7 @@ class AnswersFile:
     """Answers from a YAML file; another one answers what the file does not.
 
     Args:
-        file: With some of `ANSWER_KEYS`.
+        file: With answers by the key of their question.
         otherwise: Answers the rest. None: the defaults are taken.
 
     Raises:
@@ -173,7 +160,7 @@ class AnswersFile:
         if self._otherwise is not None:
             return self._otherwise.answer(question)
         # No default would be safe for these: only a person at the robot knows.
-        if question.key in ANSWER_KEYS[:3]:
+        if question.key in ("raised", "first", "second"):
             raise ConfigurationError(
                 f"{self._file} has no answer `{question.key}`: add it; it is one of "
                 f"{', '.join(choice for choice in question.choices if choice != AGAIN)}"

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 
-from ...holds import HeldBy
+from ...link.holds import HeldBy
 from ...link.statistics import LinkStatistics
 from ...log.why.causes import LATCHES
 from ...log.why.diagnosis import Stop

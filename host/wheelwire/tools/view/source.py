@@ -9,8 +9,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from ...errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
-from ...holds import Holding
 from ...link.clock import host_clock_us
+from ...link.holds import Holding
 from ...log.reader import damage_of, session_records, was_cut
 from ...log.why.device import standing_stops
 from ...log.why.diagnosis import Diagnosis, Stop

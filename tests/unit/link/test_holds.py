@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from wheelwire.holds import UNKNOWN_STOP, HeldBy, LastStop, Program, start_of
+from wheelwire.link.holds import HeldBy, LastStop, Program, start_of
 from wheelwire_protocol.codes import (
     Contradiction,
     EstopSource,
@@ -52,14 +52,6 @@ def test_latch_fault_and_contradiction_are_described_in_full() -> None:
 
 def test_cleared_faults_are_left_out() -> None:
     assert HeldBy.of(NOTHING, Fault.OVERSPEED) == HeldBy()
-
-
-def test_an_unknown_stop() -> None:
-    stop = LastStop.of(NOTHING, 1.0)
-    assert stop == LastStop()
-    assert str(stop) == UNKNOWN_STOP
-    assert stop.evidence == ()
-    assert not stop.was_earlier_start
 
 
 def test_a_stop_in_words() -> None:
