@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import version
 from statistics import median
-from typing import NamedTuple
 
 from harness import Report, run
 from peers import OURS, THEIRS, Peer, Pymavlink, Streaming
@@ -70,20 +69,13 @@ class Candidate:
         return 1e6 / len(self._fields) * taken
 
 
-class Survival(NamedTuple):
-    """How many came through.
+def survival(peer: Peer) -> tuple[float, int]:
+    """Damage a stream, decode it and compare all numbers.
 
-    Attributes:
-        recovered: Of the frames that no damage touched, the share that was decoded.
-        wrong: Messages that were never sent.
+    Returns:
+        Of the frames that no damage touched, the share that was decoded; and how many messages
+        came that were never sent.
     """
-
-    recovered: float
-    wrong: int
-
-
-def survival(peer: Peer) -> Survival:
-    """Damage a stream, decode it and compare all numbers."""
     chance = random.Random(1)
     frames = [peer.encode(peer.fields(state)) for state in wheel_states(FRAMES)]
     damaged = [_damage(frame, chance) for frame in frames]
@@ -92,10 +84,8 @@ def survival(peer: Peer) -> Survival:
     ways = zip(sent, frames, damaged, strict=True)
     intact = {values for values, was, became in ways if was == became}
     known = set(sent)
-    return Survival(
-        recovered=len(intact.intersection(got)) / len(intact),
-        wrong=sum(values not in known for values in got),
-    )
+    recovered = len(intact.intersection(got)) / len(intact)
+    return recovered, sum(values not in known for values in got)
 
 
 def _damage(frame: bytes, chance: random.Random) -> bytes:
@@ -115,12 +105,12 @@ def main(report: Report) -> None:
         peer = candidate.peer
         found = [times.get(f"{peer.name} {what}") for what in ("encode", *PART_SIZES)]
         cells = " | ".join("-" if of is None else f"{median(of):.2f}" for of in found)
-        survived = survival(peer)
-        wrong += survived.wrong * isinstance(peer, OURS)
-        of_nobody = f"; {survived.wrong} wrong" if survived.wrong else ""
+        recovered, of_nobody = survival(peer)
+        wrong += of_nobody * isinstance(peer, OURS)
+        remark = f"{peer.remark}; {of_nobody} wrong" if of_nobody else peer.remark
         rows.append(
-            f"{peer.name} {version(peer.distribution)} | {cells} | {survived.recovered:.1%} | "
-            f"{candidate.frame_size:.1f} | {peer.remark}{of_nobody}"
+            f"{peer.name} {version(peer.distribution)} | {cells} | {recovered:.1%} | "
+            f"{candidate.frame_size:.1f} | {remark}"
         )
     report.table(HEADER, rows)
     theirs, ours = (times[f"{peer.name} {PART_SIZES[0]}"] for peer in (Pymavlink, Streaming))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from harness import Report, run
 from support.driver_bench import firmware_rig
-from support.driver_bench.rig import Counting, GpioRig, PigpioRig, Timing, busy
+from support.driver_bench.rig import Counting, Timing, busy, gpio_rig, pigpio_rig
 
 RATES_TPS = (1_000, 10_000, 60_000, 100_000, 250_000)
 MOST_TPS = round(firmware_rig.LARGEST_TPS)
@@ -41,9 +41,9 @@ def main(report: Report) -> None:
     # In virtual time, other processes make no difference: one series, without load.
     counts = {"firmware": [firmware_rig.count(rate) for rate in FIRMWARE_RATES_TPS]}
     times = [timed("firmware", firmware_rig.time_stops())]
-    for rig_class in (PigpioRig, GpioRig):
+    for open_rig in (pigpio_rig, gpio_rig):
         for load in LOADS:
-            with busy(load), rig_class() as rig:
+            with busy(load), open_rig() as rig:
                 name = f"{rig.name}, {load} busy"
                 counts[name] = []
                 times.append(timed(name, rig.time_stops()))
@@ -56,16 +56,10 @@ def main(report: Report) -> None:
                     if found.lost > BROKEN:
                         # Report it as the rate at which the driver fails; higher ones are worse.
                         break
-    rows = [
-        " | ".join(
-            [f"{rate}"]
-            + [
-                "; ".join(cell(c) for c in of if round(c.asked_tps) == rate)
-                for of in counts.values()
-            ]
-        )
-        for rate in sorted({round(one.asked_tps) for of in counts.values() for one in of})
-    ]
+    rows = []
+    for rate in sorted({round(one.asked_tps) for of in counts.values() for one in of}):
+        cells = [[cell(c) for c in of if round(c.asked_tps) == rate] for of in counts.values()]
+        rows.append(" | ".join([f"{rate}", *map("; ".join, cells)]))
     report.table(" | ".join(["ticks/s a wheel", *counts]), rows)
     report.say(
         "In ms, from the setpoint's deadline to EN low (p50, worst), and between PWM updates "

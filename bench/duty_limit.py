@@ -9,14 +9,15 @@ from collections import defaultdict
 from random import Random
 
 from harness import Report, run
-from support.duty_limit import Detection, Failure, detect, healthy, is_in_time, matrix
+from support.duty_limit import Failure, detect, healthy, is_in_time, matrix
+from support.plausibility import Outcome
 
 
 def main(report: Report, *, hours: float = 1.0, share: float = 1.0, seed: int = 1) -> None:
     """Print the table; no failure may be missed, and no sound robot trip."""
     cases = list(matrix())
     chosen = sorted(Random(seed).sample(range(len(cases)), round(share * len(cases))))
-    groups: dict[str, list[tuple[Failure, Detection]]] = defaultdict(list)
+    groups: dict[str, list[tuple[Failure, Outcome]]] = defaultdict(list)
     for case in (cases[number] for number in chosen):
         speed = "below 0.1 m/s" if abs(case.setpoint[0]) < 0.1 else "0.1 m/s or more"
         groups[f"{case.what} | {speed}"].append((case, detect(case)))

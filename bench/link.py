@@ -3,16 +3,16 @@
 On a pseudo-terminal, to the firmware's core (`wheelwire-fwsim`) or an echo in C. The *bare host* is
 one thread with `poll`, `os.read` and `os.write`, which sends a ping of {PING_SIZE} bytes; the
 firmware answers with {PONG_SIZE}. The *library* is all of Wheelwire. Medians of
-{round_trips.ROUNDS} interleaved rounds of {round_trips.EXCHANGES}, {PAUSE_MS:g} ms apart.
+{round_trips.ROUNDS} rounds of {EXCHANGES}, {PAUSE_MS:g} ms apart, in turns of
+{round_trips.EXCHANGES}.
 """
 
 from __future__ import annotations
 
-import os
 import time
-import tty
 from collections.abc import Callable, Mapping
-from contextlib import closing, suppress
+from contextlib import closing
+from functools import partial
 from statistics import median
 
 from harness import Report, run
@@ -23,12 +23,13 @@ from support.captures import capture
 from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol import Decoder, Encoder
-from wheelwire_protocol.types import SetWheelVelocity
+from wheelwire_protocol import Decoder
 
+EXCHANGES = round_trips.TURNS * round_trips.EXCHANGES
 PAUSE_MS = round_trips.PAUSE_S * 1e3
 RATE_HZ, SLOW_HZ, FAST_HZ, READS_HZ = 1000, 100, 5000, 50
 CPU_S = 2.0
+READS = round(CPU_S * SLOW_HZ)
 ROUNDS = 5
 IDLE_S = 10.0
 SETTLING_S = 0.3
@@ -36,6 +37,7 @@ DECODED = 20_000
 FAST_S = 5.0
 BURST, BURSTS, BURST_PAUSE_S = 40, 50, 0.02
 TIGHT, TIGHT_LOOPS = 100, 80
+APART_US = 50
 
 CPU = f"""\
 CPU of a core and wake-ups a second of the host's process, medians of {ROUNDS} interleaved rounds of
@@ -43,9 +45,9 @@ CPU of a core and wake-ups a second of the host's process, medians of {ROUNDS} i
 one thread or handed to a second one; *decoding* is the codec alone."""
 CALLS = f"""\
 `set_velocity` returns when its frame is written. *Encode and write* is the least that a program
-needs. {TIGHT_LOOPS} tight loops of {TIGHT}, and {BURSTS} bursts of {BURST},
-{BURST_PAUSE_S * 1e3:g} ms apart; medians of all calls in us: `set_velocity`, encode and write,
-ratio."""
+needs for a setpoint that its robot obeys. {TIGHT_LOOPS} tight loops of {TIGHT}, and {BURSTS} bursts
+of {BURST}, {BURST_PAUSE_S * 1e3:g} ms apart, a call every {APART_US} us; medians of all calls in
+us: `set_velocity`, encode and write, ratio."""
 
 
 def show_round_trips(report: Report) -> None:
@@ -79,21 +81,16 @@ def show_round_trips(report: Report) -> None:
 
 def show_calls(report: Report) -> None:
     """The time that a setpoint takes in the calling thread."""
-    encoder = Encoder()
     rows = []
-    with Simulator() as simulator, Simulator() as other, SerialDriver(simulator.port) as robot:
-        # Only emptied occasionally, and that must not wait.
-        line = os.open(other.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        # Raw, as the driver sets a port: otherwise the terminal processes each byte.
-        tty.setraw(line)
-
-        def drive() -> None:
-            robot.set_velocity(0.1, 0.1)
-
-        def write() -> None:
-            with suppress(BlockingIOError):  # full; the library would queue the frame
-                os.write(line, encoder.encode(SetWheelVelocity(1, 2, 3, 0.1, 0.2)))
-
+    with (
+        Simulator() as simulator,
+        Simulator() as other,
+        SerialDriver(simulator.port) as robot,
+        closing(BareHost(other.port, round_trips.ANY_BAUD)) as host,
+    ):
+        host.open_session(stream_rate_hz=0)
+        host.arm()
+        measured = partial(robot.set_velocity, 0.1, 0.0), partial(host.drive, 0.1)
         time.sleep(SETTLING_S)
         for where, rounds, calls in (
             ("in a tight loop", TIGHT_LOOPS, TIGHT),
@@ -101,19 +98,20 @@ def show_calls(report: Report) -> None:
         ):
             times_us: tuple[list[float], list[float]] = [], []
             for _ in range(rounds):
-                for taken_us, work in zip(times_us, (drive, write), strict=True):
+                for taken_us, work in zip(times_us, measured, strict=True):
                     for _ in range(calls):
                         begun = time.perf_counter_ns()
                         work()
                         taken_us.append((time.perf_counter_ns() - begun) / 1e3)
-                    time.sleep(BURST_PAUSE_S)
-                    with suppress(BlockingIOError):  # the refusals: the robot knows no session 1
-                        while os.read(line, 65_536):
+                        # Only a write that comes late enough has to wake the robot's process, which
+                        # takes as long as half of a call: each of both kinds is late enough.
+                        while time.perf_counter_ns() < begun + 1000 * APART_US:
                             pass
+                    time.sleep(BURST_PAUSE_S)
+                    host.drain()
             ours, least = map(median, times_us)
             rows.append(f"{where} | {ours:.1f} | {least:.1f} | {ours / least:.2f}")
             report.at_most(f"set_velocity / encode and write, {where}", ours / least, 2)
-        os.close(line)
     report.say(CALLS)
     report.items(rows)
 
@@ -133,16 +131,13 @@ def idle_load(port: str) -> Load:
         return load_while(lambda: time.sleep(IDLE_S))
 
 
-def bare_load(port: str) -> Load:
-    """Load of a minimal host that reads what the device still sends."""
-    with closing(BareHost(port, round_trips.ANY_BAUD)) as host:
-        return load_while(lambda: host.discard(CPU_S))
+def bare_load(port: str, reads: int = 0) -> Load:
+    """Load of a minimal host that reads what the device still sends.
 
-
-def handed_load(port: str) -> Load:
-    """Load of a minimal host with a thread that reads, and one that takes each read from it."""
+    Or so many reads of a thread, each of which another one takes from it.
+    """
     with closing(BareHost(port, round_trips.ANY_BAUD)) as host:
-        return load_while(lambda: host.hand_over(round(CPU_S * SLOW_HZ)))
+        return load_while(lambda: host.hand_over(reads) if reads else host.discard(CPU_S))
 
 
 def iterated_load(port: str) -> Load:
@@ -151,7 +146,7 @@ def iterated_load(port: str) -> Load:
         samples = robot.samples()
         time.sleep(SETTLING_S)
         # As many as come in the time of the other measures.
-        return load_while(lambda: [next(samples) for _ in range(round(CPU_S * SLOW_HZ))])
+        return load_while(lambda: [next(samples) for _ in range(READS)])
 
 
 def decoding() -> float:
@@ -179,7 +174,7 @@ def show_cpu(report: Report) -> None:
             f"library, {SLOW_HZ} states/s, none asked for": lambda: read_load(port, SLOW_HZ, 0),
             f"library, {SLOW_HZ} states/s, each read": lambda: iterated_load(port),
             f"bare host, {SLOW_HZ} states/s": lambda: bare_load(port),
-            f"bare host, {SLOW_HZ} states/s, to a second thread": lambda: handed_load(port),
+            f"bare host, {SLOW_HZ} states/s, to a second thread": lambda: bare_load(port, READS),
         }
         rounds = [{name: of() for name, of in measures.items()} for _ in range(ROUNDS)]
     cpus = [[loads[name].cpu for loads in rounds] for name in measures]

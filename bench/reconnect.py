@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness import Report, run, spread
-from support.reconnect import AIM_S, TIMEOUT_S, after_reset, after_return_elsewhere, after_unplug
+from support.reconnect import AIM_S, TIMEOUT_S, after_reset, after_unplug
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.statistics import quantile
 from wheelwire.simulation.bad_line import Impairment, LineProfile
@@ -27,7 +27,7 @@ def other_names(folder: Path, cycles: int) -> list[float]:
             board_id = robot.info.device.board_id
         with SerialDriver(str(folder / "tty*"), board_id=board_id) as robot:
             names = [folder / f"tty{number}" for number in range(1, cycles + 1)]
-            return [after_return_elsewhere(simulator, robot, name) for name in names]
+            return [after_unplug(simulator, robot, name) for name in names]
 
 
 def main(report: Report, *, cycles: int = 100) -> None:

@@ -20,11 +20,8 @@ def main(
         path, moments = day(folder)
         cut = list(power_cuts(cuts, seed, path, moments))
         lengths = list(prefixes(short_file(folder), step))
-    problems = [f"killed after {one.after_s:.3f} s: {one.problem}" for one in killed if one.problem]
-    problems += [
-        f"cut at {one.written}, {one.synced} synced: {one.problem}" for one in cut if one.problem
-    ]
-    problems += [f"ended at {length}: {problem}" for length, problem in lengths if problem]
+    every = (*killed, *cut, *lengths)
+    problems = [f"{one.what}: {one.problem}" for one in every if one.problem]
     lost_s = max((one.lost_s for one in killed), default=0)
     rows = [
         f"kill -9 at a random moment | {len(killed)} | "

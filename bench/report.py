@@ -27,12 +27,8 @@ def machine() -> str:
     found = re.search(r"model name\s*: (.+)", CPU_INFO.read_text()) if CPU_INFO.exists() else None
     processor = found[1] if found else platform.processor() or platform.machine()
     name = f"{processor}, {os.cpu_count()} cores"
-    described = subprocess.run(
-        ["git", "-C", str(ROOT), "describe", "--always", "--dirty"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
+    described = subprocess.run(command, capture_output=True, text=True, check=False)
     facts = {
         "processor": name,
         "system": platform.platform(),

@@ -52,26 +52,21 @@ settings.register_profile(
 settings.load_profile("wheelwire")
 
 
-@pytest.fixture(autouse=True)
-def _own_latches(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A test's robots on this computer's pins share no latched e-stop with another test's."""
-    # Only by name: making a folder for each of thousands of tests takes time.
-    monkeypatch.setenv(DIRECTORY_VARIABLE, str(_directory(tmp_path_factory)))
+_NUMBERS = itertools.count()
 
 
 @pytest.fixture(autouse=True)
-def _own_taps(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A test's robots are not offered to the programs of whoever runs it."""
-    folder = tmp_path_factory.getbasetemp() / f"taps-{next(_NUMBERS)}"
-    monkeypatch.setenv(TAP_DIRECTORY, str(folder))
+def _own_folders(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A test shares nothing with another test, or with whoever runs it.
+
+    Its robots on this computer's pins have no latched e-stop of another's, its robots are not
+    offered to a user's programs, and what its commands store is not among what a user has stored.
+    """
+    for variable in (DIRECTORY_VARIABLE, TAP_DIRECTORY, "XDG_STATE_HOME"):
+        # Only by name: making a folder for each of thousands of tests takes time.
+        folder = tmp_path_factory.getbasetemp() / f"own-{next(_NUMBERS)}"
+        monkeypatch.setenv(variable, str(folder))
     monkeypatch.delenv(GROUP_VARIABLE, raising=False)
-
-
-@pytest.fixture(autouse=True)
-def _own_state(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """What a test's commands store for later is not among what its user has stored."""
-    folder = tmp_path_factory.getbasetemp() / f"state-{next(_NUMBERS)}"
-    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -120,13 +115,6 @@ def _in_a_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., 
         asyncio.run(test(*args, **kwargs))
 
     return run
-
-
-def _directory(factory: pytest.TempPathFactory) -> Path:
-    return factory.getbasetemp() / f"latches-{next(_NUMBERS)}"
-
-
-_NUMBERS = itertools.count()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

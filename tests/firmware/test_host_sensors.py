@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import cast
 
 import pytest
@@ -12,14 +11,11 @@ from support.i2c_chips import INA219, MPU6050
 from support.pi_robot import IMU, LEVELS, POWER, PiRobot, board_with
 from wheelwire.board import (
     DigitalInput,
-    ImuSensor,
-    Peripheral,
     PowerSensor,
 )
 from wheelwire.errors import DeviceRefused
 from wheelwire.pi.i2c import BusReader
 from wheelwire_protocol.codes import (
-    Chip,
     ConfigurationState,
     PeripheralKind,
     Place,
@@ -27,8 +23,8 @@ from wheelwire_protocol.codes import (
     SensorState,
     SupervisorState,
 )
-from wheelwire_protocol.core import Core, Identity, Sensors, TransferResult
-from wheelwire_protocol.peripherals import PeripheralFault, SensorChip
+from wheelwire_protocol.core import Sensors, TransferResult
+from wheelwire_protocol.peripherals import SensorChip
 from wheelwire_protocol.types import (
     ClearFault,
     ConfigurationConfirm,
@@ -37,7 +33,6 @@ from wheelwire_protocol.types import (
     ConfigurationWrite,
     Imu,
     Power,
-    SensorInfo,
     SensorStream,
 )
 
@@ -91,25 +86,6 @@ def test_a_sample_was_taken_within_the_bound_of_its_stamp(robot: PiRobot) -> Non
     for one in found:
         assert any(abs(one.t_us - t_us) <= one.bound_us for t_us in taken_us)
         assert one.bound_us <= 1500
-
-
-def test_the_power_sensor_measures(robot: PiRobot) -> None:
-    robot.chips.power.millivolts, robot.chips.power.milliamperes = 9_800, -1_250
-    robot.run_ms(1000)
-    power = robot.of(Power)[-1]
-    assert (power.voltage_mv, power.current_ma) == (9_800, -1_250)
-
-
-def test_what_the_channels_are() -> None:
-    robot = PiRobot(IMU, POWER, BUMPER).open()
-    robot.request(SensorStream(0, 0, 200))
-    robot.run_ms(100)
-    infos = {one.channel: (one.kind, one.chip, one.place) for one in robot.of(SensorInfo)}
-    assert infos == {
-        0: (PeripheralKind.IMU, SensorChip.MPU6050, Place.NONE),
-        1: (PeripheralKind.POWER, SensorChip.INA219, Place.NONE),
-        2: (PeripheralKind.BUMPER, SensorChip.NONE, Place.FRONT),
-    }
 
 
 def test_nothing_is_read_before_the_core_has_started() -> None:
@@ -210,13 +186,6 @@ def test_a_slow_read_is_not_used(robot: PiRobot) -> None:
     assert not robot.of(Imu)
 
 
-def test_a_reader_that_has_ended_is_missed(robot: PiRobot) -> None:
-    robot.reads = False
-    robot.run_ms(500)
-    for channel in ADDRESSES:
-        assert robot.states(channel) == [SensorState.MISSED]
-
-
 def test_one_late_step_without_a_sample_is_no_fault(robot: PiRobot) -> None:
     for _ in range(20):
         robot.reads = False
@@ -286,26 +255,6 @@ def test_a_host_reads_the_list_and_cannot_write_it(robot: PiRobot) -> None:
         assert refused.value.code == RefusalCode.NOT_SUPPORTED
 
 
-def core_on(board_of: tuple[Peripheral, ...]) -> Core:
-    core = Core(Identity(1, Chip.LINUX))
-    core.take_board(board_with(*board_of).packed())
-    return core
-
-
-def sensors_of(*peripherals: Peripheral) -> Sensors:
-    return Sensors(board_with(*peripherals).packed())
-
-
-def test_sensors_need_a_board() -> None:
-    assert Core(Identity(1, Chip.LINUX)).sense(sensors_of(IMU)) is not PeripheralFault.NONE
-    assert core_on((IMU,)).sense(sensors_of(IMU)) is PeripheralFault.NONE
-
-
-def test_a_list_that_breaks_a_rule_is_refused() -> None:
-    by_pins = ImuSensor(SensorChip.MPU6050, 2, 3)
-    assert core_on(()).sense(sensors_of(by_pins)) is PeripheralFault.BUS
-
-
 def test_a_list_that_cannot_be_read_is_refused() -> None:
     with pytest.raises(ValueError, match="cannot be read"):
         Sensors(board_with(IMU).packed()[:-1])
@@ -331,17 +280,3 @@ def test_each_bus_has_a_reader_of_its_own() -> None:
         robot.step()
     assert set(addresses) == {INA219}
     assert robot.of(Power)[-1].voltage_mv == 11_400
-
-
-def test_a_bus_without_chips_has_nothing_to_do(robot: PiRobot) -> None:
-    reader = BusReader(robot.sensors, 7, lambda *_: pytest.fail("no transfer"), lambda: 1000)
-    assert reader.poll() > 0
-
-
-def test_an_address_of_its_own() -> None:
-    robot = streaming(PiRobot(replace(IMU, address=0x69)).open())
-    robot.run_ms(500)
-    assert robot.states(IMU_CHANNEL)[-1:] != [SensorState.OK]
-    robot.chips.by_address[0x69] = robot.chips.imu
-    robot.run_ms(500)
-    assert robot.states(IMU_CHANNEL)[-1] is SensorState.OK

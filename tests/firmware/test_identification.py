@@ -27,7 +27,7 @@ from support.commissioning import (
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.samples import WheelSample
-from wheelwire.tools.setup.driving import TTL_S, BoardReset
+from wheelwire.tools.setup.driving import TTL_S
 from wheelwire.tools.setup.gains import FLOOR_INERTIA, tuned
 from wheelwire.tools.setup.identification import Identification, WheelIdentification, identify
 from wheelwire.tools.tune.before_after import Proof, prove
@@ -64,25 +64,6 @@ def test_each_robot_is_identified_and_tracks_better(subtests: pytest.Subtests) -
     assert median(found.true_ratio for found in outcomes) < 0.5
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize("counts", [360, 11_000])
-def test_coarse_and_fine_encoders_give_the_same(counts: int) -> None:
-    found = commission("jgb37-520", 7.4, raised=False, counts=counts)
-    assert abs(found.slope_error) < 0.01
-    assert abs(found.offset_error) < 0.05
-    assert found.ratio < 0.5
-
-
-def test_a_loop_of_100_steps_a_second_does_as_well() -> None:
-    slow = {"control_rate_hz": 100.0, "overrun_limit_us": 100_000.0}
-    truth = plant_line("tt-1-48", NOMINAL_V)
-    with plant_robot("tt-1-48", raised=False, parameters=slow) as robot:
-        found, proof = tried(robot, on_the_floor=True)
-    assert found.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.01)
-    assert found.static_feedforward == pytest.approx(truth.static_feedforward, rel=0.05)
-    assert proof.better
-
-
 def tried(robot: MockDriver, *, on_the_floor: bool) -> tuple[Identification, Proof]:
     found = identify(robot, quiet, on_the_floor=on_the_floor)
     values = tuned(found, robot)
@@ -103,21 +84,6 @@ def test_breakaway_and_time_constant_are_the_true_ones(plant: str) -> None:
         assert wheel.breakaway > wheel.static_feedforward
     assert found.time_constant_s == pytest.approx(time_constant_s, rel=0.1)
     assert found.delay_s == pytest.approx(0.013, abs=0.003)  # that of the measured velocity
-
-
-def test_a_magnet_that_is_missing_drops_out_over_whole_turns() -> None:
-    truth = plant_line("tt-1-48", NOMINAL_V)
-    with plant_robot("tt-1-48", raised=True) as robot:
-        robot.simulator.set("left.magnet_missing", 1)
-        found = identify(robot, quiet, on_the_floor=False)
-    assert found.left.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.02)
-
-
-def test_a_weak_motor_is_reported() -> None:
-    with plant_robot("25ga-1440", raised=True, settings={"left.motor_scale": 0.7}) as robot:
-        found = identify(robot, quiet, on_the_floor=False)
-    assert len(found.problems) == 1
-    assert found.problems[0].startswith("the motors are unequal: left 0.5")
 
 
 def test_a_curve_that_no_line_fits_is_reported_and_gets_no_gains() -> None:
@@ -154,30 +120,6 @@ def test_what_prevents_measuring_is_reported_and_the_wheels_stand(
             identify(robot, quiet, on_the_floor=False)
         robot.advance(0.01)
         assert robot.simulator.get("drive_on") == 0
-
-
-def test_a_latched_fault_is_reported() -> None:
-    with plant_robot("tt-1-48", raised=True, settings={"left.blocked": 1}) as robot:
-        for _ in range(40):
-            robot.set_duty(0.6, 0.6)
-            robot.read()
-        robot.advance(1.0)  # the setpoint lasts until the stall is a fault
-        with pytest.raises(CommissioningFailed, match="a fault is latched: "):
-            identify(robot, quiet, on_the_floor=False)
-
-
-def test_a_link_lost_between_two_measurements_is_noticed() -> None:
-    with plant_robot("tt-1-48", raised=True) as robot:
-
-        def report(text: str) -> None:
-            if text.startswith("staircase"):
-                robot.unplug()
-                robot.advance(0.1)
-                robot.plug()
-                robot.advance(1.0)
-
-        with pytest.raises(CommissioningFailed, match="the link was lost for a while"):
-            identify(robot, report, on_the_floor=False)
 
 
 def busy(robot: MockDriver, monkeypatch: pytest.MonkeyPatch, name: str, every: int) -> None:
@@ -263,30 +205,6 @@ def test_an_interrupted_proof_leaves_the_previous_parameters(
         assert {name: robot.parameters[name] for name in before} == before
 
 
-@pytest.mark.parametrize("reopened", [True, False])
-@pytest.mark.parametrize("after", [200, 1900])
-def test_a_reset_with_values_on_trial_is_reported_as_a_reset(
-    monkeypatch: pytest.MonkeyPatch, after: int, reopened: bool
-) -> None:
-    before = {"velocity_feedforward": 1.365, "integral_gain": 16.0}
-    with plant_robot("tt-1-48", raised=True) as robot:
-        set_wheel_velocity, left = robot.set_wheel_velocity, [after]
-
-        def reset(*arguments: float) -> None:
-            left[0] -= 1
-            if left[0] == 0:
-                robot.simulator.reset()
-                # Half a second is enough for a new session, in which nothing is on trial.
-                robot.advance(0.5 if reopened else 0.002)
-            set_wheel_velocity(*arguments)
-
-        monkeypatch.setattr(robot, "set_wheel_velocity", reset)
-        with pytest.raises(BoardReset), robot.parameters.trial():
-            prove(robot, before, {"velocity_feedforward": 1.2, "integral_gain": 10.0})
-        robot.advance(0.01)
-        assert robot.simulator.get("drive_on") == 0
-
-
 def test_setpoints_are_short_and_the_floor_is_a_metre(monkeypatch: pytest.MonkeyPatch) -> None:
     lives: list[float] = []
     way: list[float] = []
@@ -341,23 +259,6 @@ def test_the_gains_are_those_of_the_rule() -> None:
         "integral_gain": pytest.approx(gain * (10 - 2), rel=1e-3),
     }
     assert raised["acceleration_feedforward"] == pytest.approx(FLOOR_INERTIA * 0.125)
-
-
-@pytest.mark.parametrize(
-    ("difference", "left_out"),
-    [
-        ({"supply_v": None}, {"nominal_supply_v"}),
-        (
-            {"time_constant_s": None},
-            {"acceleration_feedforward", "proportional_gain", "integral_gain"},
-        ),
-    ],
-)
-def test_unmeasured_values_are_left_out(difference: dict[str, object], left_out: set[str]) -> None:
-    with plant_robot("tt-1-48", raised=True) as robot:
-        assert set(tuned(found_with(), robot)) - set(tuned(found_with(**difference), robot)) == (
-            left_out
-        )
 
 
 # --- proof ---------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import islice
 from statistics import fmean
@@ -14,15 +13,14 @@ import pytest
 
 from wheelwire.board import ImuSensor
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.errors import BoardNotKept, LinkLost
-from wheelwire.robot.board import AwaitableBoard, DeviceBoard
+from wheelwire.errors import LinkLost
 from wheelwire.tools.files.board import load_board
 from wheelwire.tools.setup import imu as imu_setup
 from wheelwire.tools.setup.imu import set_up_imu
 from wheelwire.tools.setup.questions import Question, SimulatedPerson
 from wheelwire.tools.setup.setup import Options, set_up
 from wheelwire_protocol.codes import ConfigurationState
-from wheelwire_protocol.peripherals import Axis, SensorChip
+from wheelwire_protocol.peripherals import Axis
 
 BIAS_RADPS = 0.02
 COUNT_RADPS = 0.0003
@@ -162,50 +160,6 @@ def test_a_mounting_is_found_saved_and_right(
     )
 
 
-def test_it_says_what_it_saves(robot: MockDriver) -> None:
-    mount(robot, Axis.MINUS_Y, Axis.Z)
-    said = Run(robot, Hand(robot)).said
-    assert "  imu.forward: y -> -y" in said
-    assert "  imu.up: z -> z (as before)" in said
-    (bias,) = (line for line in said if "imu.bias" in line)
-    before, _, found = bias.partition(" -> ")
-    assert before == "  imu.bias: [0.0000, 0.0000, 0.0000]"
-    assert re.fullmatch(r"\[-?\d\.\d{4}, -?\d\.\d{4}, -?\d\.\d{4}\] rad/s", found)
-    rates = [float(rate) for rate in re.findall(r"-?\d\.\d{4}", found)]
-    assert rates == pytest.approx([0.0, 0.0, BIAS_RADPS], abs=COUNT_RADPS + 0.0001)
-
-
-def test_it_changes_the_imus_entry_alone_and_drives_nothing(robot: MockDriver) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    settings(robot, {"wheels_free": 1})
-    _, before = robot.board.read()
-    parameters = dict(robot.parameters)
-    Run(robot, Hand(robot))
-    _, after = robot.board.read()
-    assert before is not None
-    assert after is not None
-    assert replace(after, peripherals=before.peripherals) == before
-    assert after.peripherals[1:] == before.peripherals[1:]
-    assert not robot.simulator.get("drive_on")
-    assert robot.simulator.get("true.left_turns") == 0
-    assert robot.simulator.get("stands_still")
-    robot.parameters.refresh()
-    assert dict(robot.parameters) == parameters
-
-
-def test_another_chip_at_a_slower_rate_is_found_as_well(robot: MockDriver) -> None:
-    _, board = robot.board.read()
-    assert board is not None
-    other = replace(entry_of(robot), chip=SensorChip.LSM6DS3TR_C, interrupt=None)
-    rest = tuple(entry for entry in board.peripherals if not isinstance(entry, ImuSensor))
-    robot.board.take_up(replace(board, peripherals=(other, *rest)))
-    mount(robot, Axis.MINUS_X, Axis.MINUS_Z)
-    robot.sensors.start(20)
-    assert Run(robot, Hand(robot)).problems == []
-    assert (entry_of(robot).forward, entry_of(robot).up) == (Axis.MINUS_X, Axis.MINUS_Z)
-    assert entry_of(robot).interrupt is None
-
-
 # --- the second day ------------------------------------------------------------------------------
 
 
@@ -227,18 +181,6 @@ def test_a_second_time_it_is_left_as_it_is_or_found_the_same(robot: MockDriver) 
     assert entry_of(robot).bias == pytest.approx(before.bias, abs=COUNT_RADPS)
 
 
-def test_an_imu_that_was_mounted_otherwise_since_is_asked_for(robot: MockDriver) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    Run(robot, Hand(robot))
-    mount(robot, Axis.MINUS_Z, Axis.X)
-    robot.advance(1.0)
-    person = Hand(robot)
-    Run(robot, person)
-    assert person.asked == [*ASKED, "save"]
-    assert (entry_of(robot).forward, entry_of(robot).up) == (Axis.MINUS_Z, Axis.X)
-    assert entry_of(robot).bias == pytest.approx((BIAS_RADPS, 0, 0), abs=COUNT_RADPS)
-
-
 def test_without_a_yes_nothing_is_written(robot: MockDriver) -> None:
     mount(robot, Axis.X, Axis.Z)
     before, boot = entry_of(robot), robot.simulator.get("boot_id")
@@ -248,32 +190,6 @@ def test_without_a_yes_nothing_is_written(robot: MockDriver) -> None:
     assert "not saved" in run.said
     assert entry_of(robot) == before
     assert robot.simulator.get("boot_id") == boot
-
-
-def test_with_keep_setup_prints_what_to_write(robot: MockDriver) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    before = entry_of(robot)
-    person = Hand(robot)
-    run = Run(robot, person, keeps=False)
-    assert person.asked == ASKED
-    assert "not saved: write these values into the board's file" in run.said
-    assert run.found is not None
-    assert not run.found.saved
-    assert entry_of(robot) == before
-
-
-def test_a_refusal_by_the_device_is_a_problem(
-    robot: MockDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def take_up(*_: object) -> None:
-        raise BoardNotKept("it was not kept")
-
-    monkeypatch.setattr(DeviceBoard, "take_up", take_up)
-    mount(robot, Axis.X, Axis.Z)
-    run = Run(robot, Hand(robot))
-    assert run.problems == ["IMU not saved: it was not kept"]
-    assert run.found is not None
-    assert not run.found.saved
 
 
 # --- people --------------------------------------------------------------------------------------
@@ -327,26 +243,6 @@ def test_a_turn_to_the_right_contradicts_and_nothing_is_saved(robot: MockDriver)
     assert entry_of(robot) == before
 
 
-@pytest.mark.parametrize(
-    ("key", "sentence"),
-    [
-        ("imu_front", "the robot was not lifted by 15 degrees or more"),
-        ("imu_left", "the robot was not lifted by 15 degrees or more"),
-        ("imu_turn", "the robot was not turned by 60 degrees within 3 s"),
-    ],
-)
-def test_nobody_does_anything(
-    robot: MockDriver, monkeypatch: pytest.MonkeyPatch, key: str, sentence: str
-) -> None:
-    monkeypatch.setattr(imu_setup, "_PATIENCE_S", SHORT_S)
-    mount(robot, Axis.X, Axis.Z)
-    person = Hand(robot, {key: nothing})
-    run = Run(robot, person)
-    assert any(sentence in line for line in run.said)
-    assert run.found is not None
-    assert person.asked.count(key) == 2
-
-
 def test_a_robot_that_is_never_put_down_is_noticed(
     robot: MockDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -396,38 +292,7 @@ def test_a_hand_that_lets_go_late_is_waited_for(robot: MockDriver) -> None:
     assert found.bias == pytest.approx((0, 0, BIAS_RADPS), abs=COUNT_RADPS)
 
 
-@pytest.mark.parametrize("key", ["imu_rest", "imu_left", "imu_turn"])
-def test_a_skipped_question_leaves_the_imus_values(robot: MockDriver, key: str) -> None:
-    mount(robot, Axis.X, Axis.Z)
-    before = entry_of(robot)
-    run = Run(robot, Hand(robot, answers={key: "skip"}))
-    assert (run.found, run.problems) == (None, [])
-    assert run.said[-1] == "the IMU's values stay as they were"
-    assert entry_of(robot) == before
-
-
 # --- robots --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("variable", "state", "look_at"),
-    [
-        ("imu.absent", "ABSENT", "its wires, and at `address` and `chip`"),
-        ("imu.bus_hung", "HUNG", "the pull-ups"),
-        ("imu.freeze", "FROZEN", "its supply"),
-    ],
-)
-def test_a_stale_imu_is_reported_and_nobody_is_asked(
-    robot: MockDriver, variable: str, state: str, look_at: str
-) -> None:
-    settings(robot, {variable: 1})
-    robot.advance(0.5)
-    person = Hand(robot)
-    run = Run(robot, person)
-    assert person.asked == []
-    (problem,) = run.problems
-    assert problem.startswith(f"IMU STALE, {state}: ")
-    assert f"Look at {look_at}" in problem
 
 
 def pull_the_imus_plug(robot: MockDriver) -> None:
@@ -487,22 +352,6 @@ def test_a_pulled_cable_leaves_the_robot_as_it_was(robot: MockDriver, key: str) 
     again = Run(robot, Hand(robot)).found
     assert again is not None
     assert (again.forward, again.up, again.saved) == ("x", "z", True)
-
-
-def test_ctrl_c_before_the_confirmation_leaves_the_previous_list(
-    robot: MockDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def confirm(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    mount(robot, Axis.X, Axis.Z)
-    before = entry_of(robot)
-    with monkeypatch.context() as patched:
-        patched.setattr(AwaitableBoard, "confirm", confirm)
-        with pytest.raises(KeyboardInterrupt):
-            Run(robot, Hand(robot))
-    robot.advance(15.0)
-    assert entry_of(robot) == before
 
 
 def test_a_robot_without_an_imu_hears_nothing_of_it(robot: MockDriver) -> None:

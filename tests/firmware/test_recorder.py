@@ -11,7 +11,7 @@ from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.robot.black_boxes import AwaitableRecorder, StoredBox
-from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, RerunOutcome
+from wheelwire_protocol.black_box import BOX_SIZE, Box, RerunOutcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 
 STORED_S = 15.0
@@ -50,18 +50,6 @@ def test_a_box_is_read_and_re_runs(robot: VirtualMockDriver) -> None:
     assert box.rerun().outcome is RerunOutcome.SAME
 
 
-def test_the_ledger_counts_what_stopped_the_robot(robot: VirtualMockDriver) -> None:
-    estop(robot)
-    drive(robot, 0.3)
-    robot.advance(2.0)
-    ledger = robot.recorder.ledger()
-    assert ledger.stops[SupervisorEvent.ESTOP] == ledger.stops[SupervisorEvent.DEADLINE] == 1
-    assert ledger.stops[SupervisorEvent.FAULT] == 0
-    assert ledger.resets[ResetReason.POWER_ON] == 1
-    assert sum(ledger.resets.values()) == 1
-    assert 15 < ledger.uptime_s < 30
-
-
 def test_while_the_robot_drives_it_says_to_stop_first(robot: VirtualMockDriver) -> None:
     estop(robot)
     (stored,) = robot.recorder.boxes()
@@ -74,13 +62,6 @@ def test_while_the_robot_drives_it_says_to_stop_first(robot: VirtualMockDriver) 
     ):
         with pytest.raises(DeviceRefused, match=r"Not possible while driving.*stop"):
             ask()
-
-
-def test_a_box_that_is_gone_is_refused_by_name(robot: VirtualMockDriver) -> None:
-    estop(robot)
-    (stored,) = robot.recorder.boxes()
-    with pytest.raises(RecordingError, match="black box 7 is no longer on the device"):
-        robot.recorder.read_box(stored._replace(head=stored.head._replace(number=7)))
 
 
 @pytest.mark.parametrize("event", ["reset", "unplug"])
@@ -162,23 +143,6 @@ def test_boxes_and_ledger_outlive_the_simulator(tmp_path: Path) -> None:
         ledger = robot.recorder.ledger()
         assert ledger.resets[ResetReason.POWER_ON] == 2
         assert ledger.stops[SupervisorEvent.ESTOP] == 1
-
-
-def test_what_a_recorder_file_lost_is_as_erased(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    with VirtualMockDriver(realtime=False, store=store) as robot:
-        estop(robot)
-        estop(robot)
-    file = store.with_name("store.recorder")
-    file.write_bytes(file.read_bytes()[: BOX_SIZE + 1000])
-    with VirtualMockDriver(realtime=False, store=store) as robot:
-        newest, first = robot.recorder.boxes()
-        assert (newest.head.number, first.head.number) == (2, 1)
-        assert Box(robot.recorder.read_box(first)).head == first.head
-        with pytest.raises(BoxError, match="damaged"):
-            Box(robot.recorder.read_box(newest))
-        # The ledger lay behind the cut.
-        assert robot.recorder.ledger().resets[ResetReason.POWER_ON] == 1
 
 
 def test_a_recorder_file_that_cannot_be_written_costs_the_boxes_alone(tmp_path: Path) -> None:

@@ -6,29 +6,21 @@ import pytest
 
 from support.raw import RawHost
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.parameters import PARAMETERS
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
-    ClearEstop,
     ClearFault,
     Event,
-    LinkCounters,
-    LinkCountersGet,
     ParameterEntry,
-    ParameterGet,
     ParameterList,
     ParameterReset,
     ParameterSave,
-    ParameterSet,
-    ParameterValue,
     Refuse,
     SetStreamRate,
     SetWheelVelocity,
     WheelState,
 )
-
-RADIUS = PARAMETER_BY_NAME["wheel_radius"].id
 
 
 @pytest.fixture
@@ -38,28 +30,6 @@ def host() -> RawHost:
 
 def refusal(host: RawHost, message: AnyMessage) -> RefusalCode:
     return RefusalCode(host.ask(message, Refuse).code)
-
-
-def get(host: RawHost, request_id: int, parameter: int = RADIUS) -> float:
-    return host.ask(ParameterGet(host.session_id, request_id, parameter), ParameterValue).value
-
-
-def set_radius(host: RawHost, request_id: int, value: float) -> ParameterSet:
-    return ParameterSet(host.session_id, request_id, RADIUS, value)
-
-
-def test_a_refusal_is_repeated_too(host: RawHost) -> None:
-    message = set_radius(host, 1, 99)
-    assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
-    assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
-    counters = host.ask(LinkCountersGet(host.session_id, 2), LinkCounters)
-    assert counters.refused == 1
-
-
-def test_of_another_session(host: RawHost) -> None:
-    message = set_radius(host, 1, 0.05)._replace(session_id=host.session_id ^ 1)
-    assert refusal(host, message) is RefusalCode.NO_SESSION
-    assert get(host, 2) == pytest.approx(0.033)
 
 
 def test_the_list_is_the_table(host: RawHost) -> None:
@@ -73,11 +43,6 @@ def test_the_list_is_the_table(host: RawHost) -> None:
         )
     message = ParameterList(host.session_id, 100, len(PARAMETERS))
     assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
-
-
-def test_no_parameter_that_is_not_there_is_saved(host: RawHost) -> None:
-    message = ParameterSave(host.session_id, 1, len(PARAMETERS) + 1)
-    assert refusal(host, message) is RefusalCode.UNKNOWN_PARAMETER
 
 
 @pytest.mark.parametrize("found", [Fault.STORE_FULL, Fault.STORE_NEWER, Fault.STORE_UNREADABLE])
@@ -110,11 +75,6 @@ def test_the_rate_asked_is_the_rate_had(host: RawHost) -> None:
     host.received.clear()
     host.run_ms(500)
     assert not host.of(WheelState)
-
-
-def test_clearing_what_is_not_latched_is_no_error(host: RawHost) -> None:
-    host.ask(ClearEstop(host.session_id, 1), Ack)
-    assert host.state().supervisor == SupervisorState.IDLE
 
 
 def test_transitions_are_reported_as_events(host: RawHost) -> None:

@@ -15,7 +15,7 @@ from support.raw import NONCE, RawHost
 from wheelwire.link.port_policy import USUAL_RATES
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.framing import MAX_ENCODED
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -29,7 +29,6 @@ from wheelwire_protocol.types import (
     Refuse,
     SetWheelVelocity,
     Stop,
-    WheelState,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -140,15 +139,6 @@ def test_an_overlong_chunk_is_counted_before_it_ends(host: RawHost) -> None:
     host.sim.write(b"\0")
     first = host.ask(LinkCountersGet(host.session_id, 1), LinkCounters)
     assert first.bad_cobs == 1
-
-
-def test_a_state_of_an_obeyed_setpoint_names_it_and_not_a_refused_one(host: RawHost) -> None:
-    host.open()
-    host.send(velocity(host, 3), velocity(host, 9, math.nan))
-    host.run_ms(20)
-    states = host.of(WheelState)
-    assert states[-1].command_seq == 3
-    assert states[-1].supervisor == SupervisorState.DRIVING
 
 
 def test_the_line_is_8n1_at_the_rates_that_the_page_names() -> None:

@@ -91,9 +91,9 @@ def main() -> int:
             return 0
         hil_board.check_confirmed(board)
         if len(loops) < 2:
+            wires = hil_board.suggested_loops(board.configuration())
             CONSOLE.print(
-                "With two wires more can be measured: "
-                f"connect these pins, and add LOOP={hil_board.suggestion(board)}"
+                f"With two wires more can be measured: connect these pins, and add LOOP={wires}"
             )
         if not is_supply_off():
             CONSOLE.print("Nothing was measured.")

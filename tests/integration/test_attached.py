@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,13 +17,11 @@ import pytest
 from support.attached import wait_for_holder
 from support.cases import each
 from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_process
-from support.gpio_chip_process import GpioChip
 from support.processes import talking
 from support.range_board import simulator_on_board
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.connect import open_driver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.sharing_folder import DIRECTORY_VARIABLE
 from wheelwire.log.reader import is_complete, messages, metadata
@@ -156,93 +155,45 @@ def test_a_stop_that_reaches_nobody_says_so(tmp_path: Path) -> None:
         assert line.partition(" (more: ")[0].endswith("Nothing was sent")
 
 
-def test_a_monitor_ends_with_whom_it_is_attached_to(simulator: Simulator) -> None:
-    with (
-        another_holder(simulator.port) as holder,
-        talking(*PROGRAM, "monitor", simulator.port, "--json", stderr=subprocess.PIPE) as (
-            monitor,
-            line,
-        ),
-    ):
-        assert json.loads(line)["state"] == "DRIVING"
-        # Beside another one that is attached.
-        assert json.loads(run("info", simulator.port, "--json").stdout)["state"] == "DRIVING"
-        holder.send_signal(signal.SIGKILL)
-        _, said = monitor.communicate(timeout=TIMEOUT_S)
-        assert monitor.returncode == errors.LinkClosed.exit_code
-        assert (
-            f"process {holder.pid}, which held {Path(simulator.port).resolve()}, has ended" in said
-        )
-    # It left its socket behind, but the port is free: the next program opens it.
-    assert list(Path(os.environ[DIRECTORY_VARIABLE]).glob("*.tap"))
-    result = run("monitor", simulator.port, "--seconds", "0.3")
-    assert (result.returncode, result.stderr) == (0, "")
-
-
-def test_an_estop_beside_a_suspended_holder_says_that_nothing_was_sent(
-    simulator: Simulator,
+def test_a_monitor_and_a_recording_end_with_the_program_beside_which_they_are(
+    tmp_path: Path,
 ) -> None:
-    with another_holder(simulator.port) as holder:
-        holder.send_signal(signal.SIGSTOP)
-        line = refused("estop", simulator.port)
-        assert f"process {holder.pid}" in line
-        assert line.partition(" (more: ")[0].endswith("Nothing was sent")
-        holder.send_signal(signal.SIGCONT)
-        assert run("estop", simulator.port).returncode == 0
-
-
-def test_pins_of_this_computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
-    config = tmp_path / "robot.yaml"
-    config.write_text("driver: l298n\nparameters: {overrun_limit_us: 1000000}\n")
-    with GpioChip(tmp_path, kernel_pwm=False) as chip:
-        for name, value in chip.environment.items():
-            monkeypatch.setenv(name, value)
-        with open_driver("l298n") as robot:
-            wait_for_holder("", robot.info.device.board_id)
-            attached("info", str(config))
-            attached("estop", str(config))
-            wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
-            result = run("clear", str(config))
-            assert result.returncode == errors.DriverUnavailable.exit_code, result.stderr
-            robot.clear_estop()
-
-
-def test_a_recording_beside_a_program_that_drives(tmp_path: Path) -> None:
     path = tmp_path / "day.mcap"
     with simulator_on_board() as simulator:
-        # A Simulator is at a name of its own: the program uses that, and this the device's.
-        with another_holder(simulator.port) as holder:
-            port = str(Path(simulator.port).resolve())
-            result = run("log", "record", port, str(path), "--seconds", "2")
-            assert f"wrote {path}" in result.stdout, result.stderr
-            assert result.stderr.startswith("wheelwire: attached to the link of python")
-            assert holder.poll() is None
+        # A Simulator is at a name of its own: the program uses that, and these the device's.
+        port = str(Path(simulator.port).resolve())
+        with (
+            another_holder(simulator.port) as holder,
+            talking(*PROGRAM, "monitor", port, "--json", stderr=subprocess.PIPE) as (monitor, line),
+            subprocess.Popen(
+                [*PROGRAM, "log", "record", port, str(path)],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            ) as recording,
+        ):
+            assert json.loads(line)["state"] == "DRIVING"
+            wait_until(path.exists)
+            time.sleep(3.0)
+            assert json.loads(run("info", port, "--json").stdout)["state"] == "DRIVING"
             assert simulator.get("true.left_mps") > 0.05
-        causes = json.loads(run("why", str(path), "--json").stdout)
-    assert causes == []  # it drove on all the time
+            holder.send_signal(signal.SIGKILL)
+            _, said = monitor.communicate(timeout=TIMEOUT_S)
+            wrote, notes = recording.communicate(timeout=TIMEOUT_S)
+        # It left its socket behind, but the port is free: the next program opens it.
+        assert list(Path(os.environ[DIRECTORY_VARIABLE]).glob("*.tap"))
+        result = run("monitor", simulator.port, "--seconds", "0.3")
+        assert (result.returncode, result.stderr) == (0, "")
+    assert monitor.returncode == errors.LinkClosed.exit_code
+    assert f"process {holder.pid}, which held {port}, has ended" in said
+    assert recording.returncode == 0, notes
+    assert f"wrote {path}" in wrote
+    assert notes.startswith("wheelwire: attached to the link of python")
+    assert "has ended, and so does the recording" in notes
     found = [topic for topic, _, _ in messages(path)]
     assert found.count("/imu/data_raw") > 20
     assert found.count("/odom") > 50
     setpoints = run("log", "decode", str(path), "--message", "SetWheelVelocity").stdout
     assert len(setpoints.splitlines()) > 30
     assert metadata(path)["board_id"] != ""
-    assert is_complete(path)
-
-
-def test_a_recording_ends_with_the_program_beside_which_it_is_made(tmp_path: Path) -> None:
-    path = tmp_path / "day.mcap"
-    with simulator_on(GOOD) as simulator, another_holder(simulator.port) as holder:
-        recording = subprocess.Popen(
-            [*PROGRAM, "log", "record", simulator.port, str(path)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        wait_until(lambda: path.exists() and path.stat().st_size > 30_000)
-        holder.kill()
-        said, notes = recording.communicate(timeout=TIMEOUT_S)
-    assert recording.returncode == 0, notes
-    assert f"wrote {path}" in said
-    assert "has ended, and so does the recording" in notes
     assert is_complete(path)

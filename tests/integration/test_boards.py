@@ -17,9 +17,7 @@ from wheelwire import aio, errors, open_driver
 from wheelwire.board import DigitalInput, Pull
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.robot import calls as requests
-from wheelwire.robot.calls import Requests
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.files.board import board_mapping, load_board, parse_board, shipped_boards
 from wheelwire.tools.setup.questions import KEEP, Question
@@ -27,14 +25,12 @@ from wheelwire.tools.setup.setup import choose_board
 from wheelwire_protocol.codes import (
     Chip,
     ConfigurationState,
-    Contradiction,
     Fault,
     Group,
     PeripheralKind,
     Place,
-    RefusalCode,
 )
-from wheelwire_protocol.types import GROUP_HASHES, Contradictions, ContradictionsGet, GroupGet
+from wheelwire_protocol.types import GROUP_HASHES, GroupGet
 
 WITH_BUMPERS = replace(
     OWN_BOARD,
@@ -84,27 +80,17 @@ def test_a_fresh_chip_drives_once_its_board_is_confirmed() -> None:
         assert run_json("info", fresh.port)["warnings"] == []
 
 
-def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
-    simulator: Simulator,
-) -> None:
-    inputs = {"bumper_front": {"pin": 36, "pull": "external"}}
-    board = parse_board({**board_mapping(OWN_BOARD), "inputs": inputs})
-    with pytest.raises(errors.BoardMismatch, match="with other pins or sensors"):
-        open_driver("serial", port=simulator.port, board=board)
-    with open_driver("serial", port=simulator.port) as robot:
-        robot.board.take_up(board)
-    with open_driver("serial", port=simulator.port, board=board) as robot:
-        robot.set_velocity(0.1, 0.1)
-    # A robot with sensors is not refused because a file names none.
-    with open_driver("serial", port=simulator.port, board=OWN_BOARD) as robot:
-        robot.set_velocity(0.1, 0.1)
-
-
 def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
     simulator: Simulator, tmp_path: Path
 ) -> None:
     with pytest.raises(errors.BoardMismatch, match=f"is {OWN_BOARD.name}, not TB6612FNG"):
         open_driver("serial", port=simulator.port, board="tb6612")
+    inputs = {"bumper_front": {"pin": 36, "pull": "external"}}
+    board = parse_board({**board_mapping(OWN_BOARD), "inputs": inputs})
+    with pytest.raises(errors.BoardMismatch, match="with other pins or sensors"):
+        open_driver("serial", port=simulator.port, board=board)
+    # A robot with sensors is not refused because a file names none.
+    open_driver("serial", port=simulator.port, board=OWN_BOARD).close()
     config = tmp_path / "robot.yaml"
     config.write_text(f"driver: serial\nboard: tb6612\nserial:\n  port: {simulator.port}\n")
     refused = run("drive", str(config), "--linear", "0.2", "--seconds", "0.5")
@@ -116,15 +102,6 @@ def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
         keep_driving(robot)
 
 
-def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:
-    result = run("board", "write", simulator.port, "tb6612")
-    assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and confirmed\n")
-    after = run_json("board", "read", simulator.port)
-    assert after == {"state": "STORED", "board": board_mapping(load_board("tb6612"))}
-    simulator.reset()
-    assert run_json("board", "read", simulator.port) == after
-
-
 def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_path: Path) -> None:
     file = tmp_path / "read.yaml"
     file.write_text(run("board", "read", simulator.port).stdout)
@@ -132,8 +109,10 @@ def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_p
     assert replace(own, peripherals=()) == OWN_BOARD
     assert len(own.peripherals) == 4
     assert run("board", "check", str(file)).returncode == 0
-    written = run("board", "write", simulator.port, str(file))
-    assert written.returncode == 0, written.stderr
+    result = run("board", "write", simulator.port, str(file))
+    assert result.stdout == f"{own.name}: written, tried and confirmed\n", result.stderr
+    read = run_json("board", "read", simulator.port)
+    assert read == {"state": "STORED", "board": board_mapping(own)}
     for _ in range(2):
         with SerialDriver(simulator.port) as robot:
             assert robot.board.read() == (ConfigurationState.STORED, own)
@@ -148,13 +127,6 @@ def test_what_a_simulated_robot_has_is_a_file_for_it(simulator: Simulator, tmp_p
         simulator.reset()
 
 
-def test_a_rounded_number_does_not_make_another_board(simulator: Simulator) -> None:
-    measured = replace(load_board("tb6612"), battery=34, battery_divider=5.70049)
-    with SerialDriver(simulator.port) as robot:
-        robot.board.take_up(measured)
-        assert robot.board.read()[0] is ConfigurationState.STORED
-
-
 def test_a_wrong_board_is_refused_before_anything_is_written(
     simulator: Simulator, tmp_path: Path
 ) -> None:
@@ -163,10 +135,6 @@ def test_a_wrong_board_is_refused_before_anything_is_written(
     result = run("board", "write", simulator.port, str(file))
     assert result.returncode == errors.ConfigurationError.exit_code
     assert "led = 36: GPIO 36 of the ESP32 is an input only" in result.stderr
-    assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
-
-
-def test_a_board_of_another_chip_is_refused_by_name(simulator: Simulator) -> None:
     line = check_error(run("board", "write", simulator.port, "esp32s3"), errors.DeviceRefused)
     assert "L298N, ESP32-S3-DevKitC is for the ESP32S3, not for this chip" in line
     assert run_json("board", "read", simulator.port)["board"]["name"] == OWN_BOARD.name
@@ -250,27 +218,6 @@ def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen() -> None:
         assert len(person.asked) == 1
 
 
-def test_a_set_up_confirms_the_board_that_the_robot_is_on() -> None:
-    with fresh_chip() as fresh:
-        assert offer(fresh, Chooser("l298n")) == ["L298N, ESP32-DevKitC: confirmed"]
-        assert run_json("board", "read", fresh.port)["state"] == "STORED"
-        assert offer(fresh, Chooser("l298n")) == ["board: L298N, ESP32-DevKitC"]
-
-
-# --- peripherals ---------------------------------------------------------------------------------
-
-
-def test_the_rule_that_a_list_breaks_is_named_and_nothing_is_written(simulator: Simulator) -> None:
-    bumper = DigitalInput(PeripheralKind.BUMPER, Place.REAR, OWN_BOARD.estop, pull=Pull.EXTERNAL)
-    with SerialDriver(simulator.port) as robot:
-        before = robot.board.read(), robot.info.device.boot_id
-        with pytest.raises(errors.ConfigurationError, match=r"bumper_rear.*GPIO 14") as refused:
-            robot.board.take_up(replace(OWN_BOARD, peripherals=(bumper,)))
-        assert "nothing was written" in str(refused.value)
-        assert (robot.board.read(), robot.info.device.boot_id) == before
-        keep_driving(robot)
-
-
 def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
     store = tmp_path / "store"
     with MockDriver(realtime=False, store=store) as robot:
@@ -281,7 +228,9 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
         assert robot.simulator.get("t_us") / 1e6 - began_s < 2.0
         robot.simulator.set("bumper.rear", 1)
         assert robot.inputs.read().triggered == ("bumper.rear",)
-        robot.board.take_up(replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals))
+        # A number that is rounded does not make another board.
+        measured = replace(load_board("tb6612"), battery=34, battery_divider=5.70049)
+        robot.board.take_up(replace(measured, peripherals=WITH_BUMPERS.peripherals))
     with MockDriver(realtime=False, store=store) as again:
         state, found = again.board.read()
         assert found is not None
@@ -291,21 +240,6 @@ def test_peripherals_are_taken_up_in_virtual_time(tmp_path: Path) -> None:
         again.simulator.set("boot_time_us", 60e6)
         with pytest.raises(errors.LinkLost, match="did not come back within 8 s"):
             again.board.restart()
-
-
-def test_both_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> None:
-    both = replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals)
-    with SerialDriver(simulator.port) as robot:
-        robot.board.write(both)
-        robot.board.restart()
-        assert robot.board.read() == (ConfigurationState.TRIAL, both)
-        assert robot.warnings == (RefusalCode.BOARD_ON_TRIAL.doc,)
-        with pytest.raises(errors.DeviceRefused, match="on trial"):
-            keep_driving(robot)
-    assert run_json("board", "confirm", simulator.port, "--yes")["was_confirmed"] is False
-    with SerialDriver(simulator.port) as robot:
-        assert robot.board.read() == (ConfigurationState.STORED, both)
-        keep_driving(robot)
 
 
 def test_a_board_that_a_saved_parameter_contradicts_is_not_kept(simulator: Simulator) -> None:
@@ -325,26 +259,6 @@ def test_a_board_that_a_saved_parameter_contradicts_is_not_kept(simulator: Simul
     assert run("board", "write", simulator.port, "mdd10a").returncode == 0
     drive = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
     assert drive.returncode == 0, drive.stderr
-
-
-def test_parameters_that_contradict_each_other_let_no_board_be_kept(simulator: Simulator) -> None:
-    """As those that another firmware has saved: this one refuses to set them."""
-    with SerialDriver(simulator.port) as robot:
-        before = robot.board.read()
-        answer = robot._link.request(ContradictionsGet(0, 0))
-        assert isinstance(answer, Contradictions)
-        with pytest.MonkeyPatch.context() as patch:
-            found = answer._replace(active=Contradiction.STREAM_RATE)
-            ask = Requests.ask
-
-            async def ask_of(self: Requests, message: RequestMessage) -> Answer:
-                is_it = isinstance(message, ContradictionsGet)
-                return found if is_it else await ask(self, message)
-
-            patch.setattr(Requests, "ask", ask_of)
-            with pytest.raises(errors.BoardNotKept, match="is above control_rate_hz"):
-                robot.board.take_up(load_board("tb6612"))
-        assert robot.board.read() == before
 
 
 async def test_the_same_on_asyncio(simulator: Simulator) -> None:

@@ -21,7 +21,7 @@ from support.pages import PAGES, REASONS, ROOT, Block, blocks, code_in_rows, cou
 from support.processes import talking
 from support.typing_terminal import TypingTerminal
 from support.waiting import undisturbed
-from wheelwire import WheelwireError, open_driver
+from wheelwire import WheelwireError
 from wheelwire.cli.app import application, run
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
@@ -227,31 +227,12 @@ def python(page: str) -> list[str]:
     return [block.text for block in blocks(page) if block.language == "python"]
 
 
-def test_the_readmes_program_drives() -> None:
-    (program,) = python("README.md")
-    with Simulator() as simulator:
-        program = PORTS.sub(simulator.port, program)
-        printed = program_output(program, "README.md")
-        assert simulator.get("true.distance_m") == pytest.approx(0.4, abs=0.1)
-        assert simulator.get("true.heading_rad") == pytest.approx(1.0, abs=0.25)
-    assert "DRIVING" in printed
-
-
 @pytest.mark.parametrize("page", ["docs/python.md", "docs/arduino.md"])
 def test_without_a_robot_the_program_drives_a_simulated_one(page: str) -> None:
     program = next(text for text in python(page) if "as robot:" in text)
     assert '`"mock"` in place of the port' in (ROOT / page).read_text("utf-8")
     printed = program_output(PORTS.sub("mock", program), page)
     assert "DRIVING" in printed or max(map(int, printed.split())) > 100
-
-
-def test_the_parameters_are_used_as_the_page_for_python_says() -> None:
-    (uses,) = (text for text in python("docs/python.md") if text.startswith("robot.parameters["))
-    with Simulator() as simulator, open_driver("serial", port=simulator.port) as robot:
-        results = [eval(line, {"robot": robot}) for line in uses.splitlines()]  # noqa: S307
-    assert results[0] == 0.033
-    assert results[2]["integral_gain"] == results[1]
-    assert results[3] is True
 
 
 def test_the_callbacks_are_used_as_the_page_for_python_says() -> None:

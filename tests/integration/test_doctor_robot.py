@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,13 +73,6 @@ def test_a_firmware_that_is_older_than_the_library(
     finding = only(found, "firmware")
     assert "older than this library, 99.0.0" in finding.problem
     assert finding.cure == "wheelwire flash ROBOT with the image of release 99.0.0"
-
-
-def test_groups_that_are_off(mock: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(GROUP_HASHES, Group.CONFIGURATION, 0x0BADBEEF)
-    finding = only(examined(mock), "groups")
-    assert "configuration messages do not work" in finding.problem
-    assert "wheelwire flash ROBOT" in finding.cure
 
 
 @pytest.mark.parametrize("fault", [Fault.STORE_UNREADABLE, Fault.STORE_OUTDATED])
@@ -157,24 +150,6 @@ def test_a_copy_that_is_lost(tmp_path: Path, name: str, words: str) -> None:
         assert [finding.problem] == run_json("info", simulator.port)["warnings"]
 
 
-@pytest.mark.parametrize(
-    ("variable", "value", "name", "words", "cure"),
-    [
-        ("imu.absent", 1, "sensor", "imu cannot be used: STALE, ABSENT", "ABSENT"),
-        ("imu.freeze", 1, "sensor", "imu cannot be used: STALE, FROZEN", "FROZEN"),
-        ("battery_v", 0, "sensor", "battery cannot be used: STALE, ZERO", "ZERO"),
-        ("bumper.front_left", 1, "triggered", "bumper.front_left has triggered", "wire"),
-    ],
-)
-def test_a_sensor_that_cannot_be_used_or_has_triggered(
-    mock: MockDriver, variable: str, value: float, name: str, words: str, cure: str
-) -> None:
-    mock.simulator.set(variable, value)
-    finding = only(examined(mock), name)
-    assert finding.problem.startswith(words)
-    assert cure in finding.cure
-
-
 def test_a_battery_that_is_low(mock: MockDriver) -> None:
     levels = BatteryLevels(warn_v=7.6, limit_v=6.8, stop_v=6.6)
     mock.board.take_up(replace(OWN_BOARD, peripherals=(levels,)))
@@ -183,33 +158,76 @@ def test_a_battery_that_is_low(mock: MockDriver) -> None:
     assert "7.4" in finding.cure
 
 
-def test_beside_a_program_that_has_not_asked_for_sensors_it_asks(simulator: Simulator) -> None:
-    simulator.set("imu.absent", 1)
-    with SerialDriver(simulator.port) as holder:
-        wait_for_holder(simulator.port)
-        assert not holder.sensors.channels
-        assert "ABSENT" in run("doctor", simulator.port, "--json").stdout
-        assert holder.sensors.channels
-
-
 def reset(mock: MockDriver, reason: ResetReason) -> None:
     mock.simulator.reset(reason)
     mock.advance(2.0)
 
 
-def test_a_core_dump(mock: MockDriver) -> None:
+def has(name: str, value: float = 1) -> Callable[[MockDriver], object]:
+    """Something of the simulated robot is so."""
+    return lambda mock: mock.simulator.set(name, value)
+
+
+def has_no_contact(mock: MockDriver) -> None:
+    mock.parameters.set("estop_input_enabled", 0)
+
+
+def crashed_before(mock: MockDriver) -> None:
     mock.simulator.set("core_dump", 1)
     reset(mock, ResetReason.EXTERNAL)
-    assert "core dump is in flash" in only(examined(mock), "core-dump").problem
 
 
-def preset(**values: float) -> Sequence[str]:
-    """Another firmware's defaults."""
-    return [f"--preset={PARAMETER_BY_NAME[name].id}={value}" for name, value in values.items()]
+@pytest.mark.parametrize(
+    ("play", "name", "problem", "cure"),
+    [
+        (has("imu.absent"), "sensor", "imu cannot be used: STALE, ABSENT", "ABSENT"),
+        (has("imu.freeze"), "sensor", "imu cannot be used: STALE, FROZEN", "FROZEN"),
+        (has("battery_v", 0), "sensor", "battery cannot be used: STALE, ZERO", "ZERO"),
+        (has("bumper.front_left"), "triggered", "bumper.front_left has triggered", "wire"),
+        (crashed_before, "core-dump", "core dump is in flash", ""),
+        (has_no_contact, "estop-input", "pressing it does nothing", "_enabled 1 --save"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_cure(
+    mock: MockDriver, play: Callable[[MockDriver], object], name: str, problem: str, cure: str
+) -> None:
+    play(mock)
+    finding = only(examined(mock), name)
+    assert problem in finding.problem
+    assert cure in finding.cure
+
+
+def test_groups_that_are_off(mock: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    mock.parameters.set("proportional_gain", 0.8)
+    monkeypatch.setitem(GROUP_HASHES, Group.STORE, 0x0BADBEEF)
+    assert examined(mock) == {}  # firmware that cannot tell what it has saved
+    monkeypatch.setitem(GROUP_HASHES, Group.CONFIGURATION, 0x0BADBEEF)
+    finding = only(examined(mock), "groups")
+    assert "configuration messages do not work" in finding.problem
+    assert "wheelwire flash ROBOT" in finding.cure
+
+
+def on_a_line(folder: Path, profile: str) -> dict[str, Finding]:
+    file = folder / "line.yaml"
+    file.write_text(profile)
+    with ImpairedSimulator(load_profile(str(file))) as simulator:
+        return examined(simulator)
+
+
+def test_a_line_that_loses_frames_or_is_late(tmp_path: Path) -> None:
+    found = on_a_line(tmp_path, "{seed: 1, to_host: {loss: 0.1}}")["loss"]
+    assert "of the robot's frames were lost in the last second" in found.problem
+    assert "shorter cable" in found.cure
+    late = "{seed: 1, to_host: {delay_us: 30000}, to_device: {delay_us: 30000}}"
+    found = only(on_a_line(tmp_path, late), "clock-error")
+    assert "another USB socket" in found.cure
 
 
 def test_parameters_that_contradict_each_other() -> None:
-    arguments = preset(control_rate_hz=100, stream_rate_hz=200)
+    presets = {"control_rate_hz": 100, "stream_rate_hz": 200}  # another firmware's defaults
+    arguments = [
+        f"--preset={PARAMETER_BY_NAME[name].id}={value}" for name, value in presets.items()
+    ]
     with simulator_on(GOOD, arguments=arguments) as simulator:
         finding = only(examined(simulator), "contradiction")
     assert "stream_rate_hz" in finding.problem
@@ -247,21 +265,6 @@ def test_a_robot_that_drives_is_not_asked_what_it_has_saved(mock: MockDriver) ->
     assert [found.name for found in robot._unsaved(mock, "ROBOT", ())] == ["unsaved"]
 
 
-def test_firmware_that_cannot_tell_what_it_has_saved(
-    mock: MockDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    mock.parameters.set("proportional_gain", 0.8)
-    monkeypatch.setitem(GROUP_HASHES, Group.STORE, 0x0BADBEEF)
-    assert examined(mock) == {}
-
-
-def test_a_contact_that_does_nothing(mock: MockDriver) -> None:
-    mock.parameters.set("estop_input_enabled", 0)
-    finding = only(examined(mock), "estop-input")
-    assert "estop_input_enabled is 0: pressing it does nothing" in finding.problem
-    assert finding.cure == "wheelwire params set ROBOT estop_input_enabled 1 --save"
-
-
 def test_what_holds_the_robot(mock: MockDriver) -> None:
     mock.estop()
     finding = only(examined(mock), "stopped")
@@ -273,26 +276,6 @@ def test_what_holds_the_robot(mock: MockDriver) -> None:
     assert set(found) == {"stopped", "ledger"}
     assert "supply" in found["stopped"].problem
     assert "BROWNOUT 1" in found["ledger"].problem
-
-
-def on_a_line(folder: Path, profile: str) -> dict[str, Finding]:
-    file = folder / "line.yaml"
-    file.write_text(profile)
-    with ImpairedSimulator(load_profile(str(file))) as simulator:
-        return examined(simulator)
-
-
-def test_a_line_that_loses_frames(tmp_path: Path) -> None:
-    found = on_a_line(tmp_path, "{seed: 1, to_host: {loss: 0.1}}")
-    assert "of the robot's frames were lost in the last second" in found["loss"].problem
-    assert "shorter cable" in found["loss"].cure
-
-
-def test_a_line_that_is_late(tmp_path: Path) -> None:
-    profile = "{seed: 1, to_host: {delay_us: 30000}, to_device: {delay_us: 30000}}"
-    found = only(on_a_line(tmp_path, profile), "clock-error")
-    assert "is known to" in found.problem
-    assert "another USB socket" in found.cure
 
 
 def test_beside_a_program_that_holds_the_robot(simulator: Simulator) -> None:

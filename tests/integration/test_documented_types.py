@@ -83,10 +83,6 @@ wheelwire.connect().watch_stops(print)
 """
 
 
-def test_the_options_and_verbs_of_each_driver(tmp_path: Path) -> None:
-    assert not checked(tmp_path, {"program": PRELUDE + CALLS})
-
-
 MISSPELT = """
 wheelwire.open_driver("serial", "/dev/ttyUSB0", baudrate=115_200)
 wheelwire.open_driver("l298n", pwm_chips=0)
@@ -98,8 +94,12 @@ wheelwire.connect().set_velocty(0.1, 0.0)
 """.strip().splitlines()
 
 
-def test_a_misspelt_option_or_verb_is_an_error(tmp_path: Path) -> None:
-    said = checked(tmp_path, {"program": PRELUDE + "\n".join(MISSPELT)})
+def test_the_options_and_verbs_of_each_driver_are_known_and_a_misspelt_one_is_an_error(
+    tmp_path: Path,
+) -> None:
+    programs = {"right": CALLS, "wrong": "\n".join(MISSPELT)}
+    said = checked(tmp_path, {name: PRELUDE + text for name, text in programs.items()})
     first = PRELUDE.count("\n") + 1
-    errors = {int(line.split(":")[1]) for line in said if ": error: " in line}
-    assert errors == set(range(first, first + len(MISSPELT))), said
+    errors = {tuple(line.split(":")[:2]) for line in said if ": error: " in line}
+    wrong = str(tmp_path / "wrong.py")
+    assert errors == {(wrong, str(first + number)) for number in range(len(MISSPELT))}, said

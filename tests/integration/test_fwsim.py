@@ -19,7 +19,6 @@ import tty
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -29,10 +28,10 @@ from support.processes import talking
 from support.waiting import wait_until
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.simulation import simulator as sim
-from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
+from wheelwire.simulation.simulator import Simulator, find_simulator
 from wheelwire_protocol import native
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.codes import ResetReason, SupervisorState
+from wheelwire_protocol.codes import ResetReason
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import DeviceHello, Hello, WheelState
@@ -83,19 +82,31 @@ def link(tmp_path: Path) -> Path:
     return tmp_path / "robot"
 
 
-def test_hello_is_answered_at_the_link(link: Path) -> None:
-    with Simulator(link=link, seed=5) as simulator, opened(simulator.port) as fd:
-        answer = say_hello(fd)
-        assert answer is not None
-        assert answer.boot_id == simulator.get("boot_id")
-    assert not link.is_symlink()
-
-
-def test_a_host_may_close_and_reopen_the_port(link: Path) -> None:
-    with Simulator(link=link) as simulator:
-        for _ in range(3):
-            with opened(simulator.port) as fd:
-                assert say_hello(fd) is not None
+def test_the_device_at_its_link_is_unplugged_plugged_and_reset(link: Path) -> None:
+    link.symlink_to("/nowhere")  # a stale link is replaced
+    with Simulator(link=link, baud_rate=921600) as simulator:
+        with opened(simulator.port, termios.B115200) as fd:
+            assert say_hello(fd, SILENCE_S) is None  # another rate garbles
+        with opened(simulator.port, termios.B921600) as fd:
+            first = say_hello(fd)
+            simulator.unplug()
+            assert not link.is_symlink()
+            with pytest.raises(OSError, match="Input/output error"):
+                os.write(fd, b"x")
+        simulator.plug()
+        with opened(simulator.port, termios.B921600) as fd:
+            again = say_hello(fd)
+            boot_id = simulator.reset(ResetReason.TASK_WATCHDOG)
+            after = None
+            while after is None or after.boot_id != boot_id:
+                after = say_hello(fd)
+        assert first is not None
+        assert again is not None
+        assert first.boot_id == again.boot_id != boot_id
+        assert after.reset_reason == ResetReason.TASK_WATCHDOG
+        link.unlink()
+        link.symlink_to("/somebody/elses")
+    assert link.is_symlink()
 
 
 def first_state_is_new(simulator: Simulator) -> bool:
@@ -141,50 +152,6 @@ def test_a_busy_host_finds_the_states_of_some_time_in_its_socket() -> None:
         wait_until(lambda: unread(ours) > 70 * STATE_SIZE, what="the states of 0.7 s")
 
 
-def test_a_ports_name_is_never_that_of_a_later_terminal() -> None:
-    """A host that waits for a simulator to come back must not open a stranger's terminal."""
-    with Simulator() as simulator:
-        port = Path(simulator.port)
-        assert port.is_symlink()
-    assert not port.is_symlink()
-
-
-def test_unplugging_hangs_the_host_up_and_plugging_brings_the_same_device_back(link: Path) -> None:
-    with Simulator(link=link) as simulator:
-        with opened(simulator.port) as fd:
-            before = say_hello(fd)
-            simulator.unplug()
-            assert not link.is_symlink()
-            with pytest.raises(OSError, match="Input/output error"):
-                os.write(fd, b"x")
-        simulator.plug()
-        with opened(simulator.port) as fd:
-            after = say_hello(fd)
-    assert before is not None
-    assert after is not None
-    assert before.boot_id == after.boot_id
-
-
-def test_an_equal_baud_rate_works_and_another_garbles(link: Path) -> None:
-    with Simulator(link=link, baud_rate=921600) as simulator:
-        with opened(simulator.port, termios.B115200) as fd:
-            assert say_hello(fd, SILENCE_S) is None
-        with opened(simulator.port, termios.B921600) as fd:
-            assert say_hello(fd) is not None
-
-
-def test_reset_gives_a_new_boot_id_and_its_reason(link: Path) -> None:
-    with Simulator(link=link) as simulator, opened(simulator.port) as fd:
-        before = say_hello(fd)
-        boot_id = simulator.reset(ResetReason.TASK_WATCHDOG)
-        after = None
-        while after is None or after.boot_id != boot_id:
-            after = say_hello(fd)
-        assert before is not None
-        assert before.boot_id != boot_id
-        assert after.reset_reason == ResetReason.TASK_WATCHDOG
-
-
 @each(
     "line",
     ["", "dance", "set mass_kg", "set mass_kg heavy", "set mass_kg nan", "set colour 1",
@@ -213,13 +180,6 @@ def test_a_numbered_command_has_its_number_in_its_answer() -> None:
     ]
 
 
-def test_settings_hold_from_power_on() -> None:
-    with Simulator(settings={"mass_kg": 1.5, "boot_time_us": 0}) as simulator:
-        simulator.set("slope_rad", 0.25)
-        assert simulator.get("mass_kg") == 1.5
-        assert simulator.get("slope_rad") == 0.25
-
-
 @pytest.mark.parametrize("settings", [{"colour": 1.0}, {"mass_kg": -1.0}])
 def test_a_bad_setting_is_named_at_the_start(settings: dict[str, float]) -> None:
     with pytest.raises(WheelwireError, match=next(iter(settings))):
@@ -231,16 +191,6 @@ def test_a_file_in_the_links_place_is_left_alone(link: Path) -> None:
     with pytest.raises(WheelwireError, match="not a link"):
         Simulator(link=link).start()
     assert link.read_text() == "mine"
-
-
-def test_a_stale_link_is_replaced_and_a_strangers_link_stays(link: Path) -> None:
-    link.symlink_to("/nowhere")
-    with Simulator(link=link) as simulator:
-        with opened(simulator.port) as fd:
-            assert say_hello(fd) is not None
-        link.unlink()
-        link.symlink_to("/somebody/elses")
-    assert link.is_symlink()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -271,20 +221,6 @@ def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
     assert not link.is_symlink()
 
 
-def test_true_states_come_at_their_rate() -> None:
-    states: list[TrueState] = []
-    with Simulator(truth_hz=100, on_state=states.append) as simulator:
-        end = time.monotonic() + TIMEOUT_S
-        while len(states) < 50:
-            assert time.monotonic() < end, "too few states"
-            time.sleep(0.01)
-        assert simulator.take_states()[:50] == states[:50]
-    intervals = [b.t_us - a.t_us for a, b in pairwise(states)]
-    assert sorted(intervals)[len(intervals) // 2] == pytest.approx(10_000, abs=1000)
-    assert states[-1].state is SupervisorState.IDLE
-    assert not any(state.drive_on for state in states)
-
-
 def test_simulated_time_keeps_pace_with_the_wall_clock(simulator: Simulator) -> None:
     """It makes up for what a busy computer kept it from."""
 
@@ -296,36 +232,23 @@ def test_simulated_time_keeps_pace_with_the_wall_clock(simulator: Simulator) -> 
     wait_until(lambda: abs(ahead_us() - begin_us) < 50_000)
 
 
-def test_a_missing_named_simulator_is_an_error(
+def test_which_simulator_is_run_and_what_is_said_of_a_missing_one(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("WHEELWIRE_FWSIM", str(tmp_path / "missing"))
     with pytest.raises(SimulatorNotFound, match="WHEELWIRE_FWSIM"):
         find_simulator()
-
-
-def test_a_checkout_runs_its_own_build_only(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.delenv("WHEELWIRE_FWSIM", raising=False)
+    monkeypatch.delenv("WHEELWIRE_FWSIM")
     installed = tmp_path / "installed"
     installed.mkdir()
     (installed / sim.PROGRAM).touch(0o755)
     monkeypatch.setattr(sim, "_PACKAGE", installed)
-    assert find_simulator().parent.name == "host"
-
+    assert find_simulator().parent.name == "host"  # a checkout runs its own build
     monkeypatch.setattr(native, "_CHECKOUT", tmp_path)
     assert find_simulator().parent == installed
+    (installed / sim.PROGRAM).unlink()
+    with pytest.raises(SimulatorNotFound, match="install a wheel of wheelwire"):
+        find_simulator()
     (tmp_path / "firmware").mkdir()
     with pytest.raises(SimulatorNotFound, match="make sim"):
-        find_simulator()
-
-
-def test_an_installation_without_native_parts_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.delenv("WHEELWIRE_FWSIM", raising=False)
-    monkeypatch.setattr(native, "_CHECKOUT", tmp_path)
-    monkeypatch.setattr(sim, "_PACKAGE", tmp_path)
-    with pytest.raises(SimulatorNotFound, match="install a wheel of wheelwire"):
         find_simulator()

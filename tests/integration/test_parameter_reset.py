@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from support.command import check_error, output, run, run_json
+from support.command import check_error, output, run
 from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
-from wheelwire.tools.files.state import state_folder
 
 WIDE = {"COLUMNS": "500"}
 """A question is one line."""
@@ -56,47 +55,26 @@ def test_the_copy_brings_everything_back(simulator: Simulator) -> None:
     assert values(simulator) == before
 
 
-def test_twice_in_a_second_is_two_copies(simulator: Simulator, tmp_path: Path) -> None:
-    first, second = (run_json("params", "reset", simulator.port, "--yes") for _ in range(2))
-    assert first["copy"] != second["copy"]
-    assert "max_duty: 0.5 duty" in Path(first["copy"]).read_text()
-    assert "max_duty: 1 duty" in Path(second["copy"]).read_text()
-    wanted = tmp_path / "here.yaml"
-    assert run_json("params", "reset", simulator.port, "--yes", "--copy", str(wanted)) == {
-        "reset": True,
-        "copy": str(wanted),
-    }
-    assert len(copies()) == 2
-
-
-@pytest.mark.parametrize(("answer", "resets"), [(b"y\n", True), (b"\n", False)])
-def test_it_asks(simulator: Simulator, answer: bytes, *, resets: bool) -> None:
+@pytest.mark.parametrize(
+    ("answer", "code", "said"),
+    [
+        (b"y\n", 0, "reset"),
+        (b"\n", errors.InvalidArgument.exit_code, ""),
+        (b"\x03", 130, "interrupted; nothing was reset"),
+    ],
+)
+def test_it_asks(simulator: Simulator, answer: bytes, code: int, said: str) -> None:
     with TypingTerminal("params", "reset", simulator.port, environment=WIDE) as person:
         person.wait_for("4 values differ from their defaults; what is saved is reset, too. ")
         assert b"board" not in person.output
         person.press(answer)
-        assert person.wait() == (0 if resets else errors.InvalidArgument.exit_code)
-    assert changed(simulator) is not resets
-    assert len(copies()) == resets
+        assert person.wait() == code
+        person.wait_for(said)
+    assert changed(simulator) is bool(code)
+    assert len(copies()) == (not code)
 
 
-def test_ctrl_c_at_the_question_resets_nothing(simulator: Simulator) -> None:
-    with TypingTerminal("params", "reset", simulator.port, environment=WIDE) as person:
-        person.wait_for("[y/N]")
-        person.press(b"\x03")
-        assert person.wait() == 130
-        person.wait_for("interrupted; nothing was reset")
-    assert changed(simulator)
-    assert not copies()
-
-
-def test_where_nobody_can_be_asked_nothing_is_reset(simulator: Simulator) -> None:
-    line = check_error(run("params", "reset", simulator.port), errors.InvalidArgument)
-    assert "add --yes. Nothing was reset" in line
-    assert changed(simulator)
-
-
-def test_a_copy_that_cannot_be_written_resets_nothing(simulator: Simulator, tmp_path: Path) -> None:
+def test_without_a_copy_or_an_answer_nothing_is_reset(simulator: Simulator, tmp_path: Path) -> None:
     there = tmp_path / "there.yaml"
     there.write_text("mine")
     blocked = tmp_path / "file"
@@ -112,6 +90,8 @@ def test_a_copy_that_cannot_be_written_resets_nothing(simulator: Simulator, tmp_
         assert reason in line
         assert "nothing was reset: name another file with --copy" in line
     assert there.read_text() == "mine"
+    line = check_error(run("params", "reset", simulator.port), errors.InvalidArgument)
+    assert "add --yes. Nothing was reset" in line
     assert changed(simulator)
 
 
@@ -121,38 +101,3 @@ def test_a_reset_that_is_refused_says_where_the_copy_is(simulator: Simulator) ->
     assert result.returncode == errors.DeviceRefused.exit_code
     (copy,) = copies()
     assert f"a copy of the values is in {copy}" in result.stderr
-
-
-def test_a_robots_file_does_not_get_into_the_copy(simulator: Simulator, tmp_path: Path) -> None:
-    file = tmp_path / "robot.yaml"
-    file.write_text(
-        f"driver: serial\nserial: {{port: {simulator.port}}}\nparameters: {{max_duty: 0.25}}\n"
-    )
-    copy = run_json("params", "reset", str(file), "--yes")["copy"]
-    assert "max_duty: 0.5 duty" in Path(copy).read_text()
-
-
-def test_a_user_without_a_home_is_asked_for_a_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def nobody() -> Path:
-        raise RuntimeError
-
-    monkeypatch.delenv("XDG_STATE_HOME")
-    monkeypatch.setattr(Path, "home", nobody)
-    with pytest.raises(errors.OutputFailed, match="XDG_STATE_HOME"):
-        state_folder()
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
-    assert state_folder() == tmp_path / ".local" / "state" / "wheelwire"
-
-
-def test_a_cable_that_is_pulled_at_the_question_resets_nothing(simulator: Simulator) -> None:
-    with TypingTerminal("params", "reset", simulator.port, environment=WIDE) as person:
-        person.wait_for("[y/N]")
-        simulator.unplug()
-        person.press(b"y\n")
-        assert person.wait() in (errors.LinkLost.exit_code, errors.RequestTimeout.exit_code)
-    simulator.plug()
-    assert changed(simulator)
-    (copy,) = copies()
-    assert str(copy).encode() in person.output

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,8 +13,7 @@ from support.gpio_chip_process import GpioChip
 from support.i2c_bus import I2cBuses
 from support.processes import children
 from support.waiting import wait_until
-from wheelwire import errors, open_driver
-from wheelwire.pi.pins import Pins
+from wheelwire import open_driver
 from wheelwire.robot.robot import Robot
 from wheelwire.tools.files.robot import load_config
 from wheelwire_protocol.codes import Reflex, SensorState, SupervisorState
@@ -28,7 +26,6 @@ power: {chip: ina219, bus: 1, shunt_mohm: 100}
 inputs: {bumper_front: {pin: 8}}
 """
 BUMPER_GPIO = 8
-IMU, POWER = "absent-0x68", "absent-0x40"
 WAIT_S = 30.0
 """On a busy test machine."""
 
@@ -45,12 +42,10 @@ class Scene:
         for name, value in environment.items():
             patch.setenv(name, value)
 
-    def options(self, file: Path | None = None) -> dict[str, Any]:
-        """The options of the robot in a file, for a busy test machine."""
-        return {**load_config(file or self.file).driver_options(), "core_timeout_ms": 5000}
-
-    def open(self, file: Path | None = None) -> Robot:
-        robot: Robot = open_driver("l298n", **self.options(file))
+    def open(self) -> Robot:
+        """The robot of the file, on a busy test machine."""
+        options = load_config(self.file).driver_options()
+        robot: Robot = open_driver("l298n", **options, core_timeout_ms=5000)
         return robot
 
     def reaches(self, robot: Robot, state: SensorState) -> None:
@@ -97,17 +92,17 @@ def _runs(pid: int, module: str) -> bool:
         return False
 
 
-def steps_while_driving(robot: Robot, count: int) -> int:
-    """Drive until so many states have come; how many of them drove."""
+def check_steps_while_driving(robot: Robot, count: int) -> None:
+    """Once it drives, each of so many states does."""
+    robot.set_wheel_velocity(0.1, 0.1, ttl=5)
+    wait_until(lambda: robot.read().state is SupervisorState.DRIVING, WAIT_S, what="it drives")
     samples = robot.samples()
-    driving = 0
     for _ in range(count):
         robot.set_wheel_velocity(0.1, 0.1, ttl=5)
-        driving += next(samples).state is SupervisorState.DRIVING
-    return driving
+        assert next(samples).state is SupervisorState.DRIVING
 
 
-def test_samples_states_and_stamps(robot: Robot) -> None:
+def test_samples_states_stamps_and_a_bumper_at_a_gpio(scene: Scene, robot: Robot) -> None:
     imu = robot.imu.read()
     # The chip's z points up, and its y forward.
     assert imu.acceleration[2] == pytest.approx(9.81, abs=0.1)
@@ -118,25 +113,22 @@ def test_samples_states_and_stamps(robot: Robot) -> None:
     samples = robot.imu.samples()
     numbers = [next(samples).sample for _ in range(100)]
     assert len(set(numbers)) == 100
+    wait_until(lambda: not robot.inputs.read().triggered, WAIT_S, what="the bumper is free")
+    scene.chip.command(f"level {BUMPER_GPIO} 1")
+    wait_until(
+        lambda: robot.inputs.read().triggered == ("bumper.front",), WAIT_S, what="it is pressed"
+    )
+    assert robot.inputs.read().reflexes is Reflex.NO_FORWARD
 
 
-def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: Robot) -> None:
-    with scene.buses.wrong("stuck"):
-        scene.reaches(robot, SensorState.HUNG)
-        robot.set_wheel_velocity(0.1, 0.1, ttl=5)
-        wait_until(lambda: robot.read().state is SupervisorState.DRIVING, WAIT_S, what="it drives")
-        assert steps_while_driving(robot, 50) == 50
-        robot.stop()
-    scene.reaches(robot, SensorState.OK)
-
-
-def test_closing_while_a_read_does_not_end(scene: Scene) -> None:
+def test_a_read_that_does_not_end_delays_neither_a_step_nor_the_close(scene: Scene) -> None:
     with scene.open() as robot:
         robot.imu.read(WAIT_S)
         core = core_of_the_driver()
         (reader,) = children(core)
         scene.buses.set("stuck")
         scene.reaches(robot, SensorState.HUNG)
+        check_steps_while_driving(robot, 50)
     assert not Path(f"/proc/{core}").exists()
     wait_until(lambda: not Path(f"/proc/{reader}").exists(), WAIT_S, what="the reader's end")
     # The next one opens on the unchanged bus.
@@ -155,9 +147,7 @@ def test_a_reader_that_dies_or_stops_takes_nothing_with_it(
     os.kill(reader, end)
     known = (SensorState.MISSED, SensorState.HUNG)  # in a transfer it counts as one that hangs
     wait_until(lambda: robot.imu.state in known, WAIT_S, what="imu missed")
-    robot.set_wheel_velocity(0.1, 0.1, ttl=5)
-    wait_until(lambda: robot.read().state is SupervisorState.DRIVING, WAIT_S, what="it drives")
-    assert steps_while_driving(robot, 20) == 20
+    check_steps_while_driving(robot, 20)
 
 
 def test_the_reader_ends_with_a_core_that_is_killed(robot: Robot) -> None:
@@ -179,61 +169,3 @@ def _alive(pid: int) -> bool:
         return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except (FileNotFoundError, ProcessLookupError):
         return False
-
-
-def test_a_bumper_at_a_gpio(scene: Scene, robot: Robot) -> None:
-    wait_until(lambda: not robot.inputs.read().triggered, WAIT_S, what="the bumper is free")
-    scene.chip.command(f"level {BUMPER_GPIO} 1")
-    wait_until(
-        lambda: robot.inputs.read().triggered == ("bumper.front",), WAIT_S, what="it is pressed"
-    )
-    assert robot.inputs.read().reflexes is Reflex.NO_FORWARD
-
-
-def test_two_robots_of_one_process_on_one_bus(scene: Scene, tmp_path: Path) -> None:
-    other = tmp_path / "other.yaml"
-    other.write_text(
-        "driver: l298n\n"
-        "pins: {left_enc_a: 25}\n"
-        "power: {chip: ina219, bus: 1, shunt_mohm: 100}\n"
-        "parameters: {overrun_limit_us: 1000000}\n"
-    )
-    with scene.open() as one:
-        one.imu.read(WAIT_S)
-        (tmp_path / "second").mkdir()
-        with GpioChip(tmp_path / "second", kernel_pwm=False, board=Pins(left_enc_a=25)) as chip:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setenv("WHEELWIRE_TEST_CHIP", chip.environment["WHEELWIRE_TEST_CHIP"])
-                two = scene.open(other)
-            with two:
-                assert two.power.read(WAIT_S).voltage_v == pytest.approx(11.4)
-                with scene.buses.wrong(IMU):
-                    scene.reaches(one, SensorState.ABSENT)
-                    assert two.power.read(WAIT_S).voltage_v == pytest.approx(11.4)
-                scene.reaches(one, SensorState.OK)
-        one.imu.read(WAIT_S)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (lambda scene: scene.buses.clear("bus-1"), "/dev/i2c-1 does not exist"),
-        (
-            lambda scene: scene.file.write_text(FILE.replace("pin: 8", "pin: 2")),
-            "inputs.bumper_front: 2: GPIO 2 is in use already",
-        ),
-    ],
-)
-def test_what_keeps_a_robot_from_opening(
-    scene: Scene, spoil: Callable[[Scene], None], words: str
-) -> None:
-    spoil(scene)
-    with pytest.raises((errors.DriverUnavailable, errors.ConfigurationError)) as raised:
-        scene.open()
-    assert words in str(raised.value)
-
-
-def test_a_robot_without_sensors_says_where_to_name_them(scene: Scene) -> None:
-    scene.file.write_text("driver: l298n\n")
-    with scene.open() as robot, pytest.raises(errors.SensorMissing, match="no imu: name it in"):
-        robot.imu.read()

@@ -11,8 +11,7 @@ from mcap.reader import make_reader
 
 import wheelwire
 from support.waiting import undisturbed
-from wheelwire import aio
-from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
+from wheelwire.errors import RecordingError
 from wheelwire.link.session import Phase
 from wheelwire.link.statistics import LinkStatistics
 from wheelwire.log.reader import metadata, records
@@ -95,44 +94,12 @@ def test_a_serial_robot_by_the_environment(tmp_path: Path, monkeypatch: pytest.M
     assert len(list(tmp_path.glob("*.mcap"))) == 1
 
 
-async def test_on_a_loop(tmp_path: Path) -> None:
-    path = tmp_path / "day.mcap"
-    async with aio.open_driver("mock", record=path) as robot:
-        robot.set_velocity(0.2, 0.0, ttl=0.3)
-        seen = [await robot.read() for _ in range(20)]
-    assert set(seen[1:]) <= set(rerun(path)[0])
-    assert metadata(path)["driver"] == "mock"
-
-
 def test_where_none_can_be_made_no_robot_is_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     missing = tmp_path / "none" / "day.mcap"
     with pytest.raises(RecordingError, match="there is no folder"):
         wheelwire.open_driver("serial", port="/dev/none", record=missing)
-    with pytest.raises(RecordingError, match="there is no folder"):
-        aio.open_driver("serial", port="/dev/none", record=missing)
-    with pytest.raises(InvalidArgument, match="record = 5"):
-        wheelwire.open_driver("mock", record=5)  # type: ignore[call-overload]
     monkeypatch.setenv("WHEELWIRE_RECORD", str(missing))
     with pytest.raises(RecordingError, match="there is no folder"):
         wheelwire.open_driver("mock")
-
-
-def test_virtual_time_is_not_recorded(tmp_path: Path) -> None:
-    with pytest.raises(InvalidCommand, match="only a robot in real time"):
-        wheelwire.open_driver("mock", realtime=False, record=tmp_path / "day.mcap")
-    assert not list(tmp_path.iterdir())
-
-
-def test_recording_can_begin_and_end_at_any_time(tmp_path: Path) -> None:
-    with wheelwire.open_driver("mock") as robot:
-        assert robot.has_device
-        recorders = [robot.record(tmp_path / f"{name}.mcap") for name in "ab"]
-        seen = drive(robot)
-        recorders[0].close()
-        later = drive(robot)
-    first, second = (rerun(recorder.file)[0] for recorder in recorders)
-    assert set(seen[1:]) <= set(first)
-    assert set(seen[1:] + later) <= set(second)
-    assert not set(later[5:]) & set(first)

@@ -63,5 +63,5 @@ def test_a_power_cut_at_any_moment(folder: Path) -> None:
 
 def test_a_file_that_ends_anywhere(folder: Path) -> None:
     lengths = list(prefixes(short_file(folder), STEP))
-    assert [(length, problem) for length, problem in lengths if problem] == []
+    assert [one for one in lengths if one.problem] == []
     assert len(lengths) > 1500

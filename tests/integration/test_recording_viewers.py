@@ -62,24 +62,20 @@ def test_every_channel_has_what_viewers_ask_for(day: Path) -> None:
         assert index.compression == ""
 
 
-def test_by_mcaps_own_ros_support(day: Path) -> None:
-    found: dict[str, list[Any]] = {}
+def test_by_mcaps_own_ros_support_and_by_rosbags(day: Path) -> None:
+    by_package: list[list[tuple[str, Any]]] = []
     with day.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append(message)
-    assert {topic: len(of_topic) for topic, of_topic in found.items()} == counted(day)
-    assert found[ODOM.topic][-1].pose.pose.position.x > 0.1
-
-
-def test_by_rosbags(day: Path) -> None:
-    found: dict[str, list[Any]] = {}
-    with AnyReader([day]) as reader:
-        for connection, _, data in reader.messages():
-            message = reader.deserialize(data, connection.msgtype)
-            found.setdefault(connection.topic, []).append(message)
-    assert {topic: len(of_topic) for topic, of_topic in found.items()} == counted(day)
-    assert found[ODOM.topic][-1].pose.pose.position.x > 0.1
+        decoded = reader.iter_decoded_messages()
+        by_package.append([(channel.topic, message) for _, channel, _, message in decoded])
+    with AnyReader([day]) as bag:
+        by_package.append(
+            [(one.topic, bag.deserialize(data, one.msgtype)) for one, _, data in bag.messages()]
+        )
+    for found in by_package:
+        assert Counter(topic for topic, _ in found) == counted(day)
+        *_, last = (message for topic, message in found if topic == ODOM.topic)
+        assert last.pose.pose.position.x > 0.1
 
 
 WITHOUT = """

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.command import PROGRAM, TIMEOUT_S, output, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, output, run_json
 from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
@@ -34,26 +34,6 @@ def test_it_is_back_with_what_was_saved(simulator: Simulator) -> None:
     assert values["wheel_radius"] == pytest.approx(0.033)
 
 
-def test_twice_is_two_restarts_and_json_has_what_is_active(simulator: Simulator) -> None:
-    first, second = (run_json("restart", simulator.port) for _ in range(2))
-    assert first["device"]["boot_id"] != second["device"]["boot_id"]
-    assert (
-        second["device"]["release"] == run_json("info", simulator.port)["link"]["device"]["release"]
-    )
-    assert second["board"]["name"]
-    assert (second["state"], second["faults"], second["warnings"]) == ("IDLE", [], [])
-
-
-def test_a_latched_estop_stays_latched(simulator: Simulator) -> None:
-    run("estop", simulator.port)
-    text = output("restart", simulator.port, COLUMNS="200")
-    assert (
-        f"ESTOPPED: Emergency stop, latched until it is cleared. `wheelwire clear {simulator.port}`"
-        in text
-    )
-    assert run_json("clear", simulator.port)["ended"] == "ESTOPPED"
-
-
 def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
     with simulator_on(GOOD) as simulator:
         before = simulator.get("boot_id")
@@ -66,7 +46,3 @@ def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
     assert command.returncode == errors.LinkLost.exit_code, said
     assert "did not come back within 8 s of its restart" in said
     assert "switch its power off" in said
-
-
-def test_a_robot_that_is_simulated_by_the_command_restarts_too() -> None:
-    assert run_json("restart", "mock")["state"] == "IDLE"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,7 +46,7 @@ def test_it_says_what_the_wheels_do(link: Path) -> None:
         told.wait_for("the left wheel turned backward 0.")
 
 
-def test_a_wheel_is_turned_by_hand(link: Path) -> None:
+def test_a_wheel_is_turned_by_hand_and_let_go_whatever_ends_it(link: Path) -> None:
     with sim(link, *RAISED, "--faults", "noisy") as told:
         assert b"Its wheels hang free" in told.output
         text = output("sim", "turn", "left", "1.5")
@@ -57,40 +56,32 @@ def test_a_wheel_is_turned_by_hand(link: Path) -> None:
         assert said == {"wheel": "right", "turns": -0.5}
         told.wait_for("the right wheel turned backward 0.50 turns")
 
-
-def test_a_wheel_that_does_not_give_way_is_let_go(link: Path) -> None:
-    with sim(link, *RAISED, "--set", "left.blocked=1") as told:
+        told.press(b"set left.blocked 1\nnonsense\n")
+        told.wait_for("left.blocked = 1")
+        told.wait_for("the simulator refused `nonsense`: not a command; see --help")
         result = run("sim", "turn", "left", "2")
         assert result.returncode == errors.WheelwireError.exit_code
         assert "the left wheel does not give way after 0.00 turns" in result.stderr
-        told.press(b"get left.hand_turns\n")
+        told.press(b"get left.hand_turns\nset left.blocked 0\n")
         told.wait_for("left.hand_turns = 0")
 
-
-def test_ctrl_c_lets_go_of_the_wheel_and_another_hand_waits(link: Path) -> None:
-    with sim(link, *RAISED) as told:
         with TypingTerminal("sim", "turn", "left", "100") as hand:
-            told.press(b"get left.hand_turns\n")
             wait_until(lambda: _again(told, b"get left.hand_turns\n", b"left.hand_turns = 9"))
             line = check_error(run("sim", "turn", "left", "1"), errors.InvalidArgument)
             assert "somebody turns the left wheel already" in line
             hand.press(b"\x03")
             assert hand.wait() == 130
-        told.wait_for("the left wheel turned forward")
         assert output("sim", "turn", "left", "0.2")
+        with TypingTerminal("sim", "turn", "right", "100") as hand:
+            wait_until(lambda: _again(told, b"get right.hand_turns\n", b"right.hand_turns = 9"))
+            told.press(b"quit\n")
+            assert hand.wait() == errors.WheelwireError.exit_code
+            hand.wait_for("the simulator has ended")
 
 
 def _again(told: TypingTerminal, line: bytes, wanted: bytes) -> bool:
     told.press(line)
     return wanted in told.output
-
-
-def test_a_simulator_that_ends_half_way(link: Path) -> None:
-    with sim(link, *RAISED) as told, TypingTerminal("sim", "turn", "left", "100") as hand:
-        wait_until(lambda: _again(told, b"get left.hand_turns\n", b"left.hand_turns = 9"))
-        told.press(b"quit\n")
-        assert hand.wait() == errors.WheelwireError.exit_code
-        hand.wait_for("the simulator has ended")
 
 
 @each(
@@ -140,63 +131,9 @@ def test_several_signals_at_once_end_it_too(link: Path) -> None:
     assert not link.exists()
 
 
-def test_typed_keys_are_commands(link: Path) -> None:
-    with sim(link) as told:
-        told.press(b"set left.blocked 1\nnonsense\nreset\n")
-        told.wait_for("left.blocked = 1")
-        told.wait_for("the simulator refused `nonsense`: not a command; see --help")
-
-
 def test_an_unknown_variable_is_refused(link: Path) -> None:
     result = run("sim", "--link", str(link), "--set", "colour=1")
     assert result.returncode == errors.WheelwireError.exit_code
     assert "cannot set colour; see --help for names and bounds" in result.stderr
     line = check_error(run("sim", "--set", "mass_kg"), errors.InvalidArgument)
     assert "give NAME=VALUE, with a number" in line
-
-
-def test_setup_can_be_answered_by_what_it_says(link: Path) -> None:
-    """A person who knows nothing of the wiring, and looks at both terminals."""
-    wiring = ("motors_swapped=1", "left.encoder_reversed=1", "right.motor_reversed=1")
-    options = [word for one in wiring for word in ("--set", one)]
-    wide = {"COLUMNS": "500"}
-    with (
-        sim(link, *RAISED, *options) as told,
-        TypingTerminal("setup", str(link), environment=wide) as person,
-    ):
-
-        def answer(question: str, text: str) -> None:
-            person.wait_for(question)
-            person.press(f"{text}\n".encode())
-
-        answer("Find how the IMU (MPU6050) is mounted?", "no")
-        answer("hang free, with nothing in their way?", "yes")
-        person.wait_for("Which wheel turned, seen from behind, and which way?")
-        first = _newest(told)
-        person.press(f"{' '.join(first)}\n".encode())
-        person.wait_for("Which way did the other wheel turn?")
-        side, way = _newest(told, before=first)
-        assert side != first[0]
-        person.press(f"{way}\n".encode())
-        person.wait_for("found: motors_swapped, ")
-        found = person.output.decode().partition("found: ")[2].splitlines()[0]
-        assert found == "motors_swapped, right_motor_inverted, left_encoder_inverted"
-        answer("count them by hand", "hand")
-        for side in ("left", "right"):
-            person.wait_for(f"Mark the {side} wheel and turn it 10 times forward by hand")
-            output("sim", "turn", side, "10")
-            person.press(b"\n")
-        person.wait_for("10 turns: 3600 ticks on the left, 3600 on the right: 360 a turn")
-
-
-def _newest(told: TypingTerminal, before: tuple[str, str] | None = None) -> tuple[str, str]:
-    """Which wheel turned, and which way, once that is another one than before."""
-    sentence = re.compile(rb"the (left|right) wheel turned (forward|backward)")
-    wanted: list[tuple[str, str]] = []
-
-    def seen() -> bool:
-        wanted[:] = [(one[1].decode(), one[2].decode()) for one in sentence.finditer(told.output)]
-        return bool(wanted) and (before is None or wanted[-1][0] != before[0])
-
-    wait_until(seen)
-    return wanted[-1]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from support.cases import each
-from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, check_error, run
 from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
@@ -37,21 +36,6 @@ def simulator() -> Iterator[Simulator]:
 
 
 HELD_UP = "setpoints came late in a drive, as this computer or the line is busy"
-HELD_UP_IN_RAMPS = """
-import runpy, time
-from wheelwire.tools.setup.driving import Record
-
-add = Record.add
-
-def add_late(record, sample):
-    add(record, sample)
-    if sample.left_mps > 0.03 and not hasattr(record, "late"):
-        record.late = True
-        time.sleep(0.1)
-
-Record.add = add_late
-runpy.run_module("wheelwire", run_name="__main__")
-"""
 
 
 def not_held_up(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -109,22 +93,6 @@ def test_a_script_saves_what_is_better_and_not_what_is_worse(simulator: Simulato
     assert gains(simulator) == good
 
 
-def test_drives_of_a_computer_that_was_held_up_are_not_compared(simulator: Simulator) -> None:
-    words = ("tune", simulator.port, "--yes", *SHORT, *BETTER)
-    said = []
-    for more in ((), ("--save", "--json")):
-        program = [sys.executable, "-c", HELD_UP_IN_RAMPS, *words, *more]
-        said.append(subprocess.run(program, capture_output=True, text=True, check=False))
-    shown, script = said
-    assert shown.returncode == 0, shown.stderr
-    assert f"{HELD_UP}, so both cannot be compared: end other programs" in shown.stdout
-    assert script.returncode == errors.CommissioningFailed.exit_code
-    assert "the new values were not saved, the previous values" in script.stderr
-    found = json.loads(script.stdout)
-    assert (found["outcome"], found["held_up"]) == ("undo", True)
-    assert gains(simulator, after_reset=True) == pytest.approx(WORSE)
-
-
 @pytest.mark.parametrize(
     ("answer", "now", "later"),
     [("keep", True, False), ("", False, False), ("save", True, True)],
@@ -173,30 +141,6 @@ def test_whatever_ends_it_the_wheels_stop_and_the_values_are_back(
     wait_until(lambda: gains(simulator) == pytest.approx(WORSE))
 
 
-def test_a_lost_link_ends_it_and_reverts(simulator: Simulator) -> None:
-    words = ("--seconds", "20", "--distance", "5", *BETTER)
-    with subprocess.Popen(
-        [*PROGRAM, "tune", simulator.port, "--yes", *words], stderr=subprocess.PIPE, text=True
-    ) as command:
-        wait_until(lambda: simulator.get("true.distance_m") > 0.1)
-        simulator.unplug()
-        wait_until(lambda: bool(simulator.get("stands_still")))
-        said = command.communicate(timeout=TIMEOUT_S)[1]
-    assert command.returncode == errors.LinkLost.exit_code
-    assert "the robot stops by itself" in said
-    simulator.plug()
-    assert gains(simulator) == pytest.approx(WORSE)
-
-
-def test_one_shape_of_one_wheel_and_a_latched_robot(simulator: Simulator) -> None:
-    said = run_json("tune", simulator.port, "--yes", "--shape", "ramp", "--wheel", "left")
-    assert said["outcome"] is None
-    assert list(said["before"]) == ["left"]
-    run("estop", simulator.port)
-    line = check_error(run("tune", simulator.port, "--yes"), errors.CommissioningFailed)
-    assert "the e-stop is latched" in line
-
-
 @each(
     ("words", "error", "reason"),
     [
@@ -218,18 +162,3 @@ def test_an_impossible_request_is_refused_before_anything_moves(
     words: str, error: type[errors.WheelwireError], reason: str
 ) -> None:
     assert reason in check_error(run("tune", "mock", "--yes", *words.split()), error)
-
-
-def test_a_robot_that_cannot_save_offers_no_saving(tmp_path: Path) -> None:
-    with TypingTerminal("tune", "mock", *SHORT, "--ki", "15", environment=WIDE) as person:
-        person.wait_for("[y/N]")
-        person.press(b"y\n")
-        person.wait_for("What now (keep, undo)? [undo]:")
-        person.press(b"\n")
-        assert person.wait() == 0
-    line = check_error(run("tune", "mock", "--yes", "--ki", "15", "--save"), errors.InvalidArgument)
-    assert "cannot save parameters" in line
-    file = tmp_path / "robot.yaml"
-    file.write_text("driver: serial\nparameters: {integral_gain: 12}\n")
-    line = check_error(run("tune", str(file), "--yes", "--ki", "15"), errors.InvalidArgument)
-    assert "change it in that file" in line

@@ -20,7 +20,6 @@ from wheelwire.errors import InvalidArgument, LinkClosed
 from wheelwire.log.reader import records
 from wheelwire.simulation.simulator import Simulator
 from wheelwire.tools.attach import open_or_attach
-from wheelwire.tools.teleop.drive import STALE_S
 from wheelwire.tools.view.tuning import LOST
 from wheelwire_protocol.codes import SupervisorState
 
@@ -85,50 +84,27 @@ async def test_the_help_and_the_question_fit_the_narrow_screen(robot: MockDriver
             await at.sees("LEFT")
 
 
-async def test_it_drives_after_a_yes_and_space_stops(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await begin_to_drive(at)
-        await at.drives(until="asked +0.16")
-        await at.press("space")
-        await at.sees("IDLE: Stopped")
-        await at.hears("stopped")
-
-
-async def test_any_other_answer_does_not_drive(robot: MockDriver) -> None:
+async def test_it_drives_after_a_yes_until_space_escape_or_the_end(robot: MockDriver) -> None:
     async with viewing(robot) as at:
         for answer in ("n", "enter", "w"):
             await at.press("t", answer, "w", "w")
             assert at.app.controls.hand is None
             await at.sees("t drive")
-    assert robot.read().state is IDLE
-
-
-def ticks(robot: MockDriver) -> tuple[int, int]:
-    assert robot.latest is not None
-    sample = robot.latest.sample
-    return sample.left_ticks, sample.right_ticks
-
-
-async def test_keys_from_before_a_standstill_drive_nothing(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await at.press("t", "y")
-        await at.sees("keys drive")
-        before = ticks(robot)
-        for _ in range(3):
-            at.app.simulate_key("w")
-            time.sleep(2 * STALE_S)  # nothing of the view runs
-            await at.press("x")
-        # Not by the state: the zero setpoint that armed the robot was DRIVING, too.
-        assert ticks(robot) == before
-        await at.drives()
-
-
-async def test_escape_drives_no_more(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
+        assert robot.read().state is IDLE
         await begin_to_drive(at)
+        await at.drives(until="asked +0.16")
+        await at.press("space")
+        await at.sees("IDLE: Stopped")
+        await at.hears("stopped")
+        await at.drives()
         await at.press("escape")
         await at.hears("the keys no longer drive")
         await at.sees("IDLE: Stopped")
+        await begin_to_drive(at)
+    # Quitting stops the wheels first.
+    assert at.app.controls.hand is None
+    wait_until(lambda: robot.simulator.get("stands_still"))
+    assert robot.read().state is IDLE
 
 
 async def test_an_estop_latches_on_every_screen_and_a_clear_ends_it(robot: MockDriver) -> None:
@@ -146,20 +122,17 @@ async def test_an_estop_latches_on_every_screen_and_a_clear_ends_it(robot: MockD
         await at.hears("ESTOPPED cleared")
 
 
-async def test_quitting_stops_the_wheels_first(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await begin_to_drive(at)
-    assert at.app.controls.hand is None
-    wait_until(lambda: robot.simulator.get("stands_still"))
-    assert robot.read().state is IDLE
-
-
 # --- parameters ----------------------------------------------------------------------------------
 
 
-async def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
+async def test_a_value_is_on_trial_until_it_is_undone_reverted_or_saved(robot: MockDriver) -> None:
     async with viewing(robot) as at:
         await open_parameters(at)
+        at.app.screen.query_one("#table").move_cursor(row=5)  # type: ignore[attr-defined]
+        for value, complaint in (("99", "at most 10"), ("-", "give a number")):
+            await at.press("enter", *value, "enter")
+            await at.hears(complaint)
+            assert not at.app.controls.tuning.is_active
         await tune(at, "max_velocity_mps", "0.3")
         assert at.value_of("max_velocity_mps") == "0.3 on trial, was 0.4"
         assert robot.geometry.max_velocity_mps == pytest.approx(0.3)
@@ -167,14 +140,6 @@ async def test_a_value_on_trial_is_active_and_undone(robot: MockDriver) -> None:
         await at.press("u")
         await at.until(lambda: at.value_of("max_duty") == "1")
         assert robot.geometry.max_velocity_mps == pytest.approx(0.3)
-    # Quitting has reverted what was still on trial.
-    assert robot.parameters["max_velocity_mps"] == 0.4
-
-
-async def test_a_trial_is_reverted_and_another_one_saved(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await open_parameters(at)
-        await tune(at, "max_velocity_mps", "0.3")
         await at.press("r")
         await at.until(lambda: at.value_of("max_velocity_mps") == "0.4")
         assert not at.app.controls.tuning.is_active
@@ -186,17 +151,10 @@ async def test_a_trial_is_reverted_and_another_one_saved(robot: MockDriver) -> N
         await at.press("s")
         await at.hears("saved: max_velocity_mps")
         await at.until(lambda: at.value_of("max_velocity_mps") == "0.3")
+        await tune(at, "max_duty", "0.7")
     assert robot.parameters["max_velocity_mps"] == pytest.approx(0.3)
-
-
-async def test_a_bad_value_is_refused_and_begins_no_trial(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await open_parameters(at)
-        at.app.screen.query_one("#table").move_cursor(row=5)  # type: ignore[attr-defined]
-        for value, complaint in (("99", "at most 10"), ("-", "give a number")):
-            await at.press("enter", *value, "enter")
-            await at.hears(complaint)
-            assert not at.app.controls.tuning.is_active
+    # Quitting has reverted what was still on trial.
+    assert robot.parameters["max_duty"] == 1
 
 
 async def test_values_that_the_file_sets_are_not_saved(robot: MockDriver) -> None:
@@ -214,64 +172,39 @@ async def test_values_that_the_file_sets_are_not_saved(robot: MockDriver) -> Non
 async def test_a_lost_link_reverts_the_trial_and_the_view_goes_on(robot: MockDriver) -> None:
     async with viewing(robot) as at:
         await open_parameters(at)
-        await tune(at, "max_velocity_mps", "0.3")
+        await tune(at, "max_duty", "0.7")
         await at.press("escape")
+        await begin_to_drive(at)
         robot.unplug()
         await at.sees("OUT OF REACH")
         await at.hears(LOST)
+        await at.press("w", "space", "e", "c", "r")
         robot.plug()
         await at.sees("IDLE: Stopped")
         await at.hears("the link is back")
         await open_parameters(at)
-        await at.until(lambda: at.value_of("max_velocity_mps") == "0.4")
-
-
-async def test_a_lost_link_while_driving_is_survived(robot: MockDriver) -> None:
-    async with viewing(robot) as at:
-        await begin_to_drive(at)
-        robot.unplug()
-        await at.sees("OUT OF REACH")
-        await at.press("w", "space", "e", "c", "r")
-        robot.plug()
-        await at.sees("IDLE: Stopped")
+        await at.until(lambda: at.value_of("max_duty") == "1")
 
 
 # --- recording -----------------------------------------------------------------------------------
 
 
-async def test_it_records_until_the_key_comes_again(robot: MockDriver, folder: Path) -> None:
+async def test_it_records_until_the_key_comes_again_or_the_disk_is_full(
+    robot: MockDriver, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async with viewing(robot) as at:
         await at.press("r")
         await at.sees("recording wheelwire-")
         await at.press("r")
         await at.hears("recorded: ")
         await at.until(lambda: "recording" not in at.screen.split("\n", 1)[0])
-    (file,) = folder.iterdir()
-    assert list(records(file))
-
-
-async def test_a_full_disk_ends_the_recording_alone(
-    robot: MockDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async with viewing(robot) as at:
+        (file,) = folder.iterdir()
+        assert list(records(file))
         await at.press("r")
         await at.hears("recording to ")
         monkeypatch.setattr("wheelwire.log.recorder.os.write", no_space)
         await at.hears("No space left on device")
         await at.sees("IDLE: Stopped")
-
-
-async def test_a_folder_that_cannot_be_written_ends_nothing_else(
-    robot: MockDriver, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gone = folder / "gone"
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
-    async with viewing(robot) as at:
-        await at.press("r")
-        await at.until(lambda: len(at.events) > 1)
-        assert not at.app.controls.recording
 
 
 # --- beside a program that holds the port --------------------------------------------------------
@@ -283,55 +216,40 @@ def holder() -> Iterator[SerialDriver]:
         yield holder
 
 
-@pytest.fixture
-def attached(holder: SerialDriver) -> Iterator[AttachedDriver]:
-    driver = open_or_attach("serial", {"port": holder.info.port})
-    assert isinstance(driver, AttachedDriver)
-    with driver:
-        yield driver
-
-
-async def test_attached_it_looks_stops_and_estops(attached: AttachedDriver) -> None:
+async def test_attached_it_looks_stops_and_estops_and_ends_with_the_holder(
+    holder: SerialDriver,
+) -> None:
+    attached = open_or_attach("serial", {"port": holder.info.port})
+    assert isinstance(attached, AttachedDriver)
     refusal = f"not from this view: {attached.holder.name}, holds the port"
-    async with viewing(attached) as at:
-        await at.sees("only looks and stops")
-        await at.press("t")
-        await at.hears(refusal)
-        await at.press("r")
-        assert at.app.controls.hand is None
-        assert not at.app.controls.recording
-        await at.press("space")
-        await at.hears("stopped; the next setpoint of")
-        await open_parameters(at)
-        await at.press("enter", "1", "enter")
-        assert not at.app.controls.tuning.is_active
-        await at.press("escape", "e")
-        await at.sees("ESTOPPED: Emergency stop")
-        at.app.model.events.clear()  # what was just said is not said again
-        await at.press("c")
-        await at.hears(refusal)
-        await at.sees("ESTOPPED: Emergency stop")
+    with attached:
+        async with viewing(attached) as at:
+            await at.sees("only looks and stops")
 
+            def is_shown() -> bool:
+                holder.set_velocity(0.1, 0.0, ttl=0.9)
+                return at.shows("asked +0.10") and at.shows("DRIVING")
 
-async def test_attached_it_shows_what_the_holder_asks(
-    holder: SerialDriver, attached: AttachedDriver
-) -> None:
-    async with viewing(attached) as at:
-
-        def is_shown() -> bool:
-            holder.set_velocity(0.1, 0.0, ttl=0.9)
-            return at.shows("asked +0.10") and at.shows("DRIVING")
-
-        await at.until(is_shown)
-
-
-async def test_attached_it_ends_with_the_holder(
-    holder: SerialDriver, attached: AttachedDriver
-) -> None:
-    async with viewing(attached) as at:
-        await at.press("p")
-        holder.close()
-        await at.until(lambda: not at.app.is_running)
+            await at.until(is_shown)
+            await at.press("t")
+            await at.hears(refusal)
+            await at.press("r")
+            assert at.app.controls.hand is None
+            assert not at.app.controls.recording
+            await at.press("space")
+            await at.hears("stopped; the next setpoint of")
+            await open_parameters(at)
+            await at.press("enter", "1", "enter")
+            assert not at.app.controls.tuning.is_active
+            await at.press("escape", "e")
+            await at.sees("ESTOPPED: Emergency stop")
+            at.app.model.events.clear()  # what was just said is not said again
+            await at.press("c")
+            await at.hears(refusal)
+            await at.sees("ESTOPPED: Emergency stop")
+            await at.press("p")
+            holder.close()
+            await at.until(lambda: not at.app.is_running)
     assert isinstance(at.app.failure, LinkClosed)
 
 
@@ -357,10 +275,3 @@ async def test_a_recording_is_shown_with_its_stops_and_stays_at_its_end(folder: 
             await at.hears("not from this view: this is a recording")
             assert at.app.is_running
     assert at.app.failure is None
-
-
-async def test_a_robot_whose_file_sets_things_is_not_driven(robot: MockDriver) -> None:
-    async with viewing(robot, cannot_drive="use teleop") as at:
-        await at.press("t")
-        await at.hears("use teleop")
-        assert at.app.controls.hand is None

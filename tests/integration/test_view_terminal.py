@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -20,8 +20,6 @@ from wheelwire.simulation.simulator import Simulator
 
 SCREEN = "space stop"
 """A part of the last line: the screen is there."""
-CTRL_C = b"\x03"
-ENDED_BY = {signal.SIGTERM: 143, signal.SIGHUP: 129}
 
 
 @pytest.fixture(scope="module")
@@ -79,27 +77,28 @@ def test_it_ends_although_the_kernel_continues_it_meanwhile(terminal: TypingTerm
         assert time.monotonic() < end_s
         terminal.process.send_signal(signal.SIGCONT)
         time.sleep(0.01)
-    assert terminal.process.returncode == ENDED_BY[signal.SIGTERM]
+    assert terminal.process.returncode == 143
 
 
-def test_ctrl_c_stops_the_wheels_and_has_its_exit_code(simulator: Simulator) -> None:
-    with view(simulator) as terminal:
-        begin_to_drive(terminal, simulator)
-        terminal.press(CTRL_C)
-        assert terminal.wait() == 130
-        assert terminal.attributes() == terminal.before
-        terminal.wait_for("wheelwire: interrupted")
-    stands(simulator)
-
-
-@pytest.mark.parametrize("number", ENDED_BY)
-def test_a_signal_ends_it_with_its_exit_code(
-    terminal: TypingTerminal, number: signal.Signals
+@pytest.mark.parametrize(
+    ("end", "code"),
+    [
+        (lambda terminal: terminal.press(b"\x03"), 130),
+        (lambda terminal: terminal.process.send_signal(signal.SIGTERM), 143),
+        (lambda terminal: terminal.process.send_signal(signal.SIGHUP), 129),
+    ],
+)
+def test_ctrl_c_or_a_signal_stops_the_wheels_and_has_its_exit_code(
+    simulator: Simulator,
+    terminal: TypingTerminal,
+    end: Callable[[TypingTerminal], None],
+    code: int,
 ) -> None:
-    terminal.wait_for(SCREEN)
-    terminal.process.send_signal(number)
-    assert terminal.wait() == ENDED_BY[number]
+    begin_to_drive(terminal, simulator)
+    end(terminal)
+    assert terminal.wait() == code
     assert terminal.attributes() == terminal.before
+    stands(simulator)
 
 
 def test_a_closed_window_stops_the_wheels_and_ends_it(
@@ -125,12 +124,6 @@ def test_keys_that_waited_while_it_was_suspended_drive_nothing(
     assert (simulator.get("true.x_m"), simulator.get("true.y_m")) == before
     terminal.press(b"q")
     assert terminal.wait() == 0
-
-
-def test_seconds_end_it(simulator: Simulator) -> None:
-    with view(simulator, "--seconds", "1") as terminal:
-        terminal.wait_for(SCREEN)
-        assert terminal.wait() == 0
 
 
 def test_plain_prints_lines_in_a_terminal(simulator: Simulator) -> None:

@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 
 import wheelwire
-from support.command import PROGRAM, check_error, run, run_json
+from support.command import PROGRAM, run, run_json
 from support.waiting import wait_until
-from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
+from wheelwire.errors import DeviceRefused, RecordingError
 from wheelwire.log.why.black_box import read_box
-from wheelwire.log.why.diagnosis import Stop
 from wheelwire.robot.robot import Robot
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire.simulation.simulator import Simulator
@@ -72,42 +71,6 @@ def test_a_robot_says_what_holds_it_now(tmp_path: Path) -> None:
     assert "estop_by_session" in stop["cause"]
 
 
-def test_what_it_cannot_read_or_draw_it_says(tmp_path: Path) -> None:
-    result = run("why", str(tmp_path / "none.mcap"), "--json")
-    assert result.returncode != 0
-    assert json.loads(result.stderr)["error"] == "RecordingError"
-    result = run("why", "mock", "--plot", "why.png")
-    assert result.returncode != 0
-    assert "name FILE.mcap" in result.stderr
-
-
-def test_the_program_that_asked_for_an_estop_is_named(tmp_path: Path) -> None:
-    stops: list[Stop] = []
-    with (
-        Simulator(link=tmp_path / "port") as simulator,
-        wheelwire.connect(simulator.port) as robot,
-    ):
-        assert robot.has_device
-        robot.watch_stops(stops.append)
-        run("estop", simulator.port)
-        wait_until(lambda: len(stops) == 1)
-        for number in (2, 3):
-            robot.clear_estop()
-            robot.estop()
-            wait_until(lambda: len(stops) == number)  # noqa: B023 - before the next
-            time.sleep(0.6)  # so that the next one is not a copy of the first
-        robot.clear_estop()
-        run("estop", simulator.port)
-        wait_until(lambda: len(stops) == 4)
-    assert [stop.cause for stop in stops] == ["estop_by_session"] * 4
-    by_another, by_this, later, again = (" ".join(stop.evidence) for stop in stops)
-    assert "asked beside this program" in by_another
-    assert "process" in by_another
-    assert "this program asked" in by_this
-    assert "this program asked" in later
-    assert "asked beside this program" in again
-
-
 def beside(*arguments: str) -> subprocess.Popen[str]:
     """The command, while this test goes on."""
     return subprocess.Popen(
@@ -153,12 +116,3 @@ def test_a_robot_that_nobody_watched_tells_of_its_stops(tmp_path: Path) -> None:
         finding = json.loads(run("doctor", simulator.port, "--json").stdout)[-1]
         assert finding["name"] == "ledger"
         assert "faults 1" in finding["problem"]
-
-
-def test_a_file_that_is_no_box_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "other.box"
-    file.write_bytes(bytes(100))
-    assert "is no black box" in check_error(run("why", str(file)), RecordingError)
-    assert "reads a robot" in run("why", str(file), "--save-boxes", str(tmp_path)).stderr
-    result = run("why", "mock", "--save-boxes", str(file))
-    assert "cannot write" in check_error(result, OutputFailed)

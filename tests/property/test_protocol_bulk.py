@@ -11,7 +11,7 @@ from support.messages import any_message, corrupted_captures, messages_of
 from wheelwire_protocol import bulk, codec, decode_capture, iter_capture, native, types
 from wheelwire_protocol.framing import MAX_ENCODED, encode_frame
 from wheelwire_protocol.python_decoder import PythonDecoder
-from wheelwire_protocol.types import AnyMessage, ParameterGet, WheelState
+from wheelwire_protocol.types import AnyMessage, WheelState
 
 message_types = st.sampled_from(list(codec.BY_TYPE))
 
@@ -65,14 +65,3 @@ def test_the_end_of_what_is_too_long_is_no_frame(noise: bytes, sizes: list[int])
     overlong = (noise * (MAX_ENCODED + 1) + frame[1:]) + frame
     arrays = iter_capture(cut(overlong, sizes), types.Estop)
     assert [row for array in arrays for row in array.tolist()] == [(0x1A2B3C4D, 7)]
-
-
-@given(data=corrupted_captures(messages_of(ParameterGet)))
-def test_a_message_of_even_and_of_odd_size(data: bytes) -> None:
-    check(data, types.ParameterGet)
-    check(data, types.SetStreamRate)
-
-
-@given(data=st.lists(st.sampled_from([0, 1, 2, 16, 255]), max_size=400).map(bytes))
-def test_noise(data: bytes) -> None:
-    check(data, types.Estop)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +16,11 @@ from lifecycle_msgs.msg import Transition
 from std_srvs.srv import SetBool
 
 from support import stop_host
-from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros import Diagnostics, Graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, TRUTH_HZ, Rig, open_rig, stamped_after, twist
+from support.ros_rig import NODE, TRUTH_HZ, Rig, open_rig, twist
 from support.stop_host import stopped
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_ros.commands import LOG_PERIOD_S
-from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S
 
 CLOCK_ERROR_US = 10_000
 CMD_VEL_TIMEOUT_S, LONG_S = 0.5, 5.0
@@ -134,15 +129,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         yield rig
 
 
-def test_what_is_stale_or_not_finite_is_ignored_and_counted(rig: Rig) -> None:
-    ticks = rig.simulator.get("true.left_ticks")
-    rig.commands.publish(rig.stamped(math.nan))
-    assert rig.ignored("invalid") == 1
-    rig.commands.publish(rig.stamped(0.3, age_s=CMD_VEL_TIMEOUT_S + 0.1))
-    assert rig.ignored("stale") == 1
-    assert rig.simulator.get("true.left_ticks") == ticks
-
-
 def test_an_old_command_lives_for_the_rest_of_the_timeout(rig: Rig) -> None:
     age_s = 0.2
     rig.wait_past(0.3)  # a command older than the connection is ignored
@@ -152,28 +138,6 @@ def test_an_old_command_lives_for_the_rest_of_the_timeout(rig: Rig) -> None:
     rest_us = (CMD_VEL_TIMEOUT_S - age_s) * 1e6
     assert 0 < start.deadline_us - start.device_us <= rest_us + CLOCK_ERROR_US
     rig.truth(stopped)
-
-
-@pytest.mark.parametrize("age_s", [-3600.0, None])
-def test_no_stamp_means_now_and_one_from_the_future_gains_no_life(
-    rig: Rig, age_s: float | None
-) -> None:
-    rig.simulator.take_states()
-    message = TwistStamped(twist=twist(0.3)) if age_s is None else rig.stamped(0.3, age_s)
-    rig.commands.publish(message)
-    start = rig.truth(lambda state: state.drive_on)
-    assert start.deadline_us - start.device_us <= CMD_VEL_TIMEOUT_S * 1e6 + CLOCK_ERROR_US
-    rig.truth(stopped)
-
-
-def test_stale_and_good_commands_together_do_not_flood_the_log(rig: Rig) -> None:
-    before, start_s = rig.warnings("s old"), time.monotonic()
-    with rig.driving(), Repeater(rig.commands, lambda: rig.stamped(0.3, age_s=0.6)):
-        rig.truth(lambda state: state.drive_on)
-        time.sleep(LOG_PERIOD_S)
-        wait(lambda: rig.ignored("stale") > 100, "a hundred stale commands")
-    periods = (time.monotonic() - start_s) // LOG_PERIOD_S
-    assert rig.warnings("s old") <= before + 1 + periods
 
 
 def stop_by_zero(rig: Rig) -> None:
@@ -206,21 +170,3 @@ def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> Non
         rig.arm()
     if stop is stop_by_deactivation:
         assert rig.graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
-
-
-def test_a_new_limit_applies_to_the_next_motion(rig: Rig) -> None:
-    obeyed = rig.graph.listen(TwistStamped, f"{NODE}/cmd_vel_out")
-    assert rig.graph.set_parameter(NODE, "angular.z.max_acceleration", 1.0).successful
-    # After a stall of the computer that outlasts a command, the next one would start from zero.
-    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
-    stop_by_estop(rig)  # from here on the next command starts a motion
-    assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
-    rig.truth(stopped)
-    rig.arm_at_rest()
-    begin_s = rig.graph.now_s()
-    with rig.driving(0.1, 1.0):
-        wait(lambda: len(stamped_after(obeyed, begin_s)) > 20, "limited commands")
-    turns = [message.twist.angular.z for message in stamped_after(obeyed, begin_s)]
-    assert turns[0] == pytest.approx(FIRST_STEP_S)
-    # A step lasts MAX_STEP_S at most.
-    assert all(0 <= b - a <= MAX_STEP_S + 1e-9 for a, b in pairwise(turns))

@@ -19,7 +19,7 @@ from support.pi_robot import IMU, POWER, board_with
 from support.pigpio_process import PigpioProcess
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import SPEED_MPS, twist
+from support.ros_rig import SPEED_MPS, stands, twist
 from wheelwire.tools.files.board import to_yaml
 
 LONG_OVERRUN_LIMIT_US = 1_000_000
@@ -38,7 +38,7 @@ def check_driving(graph: Graph, driver: str, **options: Any) -> None:
         with Repeater(commands, lambda: twist(SPEED_MPS)):
             wait(lambda: odometry[-1].pose.pose.position.x > 0.05, "5 cm")
             link = diagnostics.wait("link", lambda *_: True)
-        wait(lambda: odometry[-1].twist.twist.linear.x == 0, "the halt")
+        wait(lambda: stands(odometry), "the halt")
     assert link["driver"] == driver
     assert abs(odometry[-1].pose.pose.position.y) < 0.02
 

@@ -26,19 +26,26 @@ from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from support import stop_host
-from support.ros import TIMEOUT_S, Diagnostics, Graph, Repeater, wait
+from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_filter import FilterNode
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, SPEED_MPS, Rig, State, open_rig, stamp_s, stamped_after, twist
+from support.ros_rig import (
+    NODE,
+    SPEED_MPS,
+    Rig,
+    State,
+    is_measured,
+    open_rig,
+    stamp_s,
+    stamped_after,
+    stands,
+    twist,
+)
 from support.stop_host import stopped
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_ros.motion_estimator import HELD_MPS
 from wheelwire_ros.reader import SILENCE_S
 
-SIDE_M = 0.2
-CORNERS_M = ((SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0))
-ARRIVED_M = 0.02
-TURN_RADPS = 2.0
 PERIOD_S = 0.02
 RECENT_S = 5.0
 LONG: dict[str, Any] = {"cmd_vel_timeout": 5.0, "ttl_max_s": 5.0}
@@ -61,48 +68,7 @@ def turned_rad(angle_rad: float) -> float:
     return (angle_rad + math.pi) % math.tau - math.pi
 
 
-class Driver:
-    """Looks at nothing but odom."""
-
-    def __init__(self, odometry: deque[Any], publisher: Any) -> None:
-        self._odometry = odometry
-        self._publisher = publisher
-
-    def go_to(self, x_m: float, y_m: float) -> None:
-        end = time.monotonic() + TIMEOUT_S
-        while not self._step_to(x_m, y_m):
-            assert time.monotonic() < end, f"({x_m}, {y_m}) was not reached"
-            time.sleep(PERIOD_S)
-
-    def halt_at(self, x_m: float, y_m: float) -> None:
-        """Drive back as long as the robot stands elsewhere, because the stop came late."""
-        end = time.monotonic() + TIMEOUT_S
-        while True:
-            self.go_to(x_m, y_m)
-            wait(self._stands, "the robot's halt")
-            position = self._odometry[-1].pose.pose.position
-            if math.hypot(x_m - position.x, y_m - position.y) < 2 * ARRIVED_M:
-                return
-            assert time.monotonic() < end, f"it did not halt at ({x_m}, {y_m})"
-
-    def _step_to(self, x_m: float, y_m: float) -> bool:
-        """Command once, turning towards the goal before driving; whether it is reached."""
-        newest = self._odometry[-1]
-        position = newest.pose.pose.position
-        away = x_m - position.x, y_m - position.y
-        error = turned_rad(math.atan2(away[1], away[0]) - heading_rad(newest))
-        linear = SPEED_MPS * max(0.0, math.cos(error)) ** 8
-        angular = max(-TURN_RADPS, min(TURN_RADPS, 6 * error))
-        self._publisher.publish(twist(linear, angular))
-        return math.hypot(*away) < ARRIVED_M
-
-    def _stands(self) -> bool:
-        self._publisher.publish(Twist())
-        twist = self._odometry[-1].twist.twist
-        return bool(twist.linear.x == twist.angular.z == 0)
-
-
-def test_a_square(graph: Graph, simulator: Simulator) -> None:
+def test_odom_is_where_the_robot_is(graph: Graph, simulator: Simulator) -> None:
     odometry = graph.listen(Odometry, "odom")
     joints = graph.listen(JointState, "joint_states")
     transforms = graph.listen(TFMessage, "/tf")
@@ -110,10 +76,15 @@ def test_a_square(graph: Graph, simulator: Simulator) -> None:
     with RobotNode(graph, port=simulator.port, base_frame_id="base_footprint", **LONG):
         publisher = graph.publisher(Twist, "cmd_vel")
         wait(lambda: odometry, "odom")
-        driver = Driver(odometry, publisher)
-        for corner in CORNERS_M:
-            driver.go_to(*corner)
-        driver.halt_at(*CORNERS_M[-1])
+
+        def halts() -> bool:
+            publisher.publish(Twist())
+            return stands(odometry)
+
+        for command in (twist(0.3, 1.5), twist(-0.2, 0.7)):
+            with Repeater(publisher, lambda: command):  # noqa: B023 - ended before the next
+                time.sleep(1.5)
+        wait(halts, "the robot's halt")
         end = odometry[-1]
         check_pose(end, simulator)
         check_stamps(graph, odometry)
@@ -132,13 +103,13 @@ def test_a_square(graph: Graph, simulator: Simulator) -> None:
 
 
 def check_pose(message: Any, simulator: Simulator) -> None:
-    """Odometry against truth: the ticks' resolution, and a loop that begins where it ends."""
+    """Odometry against truth: the ticks' resolution."""
     assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_footprint")
     position = message.pose.pose.position
     true = simulator.get("true.x_m"), simulator.get("true.y_m"), simulator.get("true.heading_rad")
     assert (position.x, position.y) == pytest.approx(true[:2], abs=0.01)
     assert turned_rad(heading_rad(message) - true[2]) == pytest.approx(0, abs=0.02)
-    assert math.hypot(position.x, position.y) < 2 * ARRIVED_M
+    assert math.hypot(position.x, position.y) > 0.1
     covariance = message.pose.covariance
     assert 0 < covariance[0] < 0.01
     assert 0 < covariance[35] < 0.1
@@ -226,18 +197,6 @@ def test_the_link_is_lost_for_three_seconds(rig: Rig) -> None:
     check_order(rig)
 
 
-def test_the_device_is_reset(rig: Rig) -> None:
-    judge = FilterNode(rig.graph)
-    with rig.driving():
-        drive(rig)
-        boot_id = rig.simulator.reset()
-        rig.truth(lambda state: state.boot_id == boot_id)
-        rig.truth(stopped)
-        rig.wait_past(1.0)
-        assert error_m(rig, judge) < OFF_M
-    check_order(rig)
-
-
 def check_order(rig: Rig) -> None:
     """Time never runs backward in odom."""
     assert all(stamp_s(a) < stamp_s(b) for a, b in pairwise(tuple(rig.odometry)))
@@ -249,34 +208,35 @@ def wait_for_more(odometry: deque[Any]) -> None:
 
 
 def test_after_short_freezes_no_sample_is_missing(tmp_path: Path) -> None:
+    """Unless the node counts it."""
+
+    def counted(rig: Rig) -> tuple[int, int]:
+        """Samples that it has published, and those that it knows are missing."""
+        link = rig.diagnostics.wait("link", lambda status, _: status.level == DiagnosticStatus.OK)
+        lost = int(link["samples_dropped"]) + int(link["frames_lost"])
+        return int(link["samples_published"]), lost
+
+    def samples(messages: deque[Any]) -> list[float]:
+        """Their times; on a busy computer the node may take a freeze for a silence."""
+        return [stamp_s(message) for message in tuple(messages) if is_measured(message)]
+
+    def missing(stamps: list[float]) -> int:
+        return sum(round((later - earlier) / PERIOD_S) - 1 for earlier, later in pairwise(stamps))
+
     with open_rig(tmp_path) as rig:
-        rig.odometry.clear()
+        _, before = counted(rig)
+        odometry = rig.graph.listen(Odometry, "odom")
         for _ in range(10):
             rig.node.process.send_signal(signal.SIGSTOP)
             time.sleep(FREEZE_S)
             rig.node.process.send_signal(signal.SIGCONT)
-            wait_for_more(rig.odometry)
-        # Before the report, which then counts all of them.
-        stamps = [stamp_s(message) for message in tuple(rig.odometry)]
-        link = rig.diagnostics.wait("link", lambda status, _: status.level == DiagnosticStatus.OK)
-    steps = [later - earlier for earlier, later in pairwise(stamps)]
-    missing = sum(round(step / PERIOD_S) - 1 for step in steps)
-    assert missing == int(link["samples_dropped"]) + int(link["frames_lost"])
-    assert int(link["samples_published"]) >= len(stamps)
-
-
-def test_a_freeze_is_no_fault_of_the_mocks(graph: Graph) -> None:
-    diagnostics = Diagnostics(graph)
-    odometry = graph.listen(Odometry, "odom")
-    with RobotNode(graph, driver_type="mock") as node:
-        graph.wait_active()
-        for _ in range(3):
-            node.process.send_signal(signal.SIGSTOP)
-            time.sleep(FREEZE_S)
-            node.process.send_signal(signal.SIGCONT)
             wait_for_more(odometry)
-        robot = diagnostics.wait("robot", lambda *_: True)
-    assert (robot["state"], robot["faults"]) == ("IDLE", "")
+        frozen = samples(odometry)
+        published, after = counted(rig)
+        assert published >= len(frozen)
+        wait_for_more(rig.odometry)
+        # The counts are of more than the freezes, and all that came is of more than the counts.
+        assert missing(frozen) <= after - before <= missing(samples(rig.odometry))
 
 
 def test_it_waits_for_the_clock_and_obeys_meanwhile(graph: Graph, tmp_path: Path) -> None:
@@ -306,33 +266,3 @@ def test_it_waits_for_the_clock_and_obeys_meanwhile(graph: Graph, tmp_path: Path
         assert stamp_s(odometry[0]) > START_S - 1
         assert stamp_s(joints[0]) > START_S - 1
         assert node.errors().count("waiting for /clock") == 1
-
-
-def test_stamps_follow_a_clock_of_another_speed(graph: Graph, simulator: Simulator) -> None:
-    """Up to its last step, which is where a subscriber's own clock stands."""
-    speed = 0.5
-    late_s: list[float] = []
-    stamps_s: list[float] = []
-    clock_s = [0.0]
-    begin_s = time.monotonic()
-
-    def tick() -> Clock:
-        clock_s[0] = START_S + speed * (time.monotonic() - begin_s)
-        return Clock(clock=Time(sec=int(clock_s[0]), nanosec=int(clock_s[0] % 1 * 1e9)))
-
-    def take(message: Odometry) -> None:
-        stamps_s.append(stamp_s(message))
-        late_s.append(clock_s[0] - stamps_s[-1])
-
-    with RobotNode(graph, port=simulator.port, use_sim_time=True):
-        graph.wait_active()
-        with Repeater(graph.publisher(Clock, "/clock"), tick, rate_hz=20):
-            graph.node.create_subscription(Odometry, "odom", take, 100)
-            wait(lambda: late_s, "odom")
-            time.sleep(3.0)  # it knows the speed
-            seen = len(late_s)
-            wait(lambda: len(late_s) > seen + 100, "odom by that clock")
-    late_s = late_s[seen:]
-    # A quarter of them: the two processes share the computer with others.
-    assert sorted(late_s)[len(late_s) * 3 // 4] < 0.1 * speed + 0.05
-    assert all(b > a for a, b in pairwise(stamps_s))

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from importlib.resources import files
-from itertools import pairwise
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import pytest
@@ -15,21 +13,17 @@ import yaml
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.msg import Transition
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from support import stop_host
 from support.cases import each
 from support.ros import TIMEOUT_S, Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, SPEED_MPS, TRUTH_HZ, Rig, open_rig, stamp_s, twist
+from support.ros_rig import NODE, Rig, open_rig, twist
 from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_ros.parameter_values import ALIASES, same
 
@@ -60,20 +54,6 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
             drive.counts_per_revolution,
             drive.max_velocity_mps,
         )
-
-
-def test_a_slow_odom_does_not_count_as_a_silence(graph: Graph, simulator: Simulator) -> None:
-    odometry = graph.listen(Odometry, "odom")
-    with RobotNode(graph, port=simulator.port, publish_rate=2.0) as node:
-
-        def comes_without_a_silence() -> bool:
-            silences, seen = node.errors().count("cannot be reached"), len(odometry)
-            wait(lambda: len(odometry) > seen + 3, "some odom")
-            return node.errors().count("cannot be reached") == silences
-
-        wait(comes_without_a_silence, "odom without a silence")
-    steps = [b - a for a, b in pairwise(stamp_s(message) for message in tuple(odometry))]
-    assert median(steps) == pytest.approx(0.5, rel=0.05)
 
 
 DIFF_DRIVE_CONTROLLER = """
@@ -308,66 +288,6 @@ def test_names_and_types_that_people_write_are_taken(graph: Graph, tmp_path: Pat
         assert words in warning
 
 
-DEFAULT_TTL_MAX_S = 1.0
-SAVED_S = 0.3
-
-
-def names_both(text: str) -> bool:
-    return "cmd_vel_timeout" in text and "ttl_max_s" in text
-
-
-@pytest.mark.parametrize(
-    ("given", "cure"),
-    [
-        ({"cmd_vel_timeout": 2.0}, ("ttl_max_s", 2.0)),
-        ({"ttl_max_s": SAVED_S}, ("cmd_vel_timeout", SAVED_S)),
-    ],
-)
-def test_a_longer_one_is_refused_at_the_start_until_it_is_right(
-    graph: Graph, simulator: Simulator, given: dict[str, Any], cure: tuple[str, float]
-) -> None:
-    diagnostics = Diagnostics(graph)
-    with RobotNode(graph, port=simulator.port, **given) as node:
-        diagnostics.wait(
-            "link", lambda s, _: s.level == DiagnosticStatus.ERROR and names_both(s.message)
-        )
-        graph.wait_state(NODE, "unconfigured")  # between two attempts
-        wait(lambda: names_both(node.errors()), "the line")
-        assert graph.set_parameter(NODE, *cure).successful
-        graph.wait_active()
-
-
-def test_a_robot_that_comes_back_with_a_lower_limit_is_not_driven_until_it_is_right(
-    graph: Graph, tmp_path: Path
-) -> None:
-    with Simulator(link=tmp_path / "port", truth_hz=TRUTH_HZ) as simulator:
-        with open_driver("serial", port=simulator.port) as robot:
-            robot.parameters.set("ttl_max_s", SAVED_S)
-            robot.parameters.save()
-            robot.parameters.set("ttl_max_s", DEFAULT_TTL_MAX_S)
-        diagnostics = Diagnostics(graph)
-        with RobotNode(graph, port=simulator.port) as node:
-            graph.wait_active()
-            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(SPEED_MPS)):
-                stop_host.wait(simulator, lambda state: state.drive_on)
-                simulator.reset()
-                diagnostics.wait(
-                    "link", lambda s, _: s.level == DiagnosticStatus.ERROR and names_both(s.message)
-                )
-                wait(lambda: names_both(node.errors()), "the line")
-                simulator.take_states()
-                diagnostics.wait("link", lambda s, _: s.level == DiagnosticStatus.ERROR)
-                assert not any(state.drive_on for state in simulator.take_states())
-                assert graph.set_parameter(NODE, "cmd_vel_timeout", SAVED_S).successful
-                wait(lambda: "held: unarmed" in node.errors(), "the hold after the reset")
-                assert not any(state.drive_on for state in simulator.take_states())
-            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.0)):
-                stop_host.wait(simulator, lambda state: state.state is SupervisorState.DRIVING)
-            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(SPEED_MPS)):
-                stop_host.wait(simulator, lambda state: state.drive_on)
-                diagnostics.wait("link", lambda s, _: s.level == DiagnosticStatus.OK)
-
-
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with open_rig(tmp_path_factory.mktemp("rig"), max_velocity_mps=0.35) as rig:
@@ -383,16 +303,6 @@ def test_they_describe_themselves_with_their_ranges(rig: Rig) -> None:
     counts = rig.graph.describe(NODE, "counts_per_revolution")
     assert counts.integer_range[0].to_value == 200_000
     assert rig.graph.describe(NODE, "cmd_vel_timeout").floating_point_range
-
-
-def test_those_that_were_not_given_are_as_the_robot_has_them(rig: Rig) -> None:
-    for name in ("static_feedforward", "counts_per_revolution", "left_motor_inverted"):
-        assert rig.graph.parameter(NODE, name) == PARAMETER_BY_NAME[name].default
-    assert rig.graph.parameter(NODE, "max_velocity_mps") == 0.35
-
-
-def test_a_value_that_stays_does_not_count_as_a_change(rig: Rig) -> None:
-    assert rig.graph.set_parameter(NODE, "odom_frame_id", "odom").successful
 
 
 def test_a_limit_of_the_robot_takes_effect_at_once(rig: Rig) -> None:

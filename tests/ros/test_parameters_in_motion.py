@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from support.ros import Repeater, wait
+from support.ros import Repeater
 from support.ros_rig import NODE, SPEED_MPS, Rig, open_rig, twist
 from wheelwire_protocol.codes import SupervisorState
 
@@ -84,21 +84,3 @@ def test_requests_are_refused_or_obeyed_and_the_robot_drives_on(
         assert drove_on(rig)
     assert {name: rig.graph.parameter(NODE, name) for name in allowed} == allowed
     assert {name: rig.graph.parameter(NODE, name) for name in GEOMETRY} == before
-
-
-def test_the_moment_after_a_stop_lets_no_value_in_and_standing_still_does(
-    rig: Rig, before: dict[str, Any]
-) -> None:
-    with driving(rig):
-        reach_full_speed(rig)
-    rig.commands.publish(twist(0.0))
-    rig.truth(lambda state: state.left_mps < 0.8 * SPEED_MPS)
-    refused = rig.graph.set_parameter(NODE, "wheel_radius", 0.05)
-    rig.truth(lambda state: state.state is SupervisorState.TIMED_OUT)
-
-    def is_set() -> bool:
-        return bool(rig.graph.set_parameter(NODE, "wheel_radius", 0.05).successful)
-
-    wait(is_set, "a robot that stands")
-    assert not refused.successful
-    assert rig.graph.set_parameter(NODE, "wheel_radius", before["wheel_radius"]).successful

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -20,12 +19,12 @@ from std_srvs.srv import SetBool
 from support import stop_host
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
-from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
+from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, stamp_s, twist
 from support.stop_host import stopped
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
-from wheelwire_protocol.types import DeviceHello, SetWheelVelocity
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.types import SetWheelVelocity
 
 LIMIT_MPS = 0.25
 JUMP_M = 0.05
@@ -65,42 +64,6 @@ def test_another_board_is_reported_and_not_driven(graph: Graph, tmp_path: Path) 
             diagnostics.wait("link", lambda s, _: f"{FIRST:012x}" in s.message)
             port.replace(CoreDevice(board_id=FIRST))
             assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
-
-
-def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Path) -> None:
-    with (
-        PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port,
-        RobotNode(graph, port=port.path, any_board=True) as node,
-    ):
-        graph.wait_active()
-        commands = graph.publisher(Twist, "cmd_vel")
-        with Repeater(commands, lambda: twist(0.2)):
-            wait(lambda: is_driven(port.device), "the first board is driven")
-            other = port.replace(CoreDevice(seed=2, board_id=OTHER))
-            wait(lambda: "held: unarmed; waiting for a zero command" in node.errors(), "the line")
-            time.sleep(2.0)
-            # A program that keeps commanding motion does not move a robot that appears later.
-            assert not other.obeyed
-            assert node.errors().count("waiting for a zero command") == 1
-        with Repeater(commands, lambda: twist(0.0)):
-            wait(lambda: other.obeyed, "a zero command")
-        with Repeater(commands, lambda: twist(0.2)):
-            wait(lambda: is_driven(other), "the other board is driven")
-
-
-def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:
-    path = tmp_path / "port"
-    with open_graph() as graph, PtyDevice(path) as device:
-        diagnostics = Diagnostics(graph)
-        with RobotNode(graph, port=path) as node:
-            graph.wait_active()
-            other = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
-            right = device.device
-            device.replace(CoreDevice(edits={DeviceHello: other}))
-            diagnostics.wait("link", lambda status, _: "do not match" in status.message)
-            device.replace(right)
-            diagnostics.wait("link", lambda status, _: status.level == OK)
-            assert node.process.poll() is None
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import struct
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +16,13 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, Imu, PointCloud2, Range
+from sensor_msgs.msg import Imu, PointCloud2, Range
 
 from support.range_board import ABOUT_M, simulator_on_board
-from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros import Diagnostics, Graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import Rig, State, open_rig, silent, stamp_s, twist, values
-from wheelwire import open_driver
-from wheelwire.board import BatteryLevels, Peripheral, PowerSensor
+from support.ros_rig import Rig, State, open_rig, silent, stamp_s, values
 from wheelwire.simulation.simulator import Simulator
-from wheelwire.tools.files.board import load_board
-from wheelwire_protocol.board import Module
 from wheelwire_protocol.peripherals import IMUS, SensorChip
 
 TABLE = IMUS[SensorChip.MPU6050]
@@ -38,8 +31,6 @@ RADIUS_M = 0.2
 HEIGHT_M = 0.05
 OBEYED_S = 0.5
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
-VOLTS = 6.9
-POWER = PowerSensor(SensorChip.INA219, sda=16, scl=17, shunt_mohm=100.0)
 
 
 def points(cloud: Any) -> list[tuple[float, float, float]]:
@@ -74,55 +65,6 @@ def test_the_node_names_frame_radius_and_rate(graph: Graph, tmp_path: Path) -> N
     assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.5, 0.0))
     seconds = stamp_s(imu[-1]) - stamp_s(imu[-11])
     assert seconds == pytest.approx(10 / 50, abs=0.05)
-
-
-def test_a_broken_wire_is_no_voltage(graph: Graph, simulator: Simulator) -> None:
-    """The board's list names a battery, and its divider reads 0 mV."""
-    simulator.set("battery_v", 0.0)
-    batteries = graph.listen(BatteryState, "battery_state")
-    diagnostics = Diagnostics(graph)
-    with RobotNode(graph, port=simulator.port, battery_empty_v=6.0, battery_full_v=8.4):
-        told = diagnostics.wait("sensor battery", lambda _, v: v["reason"] == "ZERO")
-        assert told["state"] == "STALE"
-        assert not batteries
-        simulator.set("battery_v", VOLTS)
-        wait(lambda: batteries, "battery_state")
-    assert batteries[0].voltage == pytest.approx(VOLTS, abs=0.1)
-    assert batteries[0].percentage == pytest.approx(0.375, abs=0.05)
-
-
-def test_a_power_sensor_tells_the_current_and_the_boards_cells_a_percentage(
-    graph: Graph, simulator: Simulator
-) -> None:
-    """So that Nav2's IsBatteryLow fires."""
-    take_up(simulator, POWER, BatteryLevels(warn_v=7.0, limit_v=6.8, stop_v=6.6))  # cells: 2
-    with RobotNode(graph, port=simulator.port):
-        messages = graph.listen(BatteryState, "battery_state")
-        commands = graph.publisher(Twist, "cmd_vel")
-        with Repeater(commands, lambda: twist(0.3)):
-            wait(lambda: messages and messages[-1].current < -0.02, "a current")
-    message = messages[-1]
-    assert message.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    assert message.voltage == pytest.approx(7.4, abs=0.3)
-    assert message.percentage == pytest.approx((message.voltage - 6.6) / 1.8, abs=0.001)
-
-
-def test_a_board_without_divider_or_sensor_has_no_topic(graph: Graph, simulator: Simulator) -> None:
-    simulator.set("battery_v", 0.0)
-    take_up(simulator)
-    with RobotNode(graph, port=simulator.port):
-        graph.first(Odometry, "odom")
-        topics = dict(graph.node.get_topic_names_and_types())
-    assert "/odom" in topics
-    assert not {"/battery_state", "/imu/data_raw", "/bumpers"} & set(topics)
-
-
-def take_up(simulator: Simulator, *peripherals: Peripheral) -> None:
-    """Write the simulated board with these peripherals."""
-    with open_driver("serial", port=str(simulator.port)) as robot:
-        robot.board.take_up(
-            replace(load_board("l298n"), module=Module.WROOM_32, peripherals=peripherals)
-        )
 
 
 def test_a_range_is_in_its_frame_and_comes_once_and_a_voltage_is_diagnosed(
@@ -201,12 +143,6 @@ def test_an_imu_at_rest(rig: Rig, imu: deque[Any]) -> None:
     assert 0 <= rig.graph.now_s() - stamps[-1] < 1
 
 
-def test_a_turn_to_the_left_is_positive_in_the_robots_axes(rig: Rig, imu: deque[Any]) -> None:
-    with rig.driving(0.0, 1.0):
-        wait(lambda: imu and imu[-1].angular_velocity.z > 0.8, "the turn by the gyroscope")
-        wait(lambda: rig.odometry[-1].twist.twist.angular.z > 0.8, "the same by the wheels")
-
-
 def test_the_gyroscopes_bias_is_taken_off_at_rest(rig: Rig, imu: deque[Any]) -> None:
     rig.truth(lambda state: not state.drive_on)
     rig.simulator.set("imu.bias", 0.05)
@@ -265,13 +201,3 @@ def test_a_bumper_is_a_point_where_it_is_and_the_robot_only_backs_out(
     told = state.wait(lambda v: not v["triggered"] and not v["held_by"])
     assert not values(told)["reflexes"]
     assert told.level == OK
-
-
-def test_after_a_reset_of_the_device_the_topics_go_on(
-    rig: Rig, imu: deque[Any], clouds: deque[Any]
-) -> None:
-    rig.simulator.reset()
-    rig.diagnostics.wait("robot", lambda _, v: v["resets_unacknowledged"] == "1")
-    imu.clear()
-    clouds.clear()
-    wait(lambda: imu and clouds, "both topics")

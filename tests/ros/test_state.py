@@ -2,49 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import Transition
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool, Trigger
 
-from support.aggregator import OTHER, Aggregator
-from support.own_board import OWN_BOARD
 from support.pty_device import PtyDevice
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, Rig, State, open_rig, values
+from support.ros_rig import NODE, Rig, State, open_rig, stands, values
 from support.stop_host import stopped
-from wheelwire.simulation.simulator import Simulator
-from wheelwire.tools.files.board import board_mapping
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
-from wheelwire_ros.diagnostics import twin_status
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
-
-def test_a_node_that_starts_onto_an_estopped_robot_says_so(graph: Graph, tmp_path: Path) -> None:
-    with Simulator(link=tmp_path / "port") as simulator:
-        simulator.set("estop_open", 1)
-        wait(lambda: simulator.get("state") == SupervisorState.ESTOPPED, "the e-stop")
-        state = State(graph)
-        with RobotNode(graph, port=simulator.port) as node:
-            told = state.wait(lambda v: v["state"] == "ESTOPPED")
-            assert told.level == ERROR
-            wait(lambda: "contact" in node.errors(), "the line")
 
 
 def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Path) -> None:
@@ -88,29 +69,6 @@ def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Pat
             assert node.process.poll() is None
 
 
-def test_a_device_on_another_board_than_the_named_one_is_not_driven(
-    graph: Graph, tmp_path: Path
-) -> None:
-    with Simulator(link=tmp_path / "port") as simulator:
-        state = State(graph)
-        with RobotNode(graph, port=simulator.port, board="tb6612"):
-            told = state.wait(lambda v: "not TB6612FNG" in v["cause"])
-            assert told.level == ERROR
-        own = tmp_path / "own.yaml"
-        own.write_text(json.dumps(board_mapping(OWN_BOARD)))
-        with RobotNode(graph, port=simulator.port, board=str(own)):
-            graph.wait_active()
-
-
-def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: Path) -> None:
-    with (
-        Simulator(link=tmp_path / "port", settings={"board_unwritten": 1}) as simulator,
-        RobotNode(graph, port=simulator.port) as node,
-    ):
-        graph.wait_active()
-        wait(lambda: "wheelwire board confirm" in node.errors(), "the line")
-
-
 def test_a_silent_port_is_distinguished_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
     state, path = State(graph), tmp_path / "port"
     with RobotNode(graph, port=path):
@@ -130,51 +88,6 @@ def test_a_silent_port_is_distinguished_from_an_absent_one(graph: Graph, tmp_pat
             device.device.mute = False
             device.plug()
             state.wait(lambda v: v["link"] == "connected")
-
-
-def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: Path) -> None:
-    state, path = State(graph), tmp_path / "port"
-    with RobotNode(graph, port=path):
-        answer = graph.call(SetBool, f"{NODE}/estop", data=True)
-        assert not answer.success
-        assert "not confirmed" in answer.message
-        assert "before anything else" in answer.message
-        state.wait(lambda v: "the robot gets the e-stop" in v["cause"])
-        answer = graph.call(SetBool, f"{NODE}/estop", data=False)
-        assert answer.success
-        assert "no robot is open" in answer.message
-        assert "is cleared" not in answer.message
-        state.wait(lambda v: "the robot gets the e-stop" not in v["cause"])
-        assert graph.call(SetBool, f"{NODE}/estop", data=True).message
-        with Simulator(link=path) as simulator:
-            state.wait(lambda v: v["state"] == "ESTOPPED")
-            assert simulator.get("state") == SupervisorState.ESTOPPED
-            simulator.unplug()
-            state.wait(lambda v: v["link"] == "lost")
-            answer = graph.call(SetBool, f"{NODE}/estop", data=False)
-            assert not answer.success
-            assert "stays set" in answer.message
-
-
-BROKEN_WATCH = """
-from wheelwire.log.why.diagnosis import Diagnosis
-from wheelwire_ros import hardware_robot
-
-def feed_all(self, records):
-    raise ZeroDivisionError("planted")
-
-Diagnosis.feed_all = feed_all
-hardware_robot.main()
-"""
-
-
-def test_a_watch_for_stops_that_failed_is_reported_while_the_robot_drives(tmp_path: Path) -> None:
-    with open_rig(tmp_path, code=BROKEN_WATCH) as rig:
-        state = State(rig.graph)
-        assert "planted" in values(state.wait(lambda v: "watch for stops" in v["stop"]))["stop"]
-        with rig.driving():
-            rig.truth(lambda truth: truth.state is SupervisorState.DRIVING)
-            state.wait(lambda v: v["state"] == "DRIVING" and "watch for stops" in v["stop"])
 
 
 LIBRARY = "hardware_robot.wheelwire"
@@ -216,38 +129,17 @@ def test_the_librarys_records_reach_rosout_and_a_loss_and_a_return_are_one_line_
         rig.diagnostics.wait("link", lambda status, _: status.message == "connected")
         wait(lambda: logged("hardware_robot", Log.INFO, "is connected: session 2"), "the return")
         wait(lambda: "is connected: session 2" in rig.node.errors(), "the line of the return")
-        lines = [line for line in rig.node.errors().splitlines() if LINE not in line]
+        # On a busy computer the sensor's line may be as late as this.
+        others = LINE, "imu: OK"
+        lines = [
+            line
+            for line in rig.node.errors().splitlines()
+            if not any(other in line for other in others)
+        ]
         # The second only where the robot takes its time to answer.
         texts = ("the port is gone", "has not answered yet", "is connected: session 2")
         told = [[text for text in texts if text in line] for line in lines]
         assert told in ([[texts[0]], [texts[2]]], [[text] for text in texts]), lines
-
-
-FILE = Path(__file__).parents[2] / "ros_node" / "config" / "diagnostics_aggregator.yaml"
-
-
-def test_every_status_has_one_place(graph: Graph, simulator: Simulator) -> None:
-    """Of a closed node, of one without /clock, and of one with sensors."""
-    reports = graph.listen(DiagnosticArray, "/diagnostics")
-    # A twin is reported after 25 s.
-    names = {twin_status(NODE.lstrip("/")).name}
-
-    def subjects() -> set[str]:
-        while reports:
-            names.update(status.name for status in reports.popleft().status)
-        return {name.partition(": ")[2] for name in names}
-
-    with RobotNode(graph, port=simulator.port, use_sim_time=True, autostart=False):
-        wait(lambda: "link" in subjects(), "a closed robot's status")
-        assert subjects() == {"link", "name"}
-        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
-        wait(lambda: any(one.startswith("sensor ") for one in subjects()), "sensors")
-        wait(lambda: subjects() >= {"link", "robot", "commands", "clock", "name"}, "each status")
-    aggregator = Aggregator(yaml.safe_load(FILE.read_text())["analyzers"]["ros__parameters"])
-    places = {name: aggregator.takers(name) for name in names}
-    assert all(len(found) == 1 for found in places.values()), places
-    assert [OTHER] not in places.values(), places
-    assert {found[0] for found in places.values()} == {a.path for a in aggregator.analyzers}
 
 
 @pytest.fixture(scope="module")
@@ -371,48 +263,12 @@ def test_the_odometry_restarts_where_the_robot_is(rig: Rig) -> None:
     rig.truth(stopped)
     # Samples of the last centimetres may come later than the truth.
     rig.wait_past(1.0)  # as may a command that was on its way
-    wait(lambda: abs(rig.odometry[-1].twist.twist.linear.x) < 1e-3, "standstill in odom")
+    wait(lambda: stands(rig.odometry), "standstill in odom")
     assert rig.x_m() > 0.1
     assert trigger(rig, "reset_odometry").success
     rig.wait_past(0.0)
     position = rig.odometry[-1].pose.pose.position
     assert (position.x, position.y) == pytest.approx((0, 0), abs=0.002)
-
-
-def test_saving_is_refused_while_driving_with_the_reason(rig: Rig) -> None:
-    with rig.driving():
-        rig.truth(lambda state: state.drive_on)
-        answers = []
-
-        def refused() -> bool:
-            """On a busy computer a command comes too late now and then, and the robot stands."""
-            answers.append(trigger(rig, "save_parameters"))
-            return not answers[-1].success
-
-        wait(refused, "the refusal")
-    assert "refused" in answers[-1].message
-
-
-def test_a_disabled_estop_contact_is_logged_and_diagnosed(rig: Rig) -> None:
-    def disable() -> bool:
-        return bool(rig.graph.set_parameter(NODE, "estop_input_enabled", False).successful)
-
-    wait(disable, "a robot that stands")
-    rig.diagnostics.wait("robot", lambda s, _: s.level == WARN and "e-stop input" in s.message)
-    wait(lambda: "The e-stop input is switched off" in rig.node.errors(), "the line")
-    time.sleep(2.0)  # two more reports
-    assert rig.node.errors().count("The e-stop input is switched off") == 1
-    assert rig.graph.set_parameter(NODE, "estop_input_enabled", True).successful
-    rig.diagnostics.wait("robot", lambda s, _: s.level == OK)
-
-
-def test_a_robot_that_rolls_away_is_logged_and_diagnosed(rig: Rig) -> None:
-    rig.simulator.set("slope_rad", 0.25)
-    rig.diagnostics.wait("robot", lambda s, _: s.level == WARN and "rolls at" in s.message)
-    wait(lambda: "rolls at" in rig.node.errors(), "the line")
-    assert "[WARN]" in rig.node.errors()
-    rig.simulator.set("slope_rad", 0.0)
-    rig.diagnostics.wait("robot", lambda s, _: s.level == OK)
 
 
 def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(

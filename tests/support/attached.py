@@ -9,14 +9,7 @@ from .waiting import wait_until
 
 def holder_of(port: str, board_id: str | None = None) -> Holder:
     """Who holds a port, or a board, once that offers its link."""
-    found: list[Holder] = []
-
-    def is_found() -> bool:
-        found.extend(filter(None, [find_holder(port, board_id)]))
-        return bool(found)
-
-    wait_until(is_found, what=f"a holder of {port}")
-    return found[0]
+    return wait_until(lambda: find_holder(port, board_id), what=f"a holder of {port}")
 
 
 def wait_for_holder(port: str, board_id: str | None = None) -> None:

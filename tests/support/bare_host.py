@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import select
 import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -15,7 +17,16 @@ from typing import Any
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol import Decoder, Encoder
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.types import Ack, AnyMessage, DeviceHello, Hello, Ping, Pong, SetStreamRate
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    DeviceHello,
+    Hello,
+    Ping,
+    Pong,
+    SetStreamRate,
+    SetWheelVelocity,
+)
 
 from .processes import talking
 
@@ -27,6 +38,7 @@ PONG_SIZE = len(Encoder().encode(Pong(NONCE, REQUEST_ID, 0, 0, 0)))
 """Size of the whole frame: it does not depend on the content."""
 TIMEOUT_S = 5.0
 REPEAT_S = 0.1
+NEVER_US = 1 << 50
 
 
 @contextmanager
@@ -48,10 +60,12 @@ class BareHost:
 
     def __init__(self, port: str, baud_rate: int) -> None:
         self._transport = SerialTransport(port, baud_rate)
+        self._fd = self._transport.fileno()
         self._poller = select.poll()
-        self._poller.register(self._transport.fileno(), select.POLLIN)
+        self._poller.register(self._fd, select.POLLIN)
         self._encoder = Encoder()
         self._session_id = 0
+        self._command_seqs = count(1)
 
     def close(self) -> None:
         """Close the port; the device keeps running."""
@@ -63,13 +77,22 @@ class BareHost:
         self._session_id = NONCE ^ hello.boot_id
         self._ask(SetStreamRate(self._session_id, REQUEST_ID, stream_rate_hz), Ack)
 
-    def ping(self) -> float:
-        """The round trip of a ping to a device that streams nothing. [s]"""
-        return self._exchange(PONG_SIZE)
+    def arm(self) -> None:
+        """Have a device obey the setpoints of the session: a ping, and a zero setpoint."""
+        self.exchange()
+        self.drive(0.0)
 
-    def echo(self) -> float:
-        """The round trip of the same bytes to an echo. [s]"""
-        return self._exchange(PING_SIZE)
+    def drive(self, velocity_mps: float) -> None:
+        """Encode and write a setpoint that the device obeys for as long as it may."""
+        setpoint = SetWheelVelocity(
+            self._session_id, next(self._command_seqs), NEVER_US, velocity_mps, velocity_mps
+        )
+        os.write(self._fd, self._encoder.encode(setpoint))
+
+    def drain(self) -> None:
+        """Discard what has arrived."""
+        while self._poller.poll(0):
+            self._transport.read()
 
     def discard(self, seconds: float) -> None:
         """Read and discard what arrives in this time."""
@@ -91,12 +114,12 @@ class BareHost:
             reads.get()
         thread.join()
 
-    def _exchange(self, answer_size: int) -> float:
+    def exchange(self, answer_size: int = PONG_SIZE) -> float:
+        """The round trip of a ping to a device that streams nothing, or to an echo. [s]"""
         ping = self._encoder.encode(Ping(self._session_id, REQUEST_ID, 0))
         # What the device reports each second would be taken for the answer, and the answer for the
         # next one's.
-        while self._poller.poll(0):
-            self._transport.read()
+        self.drain()
         begin = time.perf_counter()
         self._transport.write(ping)
         size = 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import json
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -11,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wheelwire.board import Configuration
-from wheelwire.pi.gpio.base import HIGH_Q15
+from wheelwire.pi.gpio.base import HIGH_Q15, encoder_pins
 from wheelwire.simulation import fwsim_abi as abi
 from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.native import declare
@@ -22,6 +24,7 @@ CATCH_UP_US = 100_000
 """After a longer gap, such as a stopped process, the robot's time continues from now."""
 GPIOS = 28
 COUNTS_PER_REVOLUTION = 360
+BATCH_S = 0.001
 SHOWN = 20
 """The newest changes of the drive that an answer has."""
 
@@ -37,6 +40,7 @@ class BareRobot:
         board: What leads to which GPIO.
 
     Attributes:
+        encoders: The GPIOs of both wheels' channels.
         driven: Whether a motor is driven; braking is not driving.
         driven_changed_us: When that changed last.
         changes: Time, whether a motor is driven, whether one is braked, and who wrote a pin last.
@@ -54,6 +58,7 @@ class BareRobot:
         self._lock = threading.Lock()
         stage = [getattr(wheel, n) for wheel in (board.left, board.right) for n in OUTPUTS]
         self._inputs = [pin for pin in (*stage, board.standby) if pin is not None]
+        self.encoders = (*encoder_pins(board.left), *encoder_pins(board.right))
         self._duties = (ctypes.c_uint16 * GPIOS)()
         self.driven = False
         self.driven_changed_us = 0
@@ -86,16 +91,7 @@ class BareRobot:
         left, right = (self._library.fwsim_robot_ticks(self._robot, side) for side in (0, 1))
         return left, right
 
-    def truth(self) -> dict[str, object]:
-        """What a stand-in answers of it."""
-        return {
-            "ticks": self.ticks,
-            "driven": self.driven,
-            "driven_changed_us": self.driven_changed_us,
-            "changes": self.changes[-SHOWN:],
-        }
-
-    def obey(self, command: str, *arguments: str) -> None:
+    def obey(self, command: str = "", *arguments: str) -> None:
         """A stand-in's command; the robot ignores those of others."""
         if command == "spin":
             self.spin(float(arguments[0]))
@@ -105,3 +101,33 @@ class BareRobot:
     def spin(self, ticks_per_s: float) -> None:
         """Turn both wheels at this rate from now on, whatever the motors do."""
         self._library.fwsim_robot_spin(self._robot, ticks_per_s)
+
+
+def run(
+    robot: BareRobot, advance: Callable[[], None], answer: Callable[..., dict[str, object]]
+) -> None:
+    """A stand-in's whole work: it advances by itself, and does what lines on its input say.
+
+    A line of JSON says at first, and after each command, what is true.
+    """
+
+    def advance_for_ever() -> None:
+        while True:
+            time.sleep(BATCH_S)
+            advance()
+
+    def say(*words: str) -> None:
+        robot.obey(*words)
+        truth = {
+            **answer(*words),
+            "ticks": robot.ticks,
+            "driven": robot.driven,
+            "driven_changed_us": robot.driven_changed_us,
+            "changes": robot.changes[-SHOWN:],
+        }
+        print(json.dumps(truth), flush=True)  # noqa: T201
+
+    threading.Thread(target=advance_for_ever, daemon=True).start()
+    say()
+    for line in sys.stdin:
+        say(*line.split())

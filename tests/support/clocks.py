@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from operator import gt
 from random import Random
 
 from wheelwire.link.clock import ClockEstimator, Exchange
@@ -70,31 +71,20 @@ class Clocks:
 
 @dataclass
 class Coverage:
-    """How often the error was within its bound.
+    """The errors of all converted samples, and their bounds."""
 
-    Attributes:
-        checked: Number of converted samples.
-        missed: Number of those with an error beyond their bound.
-        errors_us: Of all.
-        bounds_us: Of all.
-    """
-
-    checked: int = 0
-    missed: int = 0
     errors_us: list[float] = field(default_factory=list)
     bounds_us: list[float] = field(default_factory=list)
 
-    def take(self, error_us: float, bound_us: float) -> None:
-        """Count one converted sample."""
-        self.checked += 1
-        self.missed += error_us > bound_us
-        self.errors_us.append(error_us)
-        self.bounds_us.append(bound_us)
+    @property
+    def missed(self) -> int:
+        """The number of samples with an error beyond their bound."""
+        return sum(map(gt, self.errors_us, self.bounds_us))
 
     @property
     def share(self) -> float:
         """The fraction of samples within their bound."""
-        return 1 - self.missed / self.checked
+        return 1 - self.missed / len(self.errors_us)
 
 
 def session(
@@ -122,5 +112,6 @@ def session(
         for _ in range(PROBES):
             moment = now + 25_000 + clocks.random.randrange(gap)
             host_us, bound_us = estimator.conversion.device_to_host(clocks.device_us(moment))
-            coverage.take(abs(host_us - moment), bound_us)
+            coverage.errors_us.append(abs(host_us - moment))
+            coverage.bounds_us.append(bound_us)
         now += gap

@@ -15,6 +15,8 @@ from wheelwire import errors
 from wheelwire.cli import app
 from wheelwire.cli import output as output_module
 
+from .processes import captured
+
 PROGRAM = [sys.executable, "-m", "wheelwire"]
 TIMEOUT_S = 60.0
 
@@ -50,14 +52,8 @@ def run(*arguments: str, typed: str = "", **environment: str) -> Result:
 
 def run_process(*arguments: str, timeout_s: float = TIMEOUT_S, **environment: str) -> Result:
     """Run the command to its end in a process of its own."""
-    return subprocess.run(
-        [*PROGRAM, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        check=False,
-        env={**os.environ, "COLUMNS": "100", **environment},
-    )
+    environment = {**os.environ, "COLUMNS": "100", **environment}
+    return captured(*PROGRAM, *arguments, timeout=timeout_s, env=environment)
 
 
 def output(*arguments: str, **environment: str) -> str:

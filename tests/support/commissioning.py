@@ -59,32 +59,24 @@ class TrueLine(NamedTuple):
     static_feedforward: float
 
 
-def true_curve(robot: MockDriver, step: float = 0.01) -> list[tuple[float, float]]:
-    """The left wheel's steady speeds, downward from where it turns, as long as it turns."""
-    lowest, highest = STAIRS
-    curve = []
-    for duty in np.arange(highest, lowest - step / 2, -step):
-        for _ in range(6):
-            robot.set_duty(duty, duty, 0.5)
-            robot.advance(0.25)
-        curve.append((float(duty), robot.simulator.get("true.left_mps")))
-    robot.stop()
-    robot.advance(1.0)
-    return [(duty, speed) for duty, speed in curve if speed > 0]
-
-
-def true_line(robot: MockDriver) -> TrueLine:
-    """The line that the feed-forward is to have."""
-    duties, speeds = zip(*true_curve(robot), strict=True)
-    slope, intercept = np.polyfit(duties, speeds, 1)
-    return TrueLine(1 / slope, -intercept / slope)
-
-
 @cache
 def plant_line(plant: str, battery_v: float) -> TrueLine:
-    """The same of a plant's robot, raised."""
+    """The line that the feed-forward of a plant's robot is to have, by its raised left wheel.
+
+    By its steady speeds, downward from where it turns, as long as it turns.
+    """
+    lowest, highest = STAIRS
+    curve = []
     with plant_robot(plant, battery_v, raised=True) as ideal:
-        return true_line(ideal)
+        for duty in np.arange(highest, lowest - 0.005, -0.01):
+            for _ in range(6):
+                ideal.set_duty(duty, duty, 0.5)
+                ideal.advance(0.25)
+            if (speed := ideal.simulator.get("true.left_mps")) > 0:
+                curve.append((float(duty), speed))
+    duties, speeds = zip(*curve, strict=True)
+    slope, intercept = np.polyfit(duties, speeds, 1)
+    return TrueLine(1 / slope, -intercept / slope)
 
 
 def true_breakaway(robot: MockDriver) -> float:

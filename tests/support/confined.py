@@ -17,6 +17,8 @@ from tempfile import TemporaryDirectory, gettempdir
 
 import pytest
 
+from .processes import captured
+
 NOBODY = 65534
 TIMEOUT_S = 120.0
 _ENTER = """
@@ -140,12 +142,7 @@ def require() -> None:
     with TemporaryDirectory() as base:
         _lay_out(Path(base))
         root = f"{base}/layers/root"
-        tried = subprocess.run(
-            [*_entering(Path(base)), "test", "-e", root + sys.executable],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        tried = captured(*_entering(Path(base)), "test", "-e", root + sys.executable)
     if tried.returncode != 0:
         reason = tried.stderr.strip() or f"{sys.executable} is on a file system of its own"
         pytest.skip(f"an emulated unit needs an overlay of the root file system: {reason}")

@@ -6,7 +6,6 @@ All in virtual time: the figures are the same in every run, on any machine.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from wheelwire.tools.demo.figure import DURATION_S, commanded_path, twist_at
@@ -14,14 +13,14 @@ from wheelwire.tools.demo.figure import DURATION_S, commanded_path, twist_at
 from .virtual import VirtualRobot
 
 COMMAND_PERIOD_S = 0.02
+PERIOD_S = 0.001
 SETTLED = 0.05
 """Fraction of the target within which a speed counts as settled."""
 CRAWL_EDGE_ERROR_TICKS = 0.2
 """Error of a cheap encoder's edges, at most."""
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """A step of the velocity setpoint."""
 
     settling_s: float
@@ -32,22 +31,18 @@ class Step:
     """The part of `settling_s` that the acceleration limit takes."""
 
 
-@dataclass(frozen=True)
-class Trace:
-    """A wheel's true speed, one point per control period."""
-
-    speeds_mps: list[float]
-    period_s: float
-
-
-def _trace(robot: VirtualRobot, target_mps: float, seconds: float, wheel: str = "left") -> Trace:
+def _trace(
+    robot: VirtualRobot, target_mps: float, seconds: float, wheel: str = "left", still: str = ""
+) -> list[float]:
+    """A wheel's true speeds, one for each control period; the wheel `still` is to stand."""
     speeds = []
-    for step in range(round(seconds * 1000)):
+    left, right = (0.0 if side == still else target_mps for side in ("left", "right"))
+    for step in range(round(seconds / PERIOD_S)):
         if step % 20 == 0:
-            robot.set_velocity(target_mps, target_mps)
+            robot.set_velocity(left, right)
         robot.step()
         speeds.append(robot.sim.get(f"true.{wheel}_mps"))
-    return Trace(speeds, 0.001)
+    return speeds
 
 
 def velocity_step(target_mps: float = 0.3) -> Step:
@@ -57,7 +52,7 @@ def velocity_step(target_mps: float = 0.3) -> Step:
     trace = _trace(robot, target_mps, 2.0)
     return Step(
         settling_s=_settling_s(trace, target_mps),
-        overshoot=max(0.0, max(trace.speeds_mps) / target_mps - 1),
+        overshoot=max(0.0, max(trace) / target_mps - 1),
         slew_s=target_mps / acceleration,
     )
 
@@ -67,7 +62,7 @@ def crawl_ripple(target_mps: float = 0.03, edge_error_ticks: float = 0.0) -> flo
     robot = VirtualRobot().open()
     robot.sim.set("left.encoder_error_ticks", edge_error_ticks)
     _trace(robot, target_mps, 3.0)
-    speeds = _trace(robot, target_mps, 6.0).speeds_mps
+    speeds = _trace(robot, target_mps, 6.0)
     mean = sum(speeds) / len(speeds)
     return max(abs(speed - mean) for speed in speeds) / target_mps
 
@@ -79,7 +74,7 @@ def catching_up(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -
     _trace(robot, target_mps, 0.5)
     robot.sim.set("left.load_nm", 0)
     _trace(robot, target_mps, 0.5)
-    return max(_trace(robot, target_mps, 1.0).speeds_mps)
+    return max(_trace(robot, target_mps, 1.0))
 
 
 def missing_after_a_load(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -> float:
@@ -87,8 +82,7 @@ def missing_after_a_load(robot: VirtualRobot, target_mps: float, load_nm: float 
     owed_m = -(target_mps**2) / 2 / robot.parameter("max_acceleration_mps2")
     for load, seconds in ((0.0, 1.0), (load_nm, 0.5), (0.0, 2.0)):
         robot.sim.set("left.load_nm", load)
-        trace = _trace(robot, target_mps, seconds)
-        owed_m += sum(target_mps - speed for speed in trace.speeds_mps) * trace.period_s
+        owed_m += sum(target_mps - v for v in _trace(robot, target_mps, seconds)) * PERIOD_S
     return owed_m
 
 
@@ -103,7 +97,7 @@ def load_step(target_mps: float = 0.2, load_nm: float = 0.02) -> tuple[float, fl
     _trace(robot, target_mps, 2.0)
     robot.sim.set("left.load_nm", load_nm)
     trace = _trace(robot, target_mps, 3.0)
-    return 1 - min(trace.speeds_mps) / target_mps, _settling_s(trace, target_mps)
+    return 1 - min(trace) / target_mps, _settling_s(trace, target_mps)
 
 
 def straightness(motor_scale: float = 0.85, target_mps: float = 0.3, seconds: float = 5.0) -> float:
@@ -113,11 +107,11 @@ def straightness(motor_scale: float = 0.85, target_mps: float = 0.3, seconds: fl
     return abs(robot.sim.get("true.heading_rad"))
 
 
-def _settling_s(trace: Trace, target_mps: float) -> float:
+def _settling_s(trace: list[float], target_mps: float) -> float:
     """When the trace enters the band around the target for good; NaN if it never does."""
-    for index in range(len(trace.speeds_mps), 0, -1):
-        if abs(trace.speeds_mps[index - 1] / target_mps - 1) > SETTLED:
-            return math.nan if index == len(trace.speeds_mps) else index * trace.period_s
+    for index in range(len(trace), 0, -1):
+        if abs(trace[index - 1] / target_mps - 1) > SETTLED:
+            return math.nan if index == len(trace) else index * PERIOD_S
     return 0.0
 
 
@@ -184,10 +178,13 @@ def figure_eight(
 def acceleration(target_mps: float = 0.4, over_s: float = 0.02) -> float:
     """The greatest true acceleration from standstill over a setpoint's time, in its limit."""
     robot = VirtualRobot().open()
-    limit = robot.parameter("max_acceleration_mps2")
-    speeds = _trace(robot, target_mps, 1.0).speeds_mps
-    span = round(over_s * 1000)
-    return max(b - a for a, b in zip(speeds, speeds[span:], strict=False)) / over_s / limit
+    return _greatest(robot, _trace(robot, target_mps, 1.0), over_s)
+
+
+def _greatest(robot: VirtualRobot, speeds: list[float], over_s: float) -> float:
+    span = round(over_s / PERIOD_S)
+    greatest = max(b - a for a, b in zip(speeds, speeds[span:], strict=False)) / over_s
+    return greatest / robot.parameter("max_acceleration_mps2")
 
 
 def acceleration_after_waiting(robot: VirtualRobot, held: str, waits: str) -> float:
@@ -199,15 +196,9 @@ def acceleration_after_waiting(robot: VirtualRobot, held: str, waits: str) -> fl
     _trace(robot, 0.2, 1.0)
     robot.sim.set(f"{held}.blocked", 1)
     _trace(robot, 0.2, 0.3)
-    speeds = []
-    for step in range(600):
-        if step % 20 == 0:
-            robot.set_velocity(*((0.0, 0.2) if held == "left" else (0.2, 0.0)))
-        robot.step()
-        speeds.append(robot.sim.get(f"true.{waits}_mps"))
+    speeds = _trace(robot, 0.2, 0.6, waits, still=held)
     assert not robot.sim.get("faults")
-    limit = robot.parameter("max_acceleration_mps2")
-    return max(b - a for a, b in zip(speeds, speeds[20:], strict=False)) / 0.02 / limit
+    return _greatest(robot, speeds, 0.02)
 
 
 class Obstacle(NamedTuple):
@@ -227,7 +218,7 @@ def obstacle(target_mps: float, wheels: tuple[str, ...], after_s: float = 1.5) -
     for blocked, seconds in ((1, 0.3), (0, 2.0)):
         for wheel in wheels:
             robot.sim.set(f"{wheel}.blocked", blocked)
-        speeds = _trace(robot, target_mps, seconds, wheels[0]).speeds_mps
+        speeds = _trace(robot, target_mps, seconds, wheels[0])
     assert not robot.sim.get("faults")
     return Obstacle(
         max(speeds) / target_mps - 1, abs(robot.sim.get("true.heading_rad") - before_rad)

@@ -78,25 +78,22 @@ class CoreDevice:
     def reset(self) -> None:
         """Reset the chip: a new boot id; all but the saved parameters is lost."""
         with self._lock:
-            self._power_on()
-
-    def _power_on(self) -> None:
-        self.boot_id = self._random.getrandbits(32)
-        self.left_ticks = self.right_ticks = 0.0
-        identity = Identity(self.boot_id, self.board, self.board_id, ResetReason.POWER_ON)
-        self.core = Core(identity, self._stored, self._save)
-        for name, value in self.parameters.items():
-            assert self.core.preset(PARAMETER_BY_NAME[name].id, value) is RefusalCode.NONE
-        self.session_id = -1
-        self._state: WheelState | None = None
-        self._outputs: Outputs | None = None
-        self._next_us = 0
-        self._decoder = Decoder()
-        self._sent = Decoder()
-        self._encoder = Encoder()
-        self._output = bytearray()
-        self._requests: dict[int, type[AnyMessage]] = {}
-        self._seen: set[AnyMessage] = set()
+            self.boot_id = self._random.getrandbits(32)
+            self.left_ticks = self.right_ticks = 0.0
+            identity = Identity(self.boot_id, self.board, self.board_id, ResetReason.POWER_ON)
+            self.core = Core(identity, self._stored, self._save)
+            for name, value in self.parameters.items():
+                assert self.core.preset(PARAMETER_BY_NAME[name].id, value) is RefusalCode.NONE
+            self.session_id = -1
+            self._state: WheelState | None = None
+            self._outputs: Outputs | None = None
+            self._next_us = 0
+            self._decoder = Decoder()
+            self._sent = Decoder()
+            self._encoder = Encoder()
+            self._output = bytearray()
+            self._requests: dict[int, type[AnyMessage]] = {}
+            self._seen: set[AnyMessage] = set()
 
     def _save(self, block: bytes) -> bool:
         self._stored = block
@@ -147,12 +144,10 @@ class CoreDevice:
         """Receive bytes from the line; they are answered at once."""
         with self._lock:
             self.advance(now_us)
-            self._receive(data, now_us)
-
-    def _receive(self, data: bytes, now_us: int) -> None:
-        messages = self._decoder.feed(data)
-        self.received += messages
-        if not self.mute:
+            messages = self._decoder.feed(data)
+            self.received += messages
+            if self.mute:
+                return
             self._requests |= {getattr(m, "request_id", 0): type(m) for m in messages}
             self.core.feed(data)
             refused = self._service(now_us)
@@ -170,17 +165,15 @@ class CoreDevice:
     def advance(self, now_us: int) -> None:
         """Let time pass: the control steps that are due until then."""
         with self._lock:
-            self._run_until(self.clock(now_us))
-
-    def _run_until(self, due_us: int) -> None:
-        if self._outputs is None:
-            self._step(self.core.start(due_us, *self._ticks()), due_us)
-        while self._next_us <= due_us:
-            assert self._outputs is not None
-            period_s = self._outputs.period_us / 1e6
-            self.left_ticks += _duty(self._outputs.left) * self.full_speed_tps * period_s
-            self.right_ticks += _duty(self._outputs.right) * self.full_speed_tps * period_s
-            self._step(self.core.step(self._next_us, *self._ticks()), self._next_us)
+            due_us = self.clock(now_us)
+            if self._outputs is None:
+                self._step(self.core.start(due_us, *self._ticks()), due_us)
+            while self._next_us <= due_us:
+                assert self._outputs is not None
+                period_s = self._outputs.period_us / 1e6
+                self.left_ticks += _duty(self._outputs.left) * self.full_speed_tps * period_s
+                self.right_ticks += _duty(self._outputs.right) * self.full_speed_tps * period_s
+                self._step(self.core.step(self._next_us, *self._ticks()), self._next_us)
 
     def send(self, message: AnyMessage) -> None:
         """Put a message on the line that is not the core's."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
 import struct
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -34,38 +35,34 @@ LONGEST_S = 2.6
 AT_ONCE = 10
 PAGE = 4096
 MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of its own is made there
-_SEEN = struct.Struct("<dQBqI")
 _PART = struct.Struct("<BQ")
 
 
 @contextmanager
 def folder_in_memory() -> Iterator[Path]:
     """A folder whose files cost no time of a disk, where the system has one."""
-    folder = Path(tempfile.mkdtemp(dir=MEMORY if os.access(MEMORY, os.W_OK) else None))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder)
-
-
-# --- kills -------------------------------------------------------------------------------------
+    with TemporaryDirectory(dir=MEMORY if os.access(MEMORY, os.W_OK) else None) as folder:
+        yield Path(folder)
 
 
 @dataclass
-class Killed:
-    """What a kill left.
+class Left:
+    """What is left of a recording.
 
     Attributes:
-        after_s: Of the recorded robot's time, since the process began.
+        what: What ended it.
         recorded: How many of the link's records can be read.
         lost_s: The age of the oldest one that cannot.
         problem: What is wrong, or nothing.
     """
 
-    after_s: float
+    what: str
     recorded: int = 0
     lost_s: float = 0.0
     problem: str = ""
+
+
+# --- kills -------------------------------------------------------------------------------------
 
 
 class Seen(NamedTuple):
@@ -75,7 +72,7 @@ class Seen(NamedTuple):
     record: Record
 
 
-def kills(count: int, seed: int, folder: Path) -> Iterator[Killed]:
+def kills(count: int, seed: int, folder: Path) -> Iterator[Left]:
     """Record in a process, and kill it at a random moment; so many times.
 
     The calling process must have no other thread: it is forked.
@@ -97,7 +94,7 @@ def kills(count: int, seed: int, folder: Path) -> Iterator[Killed]:
             _, status = os.waitpid(pid, 0)
             killed.append((time.monotonic(), status, after_s, place))
         for moment, status, after_s, place in killed:
-            found = Killed(after_s)
+            found = Left(f"killed after {after_s:.3f} s")
             if os.WIFSIGNALED(status):
                 _look(found, place, moment)
             else:
@@ -134,21 +131,18 @@ def _record_until_killed(place: Path, random: Random) -> None:
         time_s = time.monotonic()
         link.drive(STEP_S, random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3))
         for number, kind, host_us, data in witness.take():
-            head = _SEEN.pack(time_s, number, kind, host_us, len(data))
-            os.write(seen, head + data)
+            line = json.dumps([time_s, number, kind, host_us, data.hex()])
+            os.write(seen, f"{line}\n".encode())
         os.write(steps, b".")
         time.sleep(STEP_S)
 
 
 def _all_seen(place: Path) -> list[Seen]:
-    data = (place / "seen").read_bytes() if (place / "seen").exists() else b""
-    found, offset = [], 0
-    while offset + _SEEN.size <= len(data):
-        time_s, number, kind, host_us, size = _SEEN.unpack_from(data, offset)
-        offset += _SEEN.size + size
-        if offset <= len(data):
-            record = Record(number, Kind(kind), host_us, data[offset - size : offset])
-            found.append(Seen(time_s, record))
+    path, found = place / "seen", []
+    # The last line may be a part of one.
+    for line in path.read_text().split("\n")[:-1] if path.exists() else ():
+        time_s, number, kind, host_us, data = json.loads(line)
+        found.append(Seen(time_s, Record(number, Kind(kind), host_us, bytes.fromhex(data))))
     return found
 
 
@@ -157,12 +151,10 @@ def _is_a_beginning(record: Record) -> bool:
     return record.kind is Kind.START or (record.kind is Kind.NOTE and record.data == b"{}")
 
 
-def _look(found: Killed, place: Path, moment: float) -> None:
+def _look(found: Left, place: Path, moment: float) -> None:
     """Repair and read what a kill left, and compare it with what another listener has."""
     files = sorted(place.glob("*.mcap"), key=_part_of)
-    recorded: list[Record] = []
-    for file in files:
-        recorded += after_repair(file)
+    recorded = [record for file in files for record in after_repair(file)]
     seen = _all_seen(place)
     if recorded:
         began = recorded[0].number
@@ -250,23 +242,6 @@ class Disk:
         self.moments.append((self.moments[-1][0],) * 2)
 
 
-@dataclass
-class Cut:
-    """What a power cut left.
-
-    Attributes:
-        written: Bytes that the program had written.
-        synced: Of these, the bytes that were synced.
-        recorded: How many records can be read.
-        problem: What is wrong, or nothing.
-    """
-
-    written: int
-    synced: int
-    recorded: int = 0
-    problem: str = ""
-
-
 def day(folder: Path, seconds: float = 4.0) -> tuple[Path, list[tuple[int, int]]]:
     """Record a robot, to the end; returns the file, and its moments (`Disk.moments`)."""
     disk, random = Disk(), Random(1)
@@ -286,7 +261,7 @@ def day(folder: Path, seconds: float = 4.0) -> tuple[Path, list[tuple[int, int]]
 
 def power_cuts(
     count: int, seed: int, path: Path, moments: Sequence[tuple[int, int]]
-) -> Iterator[Cut]:
+) -> Iterator[Left]:
     """`count` power cuts, each with some of the pages on the disk that were not synced.
 
     First every subset of the pages that the file's end is on.
@@ -295,19 +270,22 @@ def power_cuts(
     whole, truth = path.read_bytes(), list(records(path))
     certain = {synced: _records_in(whole[:synced], path) for synced in {s for _, s in moments}}
     unsynced = [(written, synced) for written, synced in moments if written > synced]
+
+    def cut(written: int, synced: int, subset: Sequence[bool], end: int) -> Left:
+        what = f"cut at {written}, {synced} synced"
+        data = _after_a_cut(whole[:written], synced, subset)[:end]
+        return _judged(what, path, data, truth, certain[synced], len(truth))
+
     written, synced = unsynced[-1]
     for subset in product((False, True), repeat=len(_pages(written, synced))):
-        data = _after_a_cut(whole[:written], synced, subset)
-        yield _cut(Cut(written, synced), data, path, truth, certain[synced])
+        yield cut(written, synced, subset, written)
     for _ in range(count):
         written, synced = random.choice(unsynced)
         share = random.choice((0.1, 0.5, 0.9))
         subset = tuple(random.random() < share for _ in _pages(written, synced))
-        data = _after_a_cut(whole[:written], synced, subset)
         # Its length may be there or not, too.
         ends = [written, written, synced, *_pages(written, synced)[1:]]
-        data = data[: random.choice(ends)]
-        yield _cut(Cut(written, synced), data, path, truth, certain[synced])
+        yield cut(written, synced, subset, random.choice(ends))
 
 
 def _pages(written: int, synced: int) -> range:
@@ -324,20 +302,22 @@ def _after_a_cut(data: bytes, synced: int, subset: Sequence[bool]) -> bytes:
     return bytes(found)
 
 
-def _cut(cut: Cut, data: bytes, beside: Path, truth: list[Record], certain: int) -> Cut:
+def _judged(
+    what: str, beside: Path, data: bytes, truth: list[Record], least: int, most: int
+) -> Left:
+    """What a file with this data holds: so many of the true records, and no others."""
     path = beside.with_name("cut.mcap")
     path.write_bytes(data)
     try:
         found = after_repair(path)
     except AssertionError as error:
-        cut.problem = str(error)
-        return cut
-    cut.recorded = len(found)
+        return Left(what, problem=str(error))
+    problem = ""
     if found != truth[: len(found)]:
-        cut.problem = "other records than those of the link"
-    elif len(found) < certain:
-        cut.problem = f"{certain - len(found)} synced records are lost"
-    return cut
+        problem = "other records than those of the link"
+    elif not least <= len(found) <= most:
+        problem = f"{len(found)} records, not {least} to {most}"
+    return Left(what, len(found), problem=problem)
 
 
 def _records_in(data: bytes, beside: Path) -> int:
@@ -362,20 +342,13 @@ def short_file(folder: Path) -> Path:
     return file.path
 
 
-def prefixes(path: Path, step: int = 1) -> Iterator[tuple[int, str]]:
-    """Every length at which the file may end, or each `step`th; what is wrong, or nothing."""
+def prefixes(path: Path, step: int = 1) -> Iterator[Left]:
+    """Every length at which the file may end, or each `step`th."""
     whole, truth = path.read_bytes(), list(records(path))
     counts = _counts(whole)
-    cut = path.with_name("cut.mcap")
     for length in range(0, len(whole) + 1, step):
-        cut.write_bytes(whole[:length])
         expected = max((count for end, count in counts if end <= length), default=0)
-        try:
-            found = after_repair(cut)
-        except AssertionError as error:
-            yield length, str(error)
-            continue
-        yield length, "" if found == truth[:expected] else f"{len(found)} records, not {expected}"
+        yield _judged(f"ended at {length}", path, whole[:length], truth, expected, expected)
 
 
 def _counts(data: bytes) -> list[tuple[int, int]]:

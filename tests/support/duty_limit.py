@@ -9,16 +9,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass
 from random import Random
 from typing import NamedTuple
 
-from wheelwire.errors import DeviceRefused
 from wheelwire_protocol.codes import Fault
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from .plausibility import Sound, Trip, trips
+from .plausibility import Outcome, Sound, Trip, trips, until_fault
 from .virtual import VirtualRobot
 
 FAILURES = ("encoder_dead", "encoder_reversed", "motor_reversed", "blocked")
@@ -43,7 +40,6 @@ SETPOINTS = (
 
 AFTER_LIMIT_S = 1.2
 """From the limit to the fault, at most."""
-PERIOD_S = 0.02
 WATCHED_S = 4.0
 
 
@@ -70,8 +66,7 @@ def active_limit(setpoint_mps: float, max_duty: float, battery_v: float) -> floa
 # --- wheels that fail ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Failure:
+class Failure(NamedTuple):
     """One wheel that fails before the first setpoint."""
 
     what: str
@@ -92,18 +87,6 @@ class Failure:
         return 2.6 if abs(self.setpoint[0]) < 0.1 else 1.5
 
 
-class Detection(NamedTuple):
-    """When a failure was noticed."""
-
-    faults: Fault
-    seconds: float
-    """From the first setpoint to the fault."""
-    at_limit_s: float
-    """From the limit to the fault; 0: the fault came first."""
-    distance_m: float
-    """Distance that the wheel rolled meanwhile."""
-
-
 def matrix() -> Iterator[Failure]:
     """Every failure at every supply, limit and setpoint; the sides alternately."""
     sides = itertools.cycle(("left", "right"))
@@ -113,31 +96,16 @@ def matrix() -> Iterator[Failure]:
         yield Failure(what, next(sides), supply_v, measured, max_duty, setpoint)
 
 
-def detect(failure: Failure) -> Detection:
+def detect(failure: Failure) -> Outcome:
     """Drive a robot with this failure until a fault trips, or for `WATCHED_S`."""
     robot = VirtualRobot(1, supply_v=failure.supply_v, battery_v=failure.battery_v).open()
     robot.set_parameter("max_duty", failure.max_duty)
     robot.sim.set(f"{failure.side}.{failure.what}", 1)
-    failing, other = failure.setpoint
-    left, right = (failing, other) if failure.side == "left" else (other, failing)
-    near = 0.97 * active_limit(failing, failure.max_duty, failure.battery_v)
-    began_us, limit_us = robot.now_us, 0
-    before = robot.sim.get(f"true.{failure.side}_ticks")
-    with suppress(DeviceRefused):
-        while robot.now_us < began_us + WATCHED_S * 1e6 and not robot.sim.get("faults"):
-            robot.drive(left, right, PERIOD_S)
-            if not limit_us and abs(robot.sim.get(f"{failure.side}.duty")) >= near:
-                limit_us = robot.now_us
-    rolled = abs(robot.sim.get(f"true.{failure.side}_ticks") - before) / 360 * 2 * math.pi * 0.033
-    return Detection(
-        Fault(int(robot.sim.get("faults"))),
-        (robot.now_us - began_us) * 1e-6,
-        (robot.now_us - limit_us) * 1e-6 if limit_us else 0.0,
-        rolled,
-    )
+    near = 0.97 * active_limit(failure.setpoint[0], failure.max_duty, failure.battery_v)
+    return until_fault(robot, failure.side, failure.setpoint, WATCHED_S, near)
 
 
-def is_in_time(failure: Failure, found: Detection) -> bool:
+def is_in_time(failure: Failure, found: Outcome) -> bool:
     """Whether the wheel that failed tripped a fault, and no other, soon enough."""
     side = failure.side.upper()
     expected = Fault[f"{side}_NOT_COUNTING"] | Fault[f"{side}_REVERSED"]

@@ -102,11 +102,6 @@ class EnduranceRun(ImpairedVirtualRobot):
                     self.set_velocity(left, right, TTL_S)
             self.step()
 
-    def reset_and_wait(self) -> None:
-        """Reset the chip while driving."""
-        self.reset()
-        self.wait_open()
-
     def unplug_for(self, milliseconds: int) -> None:
         """Unplug the cable for a while, while driving."""
         self.unplug()
@@ -168,7 +163,8 @@ def drive_and_interrupt(cycles: int, seed: int) -> EnduranceRun:
     for _ in range(cycles):
         run.drive_at_random(random.randrange(50, 300))
         if random.random() < 0.5:
-            run.reset_and_wait()
+            run.reset()
+            run.wait_open()
         else:
             run.unplug_for(random.randrange(1, 400))
     run.drive_at_random(100)

@@ -13,6 +13,8 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
+from operator import xor
 
 from .core_device import CoreDevice
 
@@ -141,7 +143,7 @@ class EspChip:
             return
         _, op, _, checksum = struct.unpack_from("<BBHI", packet)
         body = packet[8:]
-        if op in (0x03, 0x07, 0x11) and checksum != _checksum(body[16:]):
+        if op in (0x03, 0x07, 0x11) and checksum != reduce(xor, body[16:], 0xEF):
             self._reply(op, status=b"\x01\x07")
         elif op == 0x08:
             for _ in range(8):
@@ -244,10 +246,3 @@ class EspChip:
         sequence, _, _, crc = OTADATA_ENTRY.unpack_from(self.flash, at)
         expected = zlib.crc32(struct.pack("<I", sequence), 0xFFFFFFFF)
         return sequence if sequence != 0xFFFFFFFF and crc == expected else 0
-
-
-def _checksum(data: bytes) -> int:
-    value = 0xEF
-    for byte in data:
-        value ^= byte
-    return value

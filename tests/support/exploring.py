@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .processes import captured
+
 ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "build" / "host" / "wheelwire-explore"
 FOLDER = ROOT / "build" / "explore"
@@ -90,7 +92,9 @@ def _run(commands: Sequence[Sequence[str]]) -> Report:
                 command = [str(PROGRAM), *options, "--folder", str(FOLDER)]
                 with output.open("w") as file:
                     running.append(subprocess.Popen(command, stdout=file))
-            _wait(running)
+            # Until all have ended, or one has found something.
+            while None in (ends := [process.poll() for process in running]) and not any(ends):
+                time.sleep(0.05)
         finally:
             for process in running:
                 process.kill()
@@ -101,16 +105,6 @@ def _run(commands: Sequence[Sequence[str]]) -> Report:
     return report
 
 
-def _wait(running: Sequence[subprocess.Popen[bytes]]) -> None:
-    """Until all have ended, or one has found something."""
-    while any(process.poll() is None for process in running):
-        if any(process.poll() for process in running):
-            return
-        time.sleep(0.05)
-
-
 def replay(*cases: Path) -> subprocess.CompletedProcess[str]:
     """Carry out scenarios that are written down."""
-    return subprocess.run(
-        [PROGRAM, "--replay", *cases], capture_output=True, text=True, check=False
-    )
+    return captured(PROGRAM, "--replay", *cases)

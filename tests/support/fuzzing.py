@@ -10,6 +10,8 @@ from pathlib import Path
 
 from wheelwire_protocol.parameters import PARAMETERS
 
+from .processes import captured
+
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build" / "fuzz"
 CASES = ROOT / "firmware" / "esp32" / "fuzz" / "cases"
@@ -47,19 +49,11 @@ def fuzz(target: str, seconds: float) -> subprocess.CompletedProcess[str]:
     """
     corpus = BUILD / "corpus" / target
     corpus.mkdir(parents=True, exist_ok=True)
-    return subprocess.run(
-        [
-            str(ROOT / "build" / "asan" / f"wheelwire-fuzz-{target}"),
-            f"-max_total_time={seconds:g}",
-            f"-max_len={LONGEST}",
-            f"-artifact_prefix={BUILD}/{target}-",
-            "-print_final_stats=1",
-            str(corpus),
-            str(seed(target)),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    return captured(
+        ROOT / "build" / "asan" / f"wheelwire-fuzz-{target}",
+        *(f"-max_total_time={seconds:g}", f"-max_len={LONGEST}"),
+        *(f"-artifact_prefix={BUILD}/{target}-", "-print_final_stats=1"),
+        *(corpus, seed(target)),
     )
 
 
@@ -71,10 +65,6 @@ def _vectors() -> tuple[list[bytes], list[bytes]]:
     payloads = [bytes.fromhex(frame["payload"]) for frame in frames]
     lines = [bytes.fromhex("".join(stream["bytes"])) for stream in handmade["streams"]]
     return payloads, [*lines, *(bytes.fromhex(frame["frame"]) for frame in frames)]
-
-
-def _decoder_seeds() -> Iterator[bytes]:
-    yield from _vectors()[1]
 
 
 def _session_seeds() -> Iterator[bytes]:
@@ -99,7 +89,7 @@ def _parameter_seeds() -> Iterator[bytes]:
 
 
 _SEEDS = {
-    "decoder": _decoder_seeds,
+    "decoder": lambda: iter(_vectors()[1]),
     "session": _session_seeds,
     "parameters": _parameter_seeds,
 }

@@ -64,12 +64,13 @@ class Stop(NamedTuple):
     metres: float
 
 
-def _tap(hand: Hand) -> None:
-    hand.key(KEY)
-
-
-def _hold(hand: Hand, first: Action, repeat: Action) -> None:
-    """Until just after a repeat, which is the latest moment."""
+def _hold(
+    hand: Hand,
+    first: Action = Action.TYPED,
+    repeat: Action = Action.TYPED,
+    last: tuple[str, Action] | None = None,
+) -> None:
+    """Until just after a repeat, which is the latest moment, or to a last key."""
     hand.key(KEY, first)
     hand.wait(KEYBOARD_DELAY_S)
     end = hand.now + HELD_S
@@ -77,27 +78,17 @@ def _hold(hand: Hand, first: Action, repeat: Action) -> None:
         hand.key(KEY, repeat)
         hand.wait(REPEAT_S)
     hand.key(KEY, repeat)
-
-
-def _held(hand: Hand) -> None:
-    _hold(hand, Action.TYPED, Action.TYPED)
-
-
-def _released(hand: Hand) -> None:
-    _hold(hand, Action.PRESSED, Action.REPEATED)
-    hand.key(KEY, Action.RELEASED)
-
-
-def _space(hand: Hand) -> None:
-    _hold(hand, Action.TYPED, Action.TYPED)
-    hand.key(SPACE)
+    if last is not None:
+        hand.key(*last)
 
 
 LETTING_GO: dict[str, Callable[[Hand], None]] = {
-    "one press": _tap,
-    "a held key, no releases reported": _held,
-    "a held key, releases reported": _released,
-    "space": _space,
+    "one press": lambda hand: hand.key(KEY),
+    "a held key, no releases reported": _hold,
+    "a held key, releases reported": lambda hand: _hold(
+        hand, Action.PRESSED, Action.REPEATED, (KEY, Action.RELEASED)
+    ),
+    "space": lambda hand: _hold(hand, last=(SPACE, Action.TYPED)),
 }
 
 
@@ -106,13 +97,8 @@ def stop_after(action: Callable[[Hand], None], speed: int) -> Stop:
     with MockDriver(realtime=False) as robot:
         hand = Hand(robot)
         hand.teleop.speed = speed
-        start_m = hand.true("true.distance_m")
-        if action is not _tap:
-            action(hand)
-            start_m = hand.true("true.distance_m")
-        start = hand.now
-        if action is _tap:
-            action(hand)
+        action(hand)
+        start, start_m = hand.now, hand.true("true.distance_m")
         end = start + TIMEOUT_S
         hand.wait(0.01)  # a tap has to begin to move first
         while hand.true("drive_on") or not hand.true("stands_still"):

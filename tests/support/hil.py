@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 Measured = Mapping[str, Any]
 
@@ -30,30 +29,24 @@ REASONS = {
 """A crash whose handler does not come to its end is ended by the RTC watchdog."""
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One line of the table."""
 
-    row: str
     what: str
     wanted: str
     seen: str
     passes: bool
-
-    @property
-    def result(self) -> str:
-        """In a word, for the table."""
-        return "passes" if self.passes else "FAILS"
+    row: str = ""
 
 
-def _at_most(row: str, what: str, values: Iterable[float], limit: float, unit: str) -> Check:
+def _at_most(what: str, values: Iterable[float], limit: float, unit: str = "") -> Check:
     largest = max(values, default=float("inf"))
-    seen = f"{largest:.4g} {unit}".strip()
-    return Check(row, what, f"at most {limit:g} {unit}".strip(), seen, largest <= limit)
+    seen, wanted = (f"{number} {unit}".strip() for number in (f"{largest:.4g}", f"{limit:g}"))
+    return Check(what, f"at most {wanted}", seen, largest <= limit)
 
 
-def _all(row: str, what: str, wanted: str, found: Sequence[bool]) -> Check:
-    return Check(row, what, wanted, f"{sum(found)} of {len(found)}", bool(found) and all(found))
+def _all(what: str, found: Sequence[bool], wanted: str = "each time") -> Check:
+    return Check(what, wanted, f"{sum(found)} of {len(found)}", bool(found) and all(found))
 
 
 def _released_ms(events: Iterable[Measured]) -> list[float]:
@@ -62,129 +55,84 @@ def _released_ms(events: Iterable[Measured]) -> list[float]:
 
 
 def _crashes(measured: Measured) -> list[Check]:
-    row = "crashes"
     events = measured["events"]
     back = [event for event in events if event["is_back"]]
     crashes = [event for event in events if event["kind"] == "crash"]
-    whole = [event for event in back if event.get("reason") == "PANIC"]
+    right = [event["reason"] in REASONS[event["kind"]] for event in back]
+    dumps = [event["has_dump"] for event in back if event.get("reason") == "PANIC"]
+    box = measured.get("box_reason")
+    of_reset = bool(measured.get("box_is_of_reset")) and box in REASONS["hang"]
     # A board cannot time what a core does that crashes.
-    by_time = [_at_most(row, "motors off after a crash", _released_ms(crashes), RELEASED_MS, "ms")]
+    by_time = [_at_most("motors off after a crash", _released_ms(crashes), RELEASED_MS, "ms")]
     return [
-        _all(row, "drove when it happened", "each time", [event["drove"] for event in events]),
-        _all(row, "back without a hand", "each time", [event["is_back"] for event in events]),
-        _at_most(row, "until it is back", [event["back_s"] for event in back], BACK_S, "s"),
-        _all(
-            row,
-            "reset reason",
-            "right each time",
-            [event["reason"] in REASONS[event["kind"]] for event in back],
-        ),
+        _all("drove when it happened", [event["drove"] for event in events]),
+        _all("back without a hand", [event["is_back"] for event in events]),
+        _at_most("until it is back", [event["back_s"] for event in back], BACK_S, "s"),
+        _all("reset reason", right, "right each time"),
         *(by_time if measured.get("times_release", True) else []),
-        _all(row, "core dump after a panic", "each time", [event["has_dump"] for event in whole]),
-        Check(
-            row,
-            "black box of the last reset",
-            "in flash, with its reason",
-            str(measured.get("box_reason")),
-            bool(measured.get("box_is_of_reset")) and measured.get("box_reason") in REASONS["hang"],
-        ),
+        _all("core dump after a panic", dumps),
+        Check("black box of the last reset", "in flash, with its reason", str(box), of_reset),
     ]
 
 
 def _pwm(measured: Measured) -> list[Check]:
-    row = "pwm"
     duties, changes = measured["duties"], measured["changes"]
+    off = [abs(it["period_us"] * it["frequency_hz"] / 1e6 - 1) * 100 for it in duties]
     return [
-        _all(row, "starts", "each time", [it["started"] for it in duties]),
-        _at_most(
-            row,
-            "period",
-            [abs(it["period_us"] * it["frequency_hz"] / 1e6 - 1) * 100 for it in duties],
-            0.1,
-            "% off",
-        ),
-        _at_most(row, "high time", [it["worst_ticks"] for it in duties], TICKS, "ticks off"),
-        _at_most(row, "edges at 0 and 100 %", [it["edges_of_levels"] for it in duties], 0, ""),
-        _at_most(row, "changes that show more", [it["wrong"] for it in changes], 0, ""),
-        *([] if measured["reversals"] is None else _reversals(row, measured["reversals"])),
+        _all("starts", [it["started"] for it in duties]),
+        _at_most("period", off, 0.1, "% off"),
+        _at_most("high time", [it["worst_ticks"] for it in duties], TICKS, "ticks off"),
+        _at_most("edges at 0 and 100 %", [it["edges_of_levels"] for it in duties], 0),
+        _at_most("changes that show more", [it["wrong"] for it in changes], 0),
+        *([] if measured["reversals"] is None else _reversals(measured["reversals"])),
     ]
 
 
-def _reversals(row: str, reversals: Sequence[Measured]) -> list[Check]:
+def _reversals(reversals: Sequence[Measured]) -> list[Check]:
     more = [100 * (it["most_part"] - it["wanted_part"]) for it in reversals]
     return [
-        _at_most(row, "a reversal shows more than its duty", more, 1.0, "% of a period"),
-        _at_most(
-            row, "and of the old direction", [it["wrong_way_part"] for it in reversals], 0, ""
-        ),
-        _all(
-            row,
-            "drives after a reversal",
-            "each time",
-            [it["drives_afterwards"] for it in reversals],
-        ),
+        _at_most("a reversal shows more than its duty", more, 1.0, "% of a period"),
+        _at_most("and of the old direction", [it["wrong_way_part"] for it in reversals], 0),
+        _all("drives after a reversal", [it["drives_afterwards"] for it in reversals]),
     ]
 
 
 def _counters(measured: Measured) -> list[Check]:
-    row = "counters"
+    errors = {
+        "through 100 000 ticks and back": "error_ticks",
+        f"{measured['turns_at_limit']} turns at the limit": "error_at_limit_ticks",
+        f"{measured['spikes']} spikes of 500 ns": "error_of_spikes_ticks",
+    }
     return [
-        _all(row, "starts", "yes", [measured["started"]]),
-        _at_most(
-            row, "through 100 000 ticks and back", [abs(measured["error_ticks"])], 0, "ticks off"
-        ),
-        _at_most(
-            row,
-            f"{measured['turns_at_limit']} turns at the limit",
-            [abs(measured["error_at_limit_ticks"])],
-            0,
-            "ticks off",
-        ),
-        _at_most(
-            row,
-            f"{measured['spikes']} spikes of 500 ns",
-            [abs(measured["error_of_spikes_ticks"])],
-            0,
-            "ticks off",
-        ),
+        _all("starts", [measured["started"]], "yes"),
+        *(_at_most(what, [abs(measured[key])], 0, "ticks off") for what, key in errors.items()),
     ]
 
 
 def _stops(measured: Measured) -> list[Check]:
-    row = "stops"
-    expiries = measured["expiries"]
+    count, freezes = measured["expiries"]["count"], measured["freezes"]
+    late = [measured["expiries"]["longest_ms"]] if count else []
     return [
-        _at_most(
-            row,
-            f"drive after {expiries['count']} deadlines",
-            [expiries["longest_ms"]] if expiries["count"] else [],
-            EXPIRED_MS,
-            "ms",
-        ),
-        *([] if measured["freezes"] is None else _freezes(row, measured["freezes"])),
+        _at_most(f"drive after {count} deadlines", late, EXPIRED_MS, "ms"),
+        *([] if freezes is None else _freezes(freezes)),
     ]
 
 
-def _freezes(row: str, freezes: Sequence[Measured]) -> list[Check]:
+def _freezes(freezes: Sequence[Measured]) -> list[Check]:
     return [
-        _all(row, "drove when it froze", "each time", [it["drove"] for it in freezes]),
-        _at_most(row, "drive after the last step", _released_ms(freezes), FROZEN_MS, "ms"),
-        _all(row, "back without a hand", "each time", [it["is_back"] for it in freezes]),
+        _all("drove when it froze", [it["drove"] for it in freezes]),
+        _at_most("drive after the last step", _released_ms(freezes), FROZEN_MS, "ms"),
+        _all("back without a hand", [it["is_back"] for it in freezes]),
     ]
 
 
 def _line(measured: Measured) -> list[Check]:
-    row = "line"
+    saved = [number < measured["saved"] for number in range(measured["saves"])]
     return [
-        _at_most(row, f"of {measured['pings']} pings at rest lost", [measured["lost"]], 0, ""),
-        _all(
-            row,
-            "saves under traffic",
-            "all",
-            [i < measured["saved"] for i in range(measured["saves"])],
-        ),
-        _at_most(row, "longest pause of a save", [measured["longest_pause_ms"]], PAUSE_MS, "ms"),
-        _at_most(row, "resets", [measured["resets"]], 0, ""),
+        _at_most(f"of {measured['pings']} pings at rest lost", [measured["lost"]], 0),
+        _all("saves under traffic", saved, "all"),
+        _at_most("longest pause of a save", [measured["longest_pause_ms"]], PAUSE_MS, "ms"),
+        _at_most("resets", [measured["resets"]], 0),
     ]
 
 
@@ -199,8 +147,8 @@ ROWS = {
 
 def checks(measured: Measured) -> list[Check]:
     """Judge what was measured, row by row."""
-    judged = [(row, judge) for row, judge in ROWS.items() if row in measured]
-    return [check for row, judge in judged for check in judge(measured[row])]
+    judged = [(row, judge(measured[row])) for row, judge in ROWS.items() if row in measured]
+    return [check._replace(row=row) for row, found in judged for check in found]
 
 
 def report(measured: Measured, output: Path, show: Callable[[str], object]) -> bool:
@@ -230,8 +178,7 @@ def simulate(program: Path, times: int = 1) -> Measured:
 def markdown(found: Iterable[Check]) -> str:
     """The table, for an issue."""
     lines = ["| row | what | wanted | seen | |", "| -- | -- | -- | -- | -- |"]
-    lines += [
-        f"| {check.row} | {check.what} | {check.wanted} | {check.seen} | {check.result} |"
-        for check in found
-    ]
+    for what, wanted, seen, passes, row in found:
+        result = "passes" if passes else "FAILS"
+        lines.append(f"| {row} | {what} | {wanted} | {seen} | {result} |")
     return "\n".join(lines)

@@ -5,58 +5,17 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
+from wheelwire_protocol import codes
+from wheelwire_protocol import types as wire
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.codes import (
-    BoxCause,
-    Capability,
-    Chip,
-    ConfigurationState,
-    Failure,
-    RefusalCode,
-    ResetReason,
-    SupervisorState,
-)
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.power_stages import Stage
 from wheelwire_protocol.self_test import GROUP, PERMISSION
-from wheelwire_protocol.types import (
-    Ack,
-    BoxGet,
-    BoxValue,
-    ClearEstop,
-    ClearFault,
-    ConfigurationGet,
-    ConfigurationValue,
-    DeviceHello,
-    GroupGet,
-    GroupInfo,
-    Hello,
-    ParameterGet,
-    ParameterSave,
-    ParameterSet,
-    ParameterValue,
-    Ping,
-    Pong,
-    Refuse,
-    Restart,
-    SetDuty,
-    WheelState,
-)
 
-from .self_test_types import (
-    HASH,
-    SelfTestAllow,
-    SelfTestFail,
-    SelfTestLast,
-    SelfTestLastGet,
-    SelfTestReport,
-    SelfTestTurn,
-    SelfTestWatch,
-)
+from . import self_test_types as self_test
 from .self_test_wire import Encoder, decoder, message_id
 
 M = TypeVar("M")
@@ -73,7 +32,7 @@ DUTY = 3000
 """Below stall_duty: wheels that cannot turn are no fault."""
 PERIOD_OF_STATES_S = 0.01
 FAILS_S = 0.1
-"""After the Ack: until then the drive goes on."""
+"""After the wire.Ack: until then the drive goes on."""
 BOX_S = 20.0
 """The box is written once the wheels have stood for a while."""
 CHANGES = 10_000
@@ -83,6 +42,7 @@ PINGS = 10_000
 SAVES = 20
 COUNTER_LIMIT = 32767
 EDGE_US = 5
+FREQUENCY = PARAMETER_BY_NAME["pwm_frequency_hz"].id
 QUIET: dict[str, float] = {
     "stop_mode": 1,
     "stall_duty": 1,
@@ -113,16 +73,7 @@ class Line(Protocol):
         """Send it."""
 
 
-class RefusedError(BoardError):
-    """The board refused a request."""
-
-    def __init__(self, request: str, code: int) -> None:
-        super().__init__(f"the board refused {request}: {RefusalCode(code).doc}")
-        self.code = code
-
-
-@dataclass(frozen=True)
-class Loop:
+class Loop(NamedTuple):
     """One wire from an output of a power stage to an input of an encoder."""
 
     output: int
@@ -131,18 +82,15 @@ class Loop:
 
 def parsed_loops(text: str) -> list[Loop]:
     """The wires of `25:18,26:19`. Raises BoardError if it does not read so."""
-    loops = []
-    for part in filter(None, text.split(",")):
-        output, _, wired_to = part.partition(":")
-        if not (output.isdigit() and wired_to.isdigit()):
-            raise BoardError(f"LOOP={text}: write OUTPUT:INPUT, as 25:18,26:19")
-        loops.append(Loop(int(output), int(wired_to)))
-    if len(loops) > 2:
+    wires = [part.split(":") for part in text.split(",") if part]
+    if not all(len(ends) == 2 and all(map(str.isdigit, ends)) for ends in wires):
+        raise BoardError(f"LOOP={text}: write OUTPUT:INPUT, as 25:18,26:19")
+    if len(wires) > 2:
         raise BoardError(f"LOOP={text}: two wires at most, from PWM and direction to A and B")
-    return loops
+    return [Loop(*map(int, ends)) for ends in wires]
 
 
-def suggested_loops(board: ConfigurationValue) -> str:
+def suggested_loops(board: wire.ConfigurationValue) -> str:
     """The wires for a board's left wheel, as LOOP takes them."""
     in1, in2 = board.left_in1, board.left_in2
     pwm, direction = {
@@ -176,8 +124,8 @@ class Board:
         self._pings = 0  # Apart: a request far ahead of the newest one counts as an old one.
         self._commands = 0
         self._ahead_us = 0
-        self.hello: DeviceHello | None = None
-        self.state: WheelState | None = None
+        self.hello: wire.DeviceHello | None = None
+        self.state: wire.WheelState | None = None
         self.duty: tuple[int, int] | None = None
         self.expiry_us = 0
         self.pongs: list[float] = []
@@ -192,32 +140,27 @@ class Board:
 
     def run(self, seconds: float) -> None:
         """Let time pass: keep the drive alive, and collect what the board sends."""
-        end = self.now() + seconds
-        while self.now() < end:
-            self._step()
+        self.wait(lambda: False, seconds)
 
     def wait(self, condition: Callable[[], bool], seconds: float) -> bool:
         """As `run`, until the condition holds; whether it does."""
         end = self.now() + seconds
         while not condition() and self.now() < end:
-            self._step()
+            if self.duty is not None and self.now() >= self._next_setpoint:
+                self._next_setpoint = self.now() + SETPOINT_S
+                self.command(*self.duty)
+            for message in self._decoder.feed(self._line.read()):
+                self._take(message)
+            self._sleep(0.0005)
         return condition()
 
-    def _step(self) -> None:
-        if self.duty is not None and self.now() >= self._next_setpoint:
-            self._next_setpoint = self.now() + SETPOINT_S
-            self.command(*self.duty)
-        for message in self._decoder.feed(self._line.read()):
-            self._take(message)
-        self._sleep(0.0005)
-
     def _take(self, message: Any) -> None:
-        if isinstance(message, WheelState):
+        if isinstance(message, wire.WheelState):
             self.state = message
-        elif isinstance(message, Pong):
+        elif isinstance(message, wire.Pong):
             self.pongs.append(self.now())
             self._ahead_us = message.received_us - message.host_us
-        elif isinstance(message, Ack):
+        elif isinstance(message, wire.Ack):
             self.acks.append(message.request_id)
         self._received.append(message)
         del self._received[:-200]
@@ -230,16 +173,16 @@ class Board:
         """One setpoint, of duties in 1/32767."""
         self._commands += 1
         self.expiry_us = self.device_us() + int(TTL_S * 1e6)
-        self.send(SetDuty(self._session, self._commands, self.expiry_us, left, right))
+        self.send(wire.SetDuty(self._session, self._commands, self.expiry_us, left, right))
 
     def ping(self) -> None:
         """Send one; `pongs` gets the time of its answer."""
         self._pings += 1
-        self.send(Ping(self._session, self._pings & 0xFFFF, int(self.now() * 1e6)))
+        self.send(wire.Ping(self._session, self._pings & 0xFFFF, int(self.now() * 1e6)))
 
     # --- sessions and requests ---
 
-    def open(self, within_s: float = DEAD_S) -> DeviceHello:
+    def open(self, within_s: float = DEAD_S) -> wire.DeviceHello:
         """Open a session, of a new boot if there was one; wait until the clock is known.
 
         Raises:
@@ -250,14 +193,14 @@ class Board:
         end = self.now() + within_s
         while self.now() < end:
             self._received.clear()
-            self.send(Hello(nonce, PROTOCOL_VERSION, schema_hash()))
-            found: DeviceHello | None = self._next(
-                lambda it: isinstance(it, DeviceHello) and it.nonce == nonce, 0.1
+            self.send(wire.Hello(nonce, PROTOCOL_VERSION, schema_hash()))
+            found: wire.DeviceHello | None = self._next(
+                lambda it: isinstance(it, wire.DeviceHello) and it.nonce == nonce, 0.1
             )
             if found is None:
                 continue
-            if found.refusal != RefusalCode.NONE:
-                raise BoardError(RefusalCode(found.refusal).doc)
+            if found.refusal != codes.RefusalCode.NONE:
+                raise BoardError(codes.RefusalCode(found.refusal).doc)
             self.hello = found
             self._session = nonce ^ found.boot_id
             self._requests = self._pings = self._commands = 0
@@ -274,28 +217,30 @@ class Board:
         self.wait(lambda: found() is not None, seconds)
         return found()
 
+    def _numbered(self, request: Any) -> Any:
+        self._requests = (self._requests + 1) & 0xFFFF
+        return request._replace(session_id=self._session, request_id=self._requests)
+
     def ask(self, request: Any, kind: type[M], seconds: float = ANSWER_S) -> M:
         """Send a request, made with two zeros in front, and return its answer.
 
         Raises:
-            RefusedError: The board refused it.
-            BoardError: It does not answer.
+            BoardError: The board refused it, or does not answer.
         """
-        self._requests = (self._requests + 1) & 0xFFFF
-        number = self._requests
-        numbered = request._replace(session_id=self._session, request_id=number)
-        asked = message_id(type(request))
+        numbered = self._numbered(request)
+        asked, number = message_id(type(request)), numbered.request_id
 
         def answers(it: Any) -> bool:
-            if isinstance(it, Refuse):
+            if isinstance(it, wire.Refuse):
                 return it.message_id == asked and it.reference == number
             return isinstance(it, kind) and it.request_id == number  # type: ignore[attr-defined]
 
         for _ in range(TRIES):
             self.send(numbered)
             answer = self._next(answers, seconds)
-            if isinstance(answer, Refuse):
-                raise RefusedError(type(request).__name__, answer.code)
+            if isinstance(answer, wire.Refuse):
+                refusal = codes.RefusalCode(answer.code).doc
+                raise BoardError(f"the board refused {type(request).__name__}: {refusal}")
             if answer is not None:
                 return cast("M", answer)
         raise BoardError(f"no answer to {type(request).__name__}")
@@ -304,37 +249,39 @@ class Board:
 
     def allow(self) -> None:
         """The user has said that the motor supply is off."""
-        self.ask(SelfTestAllow(0, 0, PERMISSION), Ack)
+        self.ask(self_test.SelfTestAllow(0, 0, PERMISSION), wire.Ack)
 
     def get(self, name: str) -> float:
         """An active parameter."""
-        return self.ask(ParameterGet(0, 0, PARAMETER_BY_NAME[name].id), ParameterValue).value
+        asked = wire.ParameterGet(0, 0, PARAMETER_BY_NAME[name].id)
+        return self.ask(asked, wire.ParameterValue).value
 
     def set(self, name: str, value: float) -> None:
         """Set a parameter until the next reset."""
-        self.ask(ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value), ParameterValue)
+        self.ask(wire.ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value), wire.ParameterValue)
 
-    def save(self, name: str) -> None:
-        """Save the active value of a parameter."""
-        self.ask(ParameterSave(0, 0, PARAMETER_BY_NAME[name].id), Ack, 1.0)
+    def use_frequency(self, frequency_hz: float) -> None:
+        """Save a frequency of the PWM, which a restart takes up."""
+        self.set("pwm_frequency_hz", frequency_hz)
+        self.ask(wire.ParameterSave(0, 0, FREQUENCY), wire.Ack, 1.0)
+        self.restart()
 
     def begin_save(self) -> int:
         """Ask for a save that changes nothing; `acks` gets the number that is returned."""
-        self._requests = (self._requests + 1) & 0xFFFF
         # Not of all: QUIET would be saved, too.
-        parameter = PARAMETER_BY_NAME["pwm_frequency_hz"].id
-        self.send(ParameterSave(self._session, self._requests, parameter))
-        return self._requests
+        request = self._numbered(wire.ParameterSave(0, 0, FREQUENCY))
+        self.send(request)
+        return int(request.request_id)
 
-    def ready(self) -> DeviceHello:
+    def ready(self) -> wire.DeviceHello:
         """Open, allow, and clear what holds the robot."""
         hello = self.open()
         self.allow()
         self.wait(lambda: self.state is not None, 1.0)
-        if self.state is not None and self.state.supervisor == SupervisorState.ESTOPPED:
-            self.ask(ClearEstop(0, 0), Ack)
-        if self.state is not None and self.state.supervisor == SupervisorState.FAULT:
-            self.ask(ClearFault(0, 0), Ack)
+        if self.state is not None and self.state.supervisor == codes.SupervisorState.ESTOPPED:
+            self.ask(wire.ClearEstop(0, 0), wire.Ack)
+        if self.state is not None and self.state.supervisor == codes.SupervisorState.FAULT:
+            self.ask(wire.ClearFault(0, 0), wire.Ack)
         for name, value in QUIET.items():
             self.set(name, value)
         self.command(0, 0)
@@ -349,7 +296,7 @@ class Board:
 
     def drives(self) -> bool:
         """Whether it drove when it last said so."""
-        return self.state is not None and self.state.supervisor == SupervisorState.DRIVING
+        return self.state is not None and self.state.supervisor == codes.SupervisorState.DRIVING
 
     def rest(self) -> None:
         """End the drive."""
@@ -361,26 +308,26 @@ class Board:
     def restart(self) -> None:
         """Restart it."""
         self.rest()
-        self.ask(Restart(0, 0), Ack)
+        self.ask(wire.Restart(0, 0), wire.Ack)
         self.run(1.0)
         self.ready()
 
-    def configuration(self) -> ConfigurationValue:
+    def configuration(self) -> wire.ConfigurationValue:
         """The board that is active."""
-        return self.ask(ConfigurationGet(0, 0), ConfigurationValue)
+        return self.ask(wire.ConfigurationGet(0, 0), wire.ConfigurationValue)
 
     @property
     def cores(self) -> list[int]:
         """The cores that the chip has."""
         assert self.hello is not None
-        return [0] if self.hello.board == Chip.ESP32C6 else [0, 1]
+        return [0] if self.hello.board == codes.Chip.ESP32C6 else [0, 1]
 
-    def fail_and_return(self, failure: Failure, core: int, delay_us: int) -> tuple[Json, bool]:
+    def fail_and_return(self, failure: codes.Failure, core: int, delay_us: int) -> Json:
         """Make a core fail while it drives, and wait until the board is back."""
         assert self.hello is not None
         drove = self.drive(DUTY, DUTY, 0.3)
         before = self.hello.boot_id
-        self.ask(SelfTestFail(0, 0, failure, core, delay_us), Ack)
+        self.ask(self_test.SelfTestFail(0, 0, failure, core, delay_us), wire.Ack)
         begin = self.now()
         self.run(FAILS_S)
         event: Json = {"core": core, "drove": drove, "is_back": False}
@@ -393,11 +340,11 @@ class Board:
                 event.update(
                     is_back=True,
                     back_s=self.now() - begin,
-                    reason=ResetReason(hello.reset_reason).name,
-                    has_dump=bool(hello.capabilities & Capability.CORE_DUMP),
+                    reason=codes.ResetReason(hello.reset_reason).name,
+                    has_dump=bool(hello.capabilities & codes.Capability.CORE_DUMP),
                 )
-                return event, True
-        return event, False
+                break
+        return event
 
 
 # --- the rows ------------------------------------------------------------------------------------
@@ -407,29 +354,29 @@ def measure_crashes(board: Board, times: int) -> Json:
     """Crashes and hangs of each core, while it drives."""
     board.ready()
     events: list[Json] = []
-    kinds = [(Failure.CRASH, "crash")] * 5 + [(Failure.HANG, "hang")] * 3
+    kinds = [(codes.Failure.CRASH, "crash")] * 5 + [(codes.Failure.HANG, "hang")] * 3
     for _ in range(times):
         for core in board.cores:
             for number, (failure, kind) in enumerate(kinds):
                 board.ready()
-                event, is_back = board.fail_and_return(failure, core, 100 * number)
+                event = board.fail_and_return(failure, core, 100 * number)
                 events.append({**event, "kind": kind})
-                if not is_back:
+                if not event["is_back"]:
                     return {"events": events, "times_release": False}
     board.ready()
     board.run(BOX_S)
-    box = board.ask(BoxGet(0, 0, 0), BoxValue)
+    box = board.ask(wire.BoxGet(0, 0, 0), wire.BoxValue)
     return {
         "events": events,
         "times_release": False,
-        "box_reason": ResetReason(box.reset_reason).name,
-        "box_is_of_reset": box.cause == BoxCause.RESET,
+        "box_reason": codes.ResetReason(box.reset_reason).name,
+        "box_is_of_reset": box.cause == codes.BoxCause.RESET,
     }
 
 
-def _watch(board: Board, loops: list[Loop], core: int = 0) -> SelfTestReport:
-    level_pin = loops[-1].input
-    return board.ask(SelfTestWatch(0, 0, loops[0].input, level_pin, core), SelfTestReport)
+def _watch(board: Board, loops: list[Loop], core: int = 0) -> self_test.SelfTestReport:
+    watch = self_test.SelfTestWatch(0, 0, loops[0].input, loops[-1].input, core)
+    return board.ask(watch, self_test.SelfTestReport)
 
 
 def begin_watch(board: Board, loops: list[Loop], core: int = 0) -> None:
@@ -443,7 +390,7 @@ def begin_watch(board: Board, loops: list[Loop], core: int = 0) -> None:
         )
 
 
-def _pulses(board: Board, loops: list[Loop], seconds: float) -> SelfTestReport:
+def _pulses(board: Board, loops: list[Loop], seconds: float) -> self_test.SelfTestReport:
     _watch(board, loops)
     board.run(seconds)
     return _watch(board, loops)
@@ -509,7 +456,7 @@ def measure_reversals(board: Board, loops: list[Loop], frequency_hz: int, count:
     most = wrong_way = 0.0
     drives = True
 
-    def backward(seen: SelfTestReport) -> float:
+    def backward(seen: self_test.SelfTestReport) -> float:
         return seen.most_high_other / seen.resolution_hz * frequency_hz
 
     for _ in range(count):
@@ -538,9 +485,7 @@ def measure_pwm(board: Board, loops: list[Loop], times: int) -> Json:
     saved = board.get("pwm_frequency_hz")
     try:
         for frequency_hz in (20_000, 500):
-            board.set("pwm_frequency_hz", frequency_hz)
-            board.save("pwm_frequency_hz")
-            board.restart()
+            board.use_frequency(frequency_hz)
             begin_watch(board, loops)
             found["duties"].append(measure_duties(board, loops, frequency_hz))
             found["changes"].append(measure_changes(board, loops, frequency_hz, CHANGES * times))
@@ -548,9 +493,7 @@ def measure_pwm(board: Board, loops: list[Loop], times: int) -> Json:
                 found["reversals"].append(measure_reversals(board, loops, frequency_hz, 20 * times))
     finally:
         try:
-            board.set("pwm_frequency_hz", saved)
-            board.save("pwm_frequency_hz")
-            board.restart()
+            board.use_frequency(saved)
         except BoardError as error:
             raise BoardError(
                 f"{error}; one of this test's PWM frequencies may be saved: when the board is "
@@ -569,7 +512,7 @@ def turn(board: Board, loops: list[Loop], edges: int, spikes: int = 0) -> int:
 
     before = ticks()
     pins = (loops[0].output, loops[1].output)
-    board.ask(SelfTestTurn(0, 0, *pins, edges, EDGE_US, spikes), Ack)
+    board.ask(self_test.SelfTestTurn(0, 0, *pins, edges, EDGE_US, spikes), wire.Ack)
     board.run(3e-6 * EDGE_US * abs(edges) + 1e-4 * spikes)
     while _watch(board, loops).turns:
         board.run(0.05)
@@ -615,10 +558,10 @@ def measure_stops(board: Board, loops: list[Loop], times: int) -> Json:
             for core in board.cores:
                 board.ready()
                 begin_watch(board, loops, 1 - core)
-                event, is_back = board.fail_and_return(Failure.FREEZE, core, 200 * (number % 5))
-                if is_back:
+                event = board.fail_and_return(codes.Failure.FREEZE, core, 200 * (number % 5))
+                if event["is_back"]:
                     board.allow()
-                    last = board.ask(SelfTestLastGet(0, 0), SelfTestLast)
+                    last = board.ask(self_test.SelfTestLastGet(0, 0), self_test.SelfTestLast)
                     event["released_ms"] = (last.last_fall_us - last.failed_us) / 1e3
                 freezes.append(event)
     return {"expiries": {"count": EXPIRIES * times, "longest_ms": longest}, "freezes": freezes}
@@ -673,17 +616,12 @@ def measure(board: Board, loops: list[Loop], times: int) -> Json:
 
 def has_self_test(board: Board) -> bool:
     """Whether it has the self-test image."""
-    return board.ask(GroupGet(0, 0, GROUP), GroupInfo).hash == HASH
+    return board.ask(wire.GroupGet(0, 0, GROUP), wire.GroupInfo).hash == self_test.HASH
 
 
 def check_confirmed(board: Board) -> None:
     """Raises BoardError unless the board that is active was confirmed."""
-    if board.configuration().state != ConfigurationState.STORED:
+    if board.configuration().state != codes.ConfigurationState.STORED:
         raise BoardError(
             "nobody has confirmed this board, so nothing drives: run wheelwire board confirm"
         )
-
-
-def suggestion(board: Board) -> str:
-    """The wires for this board."""
-    return suggested_loops(board.configuration())

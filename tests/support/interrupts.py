@@ -6,11 +6,10 @@ import json
 import os
 import random
 import signal
-import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -18,6 +17,7 @@ from typing import Any, cast
 from wheelwire_protocol.types import ParameterSet, SetDuty, Stop
 
 from .core_device import CoreDevice
+from .processes import talking
 from .pty_device import PtyDevice
 
 PROGRAM = Path(__file__).with_name("interrupted_host.py")
@@ -36,35 +36,28 @@ class Interruptions:
 
 def interrupt_program(count: int, mode: str, seed: int = 1) -> Interruptions:
     """Interrupt a program `count` times; see `interrupted_host`."""
+    arguments = (seed, count, mode)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with (
         tempfile.TemporaryDirectory() as folder,
         PtyDevice(Path(folder) / "robot", CoreDevice(ttl_max_s=5.0)) as robot,
-        subprocess.Popen(
-            [sys.executable, str(PROGRAM), str(robot.path), str(seed), str(count), mode],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            stdout=subprocess.PIPE,
-            text=True,
-        ) as process,
         ThreadPoolExecutor(1) as pool,
+        talking(sys.executable, PROGRAM, robot.path, *arguments, env=environment) as (
+            process,
+            line,
+        ),
     ):
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            # Read while it runs: the report is longer than a pipe holds.
-            report = pool.submit(process.stdout.read)
-            _shoot(process, random.Random(seed), report)
-        finally:
-            process.kill()
+        assert line == "ready\n"
+        assert process.stdout is not None
+        # Read while it runs: the report is longer than a pipe holds.
+        report = pool.submit(process.stdout.read)
+        moments, end = random.Random(seed), time.monotonic() + TIMEOUT_S
+        while not report.done():
+            assert time.monotonic() < end, "the program hangs"
+            process.send_signal(signal.SIGINT)
+            time.sleep(moments.uniform(0, LONGEST_PAUSE_S))
         told = json.loads(report.result())
         return Interruptions(told, _unsent(told, robot))
-
-
-def _shoot(process: subprocess.Popen[str], moments: random.Random, report: Future[str]) -> None:
-    end = time.monotonic() + TIMEOUT_S
-    while not report.done():
-        assert time.monotonic() < end, "the program hangs"
-        process.send_signal(signal.SIGINT)
-        time.sleep(moments.uniform(0, LONGEST_PAUSE_S))
 
 
 def _unsent(report: dict[str, Any], robot: PtyDevice) -> list[str]:

@@ -129,7 +129,12 @@ def arguments(description: LaunchDescription) -> dict[str, DeclareLaunchArgument
 
 def started(description: LaunchDescription, **given: str) -> dict[str, Node]:
     """The nodes that these arguments start, by their executable, with all substitutions done."""
-    context = LaunchContext(_configurations(arguments(description), given))
+    declared = arguments(description)
+    for name, value in given.items():
+        choices = declared[name].choices
+        assert choices is None or value in choices
+    values = {name: given.get(name, one.default_value) for name, one in declared.items()}
+    context = LaunchContext(values)
     nodes: list[Node] = []
     for entity in description.entities:
         if isinstance(entity, OpaqueFunction):
@@ -138,16 +143,6 @@ def started(description: LaunchDescription, **given: str) -> dict[str, Node]:
             nodes.append(entity)
     starting = [n for n in nodes if n.condition is None or n.condition.holds(context)]
     return {node.executable: _resolved(node, context) for node in starting}
-
-
-def _configurations(
-    declared: dict[str, DeclareLaunchArgument], given: dict[str, str]
-) -> dict[str, str]:
-    assert given.keys() <= declared.keys()
-    for name, value in given.items():
-        choices = declared[name].choices
-        assert choices is None or value in choices
-    return {name: given.get(name, argument.default_value) for name, argument in declared.items()}
 
 
 def _resolved(node: Node, context: LaunchContext) -> Node:

@@ -76,8 +76,7 @@ class McuProcess:
     @property
     def core(self) -> int:
         """The id of the process that steps the core."""
-        wait_until(lambda: children(self.guard), what="the core's process")
-        return children(self.guard)[0]
+        return wait_until(lambda: children(self.guard), what="the core's process")[0]
 
     def answers(self, timeout_s: float) -> bool:
         """Whether something comes over the line within this time."""

@@ -23,6 +23,8 @@ from typing import Any
 
 import pytest
 
+from .processes import captured
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -204,33 +206,28 @@ class Workspace:
     root: Path = ROOT
     timeout_s: float = RUN_TIMEOUT_S
     _environment: dict[str, str] = field(init=False)
+    _group: str = field(init=False, default="")
+    """Whose programs the build folder has."""
 
     def __post_init__(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._environment = {
-            name: value for name, value in os.environ.items() if not name.startswith("WHEELWIRE_")
-        }
+        kept = {n: value for n, value in os.environ.items() if not n.startswith("WHEELWIRE_")}
         site = self.folder / "build" / "site"
         site.mkdir(parents=True, exist_ok=True)
         (site / "sitecustomize.py").write_text(SITE, "utf-8")
         paths = [site, *(self.folder / name for name in CODE)]
-        self._environment["PYTHONPATH"] = os.pathsep.join(map(str, paths))
-        # A mutation may keep a file's size, and its time within a second.
-        self._environment["PYTHONDONTWRITEBYTECODE"] = "1"
+        self._environment = kept | {
+            "PYTHONPATH": os.pathsep.join(map(str, paths)),
+            # A mutation may keep a file's size, and its time within a second.
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
         self._update()
 
     def check_imports(self, *packages: str) -> None:
         """Raise MutantError unless Python finds the copy's packages, not others."""
         found = f"print(*({', '.join(f'{name}.__file__' for name in packages)},), sep='\\n')"
         command = [sys.executable, "-c", f"import {', '.join(packages)}; {found}"]
-        result = subprocess.run(
-            command,
-            cwd=self.folder,
-            env=self._environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        result = captured(*command, cwd=self.folder, env=self._environment)
         files = result.stdout.splitlines()
         if not files or not all(Path(name).is_relative_to(self.folder) for name in files):
             raise MutantError(
@@ -248,7 +245,7 @@ class Workspace:
         if not (folder / "build.ninja").exists():
             commands.insert(0, ["cmake", "-S", str(source), "-B", str(folder), *options])
         for command in commands if targets else []:
-            result = subprocess.run(command, capture_output=True, text=True, check=False)
+            result = captured(*command)
             if result.returncode != 0:
                 return result.stdout + result.stderr
         return ""
@@ -256,6 +253,7 @@ class Workspace:
     def test(self, group: Group, mutant: Mutant | None = None) -> Verdict:
         """Build and test the tree as it is; the order of the tests is that for `mutant`."""
         begin = time.monotonic()
+        self._remove_programs_before(group)
         complaints = self.build(group.targets)
         if complaints:
             return Verdict(Outcome.BROKEN, complaints[-2000:])
@@ -307,6 +305,17 @@ class Workspace:
             return self.test(group, mutant)
         finally:
             path.write_text(text, "utf-8")
+
+    def _remove_programs_before(self, group: Group) -> None:
+        """Another group, or a run that was killed, left those of its last mutation.
+
+        A test of this group that runs one which the group does not build would judge that mutation.
+        """
+        if self._group != group.name:
+            self._group = group.name
+            built = self.folder / "build" / "host"
+            for path in (*built.glob("wheelwire-*"), *built.glob("lib*.so")):
+                path.unlink()
 
     def _update(self) -> None:
         """Bring the copy to the state of the checkout, files not committed yet included."""

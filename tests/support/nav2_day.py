@@ -15,6 +15,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ class Day:
             self._judge()
 
     def _control(self) -> None:
-        now_s = self._graph.node.get_clock().now().nanoseconds / 1e9
+        now_s = self._graph.now_s()
         chance, controller = self._chance, self._controller
         if now_s > self._goal_until_s:
             controller.end()  # reached, or aborted: both publish a zero
@@ -162,7 +163,7 @@ class Day:
     def goal(self, seconds: float, linear_mps: float | None = None) -> None:
         """Follow a new one; it ends by itself."""
         chance = self._chance
-        now_s = self._graph.node.get_clock().now().nanoseconds / 1e9
+        now_s = self._graph.now_s()
         if linear_mps is None:
             linear_mps = chance.choice((0.3, 0.3, 0.2, 0.1, -0.1))
         self._controller.begin(linear_mps, chance.uniform(-0.8, 0.8))
@@ -364,20 +365,16 @@ class Day:
             self._controller.end()
             self._goal_until_s = -math.inf
             for name, value in before.items():
-                self._wait(
-                    lambda name=name, value=value: (
-                        self._graph.set_parameter(  # type: ignore[misc]
-                            NODE, name, value
-                        ).successful
-                    ),
-                    f"{name} of before",
-                )
+                self._wait(partial(self._sets, name, value), f"{name} of before")
             self._set_true_pose()  # with the wrong geometry it may have driven a little
+
+    def _sets(self, name: str, value: float) -> bool:
+        return bool(self._graph.set_parameter(NODE, name, value).successful)
 
     def set_gain(self) -> None:
         """Somebody tunes while it drives."""
         gain = self._chance.uniform(0.9, 1.1)
-        if not self._graph.set_parameter(NODE, "proportional_gain", gain).successful:
+        if not self._sets("proportional_gain", gain):
             self._violate("a gain was refused")
 
     def lose_scan(self) -> None:
@@ -388,7 +385,7 @@ class Day:
 
     def die(self) -> None:
         """The planner hangs without a zero."""
-        self._dead_until_s = self._graph.node.get_clock().now().nanoseconds / 1e9 + 1.5
+        self._dead_until_s = self._graph.now_s() + 1.5
         time.sleep(1.5)
 
     def run(self, seconds: float) -> None:

@@ -18,15 +18,42 @@ MEASURED_V = 7.4
 
 
 class Outcome(NamedTuple):
-    """The result of an encoder failure."""
+    """What became of a robot with a wheel that fails, until the fault or the end of the run."""
 
     faults: Fault
     seconds: float
-    """From the failure to the fault, or to the end of the run."""
     distance_m: float
-    """Distance that the wheel with the failed encoder rolled in that time."""
+    """Distance that the wheel rolled."""
     top_mps: float
     """The wheel's highest speed."""
+    at_limit_s: float
+    """Since it reached its limit; 0: it did not."""
+
+
+def until_fault(
+    robot: VirtualRobot,
+    side: str,
+    setpoint: tuple[float, float],
+    timeout_s: float,
+    limit: float = 1.0,
+) -> Outcome:
+    """Drive with a setpoint of the wheel on this side and the other one; `limit` is its duty's."""
+    left, right = setpoint if side == "left" else setpoint[::-1]
+    began_us, limit_us, top = robot.now_us, 0, 0.0
+    before = robot.sim.get(f"true.{side}_ticks")
+    while not robot.sim.get("faults") and robot.now_us < began_us + timeout_s * 1e6:
+        with suppress(DeviceRefused):
+            robot.drive(left, right, PERIOD_S)
+        top = max(top, abs(robot.sim.get(f"true.{side}_mps")))
+        if not limit_us and abs(robot.sim.get(f"{side}.duty")) >= limit:
+            limit_us = robot.now_us
+    return Outcome(
+        Fault(int(robot.sim.get("faults"))),
+        (robot.now_us - began_us) * 1e-6,
+        abs(robot.sim.get(f"true.{side}_ticks") - before) / 360 * 2 * math.pi * 0.033,
+        top,
+        (robot.now_us - limit_us) * 1e-6 if limit_us else 0.0,
+    )
 
 
 def fail(
@@ -53,15 +80,7 @@ def fail(
     robot.drive(target_mps, target_mps, driven_s)
     for name, value in failure.items():
         robot.sim.set(f"{side}.{name}", value)
-    began_us, top = robot.now_us, 0.0
-    before = robot.sim.get(f"true.{side}_ticks")
-    while not robot.sim.get("faults") and robot.now_us < began_us + timeout_s * 1e6:
-        with suppress(DeviceRefused):
-            robot.drive(target_mps, target_mps, PERIOD_S)
-        top = max(top, abs(robot.sim.get(f"true.{side}_mps")))
-    rolled = abs(robot.sim.get(f"true.{side}_ticks") - before) / 360 * 2 * math.pi * 0.033
-    faults = Fault(int(robot.sim.get("faults")))
-    return Outcome(faults, (robot.now_us - began_us) * 1e-6, rolled, top)
+    return until_fault(robot, side, (target_mps, target_mps), timeout_s)
 
 
 RUN_S = 12.0

@@ -10,18 +10,19 @@ import signal
 import struct
 import subprocess
 import sys
-import tempfile
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 from unittest import mock
 
 from wheelwire.simulation.simulator import ENVIRONMENT, Simulator, find_simulator
 
+from .crashes import folder_in_memory
 from .gpio_chip_process import GpioChip
 from .pigpio_process import PigpioProcess
 from .processes import children, interruptible
@@ -33,7 +34,6 @@ LONG_TTL_S = 5.0
 """Longer than what is measured: whatever ends the drive before it is not the deadline."""
 LONG_LIFE = {"ttl_max_s": LONG_TTL_S}
 TIMEOUT_S = 30.0
-MEMORY_FOLDER = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
 INTERRUPTS = 10_000
 DEADLINE, FAILED = 0, 8
 """Offsets in the memory that is shared with the application; microseconds, monotonic."""
@@ -96,17 +96,9 @@ class Application:
             self._memory = mmap.mmap(file.fileno(), mmap.PAGESIZE)
         numbers = f"DEADLINE, FAILED = {DEADLINE}, {FAILED}\n"
         log = (directory / "log").open("wb")
+        arguments = (driver, json.dumps(options), failure, str(path), str(round(ttl_s * 1e6)))
         self.process = subprocess.Popen(
-            [
-                sys.executable,
-                "-c",
-                numbers + APPLICATION,
-                driver,
-                json.dumps(options),
-                failure,
-                str(path),
-                str(round(ttl_s * 1e6)),
-            ],
+            [sys.executable, "-c", numbers + APPLICATION, *arguments],
             stdout=subprocess.PIPE,
             stderr=log,
             start_new_session=True,
@@ -238,8 +230,7 @@ class SerialRobot(ObservedRobot):
         return driven
 
     def removed_us(self) -> int:
-        wait_until(lambda: not self.is_driven() and self._removed_us)
-        return self._removed_us
+        return wait_until(lambda: 0 if self.is_driven() else self._removed_us)
 
 
 class MockRobot(ObservedRobot):
@@ -274,11 +265,8 @@ class MockRobot(ObservedRobot):
         return json.loads(changes[-1]) if changes else None
 
 
-TEE = """#!{python}
-import os, subprocess, sys
-tee = subprocess.Popen(["tee", "-a", {truth!r}], stdin=subprocess.PIPE)
-os.dup2(tee.stdin.fileno(), 1)
-os.execv({program!r}, [{program!r}, "--truth-hz=1", *sys.argv[1:]])
+TEE = """#!/bin/bash
+exec {program} --truth-hz=1 "$@" > >(exec tee -a {truth})
 """
 
 
@@ -298,8 +286,8 @@ def open_robot(name: str, directory: Path, core_timeout_ms: int | None) -> Itera
     elif name == "mock":
         program = directory / "simulator"
         truth = directory / "truth"
-        text = TEE.format(python=sys.executable, truth=str(truth), program=str(find_simulator()))
-        program.write_text(text)
+        names = {"truth": quote(str(truth)), "program": quote(str(find_simulator()))}
+        program.write_text(TEE.format(**names))
         program.chmod(0o755)
         with mock.patch.dict(os.environ, {ENVIRONMENT: str(program)}):
             yield MockRobot(truth)
@@ -323,9 +311,8 @@ def time_failure(
     """
     behaviour, inject = APPLICATION_FAILURES.get(failure) or ("", CORE_FAILURES[failure])
     # In memory, as /sys is: a disk would hold the core up.
-    directory = tempfile.TemporaryDirectory(dir=MEMORY_FOLDER)
-    with directory as name, open_robot(driver, Path(name), core_timeout_ms) as robot:
-        application = Application(robot.driver, robot.options, behaviour, Path(name), ttl_s)
+    with folder_in_memory() as folder, open_robot(driver, folder, core_timeout_ms) as robot:
+        application = Application(robot.driver, robot.options, behaviour, folder, ttl_s)
         try:
             wait_until(lambda: robot.is_up_to_speed(application), what="the drive")
             time.sleep(0.2 + phase_s)

@@ -14,23 +14,23 @@ AIM_S = 0.25
 TIMEOUT_S = 30.0
 
 
-def after_unplug(simulator: Simulator, robot: SerialDriver) -> float:
-    """Seconds from the port's return to a sample that was latched after it."""
-    simulator.unplug()
-    _wait_lost(robot)
-    simulator.plug()
-    return _first_fresh(robot, time.monotonic())
+def after_unplug(simulator: Simulator, robot: SerialDriver, name: Path | None = None) -> float:
+    """Seconds from the port's return to a sample that was latched after it.
 
-
-def after_return_elsewhere(simulator: Simulator, robot: SerialDriver, name: Path) -> float:
-    """As `after_unplug`, but the port that was at `robot.info.port` comes back as `name`."""
+    With a name the port that was at `robot.info.port` comes back under it.
+    """
     old = Path(robot.info.port)
     simulator.unplug()
-    old.unlink()
-    _wait_lost(robot)
+    if name is not None:
+        old.unlink()
+    wait_until(lambda: not robot.is_open, what="the loss of the port")
     simulator.plug()
-    name.symlink_to(simulator.port)
-    return _first_fresh(robot, time.monotonic())
+    if name is not None:
+        name.symlink_to(simulator.port)
+    since = time.monotonic()
+    while robot.read(TIMEOUT_S).stamp < since:
+        assert time.monotonic() < since + TIMEOUT_S, "no fresh sample"
+    return time.monotonic() - since
 
 
 def after_reset(simulator: Simulator, robot: SerialDriver) -> float:
@@ -40,13 +40,3 @@ def after_reset(simulator: Simulator, robot: SerialDriver) -> float:
     while robot.read(TIMEOUT_S).boot_id != boot_id:
         assert time.monotonic() < begin + TIMEOUT_S, "no sample of the new boot"
     return time.monotonic() - begin
-
-
-def _first_fresh(robot: SerialDriver, since: float) -> float:
-    while robot.read(TIMEOUT_S).stamp < since:
-        assert time.monotonic() < since + TIMEOUT_S, "no fresh sample"
-    return time.monotonic() - since
-
-
-def _wait_lost(robot: SerialDriver) -> None:
-    wait_until(lambda: not robot.is_open, what="the loss of the port")

@@ -10,7 +10,7 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -284,11 +284,6 @@ class Repeater:
         self._thread.join()
 
 
-@contextmanager
-def open_graph() -> Iterator[Graph]:
+def open_graph() -> closing[Graph]:
     """A client on a domain of its own."""
-    graph = Graph()
-    try:
-        yield graph
-    finally:
-        graph.close()
+    return closing(Graph())

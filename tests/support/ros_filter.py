@@ -44,11 +44,7 @@ class Filter:
             self._predict(stamp_s - self._stamp_s)
         self._stamp_s = max(stamp_s, self._stamp_s or stamp_s)
         twist = message.twist.twist
-        for which, value in (
-            (VX, twist.linear.x),
-            (VY, twist.linear.y),
-            (VYAW, twist.angular.z),
-        ):
+        for which, value in ((VX, twist.linear.x), (VY, twist.linear.y), (VYAW, twist.angular.z)):
             variance = message.twist.covariance[MEASURED[which]]
             gain = self._covariance[:, which] / (self._covariance[which, which] + variance)
             self.state = self.state + gain * (value - self.state[which])

@@ -6,8 +6,7 @@ import json
 import random
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -277,7 +276,7 @@ def latencies_to_the_motors(
             _arm(simulator, commands)
             called_s.append(time.monotonic())
             wait(peer.call_async(SetBool.Request()).done, "the answer of the bare service")
-        interrupt(bare)
+        bare.end(signal.SIGINT)  # then its file is there
     arrived_s = json.loads(file.read_text())
     peer_s = [arrived - called for called, arrived in zip(called_s, arrived_s, strict=True)]
     return MotorLatencies(driven_s, stopped_s, peer_s)
@@ -401,14 +400,6 @@ def _jitter_s(times_s: list[float], period_s: float) -> float:
     return quantile([abs(b - a - period_s) for a, b in pairwise(times_s)], 0.99)
 
 
-@contextmanager
-def bare_node(graph: Graph, file: Path, rate_hz: float) -> Iterator[RobotNode]:
-    """The peer, likewise."""
-    with RobotNode(graph, BARE_NODE.format(file=file, rate_hz=rate_hz)) as node:
-        yield node
-
-
-def interrupt(*nodes: RobotNode) -> None:
-    """End them, so that their files are there."""
-    for node in nodes:
-        node.end(signal.SIGINT)
+def bare_node(graph: Graph, file: Path, rate_hz: float) -> RobotNode:
+    """The peer."""
+    return RobotNode(graph, BARE_NODE.format(file=file, rate_hz=rate_hz))

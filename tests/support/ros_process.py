@@ -56,11 +56,13 @@ class RobotNode:
         self._forgotten = 0
         self._home = tempfile.TemporaryDirectory()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        added = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         environment = {
             **os.environ,
             "ROS_DOMAIN_ID": str(graph.domain),
             "ROS_HOME": str(home or self._home.name),
-            "PYTHONPATH": os.pathsep.join([str(TESTS), *_python_path(), *sys.path]),
+            # What a test has added to it may stand in for what is installed.
+            "PYTHONPATH": os.pathsep.join([str(TESTS), *filter(None, added), *sys.path]),
         }
         self.process: subprocess.Popen[bytes] | ForkedProcess
         if fresh:
@@ -122,8 +124,3 @@ def _yaml(value: Any) -> str:
     if isinstance(value, float):
         return ".nan" if math.isnan(value) else repr(value)
     return str(value)
-
-
-def _python_path() -> list[str]:
-    """What a test has added to Python's path, which may stand in for what is installed."""
-    return list(filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)))

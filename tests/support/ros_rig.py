@@ -12,7 +12,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_srvs.srv import Trigger
 
 from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
@@ -20,6 +19,7 @@ from support.ros_process import RobotNode
 from support.simulator_on_line import GOOD, simulator_on
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
+from wheelwire_ros.motion_estimator import HELD_MPS
 
 NODE = "/hardware_robot"
 SPEED_MPS = 0.3
@@ -42,6 +42,18 @@ def stamp_s(message: Any) -> float:
 def stamped_after(messages: deque[Any], begin_s: float) -> list[Any]:
     """What was published after a moment; what arrives after it may have been on its way."""
     return [message for message in tuple(messages) if stamp_s(message) > begin_s]
+
+
+def is_measured(odometry: Any) -> bool:
+    """Whether a sample is behind it: of a silent robot, the node holds the pose, at velocity 0."""
+    return bool(odometry.twist.covariance[0] < HELD_MPS**2)
+
+
+def stands(messages: deque[Any]) -> bool:
+    """Whether the newest odometry says, by a sample, that the robot stands."""
+    newest = messages[-1]
+    velocity = newest.twist.twist
+    return is_measured(newest) and bool(velocity.linear.x == velocity.angular.z == 0)
 
 
 def wait_past(graph: Graph, messages: deque[Any], seconds: float) -> float:
@@ -142,14 +154,6 @@ class Rig:
         """After a clear: command standstill until the robot obeys. Before that nothing drives."""
         with self.driving(0.0):
             self.truth(lambda state: state.state is SupervisorState.DRIVING)
-
-    def arm_at_rest(self) -> None:
-        """After a clear: arm by one zero command and end that, so that the next begins a motion."""
-        # One, and awaited: another in flight would follow the stop.
-        self.commands.publish(self.command(0.0))
-        self.diagnostics.wait("robot", lambda _, values: values["state"] == "DRIVING")
-        wait(lambda: self.graph.call(Trigger, f"{NODE}/stop").success, "the stop")
-        self.diagnostics.wait("robot", lambda _, values: values["state"] == "IDLE")
 
     def wait_past(self, seconds: float) -> float:
         """Wait until odom is `seconds` past now; returns now."""

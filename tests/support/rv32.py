@@ -8,6 +8,8 @@ import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
+from .processes import captured
+
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build" / "rv32"
 COMPILER = "riscv64-unknown-elf-gcc"
@@ -93,15 +95,32 @@ def run(program: str) -> str:
 
 def cost() -> Cost:
     """Run the benchmark and measure the libraries."""
-    counted = json.loads(run("cost"))
+    counted, device_bytes = _counted("cost")
     del counted["step_with_hold"]
-    device_bytes = counted.pop("device_bytes")
     core, sensors = map(_sizes, ("core", "sensors"))
-    return Cost(
-        {name: Instructions(**counts) for name, counts in counted.items()},
-        code_bytes=core[0] + sensors[0],
-        ram_bytes=sum(core[1:]) + device_bytes,
-    )
+    return Cost(counted, code_bytes=core[0] + sensors[0], ram_bytes=sum(core[1:]) + device_bytes)
+
+
+def hold() -> Instructions:
+    """The steps of the benchmark that say what holds the robot."""
+    return _counted("cost")[0]["step_with_hold"]
+
+
+def recorded() -> dict[str, Instructions]:
+    """Run the benchmark with the black box."""
+    return _counted("recorded")[0]
+
+
+def recorder_bytes() -> int:
+    """Code and constants of the recorder, at -Os."""
+    return _sizes("recorder")[0]
+
+
+def _counted(program: str) -> tuple[dict[str, Instructions], int]:
+    """What a benchmark counts, and the bytes of its device."""
+    counted = json.loads(run(program))
+    device_bytes = counted.pop("device_bytes")
+    return {name: Instructions(**counts) for name, counts in counted.items()}, device_bytes
 
 
 def _sizes(library: str) -> tuple[int, int, int]:
@@ -111,32 +130,7 @@ def _sizes(library: str) -> tuple[int, int, int]:
     return code, data, bss
 
 
-def hold() -> Instructions:
-    """The steps of the benchmark that say what holds the robot."""
-    return Instructions(**json.loads(run("cost"))["step_with_hold"])
-
-
-def recorded() -> dict[str, Instructions]:
-    """Run the benchmark with the black box."""
-    counted = json.loads(run("recorded"))
-    del counted["device_bytes"]
-    return {name: Instructions(**counts) for name, counts in counted.items()}
-
-
-def recorder_bytes() -> int:
-    """Code and constants of the recorder, at -Os."""
-    totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / "libwheelwire_recorder.a"))
-    return int(totals.splitlines()[-1].split()[0])
-
-
 def _output(*command: str) -> str:
-    result = subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=250,
-        check=False,
-    )
+    result = captured(*command, stdin=subprocess.DEVNULL, timeout=250)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout

@@ -5,13 +5,7 @@ from __future__ import annotations
 from wheelwire.link.clock import ClockEstimator, Exchange
 from wheelwire.link.sensor_stream import SensorStream
 from wheelwire.samples import SensorEvent
-from wheelwire_protocol.codes import (
-    BatteryLevel,
-    PeripheralKind,
-    Place,
-    RangeQuality,
-    SensorState,
-)
+from wheelwire_protocol.codes import BatteryLevel, PeripheralKind, Place, RangeQuality, SensorState
 from wheelwire_protocol.peripherals import Axis, SensorChip
 from wheelwire_protocol.types import Imu, Inputs, Power, Range, SensorInfo
 from wheelwire_protocol.types import SensorEvent as EventMessage

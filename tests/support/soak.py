@@ -6,7 +6,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -14,10 +13,11 @@ from typing import NamedTuple, TypeVar
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, RequestTimeout
-from wheelwire.simulation.bad_line import GroundTruth, Impairment, LineProfile
+from wheelwire.simulation.bad_line import Impairment, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 
 T = TypeVar("T")
+PAGE_KIB = os.sysconf("SC_PAGE_SIZE") // 1024
 STATE_HZ = 1000
 COMMAND_PERIOD_S = 0.02
 TTL_S = 0.3
@@ -95,10 +95,7 @@ class Soak:
         self._corrupt(0.0)
         self._stand()
         closed = self._host_gap(), self._device_gap()
-        passed = (
-            _difference(line.to_host.truth, before[0]),
-            _difference(line.to_device.truth, before[1]),
-        )
+        passed = list(zip((line.to_host.truth, line.to_device.truth), before, strict=True))
         sessions = self._robot.statistics.sessions - sessions
         ticks_wrong = self._ticks_against_plant() - self._tick_base
         self._laps += 1
@@ -106,8 +103,8 @@ class Soak:
         recovery_s = self._inject(incident)
         return Lap(
             incident=incident,
-            frames=sum(truth.frames for truth in passed),
-            hit=sum(truth.hit for truth in passed),
+            frames=sum(later.frames - earlier.frames for later, earlier in passed),
+            hit=sum(later.hit - earlier.hit for later, earlier in passed),
             uncounted=tuple(
                 after - before
                 for pair in zip(opened, closed, strict=True)
@@ -132,11 +129,8 @@ class Soak:
         end = time.monotonic() + seconds
         turn = 0.8 if self._laps % 2 else -0.8
         while time.monotonic() < end:
-            self._command(turn)
+            self._robot.set_velocity(0.2, turn, ttl=TTL_S)
             time.sleep(COMMAND_PERIOD_S)
-
-    def _command(self, turn: float) -> None:
-        self._robot.set_velocity(0.2, turn, ttl=TTL_S)
 
     def _stand(self) -> None:
         retry(self._robot.stop)
@@ -145,7 +139,7 @@ class Soak:
     def _inject(self, incident: str) -> float:
         """Unplug and plug again, or reset, on the bad line; returns the seconds to recover."""
         self._corrupt(CORRUPT)
-        self._command(0.0)
+        self._robot.set_velocity(0.2, 0.0, ttl=TTL_S)
         sessions = self._robot.statistics.sessions
         if incident == "unplug":
             self._simulator.unplug()
@@ -229,24 +223,16 @@ def run(minutes: float, lap_s: float = LAP_S) -> list[Lap]:
 
 def retry(action: Callable[[], T]) -> T:
     """Retry until the link is up: a request whose answer is lost may be repeated."""
-    answers: list[T] = []
 
-    def answered() -> bool:
-        with suppress(LinkLost, RequestTimeout):
-            answers.append(action())
-        return bool(answers)
+    def answers() -> list[T]:
+        try:
+            return [action()]
+        except (LinkLost, RequestTimeout):
+            return []
 
-    wait_until(answered, TIMEOUT_S)
-    return answers[0]
+    return wait_until(answers, TIMEOUT_S)[0]
 
 
 def resident_kib(pid: int) -> int:
     """A process's resident memory."""
-    for text in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if text.startswith("VmRSS:"):
-            return int(text.split()[1])
-    raise AssertionError("no VmRSS")
-
-
-def _difference(later: GroundTruth, earlier: GroundTruth) -> GroundTruth:
-    return GroundTruth(frames=later.frames - earlier.frames, hit=later.hit - earlier.hit)
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE_KIB

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.port_loop import CLOSED
+from wheelwire.link.requests import RequestMessage
 from wheelwire.link.session import Phase
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.why.diagnosis import Diagnosis, Stop
@@ -18,14 +19,7 @@ from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import Fault, ResetReason, StopMode, TrialAction
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import (
-    ClearEstop,
-    ClearFault,
-    Estop,
-    Hello,
-    ParameterTrial,
-    Restart,
-)
+from wheelwire_protocol.types import ClearEstop, ClearFault, Estop, Hello, ParameterTrial, Restart
 from wheelwire_protocol.types import Stop as StopRequest
 
 from .virtual import STEP_US, VirtualRobot
@@ -99,10 +93,6 @@ class StagedRobot(VirtualRobot):
         self.sim.advance_us(round(seconds * 1e6))
         self.now_us += round(seconds * 1e6)
 
-    def stranger(self, message: Estop | StopRequest | Hello) -> None:
-        """Another program writes to the port."""
-        self.sim.write(b"\0" + encode_frame(message, 0))
-
     def pull(self, seconds: float) -> None:
         """The cable is off for so long; the system says nothing, as with a bare UART."""
         self.cable = False
@@ -129,7 +119,7 @@ class Staged(NamedTuple):
     steps: tuple[Step, ...]
     settings: Mapping[str, float]
     closed: bool
-    driving: bool
+    driving: bool = True
 
     def play(self, seed: int = 1) -> StagedRobot:
         """The robot, once it has stopped."""
@@ -150,18 +140,17 @@ def staged(
     *steps: Step,
     settings: Mapping[str, float] = MappingProxyType({}),
     closed: bool = True,
-    driving: bool = True,
 ) -> Staged:
     """One stop, or several with commas between their causes."""
-    return Staged(tuple(stops.split(", ")), steps, settings, closed, driving)
+    return Staged(tuple(stops.split(", ")), steps, settings, closed)
 
 
-# --- what the steps have in common ---
+# --- what steps are made of ---
 
 
-def drives(seconds: float) -> Step:
+def drives(seconds: float, mps: float = 0.2, ttl_s: float = TTL_S) -> Step:
     """On and on, whatever is answered."""
-    return lambda robot: robot.drive(0.2, 0.2, seconds)
+    return lambda robot: robot.drive(mps, mps, seconds, ttl_s)
 
 
 def waits(seconds: float) -> Step:
@@ -169,10 +158,29 @@ def waits(seconds: float) -> Step:
     return lambda robot: robot.run(seconds)
 
 
-def freezes(robot: StagedRobot) -> None:
-    """The host, for a second."""
-    robot.freeze(1.0)
-    robot.run(0.2)
+def sets(name: str, value: float = 1.0) -> Step:
+    """A variable of the simulation."""
+    return lambda robot: robot.sim.set(name, value)
+
+
+def line(**values: object) -> Step:
+    """Attributes of the robot's line: `cable`, `corrupt`, `delay_us`."""
+    return lambda robot: vars(robot).update(values)
+
+
+def asks(request: RequestMessage) -> Step:
+    """By this program, whether it is refused or not."""
+
+    def play(robot: StagedRobot) -> None:
+        with suppress(WheelwireError):
+            robot.request(request)
+
+    return play
+
+
+def hears(message: Estop | StopRequest | Hello) -> Step:
+    """Another program writes to the port."""
+    return lambda robot: robot.sim.write(b"\0" + encode_frame(message, 0))
 
 
 def resets(reason: ResetReason) -> Step:
@@ -200,31 +208,18 @@ def estops(robot: StagedRobot) -> None:
     robot.estop()
 
 
-def restarts(robot: StagedRobot) -> None:
-    """By a request."""
-    robot.request(Restart(0, 0))
+def opens(robot: StagedRobot) -> None:
+    """It waits for a session, and drives nothing."""
+    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
 
 
-# --- the steps of one stop or two ---
+# --- steps with names ---
 
 
-def contact_refused(robot: StagedRobot) -> None:
-    robot.sim.set("estop_open", 1)
-    robot.run(0.02)
-    with suppress(WheelwireError):
-        robot.request(ClearEstop(0, 0))
-
-
-def contact_closed_again(robot: StagedRobot) -> None:
-    robot.sim.set("estop_open", 1)
-    robot.run(0.05)
-    robot.sim.set("estop_open", 0)
-
-
-def begins_a_trial(robot: StagedRobot) -> None:
-    """And leaves it alone."""
-    robot.request(ParameterTrial(0, 0, TrialAction.BEGIN, 0.2))
-    robot.session.release_trial()
+def freezes(robot: StagedRobot) -> None:
+    """The host, for a second."""
+    robot.freeze(1.0)
+    robot.run(0.2)
 
 
 def empties(robot: StagedRobot) -> None:
@@ -244,12 +239,6 @@ def dips(robot: StagedRobot) -> None:
     robot.run(0.5)
 
 
-def unarmed(robot: StagedRobot) -> None:
-    robot.estop()
-    robot.request(ClearEstop(0, 0))
-    robot.drive(0.2, 0.2, 0.2)
-
-
 def unplugged(robot: StagedRobot) -> None:
     robot.session.disconnect(LinkLost("the port is gone: Input/output error; trying again"))
     robot.cable = False
@@ -257,7 +246,7 @@ def unplugged(robot: StagedRobot) -> None:
     robot.cable = True
     robot.sim.read()
     robot.session.connect(robot.now_us)
-    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
+    opens(robot)
 
 
 def hangs_up(robot: StagedRobot) -> None:
@@ -271,142 +260,69 @@ def closes(robot: StagedRobot) -> None:
     hangs_up(robot)
 
 
-def contradicts(robot: StagedRobot) -> None:
+def presets(robot: StagedRobot) -> None:
+    """What the chip has after its reset contradicts itself."""
     robot.sim.preset(PARAMETER_BY_NAME["control_rate_hz"].id, 100.0)
     robot.sim.preset(PARAMETER_BY_NAME["stream_rate_hz"].id, 200.0)
-    robot.sim.reset(ResetReason.POWER_ON)
-    robot.drive(0.0, 0.0, 0.2)  # what is refused after a reset, before a zero, is not sent
-    robot.drive(0.2, 0.2, 2.0)
 
 
-def loses_parameters(fault: Fault) -> Step:
-    def play(robot: StagedRobot) -> None:
-        robot.sim.set("store_unreadable", fault)
-        robot.sim.reset(ResetReason.POWER_ON)
-        robot.run(2.0)
-
-    return play
-
-
-def silent(robot: StagedRobot) -> None:
-    robot.cable = False
-    robot.drive(0.2, 0.2, 3.0)
-
-
-def corrupt(robot: StagedRobot) -> None:
-    robot.corrupt = True
-    robot.drive(0.2, 0.2, 0.6)
-    robot.corrupt = False
-
-
-def too_late(robot: StagedRobot) -> None:
-    robot.delay_us = 120_000
-    robot.drive(0.2, 0.2, 1.0, ttl_s=0.1)
-
-
-def reverts(robot: StagedRobot) -> None:
-    """The program leaves its lost trial, and drives on."""
-    with suppress(WheelwireError):
-        robot.request(ParameterTrial(0, 0, TrialAction.REVERT, 0.0))
-    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
-
-
-def clears(robot: StagedRobot) -> None:
-    """And arms the robot, so that it drives next."""
-    robot.request(ClearEstop(0, 0))
-    robot.drive(0.0, 0.0, 0.04)
-
-
-def fault_lasts(robot: StagedRobot) -> None:
-    robot.sim.set("driver_failed", 1)
-    robot.run(0.2)
-    with suppress(WheelwireError):
-        robot.request(ClearFault(0, 0))
-
-
-def open_contact(robot: StagedRobot) -> None:
-    robot.sim.set("estop_open", 1)
-    robot.run(0.3)
-
-
-def stranger_stops(robot: StagedRobot) -> None:
-    robot.stranger(StopRequest(0x1234, 5, 1, StopMode.COAST))
-    robot.run(0.02)
-
-
-def stranger_estops(robot: StagedRobot) -> None:
-    robot.stranger(Estop(0x1234, 5))
-    robot.run(0.05)
-
-
-def stranger_opens(robot: StagedRobot) -> None:
-    robot.stranger(HELLO)
-    robot.run(0.5)
-    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
-
-
-def out_of_reach(happens: Step) -> Step:
+def out_of_reach(happens: Step) -> tuple[Step, ...]:
     """The cable is off while something happens, and on again."""
-
-    def play(robot: StagedRobot) -> None:
-        robot.cable = False
-        robot.drive(0.2, 0.2, 0.1)
-        happens(robot)
-        robot.drive(0.2, 0.2, 1.5)
-        robot.sim.read()
-        robot.cable = True
-        robot.run(2.0)
-
-    return play
+    drained: Step = lambda robot: robot.sim.read()  # noqa: E731
+    off = line(cable=False), drives(0.1), happens, drives(1.5)
+    return (*off, drained, line(cable=True), waits(2.0))
 
 
-def late_for_a_while(robot: StagedRobot) -> None:
-    robot.delay_us = 120_000
-    robot.drive(0.2, 0.2, 0.6, ttl_s=0.1)
-    robot.delay_us = 0
-    robot.drive(0.2, 0.2, 0.3)
-
+CONTACT = sets("estop_open")
+CLEAR = asks(ClearEstop(0, 0))
+REVERT = asks(ParameterTrial(0, 0, TrialAction.REVERT, 0.0))
+RESTART = asks(Restart(0, 0))
+OTHERS_STOP = hears(StopRequest(0x1234, 5, 1, StopMode.COAST)), waits(0.02)
+OTHERS_ESTOP = hears(Estop(0x1234, 5)), waits(0.05)
+LEFT_TRIAL = (
+    asks(ParameterTrial(0, 0, TrialAction.BEGIN, 0.2)),
+    lambda robot: robot.session.release_trial(),
+)
+CLEARED = CLEAR, drives(0.04, 0.0)
+"""And armed, so that it drives next."""
 
 LOW = {"supply_v": 5.9, "battery_v": 5.9}
 EITHER = "encoder_dead or wheel_blocked"
 
-FROM_REST: dict[str, Staged] = {
+_FROM_REST: dict[str, Staged] = {
     "encoder dead from rest": staged(
-        "wheel_never_counted", fails("left.encoder_dead"), settings=SUPPLY, driving=False
+        "wheel_never_counted", fails("left.encoder_dead"), settings=SUPPLY
     ),
-    "blocked from rest": staged(
-        "wheel_never_counted", fails("left.blocked"), settings=SUPPLY, driving=False
+    "blocked from rest": staged("wheel_never_counted", fails("left.blocked"), settings=SUPPLY),
+    "one channel": staged("encoder_one_channel", fails("left.stuck_channel"), settings=SUPPLY),
+    "reversed": staged("wheel_reversed", fails("left.encoder_reversed")),
+    "runs away downhill": staged("overspeed", fails("slope_rad", -0.45), settings={"mass_kg": 3.0}),
+    "contradiction": staged(
+        "power_lost, contradiction",
+        *(presets, resets(ResetReason.POWER_ON)),
+        drives(0.2, 0.0),  # what is refused after a reset, before a zero, is not sent
+        drives(2.0),
     ),
-    "one channel": staged(
-        "encoder_one_channel", fails("left.stuck_channel"), settings=SUPPLY, driving=False
-    ),
-    "reversed": staged("wheel_reversed", fails("left.encoder_reversed"), driving=False),
-    "runs away downhill": staged(
-        "overspeed", fails("slope_rad", -0.45), settings={"mass_kg": 3.0}, driving=False
-    ),
-    "contradiction": staged("power_lost, contradiction", contradicts, driving=False),
-    "flash full": staged(
-        "power_lost, store_full", loses_parameters(Fault.STORE_FULL), driving=False
-    ),
-    "parameters of a newer firmware": staged(
-        "power_lost, store_newer", loses_parameters(Fault.STORE_NEWER), driving=False
-    ),
-    "battery empty": staged("battery_empty", empties, driving=False),
-    "board unconfirmed": staged(
-        "board_unconfirmed", drives(0.5), settings={"board_unwritten": 1}, driving=False
-    ),
-    "driver failed": staged(
-        "driver_failed", waits(0.5), settings={"driver_failed": 1}, driving=False
-    ),
-    "restart asked for": staged(
-        "restart_requested", waits(0.5), restarts, waits(2.0), driving=False
-    ),
+    **{
+        title: staged(
+            f"power_lost, {cause}",
+            *(sets("store_unreadable", fault), resets(ResetReason.POWER_ON), waits(2.0)),
+        )
+        for title, cause, fault in (
+            ("flash full", "store_full", Fault.STORE_FULL),
+            ("parameters of a newer firmware", "store_newer", Fault.STORE_NEWER),
+        )
+    },
+    "battery empty": staged("battery_empty", empties),
+    "board unconfirmed": staged("board_unconfirmed", drives(0.5), settings={"board_unwritten": 1}),
+    "driver failed": staged("driver_failed", waits(0.5), settings={"driver_failed": 1}),
+    "restart asked for": staged("restart_requested", waits(0.5), RESTART, waits(2.0)),
     "restart asked for, then one by itself": staged(
         "restart_requested, restarted_itself",
-        *(waits(0.5), restarts, waits(1.0), resets(ResetReason.SOFTWARE), waits(1.5)),
-        driving=False,
+        *(waits(0.5), RESTART, waits(1.0), resets(ResetReason.SOFTWARE), waits(1.5)),
     ),
 }
+FROM_REST = {title: one._replace(driving=False) for title, one in _FROM_REST.items()}
 RESETS = {
     title: staged(cause, resets(reason), drives(2.0))
     for title, cause, reason in (
@@ -430,26 +346,26 @@ WHILE_IT_DRIVES: dict[str, Staged] = {
     "one channel while it turns": staged(
         "encoder_one_channel", fails("left.stuck_channel"), settings=SUPPLY
     ),
-    "late step": staged(
-        "control_overrun", lambda robot: robot.sim.set("control_delay_us", 40_000), drives(0.3)
-    ),
-    "contact, still open": staged("contact_open", contact_refused),
-    "contact, closed again": staged("contact_open", contact_closed_again),
+    "late step": staged("control_overrun", sets("control_delay_us", 40_000), drives(0.3)),
+    "contact, still open": staged("contact_open", CONTACT, waits(0.02), CLEAR),
+    "contact, closed again": staged("contact_open", CONTACT, waits(0.05), sets("estop_open", 0)),
     "estop of this program": staged("estop_by_session", estops),
-    "estop of another one": staged("estop_by_stranger", stranger_estops),
+    "estop of another one": staged("estop_by_stranger", *OTHERS_ESTOP),
     "stop of this program": staged("stop_by_session", stops),
-    "stop of another one": staged("stop_by_stranger", stranger_stops),
-    "zero": staged("zero_setpoint", lambda robot: robot.drive(0.0, 0.0, 1.0)),
-    "another session": staged("new_session", lambda robot: robot.stranger(HELLO), waits(0.02)),
-    "trial": staged("trial_expired", begins_a_trial, drives(1.0)),
+    "stop of another one": staged("stop_by_stranger", *OTHERS_STOP),
+    "zero": staged("zero_setpoint", drives(1.0, 0.0)),
+    "another session": staged("new_session", hears(HELLO), waits(0.02)),
+    "trial": staged("trial_expired", *LEFT_TRIAL, drives(1.0)),
     "program killed": staged("host_killed or recording_cut", closed=False),
     "program frozen": staged("host_frozen", freezes),
     "program pauses": staged("program_paused", waits(1.0)),
     "cable off and on": staged("cable_pulled", lambda robot: robot.pull(2.0), waits(1.0)),
     "port gone": staged("cable_pulled", unplugged),
-    "silence to the end": staged("cable_pulled or power_lost", silent),
-    "line corrupt": staged("line_corrupt", corrupt),
-    "setpoints too late": staged("setpoints_expired", too_late),
+    "silence to the end": staged("cable_pulled or power_lost", line(cable=False), drives(3.0)),
+    "line corrupt": staged("line_corrupt", line(corrupt=True), drives(0.6), line(corrupt=False)),
+    "setpoints too late": staged(
+        "setpoints_expired", line(delay_us=120_000), drives(1.0, ttl_s=0.1)
+    ),
     "link closed while it drives": staged("host_hung_up", hangs_up),
     "robot closed while it drives": staged("stop_by_session", closes),
     "battery low": staged("battery_low", dips, settings={**SUPPLY, **LOW, "brownout_v": 5.7}),
@@ -466,52 +382,55 @@ WHILE_IT_DRIVES: dict[str, Staged] = {
         "estop_by_session, panic, estop_before_reset",
         *(estops, waits(0.3), resets(ResetReason.PANIC), waits(2.0)),
     ),
-    "unarmed": staged("estop_by_session, unarmed", unarmed),
+    "unarmed": staged("estop_by_session, unarmed", estops, CLEAR, drives(0.2)),
     "cable off, and the contact meanwhile": staged(
-        "contact_open or estop_by_stranger",
-        out_of_reach(lambda robot: robot.sim.set("estop_open", 1)),
+        "contact_open or estop_by_stranger", *out_of_reach(CONTACT)
     ),
-    "cable off, and a panic meanwhile": staged("panic", out_of_reach(resets(ResetReason.PANIC))),
+    "cable off, and a panic meanwhile": staged("panic", *out_of_reach(resets(ResetReason.PANIC))),
 }
 TWO_WITHIN_A_SECOND: dict[str, Staged] = {
     "own stop, then the contact": staged(
-        "stop_by_session, contact_open", stops, drives(0.3), open_contact
+        "stop_by_session, contact_open", stops, drives(0.3), CONTACT, waits(0.3)
     ),
     "own stop, then another program's": staged(
-        "stop_by_session, stop_by_stranger", stops, drives(0.3), stranger_stops
+        "stop_by_session, stop_by_stranger", stops, drives(0.3), *OTHERS_STOP
     ),
     "another program's stop, then an own one": staged(
-        "stop_by_stranger, stop_by_session", stranger_stops, drives(0.3), stops
+        "stop_by_stranger, stop_by_session", *OTHERS_STOP, drives(0.3), stops
     ),
     "own e-stop, then the contact": staged(
-        "estop_by_session, contact_open", estops, clears, drives(0.2), open_contact
+        "estop_by_session, contact_open",
+        *(estops, *CLEARED, drives(0.2), CONTACT, waits(0.3)),
     ),
     "another program's e-stop, then the contact": staged(
-        "estop_by_stranger, contact_open", stranger_estops, clears, drives(0.2), open_contact
+        "estop_by_stranger, contact_open",
+        *(*OTHERS_ESTOP, *CLEARED, drives(0.2), CONTACT, waits(0.3)),
     ),
     "own stop, twice": staged("stop_by_session, stop_by_session", stops, drives(0.1), stops),
     "another program's stop, twice": staged(
-        "stop_by_stranger, stop_by_stranger", stranger_stops, drives(0.2), stranger_stops
+        "stop_by_stranger, stop_by_stranger", *OTHERS_STOP, drives(0.2), *OTHERS_STOP
     ),
     "trial, then an own stop": staged(
         "trial_expired, stop_by_session",
-        *(begins_a_trial, drives(0.35), reverts, drives(0.1), stops),
+        *(*LEFT_TRIAL, drives(0.35), REVERT, opens, drives(0.1), stops),
     ),
     "fault, then an e-stop": staged(
         "encoder_dead, estop_by_session", fails("left.encoder_dead"), estops, settings=SUPPLY
     ),
     "fault that lasts, then another program's e-stop": staged(
-        "driver_failed, estop_by_stranger", fault_lasts, stranger_estops
+        "driver_failed, estop_by_stranger",
+        *(sets("driver_failed"), waits(0.2), asks(ClearFault(0, 0)), *OTHERS_ESTOP),
     ),
     "pause, then frozen": staged("program_paused, host_frozen", waits(0.5), drives(0.2), freezes),
     "another session, then an own stop": staged(
-        "new_session, stop_by_session", stranger_opens, drives(0.3), stops
+        "new_session, stop_by_session",
+        *(hears(HELLO), waits(0.5), opens, drives(0.3), stops),
     ),
-    "zero, then a pause": staged(
-        "zero_setpoint, program_paused", lambda robot: robot.drive(0.0, 0.0, 0.6), waits(1.0)
-    ),
+    "zero, then a pause": staged("zero_setpoint, program_paused", drives(0.6, 0.0), waits(1.0)),
     "too late, then a pause": staged(
-        "setpoints_expired, program_paused", late_for_a_while, waits(0.8)
+        "setpoints_expired, program_paused",
+        *(line(delay_us=120_000), drives(0.6, ttl_s=0.1)),
+        *(line(delay_us=0), drives(0.3), waits(0.8)),
     ),
     "own stop, then a panic": staged(
         "stop_by_session, panic", stops, waits(0.1), resets(ResetReason.PANIC), waits(2.0)

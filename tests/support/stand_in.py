@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -78,10 +77,3 @@ class StandIn:
         assert line, "the stand-in has ended"
         answer: dict[str, Any] = json.loads(line)
         return answer
-
-
-def serve(first: dict[str, object], answer: Callable[..., dict[str, object]]) -> None:
-    """The other end: a line of JSON now, and one for each command; until the input ends."""
-    print(json.dumps(first), flush=True)  # noqa: T201
-    for line in sys.stdin:
-        print(json.dumps(answer(*line.split())), flush=True)  # noqa: T201

@@ -18,13 +18,19 @@ from wheelwire.drivers.attached import AttachedDriver
 from wheelwire.simulation.bad_line import ImpairedLine, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.simulator import Simulator, TrueState
-from wheelwire_protocol.codec import PROTOCOL_VERSION
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.types import Hello, SetWheelVelocity
 
 from .attached import holder_of
 from .processes import interruptible
-from .stop_times import NOISE_BYTES_PER_S, SPEED_MPS, TTL_S, WRONG_HASH, StopTime
+from .stop_times import (
+    SPEED_MPS,
+    TTL_S,
+    StopTime,
+    babble,
+    corrupt_everything,
+    frames_of_wrong_schema,
+)
+from .waiting import wait_until
 
 TIMEOUT_S = 30.0
 TRUTH_HZ = 200.0
@@ -72,13 +78,7 @@ def host(simulator: Simulator, *, watched: bool = False) -> Iterator[subprocess.
 
 def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueState:
     """The first true state from now on that fulfils `condition`."""
-    end = time.monotonic() + TIMEOUT_S
-    while time.monotonic() < end:
-        for state in simulator.take_states():
-            if condition(state):
-                return state
-        time.sleep(0.005)
-    raise AssertionError("the condition never held")
+    return wait_until(lambda: next(filter(condition, simulator.take_states()), None), TIMEOUT_S)
 
 
 def at_speed(state: TrueState) -> bool:
@@ -91,18 +91,6 @@ def stopped(state: TrueState) -> bool:
     return not state.drive_on and state.stands_still
 
 
-def corrupt_everything(simulator: Simulator, _process: object) -> None:
-    """Corrupt every byte in both directions."""
-    line = _line_of(simulator)
-    line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
-
-
-def babble(simulator: Simulator, _process: object) -> None:
-    """Send noise to the device, and none of the host's bytes."""
-    impairment = _line_of(simulator).to_device.impairment
-    impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
-
-
 def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[bytes]) -> None:
     """Kill the host; one of another release then says hello and sends commands for a second."""
     process.kill()
@@ -111,9 +99,7 @@ def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[
     port = os.open(simulator.port, os.O_RDWR | os.O_NOCTTY)
     try:
         for number in range(1, 51):
-            hello = Hello(77, PROTOCOL_VERSION, WRONG_HASH)
-            command = SetWheelVelocity(77, number, 1 << 60, SPEED_MPS, SPEED_MPS)
-            os.write(port, encoder.encode(hello) + encoder.encode(command))
+            os.write(port, frames_of_wrong_schema(encoder, number))
             time.sleep(0.02)
     finally:
         os.close(port)
@@ -123,8 +109,8 @@ FAILURES: dict[str, Failure] = {
     "host killed": lambda _, process: process.send_signal(signal.SIGKILL),
     "host frozen": lambda _, process: process.send_signal(signal.SIGSTOP),
     "cable pulled": lambda simulator, _: simulator.unplug(),
-    "every byte corrupted": corrupt_everything,
-    "babbling line": babble,
+    "every byte corrupted": lambda simulator, _: corrupt_everything(_line_of(simulator)),
+    "babbling line": lambda simulator, _: babble(_line_of(simulator)),
     "pings, no commands": lambda _, process: process.send_signal(HANG),
     "host of a wrong schema": take_port_with_wrong_schema,
 }

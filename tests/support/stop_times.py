@@ -9,6 +9,7 @@ from itertools import count, repeat
 from random import Random
 
 from wheelwire.errors import WheelwireError
+from wheelwire.simulation.bad_line import ImpairedLine
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import Hello, SetWheelVelocity
@@ -24,7 +25,6 @@ NOISE_BYTES_PER_S = 200_000
 LATE_MS = 150
 """Delay after which the buffered bytes of a frozen host arrive."""
 TIMEOUT_MS = 5000
-WRONG_HASH = schema_hash() ^ 1
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,24 @@ class StopTime:
     late_us: int | None
     removed_to_standstill_us: int
     distance_m: float
+
+
+def corrupt_everything(line: ImpairedLine) -> None:
+    """Every byte of every frame, in both directions."""
+    line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
+
+
+def babble(line: ImpairedLine) -> None:
+    """Endless random bytes to the device, and none of the host's."""
+    impairment = line.to_device.impairment
+    impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+
+
+def frames_of_wrong_schema(encoder: Encoder, number: int) -> bytes:
+    """A host of another release says hello, and sends a command although it is refused."""
+    hello = Hello(77, PROTOCOL_VERSION, schema_hash() ^ 1)
+    command = SetWheelVelocity(77, number, 1 << 60, SPEED_MPS, SPEED_MPS)
+    return encoder.encode(hello) + encoder.encode(command)
 
 
 Failure = Callable[[ImpairedVirtualRobot], Iterator[None]]
@@ -72,15 +90,14 @@ def cable_pulled(robot: ImpairedVirtualRobot) -> Iterator[None]:
 
 
 def all_corrupted(robot: ImpairedVirtualRobot) -> Iterator[None]:
-    """Every byte of every frame is corrupted; the host continues."""
-    robot.line.to_device.impairment.corrupt = robot.line.to_host.impairment.corrupt = 1.0
+    """The host continues."""
+    corrupt_everything(robot.line)
     yield from commands(robot)
 
 
 def babbling(robot: ImpairedVirtualRobot) -> Iterator[None]:
-    """Endless random bytes, and none of the host's."""
-    impairment = robot.line.to_device.impairment
-    impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+    """The host continues."""
+    babble(robot.line)
     yield from commands(robot)
 
 
@@ -110,12 +127,7 @@ def wrong_schema(robot: ImpairedVirtualRobot) -> Iterator[None]:
     encoder = Encoder()
     for number in count(1):
         yield
-        messages = (
-            Hello(77, PROTOCOL_VERSION, WRONG_HASH),
-            SetWheelVelocity(77, number, 1 << 60, SPEED_MPS, SPEED_MPS),
-        )
-        for message in messages:
-            robot.line.to_device.send(encoder.encode(message), robot.now_us)
+        robot.line.to_device.send(frames_of_wrong_schema(encoder, number), robot.now_us)
         yield from repeat(None, COMMAND_MS - 1)
 
 
@@ -150,7 +162,13 @@ def stop_time(fail: Failure, seed: int) -> StopTime:
     is_reset = sim.get("device_us") < failed_us
     if is_reset:
         failed_us = sim.get("device_us")
-    _run_until_still(robot, failure)
+    for _ in range(TIMEOUT_MS):
+        next(failure, None)
+        robot.step()
+        if sim.get("stands_still") == 1 and sim.get("drive_on") == 0:
+            break
+    else:
+        raise AssertionError("the robot drives on")
     removed_us = sim.get("drive_removed_us")
     # A setpoint that was in flight at the failure is the last one.
     deadline_us = max(deadline_us, sim.get("deadline_us"))
@@ -160,12 +178,3 @@ def stop_time(fail: Failure, seed: int) -> StopTime:
         removed_to_standstill_us=round(sim.get("standstill_us") - removed_us),
         distance_m=sim.get("true.distance_m") - failed_m,
     )
-
-
-def _run_until_still(robot: ImpairedVirtualRobot, failure: Iterator[None]) -> None:
-    for _ in range(TIMEOUT_MS):
-        next(failure, None)
-        robot.step()
-        if robot.sim.get("stands_still") == 1 and robot.sim.get("drive_on") == 0:
-            return
-    raise AssertionError("the robot drives on")

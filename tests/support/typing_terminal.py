@@ -54,7 +54,7 @@ class TypingTerminal:
         self.flags = [0]
         """The stack of the protocol."""
         self.output = b""
-        self._master, self._slave = os.openpty()
+        self._open = self._master, self._slave = [*os.openpty()]
         self.before = self.attributes()
         if size is not None:
             self.resize(*size)
@@ -106,33 +106,24 @@ class TypingTerminal:
 
     def hang_up(self) -> None:
         """Close the terminal's window."""
-        os.close(self._slave)
-        self._slave = -1
-        self._reader_ends()
+        while self._open:
+            os.close(self._open.pop())
 
     def close(self) -> None:
         self.process.kill()
         self.process.wait()
-        if self._slave >= 0:
-            os.close(self._slave)
-        self._reader_ends()
-
-    def _reader_ends(self) -> None:
-        if self._master >= 0:
-            master, self._master = self._master, -1
-            os.close(master)
+        self.hang_up()
 
     def _read(self) -> None:
-        master = self._master
         try:
-            while data := os.read(master, 4096):
+            while data := os.read(self._master, 4096):
                 self.output += data
                 if self._kitty:
-                    self._answer(master, data)
+                    self._answer(data)
         except OSError:
             return
 
-    def _answer(self, master: int, data: bytes) -> None:
+    def _answer(self, data: bytes) -> None:
         for sequence in re.findall(rb"\x1b\[([?<>]\d*)u", data):
             kind, flags = sequence[:1], int(sequence[1:] or 0)
             if kind == b">":
@@ -140,7 +131,7 @@ class TypingTerminal:
             elif kind == b"<":
                 self.flags.pop()
             else:
-                os.write(master, b"\x1b[?%du" % self.flags[-1])
+                os.write(self._master, b"\x1b[?%du" % self.flags[-1])
 
     def __enter__(self) -> TypingTerminal:
         return self

@@ -75,11 +75,9 @@ class Unit:
 
     def world(self) -> World:
         """A world with its user, its groups and its folders."""
-        names = [
-            self.service.get("Group", ""),
-            *self.service.get("SupplementaryGroups", "").split(),
-        ]
-        world = World(groups=[group_id(name) for name in names])
+        others = self.service.get("SupplementaryGroups", "").split()
+        groups = [group_id(name) for name in (self.service.get("Group", ""), *others)]
+        world = World(groups=groups)
         for folder in self.writable:
             world.add_folder(folder)
         return world

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from operator import methodcaller
 from random import Random
 from typing import Any
 
@@ -45,20 +46,19 @@ async def _try_value_in_loop(robot: aio.Driver) -> None:
 
 
 CALLS: dict[str, Callable[[Any], Any]] = {
-    "stop": lambda robot: robot.stop(),
-    "estop": lambda robot: robot.estop(),
-    "clear_estop": lambda robot: robot.clear_estop(),
-    "clear_fault": lambda robot: robot.clear_fault(),
-    "device_counters": lambda robot: robot.device_counters(),
-    "control_counters": lambda robot: robot.control_counters(),
+    **{
+        name: methodcaller(name)
+        for name in (
+            *("stop", "estop", "clear_estop", "clear_fault"),
+            *("device_counters", "control_counters", "get_encoder_ticks", "contradictions"),
+        )
+    },
     "set": lambda robot: robot.parameters.set("integral_gain", 7.5),
     "refresh": lambda robot: robot.parameters.refresh("integral_gain"),
     "list": lambda robot: robot.parameters.list(),
     "save": lambda robot: robot.parameters.save("integral_gain"),
     "reset": lambda robot: robot.parameters.reset(),
     "read": lambda robot: robot.read(0.05),
-    "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
-    "contradictions": lambda robot: robot.contradictions(),
     "trial": _try_value,
     "set_velocity": lambda robot: robot.set_velocity(0.1, 0.0),
 }
@@ -83,24 +83,6 @@ class Outcome:
         self.ends["returned" if error is None else type(error).__name__] += 1
         if duration_s > BOUND_S or not (error is None or isinstance(error, WheelwireError)):
             self.unbounded.append(f"{name}: {error!r} after {duration_s:.1f} s")
-
-
-class Heard:
-    """Hears of each loss and each return of a robot."""
-
-    def __init__(self, robot: Any) -> None:
-        self.calls: list[str] = []
-        robot.on_lost = lambda _: self.calls.append("lost")
-        robot.on_opened = lambda _: self.calls.append("opened")
-
-    def waits(self, unplugs: int, begin_s: float) -> bool:
-        """Whether the last return is still to be reported."""
-        return len(self.calls) < 2 * unplugs and time.monotonic() < begin_s + BOUND_S
-
-    def judge(self, unplugs: int, outcome: Outcome) -> None:
-        """Each unplug has to be reported as a loss and a return."""
-        if self.calls != ["lost", "opened"] * unplugs:
-            outcome.unheard.append(f"{unplugs} unplugs: {Counter(self.calls)}")
 
 
 class _Pluggable(Port):
@@ -209,7 +191,9 @@ async def _unplugs(
     socket: Socket, robot: Any, call: Callable[..., Any], count: int, random: Random
 ) -> Outcome:
     """Unplug it during calls, and at last while it is closed."""
-    outcome, heard = Outcome(), Heard(robot)
+    outcome, heard = Outcome(), list[str]()
+    robot.on_lost = lambda _: heard.append("lost")
+    robot.on_opened = lambda _: heard.append("opened")
     for number in range(1, count + 1):
         name = random.choice(list(CALLS))
         if isinstance(robot, aio.Driver) and random.random() < 0.5:
@@ -219,9 +203,10 @@ async def _unplugs(
             break
         socket.plug()
         begin_s = time.monotonic()
-        while heard.waits(number, begin_s):
+        while len(heard) < 2 * number and time.monotonic() < begin_s + BOUND_S:
             await asyncio.sleep(0.001)
-    heard.judge(number, outcome)
+    if heard != ["lost", "opened"] * number:
+        outcome.unheard.append(f"{number} unplugs: {Counter(heard)}")
     await _unplug_during("close", call(lambda robot: robot.close()), socket, random, outcome)
     return outcome
 

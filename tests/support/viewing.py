@@ -78,10 +78,7 @@ class Viewing:
 
 @asynccontextmanager
 async def viewing(
-    robot: Robot,
-    size: tuple[int, int] = (80, 24),
-    recording: Path | None = None,
-    **options: Any,
+    robot: Robot, size: tuple[int, int] = (80, 24), recording: Path | None = None, **options: Any
 ) -> AsyncIterator[Viewing]:
     """A view of a robot, which is quit at the end."""
     model = Model("robot", time.time() - time.monotonic())

@@ -39,13 +39,14 @@ def stop_and_stand(robot: Robot) -> None:
 
 
 def wait_until(
-    condition: Callable[[], object], timeout_s: float = TIMEOUT_S, what: str = "the condition"
-) -> None:
-    """Return as soon as `condition()` holds; fail when it does not in time."""
+    condition: Callable[[], T | None], timeout_s: float = TIMEOUT_S, what: str = "the condition"
+) -> T:
+    """Return what `condition()` returns as soon as it holds; fail when it does not in time."""
     end = time.monotonic() + timeout_s
-    while not condition():
+    while not (found := condition()):
         assert time.monotonic() < end, f"{what} never held"
         time.sleep(PERIOD_S)
+    return found
 
 
 def undisturbed(run: Callable[[], T], is_undisturbed: Callable[[T], bool]) -> T:

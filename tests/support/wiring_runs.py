@@ -21,29 +21,17 @@ MOST_TURNS = 1.5
 RESOLUTIONS = (360, 1440, 2496)
 UNTUNED = {"imu": "no", "tune": "no"}
 _ASKED = {
-    "board",
-    "imu",
-    "raised",
-    "first",
-    "second",
-    "counts_per_revolution",
-    "wheel_radius",
-    "wheel_separation",
-    "tune",
-    "save",
+    *("board", "imu", "raised", "first", "second", "counts_per_revolution"),
+    *("wheel_radius", "wheel_separation", "tune", "save"),
 }
 """Questions about a robot without a defect whose counts are known."""
 _DRIVEN_MPS = 0.2
 _DRIVEN_S = 1.0
-VARIABLES = {
-    "motors_swapped": "motors_swapped",
-    "encoders_swapped": "encoders_swapped",
-    "left.motor_reversed": "left_motor_reversed",
-    "right.motor_reversed": "right_motor_reversed",
-    "left.encoder_reversed": "left_encoder_reversed",
-    "right.encoder_reversed": "right_encoder_reversed",
-}
-"""Variables of the simulator, each with the field of `Wiring`."""
+VARIABLES = (
+    *("motors_swapped", "encoders_swapped", "left.motor_reversed", "right.motor_reversed"),
+    *("left.encoder_reversed", "right.encoder_reversed"),
+)
+"""Variables of the simulator, in the order of the fields of `Wiring`."""
 
 
 SUPPLIES_V = (4.8, 12.0)
@@ -223,13 +211,11 @@ def set_up_raised(
 def check(case: Case) -> list[str]:
     """What was wrong with one set-up: nothing."""
     with raised_robot(case.settings) as robot:
-        person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
-        findings = set_up(robot, person, lambda _: None)
-        wrong = _wrong(case, findings, person)
+        findings, asked, wrong = _set_up(case, robot)
         if findings.problems:
             wrong.append(f"problems {findings.problems}")
-        if person.asked.count("first") != 1 or person.asked.count("second") != 1:
-            wrong.append(f"asked {person.asked}")
+        if asked.count("first") != 1 or asked.count("second") != 1:
+            wrong.append(f"asked {asked}")
         return wrong + _not_mended(robot)
 
 
@@ -239,15 +225,14 @@ def check_wiring(case: Case) -> list[str]:
     Where no gentle pulse turns a wheel, its question may come twice.
     """
     with raised_robot(case.settings) as robot:
-        person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
-        findings = set_up(robot, person, lambda _: None)
-        wrong = _wrong(case, findings, person)
-        if not set(person.asked) <= _ASKED:
-            wrong.append(f"asked {person.asked}")
-        return wrong
+        _, asked, wrong = _set_up(case, robot)
+        return wrong if set(asked) <= _ASKED else [*wrong, f"asked {asked}"]
 
 
-def _wrong(case: Case, findings: Findings, person: Watched) -> list[str]:
+def _set_up(case: Case, robot: MockDriver) -> tuple[Findings, list[str], list[str]]:
+    """What was found, what was asked, and what was wrong about the wiring."""
+    person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
+    findings = set_up(robot, person, lambda _: None)
     wrong = []
     if findings.wiring != case.wiring:
         wrong.append(f"named {findings.wiring}")
@@ -255,7 +240,7 @@ def _wrong(case: Case, findings: Findings, person: Watched) -> list[str]:
         wrong.append(f"refused: {findings.problems}")
     if person.most_turns > MOST_TURNS:
         wrong.append(f"a wheel turned {person.most_turns:.2f} times")
-    return wrong
+    return findings, person.asked, wrong
 
 
 def _not_mended(robot: MockDriver) -> list[str]:

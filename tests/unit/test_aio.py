@@ -6,44 +6,26 @@ import asyncio
 import gc
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
-from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from support.answering_port import Port
 from support.core_device import CoreDevice
-from support.forking import forked
 from support.processes import open_files, opened_since
 from support.pty_device import PtyDevice
-from support.threads import link_threads
 from support.waiting import until, wait_until
 from wheelwire import aio, errors
-from wheelwire.drivers.transport import TransportDriver
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
-from wheelwire.link.transports import open_transport
 from wheelwire.robot.loop_link import LoopCalls
 from wheelwire.robot.robot import Robot, opened_later
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import (
-    DeviceHello,
-    ParameterGet,
-    ParameterSet,
-    SetDuty,
-    SetWheelVelocity,
-    WheelState,
-)
-
-opening = import_module("wheelwire.connect")
-"""The module, beside the function that `wheelwire` has of that name."""
+from wheelwire_protocol.types import ParameterGet, ParameterSet, SetDuty, SetWheelVelocity
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -66,10 +48,7 @@ CALLS: dict[str, Call] = {
 }
 """All that is awaited, but for what stops."""
 
-STOPS: dict[str, Call] = {
-    "stop": lambda robot: robot.stop(),
-    "estop": lambda robot: robot.estop(),
-}
+STOPS: dict[str, Call] = {"stop": lambda robot: robot.stop(), "estop": lambda robot: robot.estop()}
 MOST_ITERATIONS = 60
 
 
@@ -178,33 +157,6 @@ async def test_all_parameters_are_known_without_waiting(place: Place) -> None:
         assert parameters["integral_gain"] == gain.default
 
 
-async def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
-    robot = await place.opening(stream_rate_hz=1000)
-    samples = robot.samples()
-    times = []
-    async for sample in samples:
-        times.append(sample.t_us)
-        if len(times) < 20:
-            robot.set_velocity(0.1, 0.0)  # the device speaks when it is spoken to
-        else:
-            await robot.close()
-    assert times == sorted(set(times))
-    assert len(times) >= 20
-    assert samples.dropped == 0
-
-
-async def test_no_sample_is_a_timeout(place: Place) -> None:
-    async with place.opening() as robot:
-        place.device.lost.add(WheelState)
-        with suppress(errors.RequestTimeout):
-            while True:
-                await robot.read(0.05)
-        with pytest.raises(errors.RequestTimeout, match=r"no sample came within 0\.05 s"):
-            await robot.read(0.05)
-        with pytest.raises(errors.InvalidArgument):
-            await robot.read(float("nan"))
-
-
 async def test_requests_of_several_tasks_are_each_answered(place: Place) -> None:
     async with place.opening() as robot:
         names = list(PARAMETER_BY_NAME)
@@ -257,31 +209,6 @@ async def _of(call: Call, robot: aio.Driver) -> object:
     return await call(robot)
 
 
-async def test_one_wake_up_is_pending_at_most(
-    place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async with place.opening() as robot:
-        called: list[int] = []
-        wake_ups: list[object] = []
-        loop = asyncio.get_running_loop()
-        threadsafe = loop.call_soon_threadsafe
-
-        def count(*arguments: Any) -> object:
-            wake_ups.append(arguments)
-            return threadsafe(*arguments)
-
-        monkeypatch.setattr(loop, "call_soon_threadsafe", count)
-        for _ in range(2):
-            wake_ups.clear()
-            for number in range(100):
-                robot._on_loop.call_in_loop(partial(called.append, number))
-            assert len(wake_ups) == 1
-            await until(lambda: len(called) >= 100)
-            assert called == list(range(100))
-            called.clear()
-        monkeypatch.undo()
-
-
 async def test_calls_leave_time_for_the_loops_other_tasks() -> None:
     calls = LoopCalls(asyncio.get_running_loop())
     end = time.monotonic() + 2
@@ -313,27 +240,6 @@ async def test_a_call_that_fails_holds_up_no_other() -> None:
     assert len(told) == 1
 
 
-def test_a_closed_loop_raises_nothing_in_the_links_thread(
-    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    raised: list[object] = []
-    monkeypatch.setattr(threading, "excepthook", raised.append)
-    loop = asyncio.new_event_loop()
-    loop.set_exception_handler(lambda _loop, _context: None)  # it tells of the pending task
-    opening = aio.open_driver("serial", str(device.path))
-    robots = [loop.run_until_complete(asyncio.wait_for(opening, 10))]
-    robots[0].on_lost = print
-    loop.close()
-    device.unplug()
-    wait_until(lambda: not robots[0].is_open, 10)
-    device.plug()
-    wait_until(lambda: robots[0].is_open, 10)
-    robots.clear()
-    gc.collect()
-    assert not link_threads()
-    assert raised == []
-
-
 async def test_virtual_time_passes_while_a_coroutine_waits() -> None:
     async with aio.open_driver("mock", realtime=False) as robot:
         lost: list[object] = []
@@ -359,25 +265,6 @@ async def test_virtual_time_passes_while_a_coroutine_waits() -> None:
         robot.plug()
         assert (await robot.read(5.0)).stamp > before
         assert robot.sessions == 2
-
-
-class _Acme(TransportDriver):
-    def __init__(self, *, path: Path) -> None:
-        super().__init__("acme", partial(open_transport, str(path)), baud_rate=921_600)
-
-
-async def test_a_driver_of_another_package(
-    device: PtyDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    points = {"acme": f"{__name__}:_Acme"}
-    monkeypatch.setattr(opening, "_plug_ins", lambda: points)
-    options: dict[str, Any] = {"path": device.path}
-    async with aio.open_driver("acme", **options) as robot:
-        robot.set_velocity(0.1, 0.0)
-        await robot.stop()
-        assert robot.parameters["wheel_radius"] == 0.033
-    with pytest.raises(errors.InvalidArgument, match="no option 'port'"):
-        aio.open_driver("acme", port="x")  # type: ignore[call-overload]
 
 
 # --- cancellation ------------------------------------------------------------------------------
@@ -545,24 +432,6 @@ def test_a_loop_that_dies_stops_the_robot(place: Place) -> None:
         robots[0].set_velocity(0.1, 0.0)
 
 
-def test_a_loop_that_dies_while_the_port_is_lost_leaves_nothing_behind(place: Place) -> None:
-    files = open_files()
-
-    async def use() -> None:
-        robot = await place.opening()
-        place.device.mute = True
-        place.ports[0].theirs.close()
-        await until(lambda: len(place.ports) > 1)
-        with pytest.raises(errors.LinkLost):
-            robot.set_velocity(0.1, 0.0)
-        raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        asyncio.run(use())
-    assert not place.is_open
-    assert not opened_since(files)
-
-
 @pytest.mark.parametrize("is_woken", [False, True])
 def test_a_loop_that_is_closed_without_a_word_closes_the_port(
     place: Place, *, is_woken: bool
@@ -608,21 +477,6 @@ async def test_a_forgotten_robot_is_stopped(place: Place) -> None:
     assert not place.is_open
 
 
-async def test_a_forked_process_leaves_the_link_to_its_parent(device: PtyDevice) -> None:
-    async with aio.open_driver("serial", str(device.path)) as robot:
-        await robot.read()
-
-        def child() -> None:
-            with pytest.raises(errors.LinkClosed):
-                robot.set_velocity(0.1, 0.0)
-
-        with forked(child):
-            pass
-        for _ in range(5):
-            await robot.read()
-        await robot.parameters.refresh()
-
-
 # --- the port and its loss ---------------------------------------------------------------------
 
 
@@ -652,34 +506,6 @@ async def test_an_unplugged_port_is_opened_again_when_it_is_back(device: PtyDevi
                 break
         robot.set_velocity(0.0, 0.0)
         robot.set_velocity(0.1, 0.0)
-
-
-async def test_cancelling_while_the_port_is_lost(device: PtyDevice) -> None:
-    async with aio.open_driver("serial", str(device.path)) as robot:
-        await robot.read()
-        device.unplug()
-        await until(lambda: not robot.is_open)  # a sample that came before is still read
-        for waiting in (robot.read(30), anext(robot.samples())):
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(waiting, 0.2)
-    assert other_tasks() == []
-
-
-async def test_no_session_says_why(device: PtyDevice) -> None:
-    with pytest.raises(errors.PortUnavailable, match="no such port"):
-        await aio.open_driver("serial", "/dev/does-not-exist")
-    assert other_tasks() == []
-    files = open_files()
-    device.device.mute = True
-    options: dict[str, Any] = {"baud_rate": 57_600, "connect_timeout": 0.3}
-    with pytest.raises(errors.DeviceSilent, match="57600"):
-        await aio.open_driver("serial", str(device.path), **options)
-    assert other_tasks() == []
-    await until(lambda: not opened_since(files))
-    device.device.mute = False
-    device.device.edits[DeviceHello] = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
-    with pytest.raises(errors.ProtocolMismatch):
-        await aio.open_driver("serial", str(device.path))
 
 
 def test_importing_it_opens_nothing_and_imports_no_driver() -> None:

@@ -13,14 +13,13 @@ import pytest
 from support import command
 from support.core_device import CoreDevice
 from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
-from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
+from support.esp_image import merged_image, our_layout
 from support.pty_device import PtyDevice
 from wheelwire import errors
 from wheelwire.tools import flash
 from wheelwire_protocol.codes import Chip
 from wheelwire_protocol.types import Stop, WheelState
 
-TIMEOUT_S = 120.0
 OTA_1_IS_SELECTED = OTADATA_ENTRY.pack(2, b"\xff" * 20, 2, 0x55F63774)
 """As the bootloader's tools write it: sequence number 2, valid, and the CRC of the number."""
 
@@ -101,27 +100,6 @@ def test_saved_data_survives_flashing(chip: EspChip, port: str, image: Path) -> 
     check_holds(chip, image)
     assert chip.application() == 0x100000
     assert chip.device.count(Stop) > 0
-
-
-def test_another_layouts_leftovers_are_erased_and_named(
-    chip: EspChip, port: str, image: Path
-) -> None:
-    """A board of another firmware: its code lies in what becomes NVS, recorder and core dump."""
-    fill_data(chip)
-    put(chip, 0x8000, table_bytes(FACTORY_LAYOUT))
-    put(chip, 0x10000, b"\xe9" + Random(9).randbytes(0x8FFFF))
-    saved = bytes(chip.flash[0x9000:0xF000])
-    told = json.loads(flashed(port, image, "--json"))
-    assert told["kept"] == ["nvs"]
-    assert [(region["name"], region["offset"]) for region in told["erased"]] == [
-        ("nvs", 0xF000),
-        ("recorder", 0x20000),
-        ("coredump", 0x70000),
-    ]
-    assert chip.flash[0x9000:0xF000] == saved
-    assert set(chip.flash[0xF000:0x13000]) == {0xFF}
-    assert set(chip.flash[0x20000:0x90000]) == {0xFF}
-    check_holds(chip, image)
 
 
 def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> None:

@@ -25,8 +25,7 @@ def image(tmp_path: Path) -> Image:
 
 
 @pytest.mark.parametrize(
-    ("kind", "chip"),
-    [(ESP32, Chip.ESP32), (ESP32S3, Chip.ESP32S3), (ESP32C6, Chip.ESP32C6)],
+    ("kind", "chip"), [(ESP32, Chip.ESP32), (ESP32S3, Chip.ESP32S3), (ESP32C6, Chip.ESP32C6)]
 )
 def test_an_image_tells_its_chip(tmp_path: Path, kind: ChipKind, chip: Chip) -> None:
     image = image_of(tmp_path, merged_image(kind))

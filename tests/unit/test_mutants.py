@@ -225,6 +225,16 @@ def test_a_copy_follows_the_checkout_and_keeps_what_is_equal(
     assert (copy / "build/kept.o").exists()
 
 
+def test_no_group_finds_the_programs_of_another(checkout: Path, tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path / "copy", checkout)
+    program = workspace.folder / "build" / "host" / "wheelwire-core-test"
+    program.parent.mkdir()
+    for name, is_left in (("one", False), ("one", True), ("other", False)):
+        program.touch()
+        workspace.test(Group(name, (), (), ()))
+        assert program.exists() is is_left
+
+
 def test_two_runs_do_not_share_their_copies(tmp_path: Path) -> None:
     with alone(tmp_path), pytest.raises(MutantError, match="another run"), alone(tmp_path):
         pass

@@ -55,11 +55,6 @@ def test_the_exit_codes_list_every_error() -> None:
     assert set(told) == {"error", "", "UsageError"}
 
 
-def test_the_exit_codes_list_no_code_twice() -> None:
-    codes = [row[0] for row in rows("exit-codes.md") if re.fullmatch(r"\d+", row[0])]
-    assert len(codes) == len(set(codes))
-
-
 def test_the_page_lists_every_key_of_a_robots_file_with_its_default() -> None:
     keys_and_defaults = re.findall(r"^- (`.+?`)(?: \(`(.+?)`\))?: ", ROBOT_FILE, re.M)
     listed = {
@@ -68,11 +63,7 @@ def test_the_page_lists_every_key_of_a_robots_file_with_its_default() -> None:
         for key in re.findall(r"`(.+?)`", names)
     }
     robot = config.RobotConfig()
-    sections: dict[str, Any] = {
-        "pigpio": robot.pigpio,
-        "serial": robot.serial,
-        "gpio": robot.gpio,
-    }
+    sections: dict[str, Any] = {"pigpio": robot.pigpio, "serial": robot.serial, "gpio": robot.gpio}
     expected = {"driver": "none", "store": "none", "board": "none", "parameters": "none"}
     for name, pin in inspect.signature(Pins).parameters.items():
         expected[f"pins.{name}"] = "none" if pin.default is None else str(pin.default)
@@ -103,10 +94,7 @@ def test_the_pis_pins_are_those_of_the_default_robot() -> None:
 
 def test_the_page_lists_every_other_name_in_a_robots_file() -> None:
     listed = dict(re.findall(r"^- `(\w+)`: `(\S+)`$", ROBOT_FILE, re.M))
-    assert listed == {
-        **robot_file.ALIASES,
-        robot_file.MAX_RPM: "parameters.velocity_feedforward",
-    }
+    assert listed == {**robot_file.ALIASES, robot_file.MAX_RPM: "parameters.velocity_feedforward"}
 
 
 def test_the_file_on_the_page_is_accepted() -> None:

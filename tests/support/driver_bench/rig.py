@@ -70,13 +70,9 @@ class Timing:
 class Rig:
     """A driver with its stand-in."""
 
-    name: str
-    driver: PinDriver
-    stand_in: StandIn
-
-    def __exit__(self, *_: object) -> None:
-        self.driver.shutdown()
-        self.stand_in.close()
+    def __init__(self, name: str, driver: PinDriver, stand_in: StandIn) -> None:
+        self.name, self.driver, self.stand_in = name, driver, stand_in
+        self._command("spin 0")
 
     def count(self, ticks_per_s: float) -> Counting:
         """Turn the encoders and compare the counts."""
@@ -144,34 +140,21 @@ class Rig:
         return ticks
 
 
-class PigpioRig(Rig):
+@contextmanager
+def pigpio_rig() -> Iterator[Rig]:
     """The real client library, and a stand-in for the daemon."""
-
-    name = "pigpio"
-
-    def __enter__(self) -> PigpioRig:
-        self.stand_in = daemon = PigpioProcess()
-        self.driver = PigpioDriver("127.0.0.1", daemon.port, **OPTIONS)
-        self._command("spin 0")
-        return self
+    with PigpioProcess() as daemon, PigpioDriver("127.0.0.1", daemon.port, **OPTIONS) as driver:
+        yield Rig("pigpio", driver, daemon)
 
 
-class GpioRig(Rig):
+@contextmanager
+def gpio_rig() -> Iterator[Rig]:
     """gpiozero's mock pins on a stand-in for the GPIO chip, its edges through a socket."""
-
-    name = "l298n"
-
-    def __enter__(self) -> GpioRig:
-        self._directory = tempfile.TemporaryDirectory()
-        self.stand_in = chip = GpioChip(Path(self._directory.name))
+    with tempfile.TemporaryDirectory() as folder, GpioChip(Path(folder)) as chip:
         with mock.patch.dict("os.environ", chip.environment):
-            self.driver = L298NDriver(pwm_directory=chip.pwm_directory, **OPTIONS)
-        self._command("spin 0")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        super().__exit__()
-        self._directory.cleanup()
+            driver = L298NDriver(pwm_directory=chip.pwm_directory, **OPTIONS)
+        with driver:
+            yield Rig("l298n", driver, chip)
 
 
 def pin_processes() -> list[int]:

@@ -1,14 +1,18 @@
-"""The lines of the chip: their owners, their levels, and the listeners to their edges."""
+"""The lines of the chip, with their owners, levels and listeners, and the robot behind them."""
 
 from __future__ import annotations
 
 import socket
 import struct
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from support.bare_robot import BareRobot
+from support.gpio_chip.pwm_directory import PwmDirectory
+from wheelwire.board import Configuration
+from wheelwire.pi.gpio.base import PWM_CHANNEL
 
 SOCKET = "WHEELWIRE_TEST_CHIP"
 """The environment's variable that has the path of the chip's socket."""
@@ -17,6 +21,8 @@ EVENT = struct.Struct("<QII")
 BUSY = "busy"
 CREDENTIALS = struct.Struct("iII")
 """Process, user and group at the other end of a socket."""
+PART = 64 * EVENT.size
+"""What a listener takes in one piece."""
 
 
 @dataclass
@@ -32,22 +38,44 @@ class Line:
 
 
 class Chip:
-    """Serves its lines on a Unix socket. Calls `changed` whenever an output changes.
+    """Serves its lines on a Unix socket, moves the robot as they say, and reports its edges."""
 
-    Attributes:
-        writer: Process that asked for something last.
-    """
-
-    def __init__(self, path: Path, changed: Callable[[], None]) -> None:
-        self.writer = 0
+    def __init__(self, path: Path, pwm: PwmDirectory | None, board: Configuration) -> None:
+        self.robot = BareRobot(board)
         self.lines = [Line() for _ in range(28)]
-        self._changed = changed
+        self._pwm = pwm
+        self._writer = 0
+        """Process that asked for something last."""
         self._lock = threading.Lock()
         self._listeners: list[socket.socket] = []
         self._server = socket.socket(socket.AF_UNIX)
         self._server.bind(str(path))
         self._server.listen()
         threading.Thread(target=self._accept, daemon=True).start()
+
+    def advance(self) -> None:
+        """What happens each millisecond."""
+        if self._pwm:
+            self._pwm.export()
+            self._apply_pins()
+        edges = self.robot.advance()
+        if not edges.size:
+            return
+        for gpio in self.robot.encoders:
+            levels = edges["level"][edges["gpio"] == gpio]
+            if levels.size:
+                self.lines[gpio].level = float(levels[-1])
+        data = edges.tobytes()
+        for begin in range(0, len(data), PART):
+            self.send(data[begin : begin + PART])
+
+    def _apply_pins(self) -> None:
+        self.robot.set_pins(self._duty, self._writer)
+
+    def _duty(self, gpio: int) -> float:
+        if self._pwm and gpio in PWM_CHANNEL:
+            return self._pwm.duty(gpio)
+        return self.lines[gpio].level
 
     def send(self, events: bytes) -> None:
         """Send edges to all listeners; those that a listener has no room for are lost."""
@@ -72,7 +100,7 @@ class Chip:
                 connection.recv(1)
             else:
                 for line in lines:
-                    self.writer = process
+                    self._writer = process
                     self._obey(connection, *line.split())
         with self._lock:
             if connection in self._listeners:
@@ -82,7 +110,7 @@ class Chip:
                     gpio.owner = None
                     gpio.level = float(gpio.level > 0)
         connection.close()
-        self._changed()
+        self._apply_pins()
 
     def _obey(self, connection: socket.socket, command: str, *arguments: str) -> None:
         gpio = self.lines[int(arguments[0])]
@@ -96,7 +124,7 @@ class Chip:
             connection.sendall(b"\n")
         elif gpio.owner is connection and command == "free":
             gpio.owner, gpio.output, gpio.level = None, False, 0.0  # the pull-down's
-        self._changed()
+        self._apply_pins()
 
     def _claim(self, gpio: Line, connection: socket.socket, function: str) -> str:
         with self._lock:

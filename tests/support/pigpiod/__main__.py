@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import threading
 
+from support.bare_robot import run
 from support.pigpiod.daemon import Daemon
 from support.pigpiod.pins import PinBank
-from support.pigpiod.world import World
-from support.stand_in import serve
 from wheelwire.board import unpacked
 from wheelwire.pi.pins import Pins
 
@@ -20,21 +18,18 @@ def main() -> None:
     parser.add_argument("-t", choices=["0", "1"], default="1")
     arguments = parser.parse_args()
     bank = PinBank(pwm_is_clock=arguments.t == "0")
-    board = unpacked(bytes.fromhex(arguments.board))
-    daemon = Daemon(bank, World(bank, board))
+    daemon = Daemon(bank, unpacked(bytes.fromhex(arguments.board)))
     port = daemon.listen(arguments.port)
 
-    def answer(command: str, *words: str) -> dict[str, object]:
+    def answer(command: str = "", *_: str) -> dict[str, object]:
         if command == "refuse":
             daemon.refuse()
         elif command == "accept":
             daemon.listen(port)
-        daemon.world.robot.obey(command, *words)
-        daemon.world.apply_pins()
-        return {"port": port, **daemon.world.robot.truth(), "pulls": bank.pulls}
+        daemon.apply_pins()
+        return {"port": port, "pulls": bank.pulls}
 
-    threading.Thread(target=daemon.world.run, daemon=True).start()
-    serve({"port": port}, answer)
+    run(daemon.robot, daemon.advance, answer)
 
 
 if __name__ == "__main__":

@@ -8,11 +8,11 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from support.bare_robot import clock_us
+from support.bare_robot import BareRobot, clock_us
 from support.pigpiod.pins import BAD_FILTER, PinBank
-from support.pigpiod.reports import Notification
+from support.pigpiod.reports import Notification, Sampler
 from support.pigpiod.scripts import PARAMETERS, Script
-from support.pigpiod.world import World
+from wheelwire.board import Configuration
 
 REQUEST = struct.Struct("<IIII")
 ANSWER = struct.Struct("<IIIi")
@@ -32,14 +32,20 @@ Handler = Callable[[int, int, bytes], int]
 
 
 class Daemon:
-    """Args:
-    bank: The pins.
-    world: The model robot behind them.
+    """Moves the robot behind its pins as they say, and reports its encoders' levels.
+
+    Args:
+        bank: The pins.
+        board: What is connected to them.
     """
 
-    def __init__(self, bank: PinBank, world: World) -> None:
+    def __init__(self, bank: PinBank, board: Configuration) -> None:
         self.bank = bank
-        self.world = world
+        self.robot = BareRobot(board)
+        self._writer = ""
+        """Who writes pins: a client, or a script inside the daemon."""
+        self._encoder_bits = sum(1 << gpio for gpio in self.robot.encoders)
+        self._sampler = Sampler(bank.levels)
         self._scripts: dict[int, Script] = {}
         self._notifications: dict[int, Notification] = {}
         self._connections: list[socket.socket] = []
@@ -71,6 +77,23 @@ class Daemon:
             PROCS: self._on_halt,
             PROCU: self._on_update,
         }
+
+    def advance(self) -> None:
+        """What happens each millisecond."""
+        now_us = clock_us()
+        self.apply_pins()
+        samples = self._sampler.sample(self.robot.advance())
+        encoders = self._encoder_bits
+        self.bank.levels = self.bank.levels & ~encoders | self._sampler.levels & encoders
+        with self._lock:
+            for notification in self._notifications.values():
+                if notification.bits and samples.size:
+                    notification.add(samples, now_us)
+                notification.flush(now_us)
+
+    def apply_pins(self) -> None:
+        """Apply the outputs' levels to the stages as soon as they change."""
+        self.robot.set_pins(self.bank.enable, self._writer)
 
     def listen(self, port: int) -> int:
         """Accept clients; returns the port, found when 0 is asked for."""
@@ -111,9 +134,9 @@ class Daemon:
                 else:
                     result = self._do(command, p1, p2, extension)
                     connection.sendall(ANSWER.pack(command, p1, p2, result))
-        for handle in opened:
-            self.world.detach(self._notifications.pop(handle))
         with self._lock:
+            for handle in opened:
+                del self._notifications[handle]
             self._connections.remove(connection)
         connection.close()
 
@@ -121,9 +144,9 @@ class Daemon:
         handler = self._handlers.get(command)
         if handler is None:
             return UNKNOWN_COMMAND
-        self.world.writer = "client"
+        self._writer = "client"
         result = handler(p1, p2, extension)
-        self.world.apply_pins()
+        self.apply_pins()
         return result
 
     # --- notifications -------------------------------------------------------------------------
@@ -132,8 +155,7 @@ class Daemon:
         with self._lock:
             handle = next(h for h in range(32) if h not in self._notifications)
             self._notifications[handle] = Notification(connection)
-        self.world.attach(self._notifications[handle])
-        return handle
+            return handle
 
     def _on_bits(self, handle: int, bits: int, _: bytes) -> int:
         if handle not in self._notifications:
@@ -152,9 +174,9 @@ class Daemon:
             return free[0]
 
     def _write_from_script(self, gpio: int, level: int) -> None:
-        self.world.writer = "script"
+        self._writer = "script"
         self.bank.write(gpio, level)
-        self.world.apply_pins()
+        self.apply_pins()
 
     def _on_run(self, script: int, _: int, parameters: bytes) -> int:
         return self._with_script(script, lambda known: known.run(_words(parameters)))

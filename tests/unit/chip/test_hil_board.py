@@ -398,9 +398,7 @@ def test_the_frequency_is_restored_when_a_measurement_ends_early(
     assert device.saved == saved
 
 
-def test_an_unplugged_board_has_its_frequency_named(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_unplugged_board_has_its_frequency_named(monkeypatch: pytest.MonkeyPatch) -> None:
     device, board = bench()
 
     def unplug(*_: object) -> object:
@@ -494,9 +492,7 @@ class TestCommand:
         assert "FAILED line" in capsys.readouterr().out
 
     def test_an_ordinary_image_is_left_alone(
-        self,
-        device: MadeUpBoard,
-        capsys: pytest.CaptureFixture[str],
+        self, device: MadeUpBoard, capsys: pytest.CaptureFixture[str]
     ) -> None:
         device.fault = "ordinary"
         assert command.main() == 0

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from support.command import Result, check_error, run, run_json
 from wheelwire import errors
 from wheelwire.board import Configuration
@@ -19,11 +17,6 @@ ANSWERS = [
     *("33", "32", "4", "23", "13"),  # right
     *("21", "14", "-", "-"),  # standby, e-stop, no LED, no battery
 ]
-
-
-def ask(*arguments: str, answers: list[str]) -> Result:
-    """Run a command whose questions are answered by these lines."""
-    return run("board", *arguments, typed="".join(f"{answer}\n" for answer in answers))
 
 
 def test_the_list_has_all_built_in_boards() -> None:
@@ -63,18 +56,13 @@ def test_every_problem_has_its_line(tmp_path: Path) -> None:
     assert len(json.loads(as_json.stdout)["problems"]) == 2
 
 
-@pytest.mark.parametrize("command", ["show", "check"])
-def test_a_board_that_does_not_exist_is_an_error(command: str) -> None:
-    line = check_error(run("board", command, "nosuch"), errors.ConfigurationError)
-    assert "the built-in boards are " in line
-
-
 def made(
     folder: Path, *options: str, answers: list[str], code: int = 0
 ) -> tuple[Result, Configuration]:
     """What `board init` says, and the board that it has written."""
     file = folder / "mine.yaml"
-    result = ask("init", str(file), *options, answers=answers)
+    typed = "".join(f"{answer}\n" for answer in answers)
+    result = run("board", "init", str(file), *options, typed=typed)
     assert result.returncode == code, result.stderr
     return result, load_board(file)
 
@@ -107,13 +95,6 @@ def test_a_missing_resistor_is_reported_and_the_answers_are_kept(tmp_path: Path)
     assert result.stdout.count("fit some 10 kOhm to ground") == 2
     assert f"correct it, then run `wheelwire board check {tmp_path / 'mine.yaml'}`" in result.stdout
     assert board.left == load_board("l298n").left
-
-
-def test_a_resistor_is_asked_for_on_a_pin_that_the_chip_pulls_up(tmp_path: Path) -> None:
-    answers = [*ANSWERS[:-4], "14", "21", "-", "-", "y"]  # standby on 14, the contact on 21
-    result, board = made(tmp_path, answers=answers)
-    assert "Is there a resistor of 10 kOhm from standby, GPIO 14, to ground?" in result.stderr
-    assert board.pulldowns == {14}
 
 
 def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PROGRAM, check_error, run, run_process
+from support.command import PROGRAM, check_error, run
 from support.processes import captured
 from wheelwire import errors
 from wheelwire.cli import output
@@ -83,23 +83,6 @@ def test_a_full_disk_is_one_line(arguments: tuple[str, ...]) -> None:
     assert "cannot write the output: No space left on device" in line
 
 
-@pytest.mark.parametrize("module", ["typer", "rich.table", "serial.tools.list_ports"])
-def test_an_interrupt_while_it_starts_is_one_line(tmp_path: Path, module: str) -> None:
-    """The signal comes in the middle of the imports, as a hasty Ctrl-C does."""
-    hook = tmp_path / "sitecustomize.py"
-    hook.write_text(
-        "import sys\nclass Finder:\n    def find_spec(self, name, *_):\n"
-        f"        if name == {module!r}:\n"
-        "            import os, signal\n            os.kill(os.getpid(), signal.SIGINT)\n"
-        "sys.meta_path.insert(0, Finder())\n"
-    )
-    result = run_process("ports", PYTHONPATH=str(tmp_path))
-    assert (result.returncode, result.stdout) == (130, "")
-    assert result.stderr == "wheelwire: interrupted\n"
-    as_json = json.loads(run_process("ports", "--json", PYTHONPATH=str(tmp_path)).stderr)
-    assert as_json == {"error": "Interrupted", "message": "interrupted", "exit_code": 130}
-
-
 @pytest.mark.parametrize("moment", ["run", "_result", "_open_closed_streams", "print_error"])
 def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
     program = (
@@ -125,16 +108,6 @@ def test_closed_streams_are_no_traceback(tmp_path: Path, command: str, closed: s
     assert result.returncode in (0, 10, 19, 21), result.stderr
     if command == "board init" and "2>" not in closed and "0<" in closed:
         assert "standard input has ended" in result.stderr.splitlines()[-1]
-
-
-def test_an_ascii_terminal_gets_ascii() -> None:
-    """Help has frames and dots that ASCII has not."""
-    result = run_process(
-        "--help", LC_ALL="POSIX", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0", COLUMNS="30"
-    )
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.isascii()
-    assert "monitor" in result.stdout
 
 
 def test_demo_looks_at_its_folder_before_it_drives(tmp_path: Path) -> None:

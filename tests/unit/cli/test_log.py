@@ -26,7 +26,6 @@ from wheelwire.cli.app import application
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.reader import MAGIC, records
-from wheelwire.log.recorder import RecordingFile
 
 SPEEDS = [0.02 * step for step in range(20)]
 
@@ -77,18 +76,6 @@ def test_info_of_what_a_crash_left_says_how_to_repair_it(day: Path, tmp_path: Pa
     assert after["complete"] is True
     assert after["frames_received"] == before["frames_received"]
     assert "nothing was changed" in output("log", "repair", str(path))
-
-
-def test_a_recording_that_is_being_written(tmp_path: Path) -> None:
-    file = RecordingFile(tmp_path / "now.mcap", OFFSET_NS, {})
-    file.add(Record(0, Kind.NOTE, 1, b"{}"))
-    file.sync()
-    try:
-        assert "no: it is being recorded" in output("log", "info", str(file.path))
-        result = run("log", "repair", str(file.path))
-        assert "being written" in check_error(result, errors.RecordingError)
-    finally:
-        file.close()
 
 
 def test_decode_every_message(day: Path) -> None:
@@ -279,9 +266,5 @@ def test_a_robot_that_was_not_reached_is_asked_again_for_its_sensors(
             raise error
 
     robot = SimpleNamespace(read=lambda _timeout: None, sensors=SimpleNamespace(start=start))
-    log._wait(
-        cast("Any", robot),
-        cast("Any", SimpleNamespace(error=None)),
-        time.monotonic() + 0.5,
-    )
+    log._wait(cast("Any", robot), cast("Any", SimpleNamespace(error=None)), time.monotonic() + 0.5)
     assert calls == asked

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, cast
 
 import pytest
 
 from wheelwire import LinkClosed, LinkLost, RequestTimeout, WheelSample
 from wheelwire.cli.interruptions import SILENT_S, SLICE_S, ended_by_a_loss, watch
-from wheelwire.errors import BoardMismatch
 
 SAMPLE = cast("WheelSample", object())
 LOST = LinkLost("the port is gone (unplugged?); it is opened again when it is back")
@@ -96,11 +95,3 @@ def test_a_loss_says_what_to_do_and_not_that_it_is_waited_for() -> None:
         "the port is gone (unplugged?); the robot stops by itself when its last setpoint expires: "
         "check cable and power, then run the command again"
     )
-
-
-@pytest.mark.parametrize("make", [lambda: BoardMismatch("a", "b"), lambda: LinkClosed("closed")])
-def test_an_error_that_no_cable_causes_passes_unchanged(make: Callable[[], Exception]) -> None:
-    error = make()
-    with pytest.raises(type(error)) as raised, ended_by_a_loss():
-        raise error
-    assert raised.value is error

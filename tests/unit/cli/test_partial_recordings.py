@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-import wheelwire
 from support.cases import each
 from support.command import check_error, output, run, run_json
 from support.full_disk import no_space
@@ -17,12 +14,9 @@ from support.staged_stops import StagedRobot
 from support.tapped_line import TappedLine
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.cli.log import _checked
-from wheelwire.cli.why import _of_recording
 from wheelwire.link.traffic import Kind, Record
-from wheelwire.log.reader import RECEIVED, SENT, SESSION, check_left_out, records
+from wheelwire.log.reader import SENT, SESSION, records
 from wheelwire.log.recorder import Recorder, RecordingFile
-from wheelwire.log.summary import summary
 from wheelwire_protocol.types import ClearEstop
 
 CUT = "host_killed or recording_cut"
@@ -39,15 +33,6 @@ def drive() -> list[Record]:
     robot.drive(0.0, 0.0, 0.04)
     robot.drive(0.2, 0.2, 0.5)
     return robot.reader.take()
-
-
-def decoded(path: Path) -> None:
-    if not list(_checked(path)):
-        check_left_out(path)
-
-
-def explained(path: Path) -> None:
-    _of_recording(path, None)
 
 
 def causes(path: Path) -> list[str]:
@@ -147,35 +132,3 @@ def test_a_full_disk_is_no_kill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert "No space left on device" in output("log", "info", str(file))
     assert run_json("log", "repair", str(file))["repaired"]
     assert causes(file) == []
-
-
-def test_a_copy_of_half_a_file(drive: list[Record], tmp_path: Path) -> None:
-    day, half = write(tmp_path / "day.mcap", drive), tmp_path / "half.mcap"
-    shutil.copy(day, half)
-    with half.open("r+b") as file:
-        file.truncate(day.stat().st_size - 2000)
-    assert causes(half)[-1:] == [CUT]
-
-
-@pytest.mark.whole
-@each("read", [summary, decoded, explained, wheelwire.connect], ids=lambda one: one.__name__)
-def test_what_is_cut_off_is_readable_up_to_there_or_says_so(
-    read: Callable[[Path], object], drive: list[Record], tmp_path: Path
-) -> None:
-    whole = write(tmp_path / f"{read.__name__}.mcap", drive[:8]).read_bytes()
-    path = tmp_path / "day.mcap"
-    # Each byte of the head; then what counts is whether the first chunk is there.
-    for size in (*range(1, 280), *range(280, len(whole), 100)):
-        path.write_bytes(whole[:size])
-        said = ""
-        try:
-            read(path)
-        except errors.RecordingError as error:
-            said = str(error)
-        assert "it was cut off" in said if said else list(records(path)) == drive[:8], size
-
-
-def test_received_alone_is_decoded(drive: list[Record], tmp_path: Path) -> None:
-    path = rewritten(write(tmp_path / "day.mcap", drive), tmp_path / "a.mcap", (RECEIVED,))
-    assert "WheelState" in output("log", "decode", str(path))
-    assert "it lacks data of the link" in check_error(run("why", str(path)), errors.RecordingError)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import wheelwire
 from support.command import run
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
@@ -56,14 +55,6 @@ def test_opening_sends_one_zero_setpoint_and_leaves_the_robot_in_idle(device: Pt
         robot.parameters.set("control_rate_hz", 200)
         assert robot.read().state is SupervisorState.IDLE
         assert robot.statistics.refused == 0
-
-
-async def test_opening_in_a_loop_sends_it_too(device: PtyDevice) -> None:
-    async with wheelwire.aio.open_driver("serial", port=str(device.path)) as robot:
-        assert setpoints(device) == [(0.0, 0.0)]
-        robot.set_wheel_velocity(0.1, 0.1)
-        assert (await robot.read()).faults == 0
-    assert len(setpoints(device)) == 2
 
 
 def test_a_robot_that_is_opened_to_look_gets_no_setpoint(device: PtyDevice) -> None:
@@ -141,17 +132,12 @@ def test_a_reconnection_sends_no_zero(
     assert setpoints(device) == []
 
 
-@pytest.fixture
-def latched(device: PtyDevice) -> PtyDevice:
-    device.device.estop(time.monotonic_ns() // 1000)
-    return device
-
-
 def test_a_latched_robot_opens_without_a_word(
-    latched: PtyDevice, caplog: pytest.LogCaptureFixture
+    device: PtyDevice, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with SerialDriver(str(latched.path)) as robot:
-        assert latched.device.obeyed == []
+    device.device.estop(time.monotonic_ns() // 1000)
+    with SerialDriver(str(device.path)) as robot:
+        assert device.device.obeyed == []
         assert not caplog.records
         assert robot.read().state is SupervisorState.ESTOPPED
         robot.clear_estop()

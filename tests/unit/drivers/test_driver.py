@@ -7,14 +7,13 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, cast, get_args, get_origin, get_type_hints
+from typing import cast
 
 import pytest
 
 from support.core_device import BOARD_ID, CoreDevice
-from support.processes import interruptible, open_files, opened_since
+from support.processes import interruptible
 from support.pty_device import PtyDevice
-from support.threads import link_threads
 from support.waiting import measures, stop_and_stand, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
@@ -38,14 +37,6 @@ def driver(device: PtyDevice) -> Iterator[SerialDriver]:
     with SerialDriver(str(device.path)) as driver:
         device.device.forget()
         yield driver
-
-
-def test_a_velocity_arrives_as_wheel_velocities(device: PtyDevice, driver: SerialDriver) -> None:
-    driver.set_velocity(0.2, 1.0, ttl=0.3)
-    wait_until(lambda: bool(device.device.obeyed))
-    setpoint = device.device.obeyed[0]
-    assert isinstance(setpoint, SetWheelVelocity)
-    assert (setpoint.left_mps, setpoint.right_mps) == pytest.approx((0.1, 0.3))
 
 
 def test_a_duty_arrives_in_q15(device: PtyDevice, driver: SerialDriver) -> None:
@@ -75,35 +66,6 @@ def test_no_new_sample_is_a_timeout_and_no_old_one(device: PtyDevice, driver: Se
     wait_until(lambda: not measures(driver))  # what was under way may still be read
     with pytest.raises(errors.RequestTimeout):
         driver.read(timeout=0.05)
-
-
-def test_ticks_go_on_across_a_wrap_and_a_reset(tmp_path: Path) -> None:
-    device = CoreDevice(edits={WheelState: {"left_ticks": 2**31 - 10}})
-    with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
-        left, right = driver.get_encoder_ticks()
-        device.edits[WheelState] = {"left_ticks": -(2**31) + 20}
-        wait_until(lambda: driver.get_encoder_ticks() == (left + 30, right))
-        device.reset()
-        wait_until(lambda: driver.read(timeout=10).boot_id == device.boot_id)
-        assert driver.statistics.device_resets == 1
-        assert driver.get_encoder_ticks() == (left + 30, right)
-
-
-def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(device: PtyDevice) -> None:
-    before = open_files()
-    with SerialDriver(str(device.path)) as driver:
-        driver.set_velocity(0.2, 0.0)
-        wait_until(lambda: device.device.supervisor is SupervisorState.DRIVING)
-    assert device.device.supervisor is SupervisorState.IDLE
-    assert link_threads() == []
-    assert not opened_since(before)
-    driver.shutdown()
-    with pytest.raises(errors.LinkClosed, match="closed"):
-        driver.set_velocity(0.1, 0.0)
-    with pytest.raises(errors.LinkClosed, match="closed"):
-        driver.read()
-    with pytest.raises(errors.LinkClosed, match="closed"):
-        driver.stop()
 
 
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
@@ -233,13 +195,6 @@ def test_a_new_session_voids_the_known_values(device: PtyDevice, driver: SerialD
     assert "integral_gain" in driver.parameters
 
 
-def test_a_reset_of_the_parameters_voids_the_known_values(driver: SerialDriver) -> None:
-    gain = driver.parameters["integral_gain"]
-    driver.parameters.set("integral_gain", gain / 2)
-    driver.parameters.reset()
-    assert driver.parameters["integral_gain"] == gain
-
-
 def test_a_value_whose_change_was_not_answered_is_asked_for_again(
     device: PtyDevice, driver: SerialDriver
 ) -> None:
@@ -270,30 +225,6 @@ def test_a_wrong_parameter_reaches_no_device(device: PtyDevice, driver: SerialDr
     assert device.device.count(ParameterSet) == 0
 
 
-def test_a_driver_may_be_shut_down_while_unplugged(device: PtyDevice) -> None:
-    with SerialDriver(str(device.path)) as driver:
-        device.unplug()
-        wait_until(lambda: not driver.is_open)
-    assert link_threads() == []
-
-
-def test_the_death_of_the_links_thread_is_reported(
-    driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(_: SerialTransport) -> bytes:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(SerialTransport, "read", fail)
-    wait_until(lambda: not driver.is_open)
-    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
-        driver.set_velocity(0.1, 0.0)
-    wait_until(lambda: not measures(driver))
-    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
-        driver.read()
-    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
-        driver.stop()
-
-
 def test_link_information_and_statistics(device: PtyDevice, driver: SerialDriver) -> None:
     for _ in range(5):
         driver.read()
@@ -308,41 +239,6 @@ def test_link_information_and_statistics(device: PtyDevice, driver: SerialDriver
     assert statistics.frames_lost == statistics.bad_crc == statistics.reconnects == 0
 
 
-def test_information_is_what_its_types_say(device: PtyDevice) -> None:
-    with SerialDriver(device.path, baud_rate=115_200.0) as driver:  # type: ignore[arg-type]
-        check_types(driver.info)
-
-
-def check_types(record: Any) -> None:
-    hints = get_type_hints(type(record))
-    for name, value in record._asdict().items():
-        hint = hints[name]
-        if get_origin(hint) is tuple:
-            assert type(value) is tuple, name
-            assert all(type(one) is get_args(hint)[0] for one in value), name
-            continue
-        allowed = get_args(hint) or (hint,)
-        assert type(value) in allowed, name
-        if hasattr(value, "_asdict"):
-            check_types(value)
-
-
-def test_the_search_for_a_device_names_its_last_baud_rate(
-    device: PtyDevice, driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[int] = []
-    set_baud_rate = SerialTransport.set_baud_rate
-
-    def note(transport: SerialTransport, baud_rate: int) -> None:
-        set_baud_rate(transport, baud_rate)
-        tried.append(baud_rate)
-
-    monkeypatch.setattr(SerialTransport, "set_baud_rate", note)
-    device.device.mute = True
-    wait_until(lambda: bool(tried))
-    assert driver.info.baud_rate == 921_600
-
-
 def test_a_setpoint_that_the_port_does_not_take_is_no_success(
     driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -354,12 +250,6 @@ def test_a_setpoint_that_the_port_does_not_take_is_no_success(
 
     with pytest.raises(errors.LinkLost, match="was not sent"):
         send_many()
-
-
-def test_the_devices_own_counters(driver: SerialDriver) -> None:
-    before = driver.device_counters().frames_received
-    driver.set_velocity(0.0, 0.0)
-    assert driver.device_counters().frames_received >= before + 2
 
 
 def test_a_driver_says_what_it_is_and_is_closed_like_a_file(

@@ -79,9 +79,10 @@ def test_importing_the_package_and_driving_load_nothing_slow(code: str) -> None:
     assert not SLOW & loaded_by(code)
 
 
-def test_the_serial_driver_loads_nothing_of_pins_and_of_files() -> None:
-    loaded = loaded_by("from wheelwire.drivers import serial")
-    assert not {"wheelwire.pi", "wheelwire.tools.files"} & loaded
+def test_who_hears_nothing_loads_no_logging() -> None:
+    assert "logging" not in loaded_by(
+        "from wheelwire.drivers import serial\nimport wheelwire.link.sharing"
+    )
 
 
 def loaded_by(code: str) -> set[str]:

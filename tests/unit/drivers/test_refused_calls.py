@@ -18,12 +18,10 @@ import pytest
 import wheelwire
 from support.cases import each
 from support.command import check_error, run
-from wheelwire import aio, errors, open_driver
-from wheelwire.link.handover import start_of
+from wheelwire import errors, open_driver
 from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind, TrafficReader
 from wheelwire.log.reader import records
-from wheelwire.log.recorder import Recorder
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -124,14 +122,6 @@ def test_a_closed_robot_is_not_entered_again() -> None:
         pass
 
 
-async def test_a_closed_robot_is_not_entered_again_in_a_loop() -> None:
-    robot = await aio.open_driver("mock", realtime=False)
-    await robot.close()
-    with pytest.raises(errors.LinkClosed, match="open it again"):
-        async with robot:
-            pass
-
-
 def test_a_recording_needs_a_path() -> None:
     with open_driver("mock") as robot:
         assert robot.has_device
@@ -151,21 +141,15 @@ def test_a_folder_is_refused_as_a_recording(
     assert "name a recording" in check_error(run("log", "plot", "."), errors.RecordingError)
 
 
-# --- what the link's thread carries out --------------------------------------------------------
-
-
-@pytest.fixture
-def broken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_that_never_began_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As with a Python on which a session cannot say how it is."""
 
     def fail(_: Session) -> Any:
         raise TypeError("cannot pickle 'itertools.count' object")
 
     monkeypatch.setattr("wheelwire.link.handover.start_of", fail)
-
-
-@pytest.mark.usefixtures("broken")
-def test_a_recording_that_never_began_is_an_error(tmp_path: Path) -> None:
     with open_driver("mock") as robot:
         assert robot.has_device
         with pytest.raises(errors.WheelwireError, match="the call failed"):
@@ -180,36 +164,6 @@ def test_a_recording_that_never_began_is_an_error(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_session_says_which_number_comes_next_without_a_copy() -> None:
-    """Copies of counts end with Python 3.14."""
-    with open_driver("mock", realtime=False) as robot:
-        assert robot.has_device
-        session = robot._link._session
-        for _ in range(3):
-            robot.set_velocity(0.1, 0.0)
-        known = json.loads(start_of(session))["command_seq"]
-        assert next(session._command_seqs) == known
-
-
-def test_whatever_fails_in_a_recorder_ends_it_with_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def fail(*_: object) -> None:
-        raise ZeroDivisionError("mine")
-
-    with open_driver("mock") as robot:
-        assert robot.has_device
-        with robot.record(tmp_path / "day.mcap") as recorder:
-            monkeypatch.setattr(Recorder, "_keep_time", fail)
-            recorder._thread.join(20)
-    assert recorder.error is not None
-    assert "ZeroDivisionError('mine')" in str(recorder.error)
-    assert "the robot still drives" in caplog.text
-
-
-# --- what is closed ----------------------------------------------------------------------------
-
-
 def test_a_recorder_and_a_watch_end_with_their_block(tmp_path: Path) -> None:
     with open_driver("mock") as robot:
         assert robot.has_device
@@ -219,18 +173,4 @@ def test_a_recorder_and_a_watch_end_with_their_block(tmp_path: Path) -> None:
             one.name for one in threading.enumerate()
         )
         robot.read()
-    assert list(records(recorder.file))
-
-
-async def test_the_same_in_a_loop_and_close_is_awaited(tmp_path: Path) -> None:
-    async with aio.open_driver("mock") as robot:
-        async with (
-            await robot.record(tmp_path / "day.mcap") as recorder,
-            await robot.watch_stops(print),
-        ):
-            await robot.read()
-        await recorder.close()
-        assert (recorder.lost, recorder.error) == (0, None)
-        assert recorder.files == [recorder.file]
-        await robot.read()
     assert list(records(recorder.file))

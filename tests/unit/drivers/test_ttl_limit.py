@@ -7,7 +7,7 @@ import pytest
 from support.pty_device import PtyDevice
 from support.waiting import stop_and_stand, wait_until
 from wheelwire import errors
-from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
+from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.framing import Encoder
@@ -75,14 +75,3 @@ def test_what_another_session_has_set_is_known_once_ours_is_open_again() -> None
                 robot.set_velocity(0.1, 0.0, ttl=limit_s + 0.01)
             robot.stop()
         assert robot.sessions == sessions + 2
-
-
-def test_the_end_of_a_trial_and_a_reset_of_the_parameters_are_followed() -> None:
-    with MockDriver(realtime=False) as robot:
-        with robot.parameters.trial():
-            robot.parameters.set("ttl_max_s", 0.5)
-            assert robot.ttl_max_s == 0.5
-        assert robot.ttl_max_s == 1.0
-        robot.parameters.set("ttl_max_s", 0.5)
-        robot.parameters.reset()
-        assert robot.ttl_max_s == 1.0

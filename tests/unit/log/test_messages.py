@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from typing import Any
@@ -46,7 +47,8 @@ def same_again(data: bytes, name: str) -> Any:
     return message
 
 
-@pytest.mark.parametrize("frame", ["", "odom", "robot/odom"])
+# Of each length that an alignment can fill.
+@pytest.mark.parametrize("frame", ["", "a", "ab", "abc", "abcd", "Räder", "robot/odom"])
 def test_odometry(frame: str) -> None:
     values = [CHANCE.random() for _ in range(42)]
     message = same_again(
@@ -81,9 +83,23 @@ def test_joint_state() -> None:
         assert [*message.position, *message.velocity] == values
 
 
+def test_transforms() -> None:
+    x, y, z, w = (CHANCE.random() for _ in range(4))
+    data = ros_messages.transforms("odom", "base").fill(3, 4, x, y, z, w)
+    (message,) = same_again(data, "tf2_msgs/msg/TFMessage").transforms
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base")
+    assert message.transform.translation.y == y
+    assert message.transform.rotation.w == w
+
+
 def test_battery_state() -> None:
-    data = ros_messages.battery_state("base").fill(3, 4, 7.5, 0.0, 0.5, 0)
-    assert same_again(data, "sensor_msgs/msg/BatteryState").voltage == 7.5
+    data = ros_messages.battery_state("base").fill(3, 4, 7.5, -1.5, 0.25, 2)
+    message = same_again(data, "sensor_msgs/msg/BatteryState")
+    assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
+    assert (message.current, message.power_supply_status) == (-1.5, 2)
+    assert (message.power_supply_health, message.power_supply_technology) == (0, 0)
+    for name in ("temperature", "charge", "capacity", "design_capacity"):
+        assert math.isnan(getattr(message, name)), name
 
 
 def test_range() -> None:

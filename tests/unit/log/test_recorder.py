@@ -8,9 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -24,7 +22,7 @@ from wheelwire.link.session import Session
 from wheelwire.link.traffic import Kind
 from wheelwire.log import recorder as recorder_module
 from wheelwire.log.reader import is_complete, messages, metadata, offset_us, records, was_closed
-from wheelwire.log.recorder import Attachment, Recorder, RecordingFile
+from wheelwire.log.recorder import Attachment, Recorder
 from wheelwire.log.repair import repair
 from wheelwire.log.rerun import Rerun
 from wheelwire.log.summary import summary
@@ -227,17 +225,6 @@ def test_a_folder_gets_a_file_named_by_the_time(make: Make, tmp_path: Path) -> N
         assert one.file.suffix == ".mcap"
 
 
-def test_nothing_is_overwritten(make: Make, tmp_path: Path) -> None:
-    (tmp_path / "day.mcap").write_text("precious")
-    assert make().file == tmp_path / "day-2.mcap"
-    assert (tmp_path / "day.mcap").read_text() == "precious"
-
-
-def test_a_folder_that_is_missing(make: Make, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="there is no folder"):
-        make(tmp_path / "none" / "day.mcap")
-
-
 def test_attachments_that_fail_are_the_error_of_a_whole_recording(
     link: TappedLine, make: Make
 ) -> None:
@@ -268,53 +255,6 @@ def test_without_a_power_cut_nothing_is_older_than_a_chunk(link: TappedLine, mak
         lambda: max((r.host_us for r in records(recorder.file)), default=0) >= newest - 50_000
     )
     assert any(topic == "/odom" for topic, _, _ in messages(recorder.file))
-
-
-class RecorderClock:
-    """The recorder's `time` with a clock that the test sets."""
-
-    def __init__(self) -> None:
-        self.now_s = 0.0
-        self.looks = 0
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(time, name)
-
-    def monotonic(self) -> float:
-        self.looks += 1
-        return self.now_s
-
-    def advance(self, seconds: float) -> None:
-        """Let time pass, and wait until the recorder has seen it."""
-        self.now_s += seconds
-        seen = self.looks + 2
-        wait_until(lambda: self.looks > seen)
-
-
-def test_it_syncs_off_the_links_thread_and_each_second(
-    link: TappedLine, make: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = RecorderClock()
-    monkeypatch.setattr("wheelwire.log.recorder.time", clock)
-    times: list[float] = []
-    threads: set[str] = set()
-    sync = RecordingFile.sync
-
-    def noted(self: RecordingFile) -> None:
-        times.append(clock.now_s)
-        threads.add(threading.current_thread().name)
-        sync(self)
-
-    recorder = make()
-    monkeypatch.setattr(RecordingFile, "sync", noted)
-    for _ in range(66):
-        link.drive(0.05)
-        clock.advance(0.05)
-    assert [later - earlier for earlier, later in pairwise([0.0, *times])] == [
-        pytest.approx(1.0, abs=0.11)
-    ] * 3
-    assert threads.isdisjoint({threading.current_thread().name})
-    recorder.close()
 
 
 def test_times_of_day_follow_a_clock_that_is_set(

@@ -15,7 +15,7 @@ from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from support.stage_boards import PI, STANDBY, board_of
 from support.stand_in import StandIn
-from support.waiting import wait_until
+from support.waiting import stop_and_stand, wait_until
 from wheelwire.board import Configuration
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
@@ -113,10 +113,10 @@ def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: Configurati
         drive(robot, stand_in, SPEED_MPS)
         drive(robot, stand_in, -SPEED_MPS)
         assert not robot.read().faults
-        robot.stop()
+        stop_and_stand(robot)
         wait_until(lambda: not is_driven(stand_in))
-        left, right = robot.read().left_ticks, robot.read().right_ticks
-        assert (left, right) == pytest.approx(travel(stand_in), abs=40)
+        sample = robot.read()
+        assert (sample.left_ticks, sample.right_ticks) == pytest.approx(travel(stand_in), abs=40)
         robot.close()
         assert not is_driven(stand_in)
 

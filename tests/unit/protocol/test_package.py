@@ -8,12 +8,6 @@ import wheelwire_protocol
 from support.cases import each
 
 
-def modules_after(code: str) -> set[str]:
-    script = f"import sys; {code}; print(*sys.modules)"
-    command = [sys.executable, "-c", script]
-    return set(subprocess.run(command, capture_output=True, check=True, text=True).stdout.split())
-
-
 @each("name", wheelwire_protocol.__all__)
 def test_public_name(name: str) -> None:
     assert getattr(wheelwire_protocol, name) is not None
@@ -26,7 +20,10 @@ def test_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_a_decoder_needs_no_numpy_crcmod_or_construct() -> None:
-    loaded = modules_after("import wheelwire_protocol; wheelwire_protocol.Decoder().feed(b'')")
+    code = "import sys, wheelwire_protocol; wheelwire_protocol.Decoder().feed(b'')"
+    command = [sys.executable, "-c", f"{code}; print(*sys.modules)"]
+    result = subprocess.run(command, capture_output=True, check=True, text=True)
+    loaded = set(result.stdout.split())
     assert "wheelwire_protocol.framing" in loaded
     assert not {"numpy", "crcmod", "construct", "wheelwire_protocol.bulk"} & loaded
 

@@ -27,8 +27,7 @@ def test_values_that_only_a_device_knows_are_unknown() -> None:
 
 
 @pytest.mark.parametrize(
-    "verb",
-    ["device_counters", "holding", "contradictions", "unsaved_parameters", "memory"],
+    "verb", ["device_counters", "holding", "contradictions", "unsaved_parameters", "memory"]
 )
 def test_requests_that_only_a_device_answers_are_refused(verb: str) -> None:
     with pytest.raises(wheelwire.DriverUnavailable, match="no Wheelwire device"):

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from support.host_samples import sample
-from wheelwire import Pose, SupervisorState, WheelSample
+from wheelwire import SupervisorState, WheelSample
 from wheelwire_ros import parameters
 from wheelwire_ros.open_robot import OpenRobot
 from wheelwire_ros.time_base import TimeBase
@@ -171,24 +171,6 @@ def test_a_sample_is_counted_also_where_it_is_not_published(parts: Parts) -> Non
     parts.calls.context.ok.return_value = False
     parts.samples(one)
     assert len(parts.calls.publisher.publish.mock_calls) == 1
-
-
-def test_a_pose_that_is_set_goes_to_odometry_and_recording(parts: Parts) -> None:
-    parts.calls.estimator.set_pose.return_value = "record"
-    parts.open.set_pose(Pose(1.0, 2.0, 0.5), "covariance")
-    assert parts.calls.mock_calls == [
-        call.estimator.set_pose(Pose(1.0, 2.0, 0.5), "covariance"),
-        call.notes.note("record"),
-    ]
-
-
-def test_a_fault_that_is_cleared_ends_the_warning_of_a_reset(parts: Parts) -> None:
-    parts.open.clear_fault()
-    assert parts.calls.mock_calls == [
-        call.connection.clear_fault(),
-        call.resets.acknowledge(),
-        call.update_state(),
-    ]
 
 
 def test_odom_goes_forward_where_a_silent_robot_is_back(parts: Parts) -> None:

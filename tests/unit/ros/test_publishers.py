@@ -62,10 +62,6 @@ def odometry_and_joints(made: MotionMessages, one: RobotMotion, stamp_ns: int) -
     return deserialize_message(odometry, Odometry), deserialize_message(joints, JointState)
 
 
-def heading_of(rotation: Any) -> float:
-    return 2 * math.atan2(rotation.z, rotation.w)
-
-
 def check_header(message: Any) -> None:
     assert publishers.time_ns(message.header.stamp) == STAMP_NS
     assert (message.header.frame_id, message.child_frame_id) == ("robot/odom", "robot/base_link")
@@ -79,7 +75,7 @@ def test_odometry(seed: int) -> None:
     position, rotation = message.pose.pose.position, message.pose.pose.orientation
     assert (position.x, position.y, position.z) == (one.pose.x_m, one.pose.y_m, 0.0)
     assert (rotation.x, rotation.y) == (0.0, 0.0)
-    turned = heading_of(rotation) - one.pose.heading_rad
+    turned = 2 * math.atan2(rotation.z, rotation.w) - one.pose.heading_rad
     assert math.remainder(turned, 2 * math.pi) == pytest.approx(0, abs=1e-9)
     covariance = np.diag(POSE_DIAGONAL)
     covariance[np.ix_([0, 1, 5], [0, 1, 5])] += one.covariance
@@ -111,16 +107,6 @@ def test_the_transform_is_the_odometrys_pose() -> None:
     translation = message.transform.translation
     assert (translation.x, translation.y, translation.z) == (pose.position.x, pose.position.y, 0.0)
     assert message.transform.rotation == pose.orientation
-
-
-def test_one_message_after_the_other() -> None:
-    made, chance = made_for(), random.Random(3)
-    for stamp_ns in (1, 2, 1 << 60):
-        one = motion(chance)
-        odometry, joints = odometry_and_joints(made, one, stamp_ns)
-        assert odometry.pose.pose.position.x == one.pose.x_m
-        assert publishers.time_ns(odometry.header.stamp) == stamp_ns
-        assert joints.header == type(joints.header)(stamp=odometry.header.stamp)
 
 
 def battery(*measured: float) -> BatteryState:

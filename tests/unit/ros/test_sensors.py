@@ -126,12 +126,9 @@ def test_a_point_lies_where_the_bumper_is(place: Place, degrees: float) -> None:
     assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.3, 0.04))
 
 
-def ranged(distance_m: float) -> RangeSample:
-    return RangeSample(5, 1, "front", distance_m, 0.02, 4.0, 0.26, 1.0, 0.001)
-
-
 def test_a_range_limits_nothing() -> None:
-    one = status(info(PeripheralKind.RANGE, Place.FRONT), ranged(-math.inf))
+    sample = RangeSample(5, 1, "front", -math.inf, 0.02, 4.0, 0.26, 1.0, 0.001)
+    one = status(info(PeripheralKind.RANGE, Place.FRONT), sample)
     assert limits_of([one], None) == Limits()
     level, message, values = channel_words(one)
     assert (level, message, values["distance_m"]) == (DiagnosticStatus.OK, "OK", -math.inf)

@@ -45,10 +45,7 @@ def said(steps: Iterable[tuple[int, int]], first: tuple[int, int] = (0, 0)) -> l
             [(100, -10)] * 3,
             "the left wheel turned forward 0.30 turns, the right wheel turned backward 0.03 turns",
         ),
-        (
-            [(500, 0), (-200, 0)],
-            "the left wheel turned forward 0.50 turns and backward 0.20 turns",
-        ),
+        ([(500, 0), (-200, 0)], "the left wheel turned forward 0.50 turns and backward 0.20 turns"),
     ],
 )
 def test_a_motion_is_one_sentence(steps: list[tuple[int, int]], sentence: str) -> None:

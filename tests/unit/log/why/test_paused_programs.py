@@ -10,7 +10,7 @@ from support.cases import each
 from support.staged_stops import StagedRobot, judged
 from wheelwire.link.traffic import Kind, Record
 from wheelwire.log.why.causes import CAUSES
-from wheelwire.log.why.diagnosis import Diagnosis, Stop
+from wheelwire.log.why.diagnosis import Stop
 from wheelwire.log.why.history import History
 from wheelwire_protocol.codes import Fault
 
@@ -77,35 +77,6 @@ def test_only_a_gap_over_the_deadline_counts(
     for number, at_ms in enumerate(gap):
         history.note(Record(number, Kind.ADVANCED, at_ms * 1000))
     assert history.gap_over_s(200_000, after_us * 1000) == expected
-
-
-def test_a_link_that_waits_through_a_pause_did_not_freeze() -> None:
-    """A robot that sends one sample a second: its link wakes up each 0.2 s, and at the deadline."""
-    robot = StagedRobot()
-    robot.open()
-    robot.drive(0.2, 0.2, 1.0)
-    robot.run(1.0)
-    records = robot.reader.take()
-    sparse, last_us = [], -1_000_000
-    for record in records:
-        is_idle = record.kind is Kind.ADVANCED
-        if is_idle and record.host_us - last_us < 190_000:
-            continue
-        if is_idle:
-            last_us = record.host_us
-        sparse.append(record)
-    # Without the samples of the pause, but for the report of the deadline.
-    asked_us = [one.host_us for one in records if one.kind is Kind.VELOCITY][-1]
-    kept = [
-        one
-        for one in sparse
-        if one.host_us <= asked_us
-        or one.kind is Kind.ADVANCED
-        or asked_us + 295_000 < one.host_us < asked_us + 340_000
-        or one.host_us > asked_us + 900_000
-    ]
-    (stop,) = Diagnosis().feed_all(kept)
-    assert stop.cause == "program_paused", stop.evidence
 
 
 def test_a_reversed_wheel_is_asked_about_before_a_cure_is_named() -> None:

@@ -32,10 +32,7 @@ BATTERY, BUMPER, CLIFF = 0b0010, 0b0100, 0b1000
     [
         (inputs(0, triggered=CLIFF, reflexes=Reflex.STOP), {"cliff.front": "cliff_seen"}),
         (inputs(0, triggered=BUMPER, reflexes=Reflex.NO_FORWARD), {}),
-        (
-            inputs(0, reflexes=Reflex.STOP, level=BatteryLevel.STOP),
-            {"battery": "battery_at_stop"},
-        ),
+        (inputs(0, reflexes=Reflex.STOP, level=BatteryLevel.STOP), {"battery": "battery_at_stop"}),
         (inputs(0, stale=BATTERY, reflexes=Reflex.STOP), {"battery": "sensor_stale"}),
         # It is measured only, and stops nothing.
         (inputs(0, stale=BATTERY), {}),

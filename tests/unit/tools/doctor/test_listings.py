@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,8 @@ def make(root: Path, description: Mapping[str, Any], robot: str = "") -> Machine
     for path, text in description.get("files", {}).items():
         if text is not None:
             write(root, path, text)
-    groups = _group_ids((root / "etc/group").read_text("utf-8"))
+    rows = [line.split(":") for line in (root / "etc/group").read_text("utf-8").splitlines()]
+    groups = {row[0]: int(row[2]) for row in rows}
     held = [groups[name] for name in user["groups"]]
     status = f"Uid:\t{user['uid']}\t0\t0\t0\nGroups:\t{' '.join(map(str, held))}\n"
     write(root, "/proc/self/status", status)
@@ -57,14 +58,14 @@ def make(root: Path, description: Mapping[str, Any], robot: str = "") -> Machine
         nodes[root / link.lstrip("/")] = nodes.get(root / "dev" / target, Node(0, False, True))
     for process in description["processes"]:
         _write_process(root, process)
-    missing = description.get("missing", {})
+    missing, commands = description.get("missing", {}), description.get("commands", {})
     return Machine(
         root=root,
         environment=description.get("environment", {}),
         robot=robot,
         architecture=description["architecture"],
         bits=description["bits"],
-        run=_runner(description.get("commands", {})),
+        run=lambda command: commands.get(command[0], ""),
         import_error=lambda module: missing.get(module, ""),
         node=nodes.get,
     )
@@ -75,14 +76,6 @@ def write(root: Path, path: str, text: str) -> None:
     file = root / path.lstrip("/")
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(text, "utf-8")
-
-
-def _group_ids(text: str) -> dict[str, int]:
-    return {line.split(":")[0]: int(line.split(":")[2]) for line in text.splitlines()}
-
-
-def _runner(commands: Mapping[str, str]) -> Callable[[Sequence[str]], str]:
-    return lambda command: commands.get(command[0], "")
 
 
 def _node(adapter: Mapping[str, Any], groups: dict[str, int], held: list[int]) -> Node | None:

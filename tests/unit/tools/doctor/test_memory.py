@@ -24,10 +24,7 @@ def found(left: MemoryValue | None) -> list[str]:
     [
         (SOUND._replace(least_free_heap=9_999), "heap"),
         (SOUND._replace(sensors_stack=511), "stack of the sensors task"),
-        (
-            SOUND._replace(least_free_heap=0, control_stack=16),
-            "heap and stack of the control task",
-        ),
+        (SOUND._replace(least_free_heap=0, control_stack=16), "heap and stack of the control task"),
     ],
 )
 def test_scarce_resources_are_named(left: MemoryValue, what: str) -> None:

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from support.hand import LETTING_GO, REPEAT_S, Hand, stop_after
-from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.tools.teleop.drive import DEFAULT_SPEED, PERIOD_S, RELEASE_FIRST, SPEEDS, TTL_S
-from wheelwire.tools.teleop.keys import FIRST_LIFE_S, INTERRUPT, SPACE, Action
+from wheelwire.tools.teleop.keys import INTERRUPT, SPACE, Action
 from wheelwire_protocol.codes import SupervisorState
 
 TYPED, PRESSED, REPEATED, RELEASED = Action
@@ -33,15 +32,6 @@ def test_each_direction(hand: Hand, key: str, forward: int, left: int) -> None:
     linear, angular = hand.teleop.velocity
     assert hand.true("true.x_m") == pytest.approx(forward * linear * 0.5, abs=0.03)
     assert hand.true("true.heading_rad") == pytest.approx(left * angular * 0.5, abs=0.15)
-
-
-def test_a_press_ends_by_itself(hand: Hand) -> None:
-    hand.key("w")
-    hand.wait(FIRST_LIFE_S - 0.05)
-    assert hand.state() is SupervisorState.DRIVING
-    hand.wait(0.1)
-    assert hand.state() is SupervisorState.TIMED_OUT
-    assert hand.true("drive_on") == 0
 
 
 def test_without_the_loop_a_setpoint_ends_sooner(hand: Hand) -> None:
@@ -211,25 +201,6 @@ def test_quitting(hand: Hand) -> None:
     assert hand.teleop.done
     with pytest.raises(KeyboardInterrupt):
         hand.key(INTERRUPT)
-
-
-def test_an_unknown_key_does_nothing(hand: Hand) -> None:
-    hand.key("x")
-    hand.wait(0.1)
-    assert hand.state() is SupervisorState.IDLE
-    assert hand.said == []
-
-
-def test_a_lost_robot_is_reported_and_needs_a_new_press(hand: Hand) -> None:
-    hand.key("w")
-    hand.wait(0.2)
-    hand.robot.unplug()
-    hand.wait(0.2)
-    hand.key("w")
-    hand.wait(0.2)
-    assert len(hand.said) == 1
-    with pytest.raises(errors.LinkLost):
-        hand.robot.geometry  # noqa: B018
 
 
 PAGE = Path(__file__).parents[4] / "docs" / "teleop.md"
