@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from support.stand_in import StandIn
+from support.waiting import wait_until
 from wheelwire import aio, errors
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.mock import MockDriver
@@ -114,6 +116,12 @@ class PinBench(Bench):
         left, right = self.stand_in.truth()["ticks"]
         return left, right
 
+    def stands(self) -> bool:
+        """Whether no wheel turns for a while."""
+        before = self.true_ticks()
+        time.sleep(0.1)
+        return self.true_ticks() == before
+
     def is_driven(self) -> bool:
         return bool(self.stand_in.truth()["driven"])
 
@@ -165,8 +173,9 @@ class Shared(Generic[StandInT]):
         return self._running
 
     def bench(self, kind: Callable[[StandInT], PinBench]) -> Iterator[PinBench]:
-        """For one test. The next one does not get what it has broken."""
+        """For one test. The next one does not get what it has broken, nor wheels that roll."""
         bench = kind(self.stand_in())
+        wait_until(bench.stands)
         yield bench
         assert not bench.is_driven()
         if not bench.is_whole:

@@ -120,13 +120,23 @@ class SamplingTests:
             assert -2 <= travel.right <= most
 
     def test_no_tick_is_lost(self, bench: Bench, harness: DriveHarness) -> None:
-        start, true_start = harness.driver.get_encoder_ticks(), bench.true_ticks()
+        def counts() -> tuple[tuple[int, int], tuple[int, int]]:
+            return harness.driver.get_encoder_ticks(), bench.true_ticks()
+
+        def settled() -> bool:
+            before = counts()
+            harness.watch(0.2)
+            return counts() == before
+
+        # The two counts are read one after the other: no wheel may roll meanwhile.
+        harness.first(settled, bool)
+        start, true_start = counts()
         harness.drive(SPEED_MPS, 1.0, 1.0)
         harness.drive(-SPEED_MPS, 0.0, 1.0)
         harness.rest()
 
         def lost() -> list[int]:
-            end, true_end = harness.driver.get_encoder_ticks(), bench.true_ticks()
+            end, true_end = counts()
             return [true_end[n] - true_start[n] - (end[n] - start[n]) for n in (0, 1)]
 
         harness.wait(lambda _: lost() == [0, 0])  # the last edges may still be on their way
