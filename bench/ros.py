@@ -71,7 +71,7 @@ def tapped_node() -> Iterator[tuple[Graph, Simulator, StandIn]]:
         open_graph() as graph,
         Simulator(truth_hz=10.0) as simulator,
         closing(StandIn("support.wire_tap", simulator.port)) as tap,
-        RobotNode(graph, port=tap.first_answer["port"], publish_rate=MOTORS_HZ, fresh=True),
+        RobotNode(graph, port=tap.first_answer["port"], publish_rate=MOTORS_HZ),
     ):
         graph.wait_active()
         yield graph, simulator, tap
@@ -115,7 +115,7 @@ def show_motors(report: Report) -> None:
     with (
         open_graph() as graph,
         Simulator(truth_hz=10.0) as simulator,
-        RobotNode(graph, port=simulator.port, publish_rate=MOTORS_HZ, fresh=True),
+        RobotNode(graph, port=simulator.port, publish_rate=MOTORS_HZ),
     ):
         for flooded, beside in ((False, ""), (True, " beside other calls")):
             found = latencies_to_the_motors(
@@ -157,7 +157,7 @@ def show_streams(report: Report) -> None:
             # One after the other: at once, each would take processor time from the other.
             with (
                 Simulator() as simulator,
-                RobotNode(graph, port=simulator.port, publish_rate=rate_hz, fresh=True) as node,
+                RobotNode(graph, port=simulator.port, publish_rate=rate_hz) as node,
             ):
                 ours = watch(graph, "odom", rate_hz, node.process.pid)
             with bare_node(graph, report.scratch / "bare", rate_hz) as bare:

@@ -65,9 +65,7 @@ def driven(graph: Graph, environment: dict[str, str], namespace: str) -> Iterato
         simulator = stack.enter_context(Simulator())
         os.environ.update(environment)
         try:
-            node = stack.enter_context(
-                RobotNode(graph, fresh=True, namespace=namespace, port=simulator.port)
-            )
+            node = stack.enter_context(RobotNode(graph, namespace=namespace, port=simulator.port))
         finally:
             os.environ.clear()
             os.environ.update(before)

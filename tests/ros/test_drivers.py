@@ -62,7 +62,7 @@ def test_l298n_with_its_sensors_by_the_file_of_its_board(
             monkeypatch.setenv(name, value)
         samples = graph.listen(Imu, "imu/data_raw")
         battery = graph.listen(BatteryState, "battery_state")
-        check_driving(graph, "l298n", board=str(file), fresh=True)
+        check_driving(graph, "l298n", board=str(file))
         assert not chip.truth()["driven"]
     assert any(one.linear_acceleration.z == pytest.approx(9.8, abs=0.1) for one in samples)
     assert battery[-1].current == pytest.approx(-0.5)

@@ -142,24 +142,27 @@ def test_a_node_that_waits_for_its_robot_ends_when_it_is_interrupted(
 
 
 CODE = """
-import os, signal, threading
+import importlib, os, signal, threading
+importlib.import_module("wheelwire_ros.{module}")
 from wheelwire_ros.__main__ import main
 threading.Timer({delay_s}, os.kill, [os.getpid(), signal.SIGINT]).start()
 main()
 """
 """The moment counts from the beginning of the executable, whatever the computer is doing."""
 MOMENTS = [
-    *((0.02 + 0.2 * count, True) for count in range(6)),  # it reads its modules for about a second
-    *((0.02 + 0.06 * count, False) for count in range(8)),  # it has read them
+    # It reads its modules for about a second.
+    *((0.02 + 0.2 * count, "__main__") for count in range(6)),
+    *((0.02 + 0.06 * count, "hardware_robot") for count in range(8)),
 ]
-"""When, and whether the node is fresh."""
+"""When, once it has read a module."""
 DRIVERS: tuple[dict[str, Any], ...] = ({"driver_type": "mock"}, {"port": "/dev/none"})
 
 
 @pytest.mark.parametrize(("count", "moment"), list(enumerate(MOMENTS)))
-def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, moment: tuple[float, bool]) -> None:
-    delay_s, fresh = moment
-    node = RobotNode(graph, CODE.format(delay_s=delay_s), fresh=fresh, **DRIVERS[count % 2])
+def test_it_ends_at_once_and_cleanly(graph: Graph, count: int, moment: tuple[float, str]) -> None:
+    delay_s, module = moment
+    code = CODE.format(delay_s=delay_s, module=module)
+    node = RobotNode(graph, code, **DRIVERS[count % 2])
     with node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "Traceback" not in node.errors_at_end
@@ -196,7 +199,7 @@ main()
 
 
 def test_it_ends_by_a_signal_whose_exception_python_ignores(graph: Graph) -> None:
-    with RobotNode(graph, IGNORED, fresh=True, driver_type="mock") as node:
+    with RobotNode(graph, IGNORED, driver_type="mock") as node:
         assert node.process.wait(TIMEOUT_S) == 0
     assert "interrupted" in node.errors_at_end
     assert "Traceback" not in node.errors_at_end

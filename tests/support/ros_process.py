@@ -14,7 +14,8 @@ from typing import Any
 
 from support.processes import interruptible
 from support.ros import TIMEOUT_S, Graph
-from support.ros_fork_server import RUN, TESTS, ForkedProcess, fork_server
+
+TESTS = Path(__file__).parents[1]
 
 
 class RobotNode:
@@ -23,7 +24,6 @@ class RobotNode:
     Args:
         graph: The graph to join.
         code: Code to run in place of the executable, with the same arguments.
-        fresh: Whether it is a new interpreter, not a copy of the one in `support.ros_fork_server`.
         namespace: With its slash, such as `/left`; empty for none.
         remappings: From a topic's name to another.
         file: A parameter file.
@@ -35,7 +35,6 @@ class RobotNode:
         self,
         graph: Graph,
         code: str | None = None,
-        fresh: bool = False,
         namespace: str = "",
         remappings: Sequence[tuple[str, str]] = (),
         file: Path | None = None,
@@ -64,18 +63,13 @@ class RobotNode:
             # What a test has added to it may stand in for what is installed.
             "PYTHONPATH": os.pathsep.join([str(TESTS), *filter(None, added), *sys.path]),
         }
-        self.process: subprocess.Popen[bytes] | ForkedProcess
-        if fresh:
-            program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
-            self.process = subprocess.Popen(
-                [sys.executable, *program, *arguments],
-                env=environment,
-                stderr=self._errors,
-                preexec_fn=interruptible,
-            )
-        else:
-            errors = self._errors.fileno()
-            self.process = fork_server().start(code or RUN, arguments, environment, errors)
+        program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
+        self.process = subprocess.Popen(
+            [sys.executable, *program, *arguments],
+            env=environment,
+            stderr=self._errors,
+            preexec_fn=interruptible,
+        )
 
     def errors(self) -> str:
         """What it has written to standard error since `forget_errors`."""
