@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from itertools import count
@@ -116,13 +117,21 @@ class ClientThatIsCalled(PigpioClient):
 
     before: Callable[[str], object] = staticmethod(lambda _: None)
 
+    def __init__(self, host: str, port: int) -> None:
+        self.asked: Counter[str] = Counter()
+        super().__init__(host, port)
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has looked at one script again and again."""
+        return max(self.asked.values()) > 3
+
     def call(self, method: str, *arguments: object) -> Any:
+        self.asked[f"{method} {arguments}"] += 1
         self.before(method)
         return super().call(method, *arguments)
 
 
-MANY = MAX_SCRIPTS + 10
-"""Requests after which a program that looks for scripts waits for one."""
 Clients = tuple[ClientThatIsCalled, ClientThatIsCalled]
 
 
@@ -143,8 +152,8 @@ def test_a_program_that_was_delayed_keeps_its_motors(clients: Clients, client: A
     requests = count()
 
     def go_on_later(_: str) -> None:
-        if (request := next(requests)) > MANY:
-            first.keep_alive(request * REFRESH_US)
+        if clients[1].waits:
+            first.keep_alive(next(requests) * REFRESH_US)
 
     clients[1].before = go_on_later
     with pytest.raises(PinsBusy, match="another program drives GPIO 18 and 19"):
@@ -160,7 +169,6 @@ def test_of_two_programs_that_start_at_once_only_one_drives(
 ) -> None:
     """Also where both have waited for the same program that was killed."""
     started: list[PigpioWatchdog] = []
-    requests = count()
     if was_killed:
         PigpioWatchdog(clients[0], MOTOR_PINS)  # nobody refreshes it
         wait_until(
@@ -169,7 +177,7 @@ def test_of_two_programs_that_start_at_once_only_one_drives(
 
     def start_first(method: str) -> None:
         # The second one waits for the killed one's script, or has looked for others.
-        is_time = next(requests) > MANY if was_killed else method == "store_script"
+        is_time = clients[1].waits if was_killed else method == "store_script"
         if is_time and not started:
             started.append(PigpioWatchdog(clients[0], MOTOR_PINS))
 
