@@ -23,6 +23,8 @@ def main() -> None:
         elif command == "level":
             chip.lines[int(words[0])].level = float(words[1])
             chip.send(EVENT.pack(0, int(words[0]), int(words[1])))
+        # Whoever asks may know of a change since the directory was last looked at.
+        chip.apply_pins()
         return {
             "lines": [gpio.level for gpio in chip.lines],
             "pulls": [gpio.pull for gpio in chip.lines],

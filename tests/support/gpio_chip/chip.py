@@ -57,7 +57,7 @@ class Chip:
         """What happens each millisecond."""
         if self._pwm:
             self._pwm.export()
-            self._apply_pins()
+            self.apply_pins()
         edges = self.robot.advance()
         if not edges.size:
             return
@@ -69,7 +69,8 @@ class Chip:
         for begin in range(0, len(data), PART):
             self.send(data[begin : begin + PART])
 
-    def _apply_pins(self) -> None:
+    def apply_pins(self) -> None:
+        """Move the robot as the outputs' levels say."""
         self.robot.set_pins(self._duty, self._writer)
 
     def _duty(self, gpio: int) -> float:
@@ -110,7 +111,7 @@ class Chip:
                     gpio.owner = None
                     gpio.level = float(gpio.level > 0)
         connection.close()
-        self._apply_pins()
+        self.apply_pins()
 
     def _obey(self, connection: socket.socket, command: str, *arguments: str) -> None:
         gpio = self.lines[int(arguments[0])]
@@ -124,7 +125,7 @@ class Chip:
             connection.sendall(b"\n")
         elif gpio.owner is connection and command == "free":
             gpio.owner, gpio.output, gpio.level = None, False, 0.0  # the pull-down's
-        self._apply_pins()
+        self.apply_pins()
 
     def _claim(self, gpio: Line, connection: socket.socket, function: str) -> str:
         with self._lock:
