@@ -42,7 +42,8 @@ def daemon() -> Iterator[PigpioProcess]:
         yield daemon
 
 
-def start(daemon: PigpioProcess, tmp_path: Path) -> tuple[subprocess.Popen[str], str]:
+@contextmanager
+def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A service on the daemon's pins, in a process group of its own, and its address."""
     config = tmp_path / "robot.yaml"
     config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))
@@ -53,14 +54,6 @@ def start(daemon: PigpioProcess, tmp_path: Path) -> tuple[subprocess.Popen[str],
     )
     assert process.stdout
     assert process.stdout.readline() == f"wheelwire: ready at {address}\n"
-    return process, address
-
-
-@contextmanager
-def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """As `start`; ends it afterwards."""
-    process, address = start(daemon, tmp_path)
-    assert process.stdout
     try:
         yield process, address
     finally:

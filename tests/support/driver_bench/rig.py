@@ -10,15 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
+from support.pin_drivers import l298n_on, pigpio_on
 from support.processes import children, cpu_s
 from support.stand_in import StandIn
-from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pins import PinDriver
 from wheelwire_protocol.codes import SupervisorState
 
@@ -27,7 +24,6 @@ SETTLE_S = 0.3
 TTL_S = 0.1
 STOPS = 20
 PHASE_S = 0.00137
-OPTIONS: dict[str, Any] = {"parameters": {"overrun_limit_us": 1e6}, "core_timeout_ms": 5000}
 
 
 @dataclass(frozen=True)
@@ -143,18 +139,19 @@ class Rig:
 @contextmanager
 def pigpio_rig() -> Iterator[Rig]:
     """The real client library, and a stand-in for the daemon."""
-    with PigpioProcess() as daemon, PigpioDriver("127.0.0.1", daemon.port, **OPTIONS) as driver:
+    with PigpioProcess() as daemon, pigpio_on(daemon) as driver:
         yield Rig("pigpio", driver, daemon)
 
 
 @contextmanager
 def gpio_rig() -> Iterator[Rig]:
     """gpiozero's mock pins on a stand-in for the GPIO chip, its edges through a socket."""
-    with tempfile.TemporaryDirectory() as folder, GpioChip(Path(folder)) as chip:
-        with mock.patch.dict("os.environ", chip.environment):
-            driver = L298NDriver(pwm_directory=chip.pwm_directory, **OPTIONS)
-        with driver:
-            yield Rig("l298n", driver, chip)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        GpioChip(Path(folder)) as chip,
+        l298n_on(chip) as driver,
+    ):
+        yield Rig("l298n", driver, chip)
 
 
 def pin_processes() -> list[int]:

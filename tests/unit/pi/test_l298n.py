@@ -1,44 +1,22 @@
 """The l298n driver's PWM: the kernel's, the library's, and neither; and its e-stop contact."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from support.gpio_chip_process import GpioChip
+from support.pin_drivers import l298n_on
 from support.waiting import wait_until
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.errors import DeviceRefused, DriverUnavailable
 from wheelwire.pi.pins import Pins
 
-LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
-"""A busy test machine must not cause a fault."""
-Wire = Callable[[GpioChip], GpioChip]
-
 
 @pytest.fixture
-def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
-    def wire(chip: GpioChip) -> GpioChip:
-        for name, value in chip.environment.items():
-            monkeypatch.setenv(name, value)
-        return chip
-
-    return wire
-
-
-@pytest.fixture
-def chip(tmp_path: Path, wire: Wire) -> Iterator[GpioChip]:
+def chip(tmp_path: Path) -> Iterator[GpioChip]:
     with GpioChip(tmp_path) as chip:
-        yield wire(chip)
-
-
-def open_on(chip: GpioChip, **options: object) -> L298NDriver:
-    return L298NDriver(
-        pwm_directory=chip.pwm_directory,
-        parameters=LONG_OVERRUN_LIMIT,
-        core_timeout_ms=5000,
-        **options,  # type: ignore[arg-type]
-    )
+        yield chip
 
 
 def text(chip: GpioChip, file: str) -> str:
@@ -46,9 +24,9 @@ def text(chip: GpioChip, file: str) -> str:
 
 
 def test_kernel_pwm_has_the_period_asked_for_and_ends_low(chip: GpioChip) -> None:
-    with pytest.raises(DriverUnavailable, match="no pwmchip7"):
-        open_on(chip, pwm_chip=7)
-    with open_on(chip) as driver:
+    with pytest.raises(DriverUnavailable, match="no pwmchip7"), l298n_on(chip, pwm_chip=7):
+        pass
+    with l298n_on(chip) as driver:
         driver.set_duty(0.25, -0.25, ttl=1.0)
         wait_until(lambda: text(chip, "pwm0/duty_cycle") == "12500")
         wait_until(lambda: text(chip, "pwm1/duty_cycle") == "12500")
@@ -60,9 +38,9 @@ def test_kernel_pwm_has_the_period_asked_for_and_ends_low(chip: GpioChip) -> Non
 
 
 def test_without_kernel_pwm_the_librarys_limit_is_reported(
-    tmp_path: Path, wire: Wire, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with GpioChip(tmp_path, kernel_pwm=False) as chip, open_on(wire(chip)) as driver:
+    with GpioChip(tmp_path, kernel_pwm=False) as chip, l298n_on(chip) as driver:
         assert "1000 Hz instead of 20000 Hz" in driver.limits[0]
         assert "1000 Hz instead of 20000 Hz" in caplog.text
         driver.set_duty(0.5, 0.5)
@@ -83,10 +61,13 @@ def test_no_pins_at_all_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.whole
 def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
-    with open_on(chip) as driver:
+    with l298n_on(chip) as driver:
         driver.set_velocity(0.2, 0.0, ttl=1.0)
-        with pytest.raises(DriverUnavailable, match="another program uses one of the pins"):
-            open_on(chip)
+        with (
+            pytest.raises(DriverUnavailable, match="another program uses one of the pins"),
+            l298n_on(chip),
+        ):
+            pass
         driver.set_velocity(0.2, 0.0)
         wait_until(lambda: bool(chip.truth()["driven"]))
 
@@ -94,7 +75,7 @@ def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
 @pytest.mark.whole
 def test_an_open_estop_contact_stops_and_is_cleared_when_closed(chip: GpioChip) -> None:
     chip.command("level 26 0")
-    with open_on(chip, pins=Pins(estop=26)) as driver:
+    with l298n_on(chip, pins=Pins(estop=26)) as driver:
         wait_until(lambda: driver.read().state.name == "IDLE")
         chip.command("level 26 1")
         wait_until(lambda: driver.read().state.name == "ESTOPPED")

@@ -14,6 +14,7 @@ import pigpio
 import pytest
 
 from support.pigpio_process import PigpioProcess
+from support.pin_drivers import pigpio_on
 from support.waiting import wait_until
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import ConfigurationError, DriverUnavailable
@@ -43,15 +44,6 @@ def client(daemon: PigpioProcess) -> Iterator[Any]:
     assert not callback_thread.is_alive()
 
 
-def driver_at(daemon: PigpioProcess) -> PigpioDriver:
-    return PigpioDriver(
-        HOST,
-        daemon.port,
-        parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
-        core_timeout_ms=5000,
-    )
-
-
 def drive(driver: PigpioDriver, daemon: PigpioProcess) -> None:
     driver.set_velocity(0.2, 0.0, ttl=5)
     wait_until(lambda: bool(daemon.command("truth")["driven"]))
@@ -60,7 +52,7 @@ def drive(driver: PigpioDriver, daemon: PigpioProcess) -> None:
 def test_the_driver_uses_hardware_pwm_at_the_frequency_asked_for(
     daemon: PigpioProcess, client: Any
 ) -> None:
-    with driver_at(daemon) as driver:
+    with pigpio_on(daemon) as driver:
         drive(driver, daemon)
         for gpio in (18, 19):
             assert client.get_PWM_frequency(gpio) == 20_000
@@ -68,8 +60,12 @@ def test_the_driver_uses_hardware_pwm_at_the_frequency_asked_for(
 
 
 def test_a_daemon_whose_clock_is_the_pwm_hardware_is_refused_by_its_reason() -> None:
-    with PigpioProcess("-t", "0") as daemon, pytest.raises(DriverUnavailable, match="-t 0"):
-        driver_at(daemon)
+    with (
+        PigpioProcess("-t", "0") as daemon,
+        pytest.raises(DriverUnavailable, match="-t 0"),
+        pigpio_on(daemon),
+    ):
+        pass
 
 
 def test_no_daemon_says_how_to_start_one() -> None:
@@ -96,7 +92,7 @@ def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             check=False,
         )
-    with driver_at(daemon):
+    with pigpio_on(daemon):
         assert len(stored_scripts(client)) == 1
     assert stored_scripts(client) == []
 
@@ -193,7 +189,7 @@ def test_of_two_programs_that_start_at_once_only_one_drives(
 @pytest.mark.whole
 def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
     daemon = PigpioProcess()
-    with driver_at(daemon) as driver:
+    with pigpio_on(daemon) as driver:
         drive(driver, daemon)
         first = driver.read().boot_id
         daemon.kill()
@@ -209,7 +205,7 @@ def test_a_daemon_that_dies_is_a_lost_link_and_its_return_is_noticed() -> None:
 
 @pytest.mark.whole
 def test_a_daemon_that_hangs_is_a_lost_link() -> None:
-    with PigpioProcess() as daemon, driver_at(daemon) as driver:
+    with PigpioProcess() as daemon, pigpio_on(daemon) as driver:
         drive(driver, daemon)
         os.kill(daemon.pid, signal.SIGSTOP)
         try:
@@ -221,7 +217,7 @@ def test_a_daemon_that_hangs_is_a_lost_link() -> None:
 @pytest.mark.whole
 def test_edges_closer_than_a_sample_are_reported_as_lost() -> None:
     # Its own: after it the motors no longer turn the wheels.
-    with PigpioProcess() as daemon, driver_at(daemon) as driver:
+    with PigpioProcess() as daemon, pigpio_on(daemon) as driver:
         daemon.command("spin 250000")
         wait_until(lambda: driver.control_counters().left_illegal > 100, LONG_S)
         daemon.command("spin 0")

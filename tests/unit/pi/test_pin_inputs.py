@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pigpio
 import pytest
@@ -18,10 +19,9 @@ from support.gpio_chip_process import GpioChip
 from support.i2c_bus import I2cBuses
 from support.pi_robot import IMU, POWER, board_with
 from support.pigpio_process import PigpioProcess
+from support.pin_drivers import l298n_on, pigpio_on
 from support.waiting import wait_until
 from wheelwire.board import DigitalInput, Pull
-from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pin_options import PigpioDriverOptions
 from wheelwire.errors import ConfigurationError
 from wheelwire.pi.settings import McuSettings
@@ -35,12 +35,8 @@ BOARD = board_with(
     DigitalInput(PeripheralKind.STAGE_FAULT, Place.NONE, STAGE, True, Pull.EXTERNAL),
 )
 FREE = {BUMPER: 0, CLIFF: 0, STAGE: 1}
-OPTIONS: dict[str, Any] = {
-    # What comes first is no input: their channels do not begin at 0.
-    "pins": replace(BOARD, peripherals=(POWER, *BOARD.peripherals)),
-    "parameters": {"overrun_limit_us": 1e6},
-    "core_timeout_ms": 5000,
-}
+PINS = replace(BOARD, peripherals=(POWER, *BOARD.peripherals))
+"""What comes first is no input: their channels do not begin at 0."""
 SetLevel = Callable[[int, int], None]
 
 
@@ -53,12 +49,8 @@ def on_l298n(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
         for gpio, level in FREE.items():
             set_level(gpio, level)
-        bus = I2cBuses(directory / "i2c", 1).environment(chip.environment["PYTHONPATH"])
-        with pytest.MonkeyPatch.context() as patch:
-            for name, value in (chip.environment | bus).items():
-                patch.setenv(name, value)
-            robot = L298NDriver(**OPTIONS)
-        with robot:
+        chip.environment |= I2cBuses(directory / "i2c", 1).environment(chip.environment["PYTHONPATH"])
+        with l298n_on(chip, pins=PINS) as robot:
             for gpio, level in FREE.items():
                 set_level(gpio, level)
             yield robot, set_level, chip.truth()["pulls"]
@@ -77,11 +69,7 @@ def on_pigpio(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
         for gpio, level in FREE.items():
             set_level(gpio, level)
         bus = I2cBuses(directory / "i2c", 1).environment(os.pathsep.join(sys.path))
-        with pytest.MonkeyPatch.context() as patch:
-            for name, value in bus.items():
-                patch.setenv(name, value)
-            robot = PigpioDriver("127.0.0.1", daemon.port, **OPTIONS)
-        with robot:
+        with mock.patch.dict("os.environ", bus), pigpio_on(daemon, pins=PINS) as robot:
             yield robot, set_level, daemon.truth()["pulls"]
         client.stop()
         thread.join()

@@ -13,12 +13,11 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
+from support.pin_drivers import l298n_on, pigpio_on
 from support.stage_boards import PI, STANDBY, board_of
 from support.stand_in import StandIn
 from support.waiting import stop_and_stand, wait_until
 from wheelwire.board import Configuration
-from wheelwire.drivers.l298n import L298NDriver
-from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import LinkLost
 from wheelwire.pi.gpio.base import encoder_pins
 from wheelwire.pi.gpio.pigpiod import PigpiodGpio
@@ -26,8 +25,6 @@ from wheelwire.robot.robot import Robot
 from wheelwire_protocol.board import EncoderPulls
 from wheelwire_protocol.power_stages import Stage
 
-PATIENT = {"overrun_limit_us": 1e6, "ttl_max_s": 5}
-CORE_TIMEOUT_MS = 5000
 TTL_S = 5.0
 SPEED_MPS = 0.2
 TRAVEL = 100
@@ -41,21 +38,16 @@ Open = Callable[[Configuration], AbstractContextManager[Rig]]
 
 
 @pytest.fixture
-def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
+def open_library(tmp_path: Path) -> Open:
     """Opens `l298n` on a board's pins, with that kind of board behind them."""
 
     @contextmanager
     def library(board: Configuration) -> Iterator[Rig]:
-        with GpioChip(tmp_path, kernel_pwm=False, board=board) as chip:
-            for name, value in chip.environment.items():
-                monkeypatch.setenv(name, value)
-            with L298NDriver(
-                pins=board,
-                pwm_directory=chip.pwm_directory,
-                parameters=PATIENT,
-                core_timeout_ms=CORE_TIMEOUT_MS,
-            ) as robot:
-                yield robot, chip
+        with (
+            GpioChip(tmp_path, kernel_pwm=False, board=board) as chip,
+            l298n_on(chip, pins=board) as robot,
+        ):
+            yield robot, chip
 
     return library
 
@@ -65,13 +57,7 @@ def daemon(board: Configuration) -> Iterator[Rig]:
     """`pigpio`, likewise."""
     with (
         PigpioProcess("--board", board.packed().hex()) as process,
-        PigpioDriver(
-            "127.0.0.1",
-            process.port,
-            pins=board,
-            parameters=PATIENT,
-            core_timeout_ms=CORE_TIMEOUT_MS,
-        ) as robot,
+        pigpio_on(process, pins=board) as robot,
     ):
         yield robot, process
 
