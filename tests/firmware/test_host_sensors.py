@@ -167,7 +167,6 @@ def test_a_transfer_that_began_after_the_step_does_not_count_as_hung(robot: PiRo
         robot.run_ms(30)
         robot.reads = True
 
-    robot.chips.imu.frozen = False
     robot.in_transfer = step_late
     robot.bus_us += 50_000
     robot.run_ms(500)

@@ -35,7 +35,7 @@ class Scene:
 
     def __init__(self, directory: Path, patch: pytest.MonkeyPatch, chip: GpioChip) -> None:
         self.chip = chip
-        self.buses = I2cBuses(directory / "i2c", 1)
+        self.buses = I2cBuses(directory / "i2c")
         self.file = directory / "robot.yaml"
         self.file.write_text(FILE)
         environment = chip.environment | self.buses.environment(chip.environment["PYTHONPATH"])

@@ -55,7 +55,7 @@ def test_l298n_with_its_sensors_by_the_file_of_its_board(
     pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
     file = tmp_path / "board.yaml"
     file.write_text(to_yaml(board_with(IMU, POWER)))
-    buses = I2cBuses(tmp_path / "i2c", 1)
+    buses = I2cBuses(tmp_path / "i2c")
     with GpioChip(tmp_path, kernel_pwm=False) as chip:
         environment = chip.environment | buses.environment(chip.environment["PYTHONPATH"])
         for name, value in environment.items():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from .stand_in import TESTS
@@ -14,18 +12,16 @@ DIRECTORY = "WHEELWIRE_TEST_I2C"
 
 
 class I2cBuses:
-    """What is wrong is a file in its directory; see `i2c_site`.
+    """One, of number 1. What is wrong is a file in its directory; see `i2c_site`.
 
     Args:
         directory: An empty one.
-        numbers: Of the buses.
     """
 
-    def __init__(self, directory: Path, *numbers: int) -> None:
+    def __init__(self, directory: Path) -> None:
         self._directory = directory
         directory.mkdir()
-        for number in numbers:
-            self.set(f"bus-{number}")
+        self.set("bus-1")
 
     def environment(self, python_path: str) -> dict[str, str]:
         """That of processes that are to use them, which also have this PYTHONPATH."""
@@ -39,12 +35,3 @@ class I2cBuses:
     def clear(self, fault: str) -> None:
         """It is right again."""
         (self._directory / fault).unlink()
-
-    @contextmanager
-    def wrong(self, fault: str) -> Iterator[None]:
-        """Something is wrong within the block."""
-        self.set(fault)
-        try:
-            yield
-        finally:
-            self.clear(fault)

@@ -18,21 +18,18 @@ class Mpu6050:
 
     Attributes:
         gyro: What it measures, in counts.
-        frozen: It repeats its newest sample.
         taken_us: When each of the samples in its registers was taken.
     """
 
     def __init__(self) -> None:
         self.gyro = (0, 0, 0)
-        self.frozen = False
-        self.identity = 0x68
         self.power_on()
 
     def power_on(self) -> None:
         """As after a dip of its supply."""
         self._registers = bytearray(128)
         self._registers[0x6B] = SLEEP
-        self._registers[0x75] = self.identity
+        self._registers[0x75] = MPU6050
         self.taken_us = 0
 
     def write(self, data: bytes, _now_us: int) -> None:
@@ -45,7 +42,7 @@ class Mpu6050:
 
     def _sample(self, now_us: int) -> None:
         due_us = now_us - now_us % PERIOD_US
-        if self._registers[0x6B] & SLEEP or self.frozen or due_us <= self.taken_us:
+        if self._registers[0x6B] & SLEEP or due_us <= self.taken_us:
             return
         self.taken_us = due_us
         noise = due_us // PERIOD_US % 7

@@ -11,7 +11,7 @@ import os
 import time
 from pathlib import Path
 
-from support.i2c_chips import INA219, MPU6050, Chips
+from support.i2c_chips import Chips
 
 DIRECTORY = "WHEELWIRE_TEST_I2C"
 _here = Path(os.environ[DIRECTORY])
@@ -42,35 +42,18 @@ class SMBus:
         self.fd = os.open(_here / f"bus-{bus}", os.O_RDWR)
         self.funcs = I2cFunc.I2C
         self._chips = Chips(lambda: time.monotonic_ns() // 1000)
-        self._was_absent: set[int] = set()
 
     def i2c_rdwr(self, *messages: i2c_msg) -> None:
-        if _is("stuck"):
-            while _is("stuck"):
+        stuck = _here / "stuck"
+        if stuck.exists():
+            while stuck.exists():
                 time.sleep(0.005)
             raise OSError(errno.ETIMEDOUT, "it was stuck")
-        if _is("hung"):
-            raise OSError(errno.ETIMEDOUT, "it hangs")
-        address = messages[0].address
-        if _is(f"absent-{address:#x}"):
-            self._was_absent.add(address)
-            raise OSError(errno.EREMOTEIO, "nobody answers")
-        if address in self._was_absent or _is(f"reset-{address:#x}"):
-            self._was_absent.discard(address)
-            (_here / f"reset-{address:#x}").unlink(missing_ok=True)
-            self._chips.by_address[address].power_on()
-        self._chips.imu.frozen = _is("frozen")
-        data = self._chips.transfer(address, messages[0].data, messages[-1].size)
+        first, last = messages[0], messages[-1]
+        data = self._chips.transfer(first.address, first.data, last.size)
         if data is None:
             raise OSError(errno.EREMOTEIO, "nobody answers")
-        messages[-1].data = data
+        last.data = data
 
     def close(self) -> None:
         os.close(self.fd)
-
-
-def _is(fault: str) -> bool:
-    return (_here / fault).exists()
-
-
-__all__ = ["INA219", "MPU6050", "I2cFunc", "SMBus", "i2c_msg"]

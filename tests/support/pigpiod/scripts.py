@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-INITING, HALTED, RUNNING = 0, 1, 2
+HALTED, RUNNING = 1, 2
 PARAMETERS = 10
 ARGUMENTS = {"tag": 1, "mils": 1, "dcr": 1, "jp": 1, "jmp": 1, "w": 2, "halt": 0}
 """Number of operands of each instruction."""

@@ -49,7 +49,7 @@ def on_l298n(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
         for gpio, level in FREE.items():
             set_level(gpio, level)
-        chip.environment |= I2cBuses(directory / "i2c", 1).environment(chip.environment["PYTHONPATH"])
+        chip.environment |= I2cBuses(directory / "i2c").environment(chip.environment["PYTHONPATH"])
         with l298n_on(chip, pins=PINS) as robot:
             for gpio, level in FREE.items():
                 set_level(gpio, level)
@@ -68,7 +68,7 @@ def on_pigpio(directory: Path) -> Iterator[tuple[Robot, SetLevel, Any]]:
 
         for gpio, level in FREE.items():
             set_level(gpio, level)
-        bus = I2cBuses(directory / "i2c", 1).environment(os.pathsep.join(sys.path))
+        bus = I2cBuses(directory / "i2c").environment(os.pathsep.join(sys.path))
         with mock.patch.dict("os.environ", bus), pigpio_on(daemon, pins=PINS) as robot:
             yield robot, set_level, daemon.truth()["pulls"]
         client.stop()
