@@ -23,7 +23,7 @@ from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.robot.loop_link import LoopCalls
 from wheelwire.robot.robot import Robot, opened_later
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, SetDuty, SetWheelVelocity
 
@@ -265,6 +265,24 @@ async def test_virtual_time_passes_while_a_coroutine_waits() -> None:
         robot.plug()
         assert (await robot.read(5.0)).stamp > before
         assert robot.sessions == 2
+
+
+async def test_a_fault_is_cleared_and_recorded() -> None:
+    async with aio.open_driver("mock", realtime=False) as robot:
+
+        async def drive_for_ever() -> None:
+            while True:
+                robot.set_velocity(0.2, 0.0, ttl=0.5)
+                await robot.read()
+
+        robot.simulator.set("left.encoder_dead", 1)
+        with pytest.raises(errors.DeviceRefused, match="LEFT_NOT_COUNTING"):
+            await drive_for_ever()
+        robot.simulator.set("left.encoder_dead", 0)
+        robot.advance(2.0)  # what is recorded is read at rest
+        await robot.clear_fault()
+        assert (await robot.recorder.ledger()).stops[SupervisorEvent.FAULT] == 1
+        assert (await robot.recorder.read()).ledger is not None
 
 
 # --- cancellation ------------------------------------------------------------------------------
