@@ -38,14 +38,6 @@ def use_with(robot: Any) -> str:
         return repr(driver)
 
 
-def use_without_with(robot: Any) -> str:
-    driver = wheelwire.connect(robot)
-    try:
-        return repr(driver)
-    finally:
-        driver.close()
-
-
 def use_async_with(robot: Any) -> str:
     async def run() -> str:
         async with aio.connect(robot) as driver:
@@ -56,18 +48,7 @@ def use_async_with(robot: Any) -> str:
     return asyncio.run(run())
 
 
-def use_await(robot: Any) -> str:
-    async def run() -> str:
-        driver = await aio.connect(robot)
-        try:
-            return repr(driver)
-        finally:
-            await driver.close()
-
-    return asyncio.run(run())
-
-
-@pytest.mark.parametrize("use", [use_with, use_without_with, use_async_with, use_await])
+@pytest.mark.parametrize("use", [use_with, use_async_with])
 def test_mock_and_a_port_are_addresses(simulator: Simulator, use: Callable[[Any], str]) -> None:
     assert use("mock") == "<MockDriver mock: open>"
     assert ": open>" in use(simulator.port)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import logging
-from contextlib import suppress
 
 import pytest
 
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 
 pytestmark = pytest.mark.timeout(60)
@@ -44,17 +42,4 @@ def test_nothing_is_logged_for_a_robot_that_stands_or_is_stopped(
         wait_until(lambda: not robot.is_open)
     robot.close()
     assert not any(SAID in text for text in warnings(caplog))
-
-
-def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(robot: SerialDriver) -> None:
-    robot.close()
-
-    def drive() -> None:
-        with suppress(errors.LinkLost):
-            robot.set_velocity(0.1, 0.0)
-
-    with pytest.raises(errors.LinkClosed):
-        drive()
-    with pytest.raises(errors.LinkClosed):
-        robot.read()
     assert robot.latest_control_counters() is None
