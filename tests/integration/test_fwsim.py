@@ -69,14 +69,6 @@ def say_hello(fd: int, timeout_s: float = TIMEOUT_S) -> DeviceHello | None:
     return None
 
 
-def wait_for_end(pid: int) -> None:
-    """Wait until a process that is not our child is gone."""
-    end = time.monotonic() + TIMEOUT_S
-    while Path(f"/proc/{pid}").exists():
-        assert time.monotonic() < end, "the process lives on"
-        time.sleep(0.01)
-
-
 @pytest.fixture
 def link(tmp_path: Path) -> Path:
     return tmp_path / "robot"
@@ -112,10 +104,7 @@ def test_the_device_at_its_link_is_unplugged_plugged_and_reset(link: Path) -> No
 def first_state_is_new(simulator: Simulator) -> bool:
     """Whether the first state is new after the port was closed while the session went on."""
     closed_us = simulator.get("device_us")
-    end = time.monotonic() + TIMEOUT_S
-    while simulator.get("device_us") < closed_us + 2e6:
-        assert time.monotonic() < end, "simulated time stands still"
-        time.sleep(0.01)
+    wait_until(lambda: simulator.get("device_us") >= closed_us + 2e6, what="2 s simulated")
     # Whatever the time between these lines, in the simulation and here: only what was sent
     # before the port was opened is old.
     opened_us = simulator.get("device_us")
@@ -217,7 +206,7 @@ def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
     )
     with talking(sys.executable, "-c", script, link) as (_, pid):
         pass
-    wait_for_end(int(pid))
+    wait_until(lambda: not Path(f"/proc/{int(pid)}").exists(), what="its end")
     assert not link.is_symlink()
 
 

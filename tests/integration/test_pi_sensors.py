@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from support.driver_bench.rig import pin_processes
 from support.gpio_chip_process import GpioChip
 from support.i2c_bus import I2cBuses
 from support.processes import children
@@ -74,22 +75,7 @@ def robot(scene: Scene) -> Iterator[Robot]:
 
 def core_of_the_driver() -> int:
     """The process that steps the core."""
-    found: list[int] = []
-
-    def is_there() -> bool:
-        guards = [pid for pid in children(os.getpid()) if _runs(pid, "wheelwire.pi")]
-        found[:] = [core for guard in guards for core in children(guard)]
-        return bool(found)
-
-    wait_until(is_there, WAIT_S, what="the core's process")
-    return found[0]
-
-
-def _runs(pid: int, module: str) -> bool:
-    try:
-        return module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+    return wait_until(lambda: pin_processes()[1:], WAIT_S, what="the core's process")[0]
 
 
 def check_steps_while_driving(robot: Robot, count: int) -> None:

@@ -7,7 +7,7 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -155,11 +155,12 @@ def gpio_rig() -> Iterator[Rig]:
 
 
 def pin_processes() -> list[int]:
-    """Core and guard of this process's driver."""
+    """Guard and core of this process's driver."""
     found = []
     for pid in children(os.getpid()):
-        if b"wheelwire.pi" in Path(f"/proc/{pid}/cmdline").read_bytes():
-            found += [pid, *children(pid)]
+        with suppress(FileNotFoundError, ProcessLookupError):  # it may end meanwhile
+            if b"wheelwire.pi" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found += [pid, *children(pid)]
     return found
 
 
