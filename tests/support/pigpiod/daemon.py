@@ -23,9 +23,9 @@ BAD_HANDLE = -25
 SCRIPTS = 32
 LONGEST_FILTER_US = 300_000
 
-(MODES, MODEG, PUD, READ, WRITE, PWM, PRS, PFS) = range(8)
-BR1, TICK, HWVER, NB, NC, PRG, PFG, PRRG, PIGPV = 10, 16, 17, 19, 21, 22, 23, 24, 26
-PROC, PROCD, PROCR, PROCS, PROCP = 38, 39, 40, 41, 45
+MODES, PUD, READ, WRITE, PWM, PRS, PFS = 0, 2, 3, 4, 5, 6, 7
+BR1, NB, NC, PFG, PRRG = 10, 19, 21, 23, 24
+PROC, PROCD, PROCR, PROCP = 38, 39, 40, 45
 HP, FG, NOIB, PROCU = 86, 97, 99, 117
 
 Handler = Callable[[int, int, bytes], int]
@@ -52,21 +52,16 @@ class Daemon:
         self._listener: socket.socket | None = None
         self._lock = threading.Lock()
         self._handlers: dict[int, Handler] = {
-            MODES: lambda gpio, mode, _: bank.set_mode(gpio, mode),
-            MODEG: lambda gpio, *_: bank.mode(gpio),
+            MODES: lambda gpio, *_: bank.set_mode(gpio),
             PUD: lambda gpio, pull, _: bank.set_pull(gpio, pull),
             READ: lambda gpio, *_: int(bank.level(gpio)),
             WRITE: lambda gpio, level, _: bank.write(gpio, level),
             PWM: lambda gpio, duty, _: bank.set_dma_duty(gpio, duty),
             PRS: lambda gpio, full, _: bank.set_dma_range(gpio, full),
             PFS: lambda gpio, hz, _: bank.set_dma_frequency(gpio, hz),
-            PRG: lambda gpio, *_: bank.dma_range(gpio),
             PFG: lambda gpio, *_: bank.pwm_frequency(gpio),
             PRRG: lambda gpio, *_: bank.real_range(gpio),
             BR1: lambda *_: bank.levels,
-            TICK: lambda *_: clock_us() & 0x7FFFFFFF,
-            HWVER: lambda *_: 0xC03112,
-            PIGPV: lambda *_: 79,
             HP: lambda gpio, hz, ext: bank.hardware_pwm(gpio, hz, *struct.unpack("<I", ext)),
             FG: lambda _, steady, __: 0 if steady <= LONGEST_FILTER_US else BAD_FILTER,
             NB: self._on_bits,
@@ -74,7 +69,6 @@ class Daemon:
             PROC: self._on_store,
             PROCD: self._on_delete,
             PROCR: self._on_run,
-            PROCS: self._on_halt,
             PROCU: self._on_update,
         }
 
@@ -184,9 +178,6 @@ class Daemon:
     def _on_update(self, script: int, _: int, parameters: bytes) -> int:
         return self._with_script(script, lambda known: known.update(_words(parameters)))
 
-    def _on_halt(self, script: int, _: int, __: bytes) -> int:
-        return self._with_script(script, Script.stop)
-
     def _with_script(self, script: int, act: Callable[[Script], None]) -> int:
         if script not in self._scripts:
             return BAD_SCRIPT_ID
@@ -194,10 +185,9 @@ class Daemon:
         return 0
 
     def _on_delete(self, script: int, _: int, __: bytes) -> int:
-        if self._on_halt(script, 0, b"") < 0:
-            return BAD_SCRIPT_ID
-        del self._scripts[script]
-        return 0
+        result = self._with_script(script, Script.stop)
+        self._scripts.pop(script, None)
+        return result
 
     def _script_status(self, script: int, p2: int) -> bytes:
         found = self._scripts.get(script)

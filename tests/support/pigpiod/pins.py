@@ -1,8 +1,7 @@
-"""The daemon's GPIOs: modes, levels and two kinds of PWM."""
+"""The daemon's GPIOs: levels and two kinds of PWM."""
 
 from __future__ import annotations
 
-INPUT, OUTPUT = 0, 1
 PULLS = ("floating", "down", "up")
 LAST_USER_GPIO = 31
 HARDWARE_PWM = {12: 0, 18: 0, 13: 1, 19: 1}
@@ -38,17 +37,14 @@ class PinBank:
         self.pulls = [""] * (LAST_USER_GPIO + 1)
         """The pull of each GPIO, as it was last asked for."""
         self._pwm_is_clock = pwm_is_clock
-        self._modes: dict[int, int] = {}
         self._hardware: dict[int, tuple[int, int]] = {}
         self._dma_hz: dict[int, int] = {}
         self._dma_duty: dict[int, int] = {}
         self._dma_range: dict[int, int] = {}
 
-    def set_mode(self, gpio: int, mode: int) -> int:
-        if gpio > LAST_USER_GPIO:
-            return BAD_GPIO
-        self._modes[gpio] = mode
-        return 0
+    def set_mode(self, gpio: int) -> int:
+        """Nothing depends on the mode: an output's level is that of its first write."""
+        return BAD_GPIO if gpio > LAST_USER_GPIO else 0
 
     def set_pull(self, gpio: int, pull: int) -> int:
         if gpio > LAST_USER_GPIO:
@@ -58,16 +54,12 @@ class PinBank:
         self.pulls[gpio] = PULLS[pull]
         return 0
 
-    def mode(self, gpio: int) -> int:
-        return self._modes.get(gpio, INPUT)
-
     def write(self, gpio: int, level: int) -> int:
         """A plain level ends any PWM on the GPIO."""
         if gpio > LAST_USER_GPIO:
             return BAD_GPIO
         self._hardware.pop(gpio, None)
         self._dma_duty.pop(gpio, None)
-        self._modes[gpio] = OUTPUT
         bit = 1 << gpio
         self.levels = self.levels | bit if level else self.levels & ~bit
         return 0
