@@ -54,7 +54,6 @@ class CoreDevice:
         drift: float = 0.0,
         board: Chip = Chip.SIMULATED,
         board_id: int = BOARD_ID,
-        mute: bool = False,
         edits: Edits | None = None,
         **parameters: float,
     ) -> None:
@@ -64,7 +63,7 @@ class CoreDevice:
         self.clock_offset_us = 5_000_000
         self.full_speed_tps = 1200.0
         self.board_id = board_id
-        self.mute = mute
+        self.mute = False
         self.parameters = parameters
         self.lost: set[type[AnyMessage]] = set()
         self.edits: Edits = edits or {}

@@ -55,12 +55,10 @@ class Ina219:
 
     Attributes:
         millivolts: Of the supply.
-        milliamperes: Through a shunt of 100 mOhm.
     """
 
-    def __init__(self, millivolts: int = 11_400, milliamperes: int = 500) -> None:
-        self.millivolts = millivolts
-        self.milliamperes = milliamperes
+    def __init__(self) -> None:
+        self.millivolts = 11_400
         self.power_on()
 
     def power_on(self) -> None:
@@ -72,8 +70,8 @@ class Ina219:
             self._configuration = int.from_bytes(data[1:], "big")
 
     def read(self, at: int, size: int, _now_us: int) -> bytes:
-        shunt = self.milliamperes * 10  # 100 uV a milliampere, 10 uV a count
-        value = {0: self._configuration, 1: shunt & 0xFFFF, 2: self.millivolts // 4 << 3}[at]
+        shunt = 5000  # 500 mA through 100 mOhm, 10 uV a count
+        value = {0: self._configuration, 1: shunt, 2: self.millivolts // 4 << 3}[at]
         return value.to_bytes(size, "big")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TypeVar
 
 from wheelwire_protocol.codes import Chip, ResetReason
@@ -17,16 +16,10 @@ Self = TypeVar("Self", bound="LibraryRobot")
 class LibraryRobot(VirtualHost):
     """A robot whose ticks a test sets."""
 
-    def __init__(
-        self,
-        stored: bytes = b"",
-        save: Callable[[bytes], bool] = lambda _block: True,
-        board: Chip = Chip.LINUX,
-        core: Core | None = None,
-    ) -> None:
+    def __init__(self, core: Core | None = None) -> None:
         super().__init__(1)
-        identity = Identity(0x1234, board, 7, ResetReason.POWER_ON)
-        self.core = core or Core(identity, stored, save)
+        identity = Identity(0x1234, Chip.LINUX, 7, ResetReason.POWER_ON)
+        self.core = core or Core(identity, save=lambda _block: True)
         self.now_us = 1_000_000
         self.left_ticks = 0
         self.right_ticks = 0

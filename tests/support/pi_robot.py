@@ -51,7 +51,7 @@ class PiRobot(LibraryRobot):
         core.take_board(board.packed())
         self.sensors = Sensors(board.packed())
         assert core.sense(self.sensors) is PeripheralFault.NONE
-        super().__init__(core=core)
+        super().__init__(core)
         self.chips = Chips(lambda: self.bus_us)
         self.in_transfer: Callable[[], None] = lambda: None
         self.failure: TransferResult | None = None

@@ -86,8 +86,8 @@ class Rig:
             return False
         return True
 
-    def ask_for_estop(self, done: Callable[[object], None] = ignore) -> None:
-        self.loop.call(lambda done, now_us: self.session.stop(None, done, now_us), done)
+    def ask_for_estop(self) -> None:
+        self.loop.call(lambda done, now_us: self.session.stop(None, done, now_us), ignore)
 
     def _open(self, _baud_rate: int) -> Transport:
         port, self.unopened = self.unopened or self._lost(self), None

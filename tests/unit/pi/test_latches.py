@@ -22,7 +22,7 @@ SETTINGS = McuSettings("l298n", Pins())
 
 def state_after_a_start(*messages: Estop | ClearEstop) -> SupervisorState:
     """Start a core, send it these, and end it without a word, as SIGKILL does."""
-    robot = LibraryRobot(core=make_core(SETTINGS)).open()
+    robot = LibraryRobot(make_core(SETTINGS)).open()
     for message in messages:
         robot.request(message)
     return robot.step().state

@@ -31,7 +31,7 @@ class PinsRobot(LibraryRobot):
     """The core as the process on a Pi runs it, in virtual time, with a host on its line."""
 
     def __init__(self, settings: McuSettings) -> None:
-        super().__init__(core=make_core(settings))
+        super().__init__(make_core(settings))
         keep_recorder(self.core, settings, Heartbeat())
         self.left_counts = True
         self.open()

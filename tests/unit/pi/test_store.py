@@ -65,4 +65,4 @@ def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(
 
 
 def _save_on(settings: McuSettings) -> None:
-    LibraryRobot(core=make_core(settings)).open().request(ParameterSave(0, 0, 0))
+    LibraryRobot(make_core(settings)).open().request(ParameterSave(0, 0, 0))
