@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
 from wheelwire.robot.robot import Robot
 
 PERIOD_S = 0.002
@@ -64,12 +63,3 @@ async def until(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < end, "the condition never held"
         await asyncio.sleep(PERIOD_S)
-
-
-def measures(robot: Robot) -> bool:
-    """Whether samples come."""
-    try:
-        robot.read(timeout=0.2)
-    except (RequestTimeout, LinkLost, LinkClosed):
-        return False
-    return True

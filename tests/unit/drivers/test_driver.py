@@ -14,7 +14,7 @@ import pytest
 from support.core_device import BOARD_ID, CoreDevice
 from support.processes import interruptible
 from support.pty_device import PtyDevice
-from support.waiting import measures, stop_and_stand, wait_until
+from support.waiting import stop_and_stand, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -28,7 +28,6 @@ from wheelwire_protocol.types import (
     SetDuty,
     SetWheelVelocity,
     Stop,
-    WheelState,
 )
 
 
@@ -58,14 +57,6 @@ def test_an_endless_time_to_live_fits_the_wire(device: PtyDevice, driver: Serial
     driver.parameters.refresh("ttl_max_s")
     driver.set_velocity(0.1, 0.0, ttl=1e38)
     wait_until(lambda: bool(device.device.obeyed))
-
-
-def test_no_new_sample_is_a_timeout_and_no_old_one(device: PtyDevice, driver: SerialDriver) -> None:
-    driver.read()
-    device.device.lost.add(WheelState)
-    wait_until(lambda: not measures(driver))  # what was under way may still be read
-    with pytest.raises(errors.RequestTimeout):
-        driver.read(timeout=0.05)
 
 
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
