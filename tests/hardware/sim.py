@@ -38,15 +38,10 @@ def measure_with(fault: Mutant, times: int) -> hil.Measured:
     """Plant a fault in a copy of the checkout, build that, and measure."""
     with alone(BUILD):
         workspace = Workspace(BUILD / "checkout")
-        path = workspace.folder / fault.file
-        text = path.read_text("utf-8")
-        path.write_text(fault.apply(text), "utf-8")
-        try:
+        with workspace.planted(fault):
             if complaints := workspace.build([PROGRAM]):
                 raise MutantError(complaints[-2000:])
             return hil.simulate(workspace.folder / "build" / "host" / PROGRAM, times)
-        finally:
-            path.write_text(text, "utf-8")
 
 
 def main() -> int:

@@ -297,12 +297,18 @@ class Workspace:
         return judge(process.returncode, output)
 
     def try_mutant(self, group: Group, mutant: Mutant) -> Verdict:
-        """Test the tree with one mutation in it; the tree is as before afterwards."""
+        """Test the tree with one mutation in it."""
+        with self.planted(mutant):
+            return self.test(group, mutant)
+
+    @contextmanager
+    def planted(self, mutant: Mutant) -> Iterator[None]:
+        """The tree has a mutation; it is as before afterwards."""
         path = self.folder / mutant.file
         text = path.read_text("utf-8")
         path.write_text(mutant.apply(text), "utf-8")
         try:
-            return self.test(group, mutant)
+            yield
         finally:
             path.write_text(text, "utf-8")
 

@@ -384,30 +384,23 @@ def test_all_rows_leave_what_is_saved_as_it_was() -> None:
     assert device.saved == saved
 
 
-def test_the_frequency_is_restored_when_a_measurement_ends_early(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [("", "^no$"), ("dead", r"no answer .* save pwm_frequency_hz = 20000 again")],
+)
+def test_the_frequency_is_restored_when_a_measurement_ends_early_or_named(
+    monkeypatch: pytest.MonkeyPatch, fault: str, says: str
 ) -> None:
     def fail(*_: object) -> object:
+        device.fault = fault
         raise BoardError("no")
 
     monkeypatch.setattr(hil_board, "measure_duties", fail)
     device, board = bench()
     saved = dict(device.saved)
-    with pytest.raises(BoardError):
+    with pytest.raises(BoardError, match=says):
         hil_board.measure_pwm(board, LOOPS, 1)
     assert device.saved == saved
-
-
-def test_an_unplugged_board_has_its_frequency_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    device, board = bench()
-
-    def unplug(*_: object) -> object:
-        device.fault = "dead"
-        raise BoardError("no")
-
-    monkeypatch.setattr(hil_board, "measure_duties", unplug)
-    with pytest.raises(BoardError, match=r"no answer .* save pwm_frequency_hz = 20000 again"):
-        hil_board.measure_pwm(board, LOOPS, 1)
 
 
 def test_one_core_freezes_unseen() -> None:
@@ -460,19 +453,32 @@ class TestCommand:
         monkeypatch.setattr("sys.argv", ["board.py", "--port", "x", "--output", output])
         return device
 
-    @staticmethod
-    def say(monkeypatch: pytest.MonkeyPatch, words: str) -> None:
-        monkeypatch.setattr("builtins.input", lambda _: words)
-
-    @pytest.mark.parametrize("words", ["", "yes", "on"])
-    def test_nothing_is_driven_unless_the_user_says_that_the_supply_is_off(
-        self, device: MadeUpBoard, monkeypatch: pytest.MonkeyPatch, words: str
+    @pytest.mark.parametrize(
+        ("fault", "words", "code", "says", "asked"),
+        [
+            *(("", words, 2, "Nothing was measured", 4) for words in ("", "yes", "on")),
+            ("ordinary", "off", 0, "flash the self-test image", 3),
+            ("unconfirmed", "off", 2, "wheelwire board confirm", 4),
+        ],
+    )
+    def test_nothing_is_driven_unless_board_image_and_user_allow_it(
+        self,
+        device: MadeUpBoard,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+        fault: str,
+        words: str,
+        code: int,
+        says: str,
+        asked: int,
     ) -> None:
-        self.say(monkeypatch, words)
-        assert command.main() == 2
-        asked = (Hello, Ping, GroupGet, ConfigurationGet)
+        monkeypatch.setattr("builtins.input", lambda _: words)
+        device.fault = fault
+        assert command.main() == code
+        assert says in capsys.readouterr().out
         assert device.asked
-        assert all(isinstance(message, asked) for message in device.asked)
+        allowed = (Hello, Ping, GroupGet, ConfigurationGet)[:asked]
+        assert all(isinstance(message, allowed) for message in device.asked)
 
     def test_it_measures_and_prints_the_table_and_the_wires(
         self,
@@ -481,7 +487,7 @@ class TestCommand:
         tmp_path: Path,
         capsys: pytest.CaptureFixture[str],
     ) -> None:
-        self.say(monkeypatch, "off")
+        monkeypatch.setattr("builtins.input", lambda _: "off")
         assert command.main() == 0
         printed = capsys.readouterr().out
         assert "LOOP=25:18,26:19" in printed
@@ -490,19 +496,3 @@ class TestCommand:
         device.fault = "loses a ping"
         assert command.main() == 1
         assert "FAILED line" in capsys.readouterr().out
-
-    def test_an_ordinary_image_is_left_alone(
-        self, device: MadeUpBoard, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        device.fault = "ordinary"
-        assert command.main() == 0
-        assert "flash the self-test image" in capsys.readouterr().out
-        assert all(isinstance(message, (Hello, Ping, GroupGet)) for message in device.asked)
-
-    def test_a_board_that_nobody_has_confirmed_is_told_so_and_is_not_measured(
-        self, device: MadeUpBoard, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        device.fault = "unconfirmed"
-        assert command.main() == 2
-        assert "wheelwire board confirm" in capsys.readouterr().out
-        assert not any(isinstance(message, SelfTestAllow) for message in device.asked)
