@@ -1,12 +1,8 @@
 // What the dead-man's interrupt leaves of the outputs when no control step comes any more.
 #include "dead_man.hpp"
 
-#include "check.hpp"
 #include "freertos/FreeRTOS.h"
-#include "pins.hpp"
-#include "release_pins.hpp"
-#include "stage_boards.hpp"
-#include "wired_robot.hpp"
+#include "started_robot.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::test;
@@ -18,11 +14,8 @@ constexpr int kHoldMs = kMaxHoldUs / 1000;
 
 /// A robot under the dead-man of one core, with a check each millisecond.
 struct Watched {
-  explicit Watched(const BoardDescription& of) : board(of) {
-    fake_matrix = {};
+  explicit Watched(const BoardDescription& board) : robot(board) {
     fake_core = 1;
-    CHECK(take_pins(ConfigurationState::kStored, board));
-    CHECK(robot.start(Parameters{}));
     CHECK(dead_man.watch_from_this_core());
     dead_man.follow_period(1000);
     timer = fake_newest_timer;
@@ -35,6 +28,7 @@ struct Watched {
       act(robot.left_motor);
       act(robot.right_motor);
       dead_man.feed(drives);
+      fake_time_us += 1000;
       timer->ring();
     }
   }
@@ -43,17 +37,17 @@ struct Watched {
   }
 
   /// The pins of the stages that are high at some time of a PWM period.
-  PinMask high() { return high_pins() & stage_pins(board); }
-  bool is_released() { return !drives(board); }
+  PinMask high() { return high_pins() & stage_pins(robot.board); }
+  bool is_released() { return !drives(robot.board); }
 
-  BoardDescription board;
-  WiredRobot robot{board};
+  StartedRobot robot;
   DeadMan dead_man;
   FakeGptimer* timer = nullptr;
 };
 
 void watch_every_stage(auto test) {
   on_every_stage([&](const BoardDescription& board) {
+    power_on();
     Watched watched(board);
     test(watched);
   });
@@ -78,13 +72,15 @@ TEST(a_brake_outlives_a_flash_operation_ends_at_the_slow_watchdog_s_limit_and_re
   });
 }
 
-TEST(a_robot_that_drives_is_released_after_a_few_checks) {
+TEST(a_robot_that_drives_either_way_is_released_after_a_few_checks_and_drives_with_a_step) {
   watch_every_stage([](Watched& watched) {
-    watched.steps(3, true, [](MotorPort& motor) { motor.drive(20'000); });
-    CHECK(!watched.is_released());
-    watched.timer->ring(kLimit - 1);
-    CHECK(!watched.is_released());
-    watched.timer->ring();
-    CHECK(watched.is_released());
+    for (const int16_t duty_q15 : std::initializer_list<int16_t>{20'000, -20'000, 20'000}) {
+      watched.steps(3, true, [=](MotorPort& motor) { motor.drive(duty_q15); });
+      CHECK(!watched.is_released());
+      watched.timer->ring(kLimit - 1);
+      CHECK(!watched.is_released());
+      watched.timer->ring();
+      CHECK(watched.is_released());
+    }
   });
 }

@@ -7,15 +7,11 @@
 #include <thread>
 #include <vector>
 
-#include "check.hpp"
 #include "esp_attr.h"
 #include "esp_private/esp_clk.h"
 #include "esp_rom_sys.h"
 #include "hal/wdt_hal.h"
-#include "pins.hpp"
-#include "release_pins.hpp"
-#include "stage_boards.hpp"
-#include "wired_robot.hpp"
+#include "started_robot.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::test;
@@ -108,8 +104,7 @@ TEST(a_panic_first_releases_the_motors_then_arms_its_watchdog_then_calls_the_han
   for (void (*const handler)(void*) : kHandlers) {
     on_every_stage([&](const BoardDescription& board) {
       reset_chip();
-      WiredRobot robot(board);
-      CHECK(take_pins(ConfigurationState::kStored, board) && robot.start(Parameters{}));
+      StartedRobot robot(board);
       prepare_drive_watchdog();
       for (int i = 0; i < 2; ++i) robot.left_motor.drive(20'000);
       drive_for_ms(1);

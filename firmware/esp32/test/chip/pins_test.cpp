@@ -1,16 +1,13 @@
 // Which pins the chip drives after a reset, with each board before and after it.
 #include "pins.hpp"
 
-#include "check.hpp"
+#include <string.h>
+
 #include "image_board.hpp"
-#include "release_pins.hpp"
-#include "stage_boards.hpp"
-#include "wired_robot.hpp"
+#include "started_robot.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::test;
-
-extern "C" void bootloader_before_init();
 
 namespace {
 
@@ -30,20 +27,14 @@ PinMask lurking() {
   return pins;
 }
 
-/// From a reset of the CPU, which leaves all registers of the pins, to the control task.
-struct StartedRobot : WiredRobot {
-  StartedRobot(ConfigurationState state, const BoardDescription& of) : WiredRobot(of) {
-    bootloader_before_init();
-    CHECK(float_pins());
-    CHECK(take_pins(state, of));
-    if (is_confirmed(state)) CHECK(start(Parameters{}));
+/// It drives both wheels.
+struct DrivenRobot : StartedRobot {
+  explicit DrivenRobot(const BoardDescription& of) : StartedRobot(of) {
+    left_motor.drive(20'000);
+    right_motor.drive(-20'000);
+    CHECK(drives(of));
   }
 };
-
-void power_on() {
-  fake_matrix = {};
-  for (uint8_t& byte : fake_rtc_memory.custom) byte = 0x5a;
-}
 
 }  // namespace
 
@@ -51,7 +42,7 @@ TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
   for (const ConfigurationState state :
        {ConfigurationState::kDamaged, ConfigurationState::kBuiltIn}) {
     power_on();
-    StartedRobot robot(state, kImageBoard);
+    StartedRobot robot(kImageBoard, state);
     robot.left_motor.drive(20'000);
     robot.right_motor.brake();
     CHECK(driven_pins() == 0);
@@ -64,7 +55,7 @@ TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone_and_the_wheel_that_
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     on_every_stage([state](const BoardDescription& board) {
       power_on();
-      StartedRobot robot(state, board);
+      StartedRobot robot(board, state);
       CHECK(driven_pins() == stage_pins(board));
       CHECK((once_high_pins() & stage_pins(board)) == 0);
       CHECK(fake_matrix.pwm.runs);
@@ -83,11 +74,8 @@ TEST(the_pins_of_the_previous_board_float_after_a_change) {
   on_every_stage([](const BoardDescription& former) {
     on_every_stage([&former](const BoardDescription& board) {
       power_on();
-      StartedRobot driver(ConfigurationState::kStored, former);
-      driver.left_motor.drive(20'000);
-      driver.right_motor.drive(-20'000);
-
-      StartedRobot robot(ConfigurationState::kTrial, board);
+      DrivenRobot driver(former);
+      StartedRobot robot(board, ConfigurationState::kTrial);
       CHECK(driven_pins() == stage_pins(board) && lurking() == 0);
       CHECK((driven_pins() & encoder_pins(board)) == 0);
     });
@@ -97,9 +85,8 @@ TEST(the_pins_of_the_previous_board_float_after_a_change) {
 TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   power_on();
   const BoardDescription former = board_of(Stage::kPwmIn1In2);
-  StartedRobot driver(ConfigurationState::kStored, former);
-  driver.left_motor.drive(20'000);
-  StartedRobot robot(ConfigurationState::kBuiltIn, kImageBoard);
+  DrivenRobot driver(former);
+  StartedRobot robot(kImageBoard, ConfigurationState::kBuiltIn);
   CHECK(driven_pins() == 0 && lurking() == 0);
   // Again: nothing is left for the bootloader.
   bootloader_before_init();
@@ -110,7 +97,7 @@ TEST(the_bootloader_holds_a_confirmed_board_low_and_nothing_of_one_on_trial) {
   for (const ConfigurationState state : {ConfigurationState::kTrial, ConfigurationState::kStored}) {
     on_every_stage([state](const BoardDescription& board) {
       power_on();
-      StartedRobot robot(state, board);
+      StartedRobot robot(board, state);
       robot.left_motor.drive(20'000);
       bootloader_before_init();
       const PinMask held = state == ConfigurationState::kStored ? release_pins(board) : 0;
@@ -122,13 +109,39 @@ TEST(the_bootloader_holds_a_confirmed_board_low_and_nothing_of_one_on_trial) {
   }
 }
 
+TEST(the_bootloader_lets_all_pins_float_when_it_knows_no_board) {
+  on_every_stage([](const BoardDescription& board) {
+    for (const int content : {0x00, 0x5a, 0xff}) {
+      power_on();
+      DrivenRobot robot(board);
+      memset(fake_rtc_memory.custom, content, sizeof fake_rtc_memory.custom);
+      bootloader_before_init();
+      CHECK(!drives(board) && (stage_pins(board) & driven_pins()) == 0);
+    }
+  });
+}
+
+TEST(a_saved_release_with_a_flipped_bit_is_not_believed) {
+  power_on();
+  const BoardDescription board = board_of(Stage::kHalfBridges);
+  StartedRobot robot(board);
+  CHECK(saved_release()->is_valid());
+  for (size_t bit = 0; bit < 8 * sizeof(SavedRelease); ++bit) {
+    uint8_t& byte = fake_rtc_memory.custom[bit / 8];
+    const uint8_t good = byte;
+    byte = static_cast<uint8_t>(good ^ 1 << bit % 8);
+    CHECK(!saved_release()->is_valid() && saved_release_pins() == 0);
+    byte = good;
+  }
+}
+
 TEST(the_board_says_who_pulls_the_encoders_up) {
   for (const EncoderPulls pulls : {EncoderPulls::kInternal, EncoderPulls::kExternal}) {
     power_on();
     BoardDescription board = board_of(Stage::kEnableIn1In2);
     board.encoder_pulls = pulls;
     if (pulls == EncoderPulls::kExternal) board.left_encoder_a = 36;  // An input only.
-    StartedRobot robot(ConfigurationState::kStored, board);
+    StartedRobot robot(board);
     for (const BoardPin function : kEncoderPins)
       CHECK(fake_matrix.pulled_up[board.pin(function)] == (pulls == EncoderPulls::kInternal));
   }

@@ -21,7 +21,7 @@ constexpr uint8_t kA = 18;
 constexpr uint8_t kB = 19;
 
 /// What was done to a core.
-std::vector<std::pair<int, Failure>> failures;
+std::vector<std::pair<int, Failure>> core_failures;
 
 int any_body_size(uint8_t id) {
   const int size = body_size(id);
@@ -35,7 +35,7 @@ class SelfTestWorld : public test::BenchHost {
     fake_matrix = {};
     fake_capture = {};
     fake_time_us = 1'000'000;
-    failures.clear();
+    core_failures.clear();
     fake_sleep = [](TickType_t) {};
     device.start(now_us());
     greet();
@@ -144,7 +144,7 @@ class Loop {
 
 namespace wheelwire {
 
-void fail_core(Failure failure) { failures.emplace_back(fake_core, failure); }
+void fail_core(Failure failure) { core_failures.emplace_back(fake_core, failure); }
 
 }  // namespace wheelwire
 
@@ -216,7 +216,7 @@ TEST(a_question_that_is_repeated_is_answered_again_and_carried_out_once) {
     CHECK(world.received.size() == 1 && world.received[0].first == Ack::kId);
     world.work();
   }
-  CHECK(failures.size() == 1);
+  CHECK(core_failures.size() == 1);
 }
 
 TEST(nothing_is_driven_before_the_user_has_said_that_the_supply_is_off) {
@@ -235,7 +235,7 @@ TEST(nothing_is_driven_before_the_user_has_said_that_the_supply_is_off) {
         RefusalCode::kNotSupported);
   CHECK(world.refusal(SelfTestLastGet{}) == RefusalCode::kNotSupported);
   world.work();
-  CHECK(failures.empty());
+  CHECK(core_failures.empty());
   world.drive(3000, -3000);
   CHECK(world.left.duty == 0 && world.right.duty == 0);
 
@@ -252,9 +252,9 @@ TEST(each_core_fails_as_it_is_asked_to_and_no_other) {
       SelfTestWorld world;
       CHECK(world.allow() == RefusalCode::kNone);
       CHECK(world.fail(failure, core) == RefusalCode::kNone);
-      CHECK(failures.empty());  // The Ack first.
+      CHECK(core_failures.empty());  // The Ack first.
       world.work();
-      CHECK(failures.size() == 1 && failures[0] == std::pair(int{core}, failure));
+      CHECK(core_failures.size() == 1 && core_failures[0] == std::pair(int{core}, failure));
     }
   }
   SelfTestWorld world;
