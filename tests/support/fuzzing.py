@@ -6,6 +6,7 @@ import json
 import struct
 import subprocess
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 from wheelwire_protocol.parameters import PARAMETERS
@@ -78,14 +79,16 @@ def _session_seeds() -> Iterator[bytes]:
 
 
 def _parameter_seeds() -> Iterator[bytes]:
-    """Blocks of the store without magic and CRC, which the target adds; see fuzz_parameters.cpp."""
-    entries = [struct.pack("<Bf", p.id, p.default) for p in PARAMETERS]
-    limits = [struct.pack("<Bf", p.id, x) for p in PARAMETERS for x in (p.minimum, p.maximum)]
+    """Entries, and whole blocks of the store; see fuzz_parameters.cpp."""
+    entries, minima, maxima = (
+        [struct.pack("<Bf", p.id, value(p)) for p in PARAMETERS]
+        for value in (attrgetter("default"), attrgetter("minimum"), attrgetter("maximum"))
+    )
     foreign = struct.pack("<Bf", 255, float("nan"))
-    for rows in ([], entries, entries[:3], limits, [foreign], entries * 2):
-        block = bytes([len(rows)]) + b"".join(rows)
-        yield b"\x01" + block
-        yield b"\x00WWP2" + block
+    # More of them than the block has room for would not be looked at.
+    for rows in ([], entries, minima, maxima, entries[:3] * 2, [foreign]):
+        yield b"\x01" + b"".join(rows)
+        yield b"\x00WWP2" + bytes([len(rows)]) + b"".join(rows)
 
 
 _SEEDS = {

@@ -1,10 +1,10 @@
-// Any block from the parameter store. The input is the block; if its first byte is odd, the rest is
-// given the magic number and a correct CRC, so that the code after those checks is reached.
+// Any block from the parameter store. The input is a byte and the block; if the byte is odd, the
+// rest is the block's entries only, and the firmware's own magic number and their count come before
+// them, so that the code after those checks is reached.
 #include <cmath>
 #include <vector>
 
 #include "config.hpp"
-#include "crc32.hpp"
 #include "memory_store.hpp"
 #include "parameters.hpp"
 #include "require.hpp"
@@ -13,17 +13,17 @@ using namespace wheelwire;
 
 namespace {
 
-constexpr uint8_t kMagic[] = {'W', 'W', 'P', '1'};
+constexpr size_t kEntry = sizeof(ParameterId) + sizeof(float);
 
 std::vector<uint8_t> block_of(const uint8_t* data, size_t size) {
   if (size == 0) return {};
-  const std::vector<uint8_t> rest(data + 1, data + size);
-  if (data[0] % 2 == 0) return rest;
-  std::vector<uint8_t> block(kMagic, kMagic + sizeof kMagic);
-  block.insert(block.end(), rest.begin(), rest.end());
-  const uint32_t crc = crc32(block.data(), block.size());
-  for (int shift = 0; shift < 32; shift += 8) block.push_back(static_cast<uint8_t>(crc >> shift));
-  return block;
+  if (data[0] % 2 == 0) return {data + 1, data + size};
+  MemoryStore store;
+  REQUIRE(Parameters::save_none(store));
+  const size_t count = (size - 1) / kEntry;
+  store.block.back() = static_cast<uint8_t>(count);
+  store.block.insert(store.block.end(), data + 1, data + 1 + count * kEntry);
+  return store.block;
 }
 
 void check_bounds(const Parameters& parameters) {
