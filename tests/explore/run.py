@@ -6,6 +6,7 @@ import argparse
 import secrets
 import subprocess
 import sys
+from itertools import groupby
 from pathlib import Path
 
 from rich.console import Console
@@ -15,17 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import exploring
 
 CONSOLE = Console(markup=False, highlight=False, soft_wrap=True)
-TITLES = {
-    "transition": ("state", "event"),
-    "refusal": ("message", "refusal"),
-    "carried out": ("message", "state"),
-    "reset": ("reset", "state"),
-    "board": ("active, wired", "confirmed"),
-    "battery": ("its voltage", "level or case"),
-}
-
-WIDE = 9
-"""A table of more columns is printed as a list in each row."""
+TITLES = {"transition": ("state", "event"), "refusal": ("message", "refusal")}
 
 
 def commit() -> str:
@@ -37,38 +28,22 @@ def commit() -> str:
 
 def table(name: str, cells: dict[str, int]) -> Table:
     """What was seen together with what, and how often."""
-    pairs = {
-        tuple(cell.rsplit(", " if name == "board" else " ", 1)): n for cell, n in cells.items()
-    }
-    columns = sorted({column for _, column in pairs})
-    if len(columns) > WIDE:
-        listed = Table(*TITLES[name], title=name)
-        for row in sorted({row for row, _ in pairs}):
-            seen = (
-                f"{column} {pairs[row, column]}" for column in columns if (row, column) in pairs
-            )
-            listed.add_row(row, ", ".join(seen))
-        return listed
-    shown = Table(" / ".join(TITLES[name]), *columns, title=name)
-    for row in sorted({row for row, _ in pairs}):
-        shown.add_row(row, *(str(pairs.get((row, column), ".")) for column in columns))
-    return shown
+    listed = Table(*TITLES[name], title=name)
+    for row, seen in groupby(sorted(cells.items()), key=lambda cell: cell[0].split(" ")[0]):
+        listed.add_row(row, ", ".join(f"{cell.split(' ')[1]} {n}" for cell, n in seen))
+    return listed
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seconds", type=float, help="of each of two processes' processor time")
     parser.add_argument("seed", type=int, nargs="?", help="the first; default: one by chance")
-    parser.add_argument("--except", action="append", default=[], metavar="CODE", dest="excepted")
     parser.add_argument("--quiet", action="store_true", help="no tables of what was reached")
     parser.add_argument("--shrink", default="60", metavar="SECONDS", help="for at most so long")
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else secrets.randbits(48)
     CONSOLE.print(f"seeds from {seed}, commit {commit()}")
-    excepted = [word for code in options.excepted for word in ("--except", code)]
-    report = exploring.explore(
-        seed, seconds=options.seconds, options=[*excepted, "--shrink", options.shrink]
-    )
+    report = exploring.explore(seed, seconds=options.seconds, options=["--shrink", options.shrink])
     if not options.quiet:
         wide = Console(markup=False, highlight=False, width=200)
         for name, cells in report.cells.items():

@@ -24,30 +24,24 @@ class BatteryWitness {
     }
   }
 
-  /// A control step reads this voltage. Returns what happened, for the table of what was reached,
-  /// or nullptr.
-  const char* reads(uint16_t millivolts, uint64_t now_us) {
-    if (!is_guarded(levels_)) return nullptr;
+  /// A control step reads this voltage.
+  void reads(uint16_t millivolts, uint64_t now_us) {
+    if (!is_guarded(levels_)) return;
     if (seen_us_ == kNever) seen_us_ = now_us;
     if (millivolts != 0) {
-      const bool is_first = !is_read_;
       is_read_ = true;
       is_broken_ = false;
       seen_us_ = now_us;
-      const char* const what = follow(millivolts, now_us);
+      follow(millivolts, now_us);
       read_us_ = now_us;
-      return is_first && stopped_ == Stopped::kYes ? "reset STOP" : what;
+      return;
     }
-    if (now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return nullptr;
+    if (now_us - seen_us_ < (is_read_ ? kBrokenUs : kMissingUs)) return;
     read_us_ = now_us;  // Without a voltage no time counts.
-    if (is_broken_) return nullptr;
+    if (is_broken_) return;
     is_broken_ = true;
-    const char* const ended = above_us_[kLow] != kNever && level_ != kGood ? "silent rising"
-                              : is_below_ != Flags{}                       ? "silent falling"
-                                                                           : "silent steady";
     is_below_ = {};
     above_us_ = kNone;
-    return ended;
   }
 
   // For a moment between two readings, when the chip would see this voltage.
@@ -151,43 +145,27 @@ class BatteryWitness {
     if (rested_us_[level] >= kRestedUs) fallen_us_[level] = 0.0;
   }
 
-  const char* follow(uint16_t millivolts, uint64_t now_us) {
+  void follow(uint16_t millivolts, uint64_t now_us) {
     if (!has_level_) {
       has_level_ = true;
       for (const Level level : {kLow, kLimited, kEmpty})
         if (millivolts < bound_of(level)) level_ = level;
-      return nullptr;
+      return;
     }
-    const Flags was_below = is_below_;
-    const Since was_above = above_us_;
     for (const Level level : {kLow, kLimited, kEmpty}) {
       follow_falling(level, millivolts, now_us);
       const bool is_above = millivolts - millivolts / 32 >= bound_of(level);
-      if (!is_above) above_us_[level] = kNever;
-      if (is_above && was_above[level] == kNever) above_us_[level] = now_us;
+      if (!is_above)
+        above_us_[level] = kNever;
+      else if (above_us_[level] == kNever)
+        above_us_[level] = now_us;
     }
-    if (above_us_[kLow] != was_above[kLow] && above_us_[kLimited] == was_above[kLimited])
-      crossed_us_ = now_us;
     if (is_unsure() && above_us_[kLow] != kNever && now_us > above_us_[kLow] + kRiseUs + kSlackUs)
       stopped_ = Stopped::kNo;
     const Level before = level_;
-    const double fallen_us = fallen_us_[kEmpty];
     read_us_ = now_us;
     level_ = level_after(now_us);
     if (level_ != before) changed_us_ = now_us;
-    if (level_ > before) return name_of_fall(level_);
-    if (level_ == kGood && before != kGood)
-      return before == kEmpty ? "rises from_STOP" : "rises OK";
-    if (level_ < before)
-      return crossed_us_ > above_us_[kLimited] ? "rises across_WARN" : "rises WARN";
-    // It was below the lowest bound for a moment, and below a higher one for long.
-    const bool was_dip = was_below[kEmpty] && !is_below_[kEmpty];
-    if (was_dip && before != kEmpty)
-      return fallen_us < fallen_us_[kLow] ? "dips in_a_sag" : "dips alone";
-    return nullptr;
-  }
-  static const char* name_of_fall(Level level) {
-    return level == kEmpty ? "falls STOP" : level == kLimited ? "falls LIMIT" : "falls WARN";
   }
 
   Peripheral levels_{};
@@ -202,8 +180,7 @@ class BatteryWitness {
   std::array<double, kLevels> fallen_us_{};
   std::array<double, kLevels> rested_us_{};  ///< Since it was last below that bound.
   uint64_t changed_us_ = 0;
-  Since above_us_ = kNone;   ///< By a 32nd.
-  uint64_t crossed_us_ = 0;  ///< When it was last above WARN by a 32nd, or was not any more.
+  Since above_us_ = kNone;  ///< By a 32nd.
 };
 
 }  // namespace wheelwire::explore

@@ -1,24 +1,23 @@
 // Explores the whole robot from seeds, or carries out scenarios that are given.
 //
 //   wheelwire-explore --seed N [--every K] (--seconds S | --count C) [--folder F]
-//                     [--except S11] [--shrink SECONDS]      S: of the processor, however busy it
-//                     is
+//                     [--shrink SECONDS]     S: of the processor, however busy it is
 //   wheelwire-explore --exhaustive PART/PARTS [--folder F]
 //   wheelwire-explore --replay FILE...
 //   wheelwire-explore --print N
 //   wheelwire-explore --rules
 //
-// A table of what was reached goes to stdout, by tabs. Exit code 1: a rule is broken; the shortest
-// scenario that breaks it is in the folder.
-#include <sys/resource.h>
-
+// The transitions and refusals that were seen go to stdout, by tabs. Exit code 1: a rule is broken;
+// the shortest scenario that breaks it is in the folder.
 #include <cinttypes>
 #include <cstdio>
-#include <cstring>
+#include <ctime>
+#include <exception>
 #include <fstream>
 #include <iterator>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "exhaustive.hpp"
@@ -37,33 +36,27 @@ struct Options {
   uint64_t count = UINT64_MAX;
   std::string folder = ".";
   std::vector<std::string> replays;
-  bool print = false;
+  std::optional<uint64_t> print;  ///< A seed.
   bool list_rules = false;
-  uint64_t excepted = 0;
   size_t part = 0;
   size_t parts = 0;  ///< 0: no combinations.
 };
 
-double cpu_seconds() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_utime.tv_sec) +
-         static_cast<double>(usage.ru_utime.tv_usec) * 1e-6;
-}
+double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 std::string title(const Finding& finding) {
   return code_of(finding.rule) + " " + std::string(name_of(finding.rule)) + ": " + finding.text;
 }
 
 /// Writes the shortest scenario, and says what it breaks.
-void report(const Options& options, const Scenario& scenario, const Outcome& outcome) {
+void report(const Options& options, Scenario scenario, const Outcome& outcome) {
   std::printf("broken\t%s\tseed %" PRIu64 ", operation %zu\n", title(outcome.finding).c_str(),
               scenario.seed, outcome.operations);
   std::fflush(stdout);
+  scenario.operations.resize(outcome.operations);
   const Scenario shortest =
       Shrinker(scenario, outcome.finding.rule, options.shrink_seconds).shortest();
-  Coverage unused;
-  const Outcome again = carry_out(shortest, unused);
+  const Outcome again = carry_out(shortest);
   const std::string path = options.folder + "/" + code_of(outcome.finding.rule) + "-" +
                            std::to_string(scenario.seed) + ".txt";
   std::ofstream(path) << "# " << title(again.finding) << "\n" << to_text(shortest);
@@ -79,16 +72,16 @@ int carry_out_each(const Options& options, Next next) {
   uint64_t count = 0;
   bool found = false;
   while (!found && (options.seconds == 0.0 || cpu_seconds() - cpu_begin < options.seconds)) {
-    std::optional<Scenario> scenario = next(count);
+    const std::optional<Scenario> scenario = next(count);
     if (!scenario) break;
-    scenario->excepted = options.excepted;
-    const Outcome outcome = carry_out(*scenario, coverage);
+    const Outcome outcome = carry_out(*scenario);
+    for (const auto& [cell, seen] : outcome.coverage) coverage[cell] += seen;
     robot_seconds += outcome.seconds;
     ++count;
     found = outcome.found();
     if (found) report(options, *scenario, outcome);
   }
-  std::fputs(coverage.text().c_str(), stdout);
+  for (const auto& [cell, seen] : coverage) std::printf("%s\t%" PRIu64 "\n", cell.c_str(), seen);
   std::printf("ran\tscenarios\t%" PRIu64 "\nran\trobot seconds\t%.0f\nran\tcpu seconds\t%.2f\n",
               count, robot_seconds, cpu_seconds() - cpu_begin);
   return found ? 1 : 0;
@@ -122,8 +115,7 @@ int replay(const std::vector<std::string>& paths) {
       std::fprintf(stderr, "%s: %s\n", path.c_str(), wrong.c_str());
       return 2;
     }
-    Coverage unused;
-    const Outcome outcome = carry_out(scenario, unused);
+    const Outcome outcome = carry_out(scenario);
     if (!outcome.found()) continue;
     std::printf("broken\t%s\t%s, operation %zu: %s\n", title(outcome.finding).c_str(), path.c_str(),
                 outcome.operations, to_text(scenario.operations[outcome.operations - 1]).c_str());
@@ -132,42 +124,43 @@ int replay(const std::vector<std::string>& paths) {
   return result;
 }
 
-bool read_options(int count, char** words, Options& out) {
-  for (int i = 1; i < count; ++i) {
-    const std::string word = words[i];
-    if (word == "--replay") {
-      out.replays.assign(words + i + 1, words + count);
+using Text = const std::string&;
+
+constexpr struct {
+  std::string_view name;
+  void (*take)(Options& o, Text value);  ///< Throws if that is not a value.
+} kOptions[] = {
+    {"--seed", [](Options& o, Text value) { o.seed = std::stoull(value); }},
+    {"--every", [](Options& o, Text value) { o.every = std::stoull(value); }},
+    {"--count", [](Options& o, Text value) { o.count = std::stoull(value); }},
+    {"--seconds", [](Options& o, Text value) { o.seconds = std::stod(value); }},
+    {"--shrink", [](Options& o, Text value) { o.shrink_seconds = std::stod(value); }},
+    {"--folder", [](Options& o, Text value) { o.folder = value; }},
+    {"--print", [](Options& o, Text value) { o.print = std::stoull(value); }},
+    {"--exhaustive",
+     [](Options& o, Text value) {
+       size_t slash = 0;
+       o.part = std::stoull(value, &slash);
+       o.parts = std::stoull(value.substr(slash + 1));
+     }},
+};
+
+/// False if they cannot be understood, or say nothing to do.
+bool read_options(const std::vector<std::string>& words, Options& out) try {
+  for (size_t i = 0; i < words.size(); i += 2) {
+    if (words[i] == "--rules") return out.list_rules = true;
+    if (words[i] == "--replay") {
+      out.replays = {words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end()};
       return !out.replays.empty();
     }
-    if (word == "--rules") return out.list_rules = true;
-    if (i + 1 == count) return false;
-    const char* const value = words[++i];
-    if (word == "--seed") {
-      out.seed = std::strtoull(value, nullptr, 10);
-    } else if (word == "--print") {
-      out.seed = std::strtoull(value, nullptr, 10);
-      out.print = true;
-    } else if (word == "--exhaustive") {
-      if (std::sscanf(value, "%zu/%zu", &out.part, &out.parts) != 2 || out.parts == 0) return false;
-    } else if (word == "--every") {
-      out.every = std::strtoull(value, nullptr, 10);
-    } else if (word == "--seconds") {
-      out.seconds = std::strtod(value, nullptr);
-    } else if (word == "--shrink") {
-      out.shrink_seconds = std::strtod(value, nullptr);
-    } else if (word == "--count") {
-      out.count = std::strtoull(value, nullptr, 10);
-    } else if (word == "--except") {
-      const auto rule = rule_called(value);
-      if (!rule) return false;
-      out.excepted |= uint64_t{1} << static_cast<unsigned>(*rule);
-    } else if (word == "--folder") {
-      out.folder = value;
-    } else {
-      return false;
-    }
+    const auto* option = std::begin(kOptions);
+    while (option != std::end(kOptions) && option->name != words[i]) ++option;
+    if (option == std::end(kOptions) || i + 1 == words.size()) return false;
+    option->take(out, words[i + 1]);
   }
   return out.print || out.parts != 0 || out.seconds > 0.0 || out.count != UINT64_MAX;
+} catch (const std::exception&) {
+  return false;
 }
 
 }  // namespace
@@ -177,7 +170,7 @@ bool read_options(int count, char** words, Options& out) {
 int main(int count, char** words) {
   using namespace wheelwire::explore;
   Options options;
-  if (!read_options(count, words, options)) {
+  if (!read_options({words + 1, words + count}, options)) {
     std::fputs("see the head of explore/main.cpp\n", stderr);
     return 2;
   }
@@ -187,7 +180,7 @@ int main(int count, char** words) {
     return 0;
   }
   if (options.print) {
-    std::fputs(to_text(Generator(options.seed).scenario()).c_str(), stdout);
+    std::fputs(to_text(Generator(*options.print).scenario()).c_str(), stdout);
     return 0;
   }
   if (options.parts != 0) return visit_all(options);

@@ -4,10 +4,7 @@
 #include <charconv>
 #include <string>
 
-#include "configuration.hpp"
 #include "protocol_names.hpp"
-#include "reset_reason.hpp"
-#include "shipped_boards.hpp"
 #include "wire_decoder.hpp"
 
 namespace wheelwire::explore {
@@ -25,17 +22,6 @@ inline const MessageName* find_message(uint8_t id) {
   for (const MessageName& message : kMessageNames)
     if (message.id == id) return &message;
   return nullptr;
-}
-
-inline std::string name_of(ResetReason reason) {
-  return std::string(sim::kResetReasonNames[static_cast<size_t>(reason)]);
-}
-
-/// Name of a shipped board, found by its checksum.
-inline std::string name_of(const BoardDescription& wanted) {
-  for (const sim::ShippedBoard& board : sim::kShippedBoards)
-    if (checksum(board.board) == checksum(wanted)) return std::string(board.name);
-  return "another board";
 }
 
 /// Of a message.

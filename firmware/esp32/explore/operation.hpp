@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "names.hpp"
-#include "rule_ids.hpp"
 
 namespace wheelwire::explore {
 
@@ -168,8 +167,7 @@ inline Operation make(Kind kind, std::initializer_list<double> values = {}) {
 }
 
 struct Scenario {
-  uint64_t seed = 0;      ///< Of the simulator: boot ids, edges of the encoders.
-  uint64_t excepted = 0;  ///< Rules that are not looked at, as bits.
+  uint64_t seed = 0;  ///< Of the simulator: boot ids, edges of the encoders.
   std::vector<Operation> operations;
 };
 
@@ -215,11 +213,7 @@ inline std::string parse(const std::string& text, Scenario& out) {
     if (!(words >> name)) continue;
     std::string wrong;
     std::string value;
-    if (name == "except" && words >> value) {
-      const auto rule = rule_called(value);
-      if (rule) out.excepted |= uint64_t{1} << static_cast<unsigned>(*rule);
-      if (!rule) wrong = "no rule has this code";
-    } else if (name == "seed" && words >> value) {
+    if (name == "seed" && words >> value) {
       out.seed = std::strtoull(value.c_str(), nullptr, 10);
     } else {
       wrong = parse(name, words, out.operations.emplace_back());

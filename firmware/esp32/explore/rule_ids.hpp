@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -63,12 +62,6 @@ inline std::string_view name_of(Rule rule) { return kRules[static_cast<size_t>(r
 inline std::string code_of(Rule rule) {
   const size_t number = static_cast<size_t>(rule) + 1;
   return (number < 10 ? "S0" : "S") + std::to_string(number);
-}
-
-inline std::optional<Rule> rule_called(std::string_view code) {
-  for (size_t i = 0; i < std::size(kRules); ++i)
-    if (code == code_of(Rule(i))) return Rule(i);
-  return std::nullopt;
 }
 
 /// Something is wrong; `text` says what. Empty: nothing is.

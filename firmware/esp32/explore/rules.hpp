@@ -147,19 +147,13 @@ struct World {
 
 class Judge {
  public:
-  /// `excepted`: rules that are not looked at, as bits.
-  Judge(sim::Simulator& simulator, const Witness& witness, World& world, uint64_t excepted)
-      : simulator_(simulator),
-        robot_(simulator.board),
-        witness_(witness),
-        world_(world),
-        excepted_(excepted) {}
+  Judge(sim::Simulator& simulator, const Witness& witness, World& world)
+      : simulator_(simulator), robot_(simulator.board), witness_(witness), world_(world) {}
   /// The first thing that is wrong, if any.
   const std::optional<Finding>& finding() const { return finding_; }
 
   void accuse(const Finding& finding) {
-    const bool excepted = (excepted_ >> static_cast<unsigned>(finding.rule) & 1) != 0;
-    if (!finding.text.empty() && !excepted && !finding_) finding_ = finding;
+    if (!finding.text.empty() && !finding_) finding_ = finding;
   }
 
   void before_message() {
@@ -1295,7 +1289,6 @@ class Judge {
   const Witness& witness_;
   const std::optional<Granted>& granted_ = witness_.granted;
   World& world_;
-  uint64_t excepted_;
   Memory memory_;
   std::optional<Finding> finding_;
 };

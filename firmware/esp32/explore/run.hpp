@@ -5,8 +5,8 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <string>
 
-#include "coverage.hpp"
 #include "host.hpp"
 #include "operation.hpp"
 #include "peripheral_lists.hpp"
@@ -18,15 +18,16 @@
 
 namespace wheelwire::explore {
 
+/// How often each transition and each refusal was seen: its table and its words, by a tab.
+using Coverage = std::map<std::string, uint64_t>;
+
 class Run final : public sim::LineTap, public sim::StoreWatch, public sim::FlashWatch {
  public:
-  /// Uses the scenario's seed and exceptions, but not its operations: these follow one by one.
-  Run(const Scenario& scenario, Coverage& coverage)
-      : simulator_(scenario.seed),
-        judge_(simulator_, witness_, world_, scenario.excepted),
-        coverage_(coverage),
-        hosts_{Host(static_cast<uint32_t>(sim::mix(scenario.seed))),
-               Host(static_cast<uint32_t>(sim::mix(scenario.seed + 1)))},
+  /// Of a scenario with this seed; its operations follow one by one.
+  explicit Run(uint64_t seed)
+      : simulator_(seed),
+        hosts_{Host(static_cast<uint32_t>(sim::mix(seed))),
+               Host(static_cast<uint32_t>(sim::mix(seed + 1)))},
         boot_id_(simulator_.boot_id()) {
     simulator_.board.line.set_tap(this);
     for (sim::Store* const store : stores_) store->watch = this;
@@ -45,6 +46,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   const std::optional<Finding>& finding() const { return judge_.finding(); }
   sim::Simulator& simulator() { return simulator_; }
   Witness& witness() { return witness_; }
+  const Coverage& coverage() const { return coverage_; }
   double seconds() const { return static_cast<double>(simulator_.board.now()) * 1e-9; }
 
   void on_read(const uint8_t* data, size_t size) override {
@@ -66,12 +68,12 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
       if (seen.id == Event::kId) {
         const auto event = seen.as<Event>();
         if (event.code == EventCode::kSupervisor)
-          coverage_.count("transition", name_of(event.before) + " " + name_of(event.cause));
+          ++coverage_["transition\t" + name_of(event.before) + " " + name_of(event.cause)];
         judge_.on_event(event);
       }
       if (seen.id == Refuse::kId) {
         const auto refuse = seen.as<Refuse>();
-        coverage_.count("refusal", name_of_message(refuse.message_id) + " " + name_of(refuse.code));
+        ++coverage_["refusal\t" + name_of_message(refuse.message_id) + " " + name_of(refuse.code)];
       }
     });
   }
@@ -171,15 +173,11 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
       started_ = true;
       judge_.accuse(witness_.starts());
       compare_boards();
-      coverage_.count("board", name_of(witness_.board()) + ", " +
-                                   name_of(simulator_.board.wired()) + ", " +
-                                   name_of(witness_.configuration_state));
       judge_.after_start();
       return;
     }
     if (!started_) return;
-    const char* const battery = stepped ? witness_.steps() : nullptr;
-    if (battery != nullptr) coverage_.count("battery", battery);
+    if (stepped) witness_.steps();
     judge_.after_call(stepped);
     witness_.notes_stop();
     if (witness_.last_state != simulator_.state() || stepped) witness_.note_state();
@@ -187,10 +185,8 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   }
 
   void note_reset() {
-    const ResetReason reason = simulator_.reset_reason();
     boot_id_ = simulator_.boot_id();
-    coverage_.count("reset", name_of(reason) + " " + name_of(witness_.last_state));
-    witness_.resets(sim::loses_memory(reason));
+    witness_.resets(sim::loses_memory(simulator_.reset_reason()));
     to_device_.forget();
     from_device_.forget();
     started_ = false;
@@ -216,9 +212,6 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   void settle(bool call_ended) {
     if (!witness_.task) return;
     judge_.accuse(witness_.settles());
-    const Task& task = *witness_.task;
-    if (task.carried_out)
-      coverage_.count("carried out", name_of_message(task.message.id) + " " + name_of(task.before));
     if (!call_ended) judge_.after_message();
     witness_.note_state();
     witness_.forgets_task();
@@ -566,8 +559,8 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
                                                  &simulator_.board.latch_store};
   Witness witness_{simulator_};
   World world_;
-  Judge judge_;
-  Coverage& coverage_;
+  Judge judge_{simulator_, witness_, world_};
+  Coverage coverage_;
   std::array<Host, 2> hosts_;
   WireDecoder to_device_;
   WireDecoder from_device_;

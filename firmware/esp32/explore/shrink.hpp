@@ -13,11 +13,12 @@ struct Outcome {
   Finding finding;        ///< Its text is empty if no rule is broken.
   size_t operations = 0;  ///< How many were carried out.
   double seconds = 0.0;   ///< Of the robot's time.
+  Coverage coverage;
   bool found() const { return !finding.text.empty(); }
 };
 
-inline Outcome carry_out(const Scenario& scenario, Coverage& coverage) {
-  Run run(scenario, coverage);
+inline Outcome carry_out(const Scenario& scenario) {
+  Run run(scenario.seed);
   Outcome outcome;
   for (const Operation& operation : scenario.operations) {
     ++outcome.operations;
@@ -25,6 +26,7 @@ inline Outcome carry_out(const Scenario& scenario, Coverage& coverage) {
   }
   if (run.finding()) outcome.finding = *run.finding();
   outcome.seconds = run.seconds();
+  outcome.coverage = run.coverage();
   return outcome;
 }
 
@@ -38,7 +40,6 @@ class Shrinker {
 
   /// Leaves out operations, and shortens times and rounds numbers.
   Scenario shortest() {
-    cut_tail();
     for (bool progress = true; progress && !is_over();) {
       progress = leave_out();
       progress = simplify() || progress;
@@ -54,17 +55,10 @@ class Shrinker {
   /// If it still breaks the rule.
   bool take(Scenario candidate) {
     if (is_over()) return false;
-    Coverage unused;
-    const Outcome outcome = carry_out(candidate, unused);
+    const Outcome outcome = carry_out(candidate);
     const bool still_breaks = outcome.found() && outcome.finding.rule == rule_;
     if (still_breaks) best_ = std::move(candidate);
     return still_breaks;
-  }
-
-  void cut_tail() {
-    Coverage unused;
-    const Outcome outcome = carry_out(best_, unused);
-    best_.operations.resize(outcome.operations);
   }
 
   /// Parts of half the scenario, then of a quarter, and so on.

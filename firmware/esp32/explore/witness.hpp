@@ -16,6 +16,7 @@
 #include "own_board.hpp"
 #include "peripheral_lists.hpp"
 #include "rule_ids.hpp"
+#include "shipped_boards.hpp"
 #include "simulator.hpp"
 #include "wire_decoder.hpp"
 
@@ -214,14 +215,14 @@ class Witness {
     return problem;
   }
 
-  /// A control step has ended. Returns what happened to the battery; nullptr: nothing.
-  const char* steps() {
+  /// A control step has ended.
+  void steps() {
     expires_trial();
     constexpr uint64_t kReleasedUs = 80'000;
     sensors_unread_ = false;
     if (now_us() >= touched_us_ + kReleasedUs) touched_ = 0;
     forbidden_ = triggered();
-    const char* const what = battery_.reads(robot_.battery.millivolts(), now_us());
+    battery_.reads(robot_.battery.millivolts(), now_us());
     if (may_have_moved()) moved_us_ = now_us();
     for (const sim::Side wheel : sim::kSides)
       seen_ticks_[wheel] = robot_.encoders[wheel].shown_ticks();
@@ -231,7 +232,6 @@ class Witness {
       held_ways |= static_cast<uint8_t>(forbidden() & granted->ways & kWays);
       perhaps_held_ways |= static_cast<uint8_t>(perhaps_forbidden() & granted->ways & kWays);
     }
-    return what;
   }
 
   /// Once the robot does not drive, its setpoint does not count any more.

@@ -183,8 +183,7 @@ class Course {
   }
 
   Script script_;
-  Coverage coverage_;
-  explore::Run robot_{Scenario{}, coverage_};
+  explore::Run robot_{0};
   uint16_t seq_ = 0;
   std::vector<uint8_t> last_frame_;
 };
