@@ -114,12 +114,9 @@ class Generator {
   }
 
   void repair() {
-    for (const double wheel : {0.0, 1.0}) {
-      add("encoder"_op, {wheel});
-      add("motor"_op, {wheel});
-      add("blocked"_op, {wheel});
-      add("lost_edges"_op, {wheel});
-    }
+    for (const double wheel : {0.0, 1.0})
+      for (const Kind kind : {"encoder"_op, "motor"_op, "blocked"_op, "lost_edges"_op})
+        add(kind, {wheel});
   }
 
   // --- driving -----------------------------------------------------------------------------------

@@ -513,7 +513,6 @@ class Judge {
     const bool drives = is_driving() && granted_;
     const bool applies = is_monitored() && !world_.changed_encoders;
     const bool is_cleared = memory_.faults != 0 && simulator_.faults() == 0;
-    const double period_us = 1e6 / value(kControlRateHz);
     for (const Side side : kSides) {
       Memory::Wheel& wheel = memory_.wheels[side];
       const sim::Quadrature& encoder = robot_.encoders[side];
@@ -526,11 +525,7 @@ class Judge {
         wheel.still_us = 0.0;
         continue;
       }
-      const double applied = std::abs(duty(side));
-      if (drives && applied >= kHard)
-        wheel.still_us += period_us;
-      else
-        wheel.still_us = std::max(0.0, wheel.still_us - period_us / 10.0);
+      add_up(wheel.still_us, drives && std::abs(duty(side)) >= kHard);
       check("wheel-fault-in-time"_rule, wheel.still_us <= kHardUs,
             side == kLeft ? "the left" : "the right",
             " wheel was driven hard, and its encoder showed no tick");
@@ -557,34 +552,18 @@ class Judge {
     const SupervisorState before = witness_.last_state;
     const SupervisorState after = simulator_.state();
     if (before == after) return;
-    const auto wrong = [&](Rule rule) {
-      accuse({rule, "from " + name_of(before) + " to " + name_of(after) + " without a reason"});
-    };
     const bool trial_is_over =
         witness_.trial == Trial::kExpired ||
         (witness_.trial == Trial::kRuns && now_us() >= witness_.trial_until_us);
-    switch (after) {
-      case kFault:
-        if (before == kEstopped) return wrong("latch-ends-by-clear"_rule);
-        check("state-by-its-table"_rule, simulator_.faults() != 0, "it is in FAULT without one");
-        return;
-      case kEstopped:
-        if (!witness_.contact_open()) wrong("state-by-its-table"_rule);
-        return;
-      case kTimedOut:
-        if (before != kDriving)
-          return wrong(is_latched(before) ? "latch-ends-by-clear"_rule : "state-by-its-table"_rule);
-        if (granted_ && now_us() + kSlackUs < granted_->deadline_us)
-          wrong("state-by-its-table"_rule);
-        return;
-      case kIdle:
-        if (is_latched(before)) return wrong("latch-ends-by-clear"_rule);
-        if (!trial_is_over) wrong("state-by-its-table"_rule);
-        return;
-      case kBoot:
-      case kDriving:
-        wrong(is_latched(before) ? "latch-ends-by-clear"_rule : "state-by-its-table"_rule);
-    }
+    const bool is_early = granted_ && now_us() + kSlackUs < granted_->deadline_us;
+    const bool has_reason = (after == kFault && simulator_.faults() != 0) ||
+                            (after == kEstopped && witness_.contact_open()) ||
+                            (after == kTimedOut && before == kDriving && !is_early) ||
+                            (after == kIdle && trial_is_over);
+    const bool ends_latch = is_latched(before) && after != kEstopped;
+    check(ends_latch ? "latch-ends-by-clear"_rule : "state-by-its-table"_rule,
+          has_reason && !ends_latch, "from ", name_of(before), " to ", name_of(after),
+          " without a reason");
   }
 
   /// S08 and S21: what a message makes of the state.
@@ -893,7 +872,6 @@ class Judge {
     // What the firmware measures lags, and is noisy.
     constexpr double kMargin = 1.1;
     constexpr double kTooFastUs = 1'150'000.0;
-    const double period_us = 1e6 / value(kControlRateHz);
     bool applies = is_driving() && memory_.state == kDriving && granted_ && !granted_->duty &&
                    !may_be_held_by_a_bumper() && has_default_protection() &&
                    world_.wired_as_believed && robot_.wiring.is_right() && counts_right();
@@ -916,10 +894,8 @@ class Judge {
     const bool obeys = applies && sum <= 2.0 * kMargin * allowed;
     if (is_cleared || obeys)
       memory_.too_fast_us = 0.0;
-    else if (applies && sum > 3.0 * kMargin * allowed)
-      memory_.too_fast_us += period_us;
     else
-      memory_.too_fast_us = std::max(0.0, memory_.too_fast_us - period_us / 10.0);
+      add_up(memory_.too_fast_us, applies && sum > 3.0 * kMargin * allowed);
     check("not-too-fast"_rule, memory_.too_fast_us <= kTooFastUs, "it rolls at ", sum / 2.0,
           " m/s, may do ", allowed, ", and goes on");
   }
@@ -1072,6 +1048,12 @@ class Judge {
   /// Keeps since when something holds; 0: it does not.
   void follow(uint64_t& since_us, bool holds) const {
     if (!holds || since_us == 0) since_us = holds ? now_us() : 0;
+  }
+
+  /// Adds up for how long something holds; what is in sum leaks at a tenth of that pace.
+  void add_up(double& sum_us, bool holds) const {
+    const double period_us = 1e6 / value(kControlRateHz);
+    sum_us = holds ? sum_us + period_us : std::max(0.0, sum_us - period_us / 10.0);
   }
 
   bool is_shorted() const {
