@@ -84,6 +84,15 @@ constexpr double kTiltSpeed = 1.0;  ///< Of each angle [rad/s].
 class Plant {
  public:
   explicit Plant(const PlantModel& model = {}) { configure(model); }
+
+  /// Hands move the robot at this speed, whatever its wheels and motors do, and let go once it
+  /// stands again. On the floor its wheels roll with it, except a blocked one.
+  Push push;
+  /// Hands tilt the robot to this, and hold it so. Its wheels do not notice.
+  Tilt held;
+  /// What the motors have drawn from a battery that can be emptied; 0: it is full.
+  double used_ah = 0.0;
+
   const PlantModel& model() const { return model_; }
 
   /// Changes the model while the robot moves: wheel speeds and pose stay. It must be physical.
@@ -118,13 +127,6 @@ class Plant {
   void turn_by_hand(Side side, double angle_rad) { hand_rad_[side] = angle_rad; }
   /// Still to be turned by hand.
   double hand_rad(Side side) const { return hand_rad_[side]; }
-  /// Hands move the robot at this speed, whatever its wheels and motors do, and let go once it
-  /// stands again. On the floor its wheels roll with it, except a blocked one.
-  Push& push() { return push_; }
-  const Push& push() const { return push_; }
-  /// Hands tilt the robot to this, and hold it so. Its wheels do not notice.
-  Tilt& held() { return held_; }
-  const Tilt& held() const { return held_; }
   const Tilt& tilt() const { return tilt_; }  ///< As it is by now.
   const Pose& pose() const { return pose_; }
   double distance_m() const { return distance_m_; }  ///< Length of the centre's path.
@@ -148,9 +150,6 @@ class Plant {
   double forward_mps() const { return forward_mps_; }        ///< Of the centre, in the last step.
   double yaw_rate_radps() const { return yaw_rate_radps_; }  ///< In the last step.
   double supply_v() const { return bridge_.supply_v; }       ///< As it sags.
-  /// What the motors have drawn from a battery that can be emptied; 0: it is full.
-  double& used_ah() { return used_ah_; }
-  const double& used_ah() const { return used_ah_; }
 
   /// Current that these bridges draw from the supply.
   double drawn_a(const std::array<BridgeState, 2>& bridges) const {
@@ -234,16 +233,16 @@ class Plant {
   }
 
   void step_tilt(double dt) {
-    tilt_.roll_rad = approached(tilt_.roll_rad, held_.roll_rad, kTiltSpeed * dt);
-    tilt_.pitch_rad = approached(tilt_.pitch_rad, held_.pitch_rad, kTiltSpeed * dt);
+    tilt_.roll_rad = approached(tilt_.roll_rad, held.roll_rad, kTiltSpeed * dt);
+    tilt_.pitch_rad = approached(tilt_.pitch_rad, held.pitch_rad, kTiltSpeed * dt);
   }
 
   /// Hands are stronger than motors.
   void step_push(double dt, const std::array<BridgeState, 2>& bridges, double uphill) {
     pushed_.forward_mps =
-        approached(pushed_.forward_mps, push_.forward_mps, kPushGrowth.forward_mps * dt);
+        approached(pushed_.forward_mps, push.forward_mps, kPushGrowth.forward_mps * dt);
     pushed_.turn_radps =
-        approached(pushed_.turn_radps, push_.turn_radps, kPushGrowth.turn_radps * dt);
+        approached(pushed_.turn_radps, push.turn_radps, kPushGrowth.turn_radps * dt);
     const double apart_mps = pushed_.turn_radps * model_.wheel_separation_m / 2.0;
     const std::array<double, 2> speed_mps{pushed_.forward_mps - apart_mps,
                                           pushed_.forward_mps + apart_mps};
@@ -281,7 +280,7 @@ class Plant {
     double conductance = 0.0;
     for (const Side side : kSides) conductance += 1.0 / constants_[side].motor.winding_ohm;
     const double drawn = drawn_a(bridges);
-    if (model_.battery_ah != 0.0) used_ah_ += drawn * dt / 3600.0;
+    if (model_.battery_ah != 0.0) used_ah += drawn * dt / 3600.0;
     const double target = std::max(0.0, open_v() - model_.supply_ohm * drawn);
     bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
   }
@@ -290,7 +289,7 @@ class Plant {
   double open_v() const {
     const double full_v = model_.bridge.supply_v;
     if (model_.battery_ah == 0.0) return full_v;
-    const double used = std::min(1.0, used_ah_ / model_.battery_ah);
+    const double used = std::min(1.0, used_ah / model_.battery_ah);
     return std::max(0.0, full_v - model_.battery_fall_v * used);
   }
 
@@ -375,7 +374,7 @@ class Plant {
   }
 
   /// Whether hands move the robot in this step.
-  bool is_pushed() const { return push_ != Push{} || pushed_ != Push{}; }
+  bool is_pushed() const { return push != Push{} || pushed_ != Push{}; }
   PlantModel model_;
   BridgeModel bridge_;  ///< The model's, with the supply as it sags.
   std::array<WheelConstants, 2> constants_{};
@@ -383,15 +382,12 @@ class Plant {
   std::array<Gear, 2> gears_{};
   std::array<double, 2> hand_rad_{};
   std::array<double, 2> slip_{};
-  Push push_;    ///< The speed that hands are to reach.
   Push pushed_;  ///< Their present speed.
-  Tilt held_;    ///< The tilt that hands hold.
   Tilt tilt_;
   Pose pose_;
   double distance_m_ = 0.0;
   double forward_mps_ = 0.0;
   double yaw_rate_radps_ = 0.0;
-  double used_ah_ = 0.0;
 };
 
 /// Whether the motor's constants come out positive, and slow enough for the integration step.

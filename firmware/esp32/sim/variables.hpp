@@ -2,6 +2,7 @@
 // command line and the help text.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -16,10 +17,10 @@ struct Variable {
   std::string doc;
   double minimum;
   double maximum;
-  bool whole;  ///< Takes whole numbers only.
-  double (*get)(const Simulator& simulator);
-  /// Null if read-only. Returns false if the value is inconsistent with the others.
-  bool (*set)(Simulator& simulator, double value);
+  bool whole = false;  ///< Takes whole numbers only.
+  std::function<double(const Simulator&)> get{};
+  /// Empty if read-only. Returns false if the value is inconsistent with the others.
+  std::function<bool(Simulator&, double)> set{};
 };
 
 enum class VariableStatus {

@@ -135,7 +135,7 @@ TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
     SensedBoard bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
     const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
     bench.run(300);
-    bench.board.plant.held() = one.tilt;
+    bench.board.plant.held = one.tilt;
     bench.run(2000);
     // Rates that turn the robot's axes from level to the tilt, sample by sample.
     double to_level[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};

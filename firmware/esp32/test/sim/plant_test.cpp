@@ -88,7 +88,7 @@ TEST(hands_push_a_robot_with_its_wheels_and_let_go_once_it_stands) {
   PlantModel model;
   model.wheels[kLeft].backlash_rad = 0.2;
   Plant plant(model);
-  plant.push() = {.forward_mps = 0.5, .turn_radps = 1.0};
+  plant.push = {.forward_mps = 0.5, .turn_radps = 1.0};
   run(plant, 1.0, {kForward, kBackward});
   CHECK(std::abs(plant.forward_mps() - 0.5) < 1e-6);
   CHECK(std::abs(plant.yaw_rate_radps() - 1.0) < 1e-6);
@@ -99,7 +99,7 @@ TEST(hands_push_a_robot_with_its_wheels_and_let_go_once_it_stands) {
   CHECK(std::abs(plant.pose().heading_rad - (1.0 - 1.0 * 0.1 / 2)) < 1e-3);
   const double travel = (plant.wheel_rad(kLeft) + plant.wheel_rad(kRight)) / 2 * 0.033;
   CHECK(std::abs(travel - plant.distance_m()) < 1e-6);
-  plant.push() = {};
+  plant.push = {};
   run(plant, 0.3, {});
   CHECK(plant.stands_still() && plant.forward_mps() == 0.0);
   run(plant, 0.3, {kForward, kForward});
@@ -112,7 +112,7 @@ TEST(a_raised_robot_is_carried_and_a_blocked_wheel_slides) {
     model.wheels_free = is_raised;
     model.wheels[kLeft].blocked = true;
     Plant plant(model);
-    plant.push() = {.turn_radps = -2.0};
+    plant.push = {.turn_radps = -2.0};
     run(plant, 1.0, {});
     CHECK(std::abs(plant.pose().heading_rad - (-2.0 + 0.2)) < 1e-3);
     CHECK(plant.distance_m() < 1e-9);
@@ -127,15 +127,15 @@ TEST(the_motors_current_empties_a_battery) {
   model.battery_fall_v = 2.0;
   Plant plant(model);
   run(plant, 1.0, {});
-  CHECK(plant.used_ah() == 0.0 && plant.supply_v() == 7.4);
+  CHECK(plant.used_ah == 0.0 && plant.supply_v() == 7.4);
   double drawn_as = 0.0;
   for (int i = 0; i < 10000; ++i) {
     drawn_as += plant.drawn_a({kForward, kBackward}) * kMaxPhysicsStep;
     plant.step(kMaxPhysicsStep, {kForward, kBackward});
   }
-  CHECK(std::abs(plant.used_ah() - drawn_as / 3600.0) < 1e-12);
-  CHECK(plant.used_ah() > 0.0 && plant.used_ah() < model.battery_ah);
-  const double share = plant.used_ah() / model.battery_ah;
+  CHECK(std::abs(plant.used_ah - drawn_as / 3600.0) < 1e-12);
+  CHECK(plant.used_ah > 0.0 && plant.used_ah < model.battery_ah);
+  const double share = plant.used_ah / model.battery_ah;
   CHECK(std::abs(plant.supply_v() - (7.4 - 2.0 * share)) < 1e-9);
   CHECK(std::abs(plant.sag_v() - 2.0 * share) < 1e-9);
   // Another variable is set: it is as empty as before.
@@ -145,7 +145,7 @@ TEST(the_motors_current_empties_a_battery) {
   CHECK(plant.supply_v() == before);
   run(plant, 60.0, {kForward, kForward});
   CHECK(std::abs(plant.supply_v() - 5.4) < 1e-9);
-  plant.used_ah() = 0.0;
+  plant.used_ah = 0.0;
   run(plant, kMaxPhysicsStep, {});
   CHECK(plant.supply_v() == 7.4);
 }
