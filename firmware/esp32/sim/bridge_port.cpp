@@ -24,6 +24,8 @@ class Inputs {
       : stage_(stage), inputs_(inputs), standby_q15_(standby_q15) {
     for (const uint16_t duty_q15 : inputs.duty_q15) add_edge(duty_q15);
     add_edge(standby_q15);
+    std::sort(edges_, edges_ + count_);
+    count_ = static_cast<size_t>(std::unique(edges_, edges_ + count_) - edges_);
   }
 
   /// How many different duties there are between low and high, and each of them, rising.
@@ -54,13 +56,7 @@ class Inputs {
 
  private:
   void add_edge(uint16_t duty_q15) {
-    if (duty_q15 == 0 || duty_q15 >= kHigh_q15) return;
-    size_t i = count_;
-    while (i > 0 && edges_[i - 1] > duty_q15) --i;
-    if (i > 0 && edges_[i - 1] == duty_q15) return;
-    for (size_t k = count_; k > i; --k) edges_[k] = edges_[k - 1];
-    edges_[i] = duty_q15;
-    ++count_;
+    if (duty_q15 != 0 && duty_q15 < kHigh_q15) edges_[count_++] = duty_q15;
   }
 
   Stage stage_;

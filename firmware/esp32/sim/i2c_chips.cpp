@@ -179,7 +179,8 @@ void SimulatedBus::look(const SimulatedBoard& board) {
   is_wired_ = board.is_free(data_pin_) && board.is_free(clock_pin_);
 }
 
-I2cResult SimulatedBus::transfer(uint8_t address, size_t bytes, I2cTarget*& target) {
+template <typename Act>
+I2cResult SimulatedBus::transfer(uint8_t address, size_t bytes, Act act) {
   if (is_hung != nullptr && *is_hung) {
     clock_.spent_us += kTransferUs;
     return I2cResult::kHung;
@@ -191,23 +192,17 @@ I2cResult SimulatedBus::transfer(uint8_t address, size_t bytes, I2cTarget*& targ
   const size_t sent = chip == chips_.end() ? 1 : bytes;
   clock_.spent_us += static_cast<uint64_t>(kByteUs * static_cast<double>(sent));
   if (chip == chips_.end()) return I2cResult::kNoAcknowledge;
-  target = &chip->target;
+  act(chip->target);
   return I2cResult::kOk;
 }
 
 I2cResult SimulatedBus::write(uint8_t address, const uint8_t* data, size_t size) {
-  I2cTarget* target = nullptr;
-  const I2cResult result = transfer(address, 1 + size, target);
-  if (result == I2cResult::kOk) target->write(data, size);
-  return result;
+  return transfer(address, 1 + size, [&](I2cTarget& chip) { chip.write(data, size); });
 }
 
 /// The address is sent twice, the register once.
 I2cResult SimulatedBus::read(uint8_t address, uint8_t at, uint8_t* out, size_t size) {
-  I2cTarget* target = nullptr;
-  const I2cResult result = transfer(address, 3 + size, target);
-  if (result == I2cResult::kOk) target->read(at, out, size);
-  return result;
+  return transfer(address, 3 + size, [&](I2cTarget& chip) { chip.read(at, out, size); });
 }
 
 // --- all -----------------------------------------------------------------------------------------

@@ -142,7 +142,9 @@ class SimulatedBus final : public I2cBus {
     const bool& is_absent;
   };
 
-  I2cResult transfer(uint8_t address, size_t bytes, I2cTarget*& target);
+  /// Of so many bytes with the chip at this address, which `act(chip)` ends.
+  template <typename Act>
+  I2cResult transfer(uint8_t address, size_t bytes, Act act);
 
   int data_pin_;
   int clock_pin_;

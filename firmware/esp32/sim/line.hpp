@@ -101,8 +101,7 @@ class Line final : public ByteStream {
 
   /// Bytes that the chip sends without the firmware, at its boot ROM's baud rate.
   void emit_from_rom(const Bytes& text) {
-    const Bytes received = baud_ == 0 ? text : resample(text, kRomBaud, baud_);
-    for (const uint8_t byte : received) deliver_to_host(byte);
+    for (const uint8_t byte : resample(text, kRomBaud, baud_)) deliver_to_host(byte);
   }
 
   /// Whether the firmware can send this many bytes now.

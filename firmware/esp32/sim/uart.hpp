@@ -24,9 +24,10 @@ inline bool line_level(const Bytes& sent, double bit_time) {
 }
 
 /// `sent` goes out back to back at `from_baud` (8N1) and is sampled mid-bit at `to_baud`. Bytes
-/// with a framing error are delivered, as the chip's driver does. At equal rates nothing changes.
+/// with a framing error are delivered, as the chip's driver does. At equal rates nothing changes,
+/// nor without a rate (0) at one end.
 inline Bytes resample(const Bytes& sent, uint32_t from_baud, uint32_t to_baud) {
-  if (from_baud == to_baud) return sent;
+  if (from_baud == to_baud || from_baud == 0 || to_baud == 0) return sent;
   const double receiver_bit = static_cast<double>(from_baud) / to_baud;  // In the sender's bits.
   const double search_step = receiver_bit / kOversampling;
   const double end = static_cast<double>(sent.size() * kFrameBits);

@@ -73,7 +73,7 @@ class SimulatedDevice {
     if (!port_) return;
     Bytes data = port_->read();
     Line& line = simulator_.board.line;
-    if (line.baud() != 0) data = over_uart(data, port_->host_baud(), line.baud());
+    if (line.baud() != 0) data = resample(data, port_->host_baud(), line.baud());
     line.host_write(data.data(), data.size());
   }
 
@@ -84,17 +84,12 @@ class SimulatedDevice {
     Bytes data(line.host_waiting());
     line.host_read(data.data(), data.size());
     if (!port_) return;
-    if (line.baud() != 0) data = over_uart(data, line.baud(), port_->host_baud());
+    if (line.baud() != 0) data = resample(data, line.baud(), port_->host_baud());
     port_->write(data);
   }
 
  private:
   static constexpr int kSocketGone = -2;
-
-  /// What one end receives of the other's bytes. Without a rate at one end they arrive intact.
-  static Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
-    return from_baud == 0 || to_baud == 0 ? data : resample(data, from_baud, to_baud);
-  }
 
   /// The same link is the same board at every start, so a host that knows the board resumes.
   static uint64_t board_of(const std::string& link) {
