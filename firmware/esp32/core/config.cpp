@@ -8,7 +8,6 @@ using enum ParameterId;
 constexpr float kPi = 3.14159265f;
 
 uint32_t to_us(float seconds) { return static_cast<uint32_t>(to_fixed(seconds * 1e6f)); }
-uint32_t greater(uint32_t a, uint32_t b) { return a > b ? a : b; }
 
 /// A gain in duty per m/s as q15 duty per um/s, scaled by 2^fraction_bits.
 int32_t to_gain(float duty_per_mps, int fraction_bits) {

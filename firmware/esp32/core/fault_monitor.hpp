@@ -78,9 +78,7 @@ class FaultMonitor {
     const int32_t duty = magnitude(duty_q15);
     const bool hard = duty >= thresholds.stall_duty_q15;
     const bool driven = hard || duty >= most_q15;
-    const auto travel =
-        static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(anchor_ticks_));
-    if (travel > kRestingTicks || travel < -kRestingTicks) {
+    if (magnitude(wrapped_difference(ticks, anchor_ticks_)) > kRestingTicks) {
       anchor_ticks_ = ticks;
       still_.end();
       return false;

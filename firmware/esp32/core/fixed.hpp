@@ -20,7 +20,10 @@ constexpr T magnitude(T value) {
   return value < 0 ? -value : value;
 }
 
-constexpr int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
+template <typename T>
+constexpr T greater(T a, T b) {
+  return a > b ? a : b;
+}
 
 /// Of counts that wrap.
 constexpr int32_t wrapped_difference(int32_t later, int32_t earlier) {

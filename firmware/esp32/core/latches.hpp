@@ -70,18 +70,13 @@ struct Latches {
   /// False if it is damaged, or not a record of latches.
   static bool decode(const uint8_t* data, size_t size, Latches& out, LastStop* stop = nullptr) {
     if (size != kSize || crc32(data, size) != kCrcResidue) return false;
-    uint16_t magic;
-    uint8_t flags;
-    uint8_t source;
-    wire::get(data, magic);
-    wire::get(data, flags);
-    wire::get(data, source);
-    if (magic != kLatchMagic) return false;
+    if (wire::take<uint16_t>(data) != kLatchMagic) return false;
+    const auto flags = wire::take<uint8_t>(data);
     out.estop = (flags & kEstopFlag) != 0;
     out.holds = (flags & kHoldFlag) != 0;
     out.battery_at_stop = (flags & kBatteryFlag) != 0;
     out.moves = (flags & kMovesFlag) != 0;
-    out.source = static_cast<EstopSource>(source);
+    wire::get(data, out.source);
     wire::get(data, out.faults);
     wire::get(data, out.driver);
     if (stop != nullptr) memcpy(stop, data, LastStop::kSize);

@@ -62,20 +62,16 @@ class Parameters {
     if (size == 0) return store.faults() == 0 ? Load::kEmpty : Load::kDamaged;
     if (size < kHead || size > sizeof block) return Load::kDamaged;
     const uint8_t* in = block;
-    uint32_t magic;
-    uint8_t count;
-    wire::get(in, magic);
-    wire::get(in, count);
+    const auto magic = wire::take<uint32_t>(in);
+    auto count = wire::take<uint8_t>(in);
     if (magic != kListMagic || size != kHead + count * kEntry) return Load::kDamaged;
     if (count == 0) return Load::kEmpty;
 
     Parameters loaded(specs_, board_);
     uint32_t saved_for = 0;
     for (; count > 0; --count) {
-      ParameterId id;
-      uint32_t value;
-      wire::get(in, id);
-      wire::get(in, value);
+      const auto id = wire::take<ParameterId>(in);
+      const auto value = wire::take<uint32_t>(in);
       if (id == kBoardEntry) saved_for = value;
       if (exists(id) && loaded.set(id, __builtin_bit_cast(float, value)) != RefusalCode::kNone)
         return Load::kDamaged;

@@ -39,6 +39,14 @@ void get(const uint8_t*& in, T& value) {
   in += sizeof bits;
 }
 
+/// As `get`; returns the number.
+template <typename T>
+T take(const uint8_t*& in) {
+  T value;
+  get(in, value);
+  return value;
+}
+
 template <size_t kSize>
 void put(uint8_t*& out, const char (&text)[kSize]) {
   memcpy(out, text, kSize);

@@ -55,10 +55,8 @@ class SelfTestLine final : public Line {
         static_cast<uint8_t>(GroupGet::decode(frame.body).group) != kSelfTestGroup)
       return false;
     const uint8_t* in = frame.body;
-    uint32_t session_id;
-    uint16_t request_id;
-    wire::get(in, session_id);
-    wire::get(in, request_id);
+    const auto session_id = wire::take<uint32_t>(in);
+    const auto request_id = wire::take<uint16_t>(in);
     const bool is_repeat =
         answer_.size > 0 && session_id == session_id_ && request_id == request_id_;
     if (!is_repeat) {

@@ -38,9 +38,7 @@ struct LedgerCounts {
   }
   static bool decode(const uint8_t* bytes, LedgerCounts& out) {
     if (crc32(bytes, kUsedBytes) != kCrcResidue) return false;
-    uint32_t magic;
-    wire::get(bytes, magic);
-    if (magic != kMagic) return false;
+    if (wire::take<uint32_t>(bytes) != kMagic) return false;
     wire::get(bytes, out.number);
     wire::get(bytes, out.uptime_s);
     for (uint32_t& count : out.resets) wire::get(bytes, count);
