@@ -105,25 +105,22 @@ uint32_t MessageServer::held(uint64_t now_us) const {
          (restart_us_ != 0 ? held::kBooting : 0);
 }
 
-/// A body of Hold.
-void MessageServer::write_hold(uint16_t request_id, uint64_t now_us, uint8_t* body) const {
+Hold MessageServer::hold(uint64_t now_us) const {
   const LastStop& stop = robot_.last_stop();
-  Hold{.session_id = session_.id(),
-       .request_id = request_id,
-       .held = held(now_us),
-       .estop_source = robot_.estop_source(),
-       .contradictions = robot_.active_contradictions(),
-       .stop_cause = stop.cause,
-       .stop_flags = stop.flags,
-       .stop_reset = stop.reset,
-       .stop_held = stop.held,
-       .stop_faults = stop.faults,
-       .stop_session = stop.session,
-       .stop_command = stop.command,
-       .stop_us = robot_.stop_us(),
-       .stop_mmps = stop.mmps,
-       .rolled_mm = stop.rolled_mm}
-      .encode(body);
+  return {.session_id = session_.id(),
+          .held = held(now_us),
+          .estop_source = robot_.estop_source(),
+          .contradictions = robot_.active_contradictions(),
+          .stop_cause = stop.cause,
+          .stop_flags = stop.flags,
+          .stop_reset = stop.reset,
+          .stop_held = stop.held,
+          .stop_faults = stop.faults,
+          .stop_session = stop.session,
+          .stop_command = stop.command,
+          .stop_us = robot_.stop_us(),
+          .stop_mmps = stop.mmps,
+          .rolled_mm = stop.rolled_mm};
 }
 
 /// Every change, at a bounded rate, and now and then what has not changed.
@@ -139,15 +136,7 @@ void MessageServer::report_hold(uint64_t now_us) {
     return;
   reported_us_ = now_us;
   reported_ = found;
-  uint8_t body[Hold::kSize];
-  write_hold(0, now_us, body);
-  link_.send_body(Hold::kId, body, sizeof body);
-}
-
-RefusalCode MessageServer::on(const HoldGet& request, uint64_t now_us) {
-  uint8_t body[Hold::kSize];
-  write_hold(request.request_id, now_us, body);
-  return answer_afresh(Hold::kId, request.request_id, body, sizeof body);
+  link_.send(hold(now_us));
 }
 
 }  // namespace wheelwire

@@ -82,22 +82,13 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
     reported_ = {};
     next_look_us_ = now_us;
   }
-  link_.send(DeviceHello{
-      .nonce = hello.nonce,
-      .protocol_version = schema::kVersion,
-      .schema_hash = schema::kHash,
-      .refusal = refusal,
-      .boot_id = identity_.boot_id,
-      .device_us = now_us,
-      .reset_reason = identity_.reset_reason,
-      .board = identity_.board,
-      .board_id = identity_.board_id,
-      .capabilities = identity_.capabilities,
-      .version_major = identity_.version_major,
-      .version_minor = identity_.version_minor,
-      .version_patch = identity_.version_patch,
-      .git_hash = identity_.git_hash,
-  });
+  DeviceHello answer = identity_;
+  answer.nonce = hello.nonce;
+  answer.protocol_version = schema::kVersion;
+  answer.schema_hash = schema::kHash;
+  answer.refusal = refusal;
+  answer.device_us = now_us;
+  link_.send(answer);
   if (!opens) return;
   const auto rate_hz = static_cast<uint32_t>(robot_.parameters().get(ParameterId::kStreamRateHz));
   if (link_.carries(rate_hz, WheelState::kSize)) set_stream_rate(rate_hz, now_us);
@@ -200,7 +191,8 @@ void MessageServer::on(const Ping& ping, uint64_t now_us) {
 template <typename Request>
 void MessageServer::once(const Request& request, uint64_t now_us) {
   if (!is_new(Request::kId, request.session_id, request.request_id)) return;
-  const RefusalCode refusal = on(request, now_us);
+  const RefusalCode refusal =
+      is_served(group_of(Request::kId)) ? on(request, now_us) : RefusalCode::kNotSupported;
   if (refusal != kAnswered) conclude(Request::kId, request.request_id, refusal);
 }
 
@@ -286,6 +278,10 @@ RefusalCode MessageServer::on(const ContradictionsGet& request, uint64_t) {
                                         .refused = robot_.refused_contradictions()});
 }
 
+RefusalCode MessageServer::on(const HoldGet& request, uint64_t now_us) {
+  return answer_afresh(request.request_id, hold(now_us));
+}
+
 // --- answers -------------------------------------------------------------------------------------
 
 /// Answers a request, and keeps the answer for a repeat of it.
@@ -305,24 +301,6 @@ void MessageServer::keep_and_send(uint16_t request_id, const Message& message) {
   record.size = Message::kSize;
   message.encode(record.body);
   link_.send_body(record.id, record.body, record.size);
-}
-
-/// The answer is not stored: a repeated request is carried out again. Storing the longest answers
-/// would take four times their size.
-RefusalCode MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body,
-                                         size_t size) {
-  session_.pass(request_id);
-  link_.send_body(id, body, size);
-  return kAnswered;
-}
-
-template <typename Request, typename Message>
-RefusalCode MessageServer::answer_afresh(const Request& request, Message message) {
-  message.session_id = session_.id();
-  message.request_id = request.request_id;
-  uint8_t body[Message::kSize];
-  message.encode(body);
-  return answer_afresh(Message::kId, message.request_id, body, sizeof body);
 }
 
 template <typename Request>
@@ -390,40 +368,26 @@ RefusalCode MessageServer::on(const Restart&, uint64_t now_us) {
 // --- the configuration ---------------------------------------------------------------------------
 
 RefusalCode MessageServer::on(const ConfigurationGet& request, uint64_t) {
-  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
-  // The message's last fields are the packed board's: its bytes are copied as they are.
-  uint8_t body[ConfigurationValue::kSize];
-  ConfigurationValue{.session_id = session_.id(),
-                     .request_id = request.request_id,
-                     .state = configuration_->state(),
-                     .peripheral_count = configuration_->peripherals().count,
-                     .fingerprint = configuration_->fingerprint()}
-      .encode(body);
-  configuration_->board().encode(body + sizeof body - BoardDescription::kSize);
-  return answer_afresh(ConfigurationValue::kId, request.request_id, body, sizeof body);
+  return answer_afresh(request.request_id,
+                       ConfigurationValue{.state = configuration_->state(),
+                                          .peripheral_count = configuration_->peripherals().count,
+                                          .fingerprint = configuration_->fingerprint()},
+                       configuration_->board());
 }
 
 RefusalCode MessageServer::on(const PeripheralGet& request, uint64_t) {
-  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   const PeripheralList& list = configuration_->peripherals();
-  uint8_t body[PeripheralValue::kSize];
-  PeripheralValue{
-      .session_id = session_.id(), .request_id = request.request_id, .channel = request.channel}
-      .encode(body);
-  (request.channel < list.count ? list.entries[request.channel] : Peripheral{})
-      .encode(body + sizeof body - Peripheral::kSize);
-  return answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
+  return answer_afresh(request.request_id, PeripheralValue{.channel = request.channel},
+                       request.channel < list.count ? list.entries[request.channel] : Peripheral{});
 }
 
 RefusalCode MessageServer::on(const BoardSet& request, uint64_t) {
-  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   uint8_t body[BoardSet::kSize];
   request.encode(body);
   return configuration_->stage_board(body + sizeof body - BoardDescription::kSize);
 }
 
 RefusalCode MessageServer::on(const PeripheralSet& request, uint64_t) {
-  if (configuration_ == nullptr) return RefusalCode::kNotSupported;
   uint8_t body[PeripheralSet::kSize];
   request.encode(body);
   return configuration_->stage_peripheral(request.channel, body + sizeof body - Peripheral::kSize);
@@ -432,7 +396,7 @@ RefusalCode MessageServer::on(const PeripheralSet& request, uint64_t) {
 /// Why the configuration cannot change now. Else one without the contact that is open would be a
 /// way around it.
 RefusalCode MessageServer::check_configuration_change(uint64_t now_us) {
-  if (configuration_ == nullptr || configuration_->is_fixed()) return RefusalCode::kNotSupported;
+  if (configuration_->is_fixed()) return RefusalCode::kNotSupported;
   const RefusalCode refusal = robot_.check_stopped();
   return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
 }
@@ -462,7 +426,6 @@ RefusalCode MessageServer::on(const ConfigurationConfirm& request, uint64_t now_
 /// Why what is recorded cannot be read now. An emergency stop or a fault that is latched is no
 /// reason: just then it is wanted.
 RefusalCode MessageServer::read_refusal() const {
-  if (archive_ == nullptr) return RefusalCode::kNotSupported;
   const bool drives = robot_.state() == SupervisorState::kDriving;
   return drives ? RefusalCode::kNotStopped : RefusalCode::kNone;
 }
@@ -471,7 +434,7 @@ RefusalCode MessageServer::on(const BoxGet& request, uint64_t) {
   if (read_refusal() != RefusalCode::kNone) return read_refusal();
   BoxValue value{.age = request.age};
   archive_->describe(value);
-  return answer_afresh(request, value);
+  return answer_afresh(request.request_id, value);
 }
 
 RefusalCode MessageServer::on(const BoxRead& request, uint64_t) {
@@ -480,14 +443,14 @@ RefusalCode MessageServer::on(const BoxRead& request, uint64_t) {
   auto* const data = reinterpret_cast<uint8_t*>(part.data);
   part.size =
       static_cast<uint8_t>(archive_->read(request.number, request.offset, data, sizeof part.data));
-  return answer_afresh(request, part);
+  return answer_afresh(request.request_id, part);
 }
 
 RefusalCode MessageServer::on(const LedgerGet& request, uint64_t now_us) {
   if (read_refusal() != RefusalCode::kNone) return read_refusal();
   LedgerValue value;
   archive_->count(value, now_us);
-  return answer_afresh(request, value);
+  return answer_afresh(request.request_id, value);
 }
 
 // --- the store -----------------------------------------------------------------------------------
@@ -506,10 +469,8 @@ void MessageServer::serve_elsewhere(const Frame& frame, uint64_t now_us) {
   const bool from_host = frame.id < kFirstDeviceId;
   if (!from_host || (group != Group::kSensor && group != Group::kPlatform)) return;
   const uint8_t* at = frame.body;
-  uint32_t session_id;
-  uint16_t request_id;
-  wire::get(at, session_id);
-  wire::get(at, request_id);
+  const auto session_id = wire::take<uint32_t>(at);
+  const auto request_id = wire::take<uint16_t>(at);
   if (!is_new(frame.id, session_id, request_id)) return;
   if (!is_served(group)) return conclude(frame.id, request_id, RefusalCode::kNotSupported);
   if (group == Group::kSensor) return sensors_->serve(frame, request_id, now_us);

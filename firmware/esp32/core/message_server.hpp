@@ -11,18 +11,8 @@
 
 namespace wheelwire {
 
-/// What DeviceHello reports.
-struct Identity {
-  uint32_t boot_id;
-  ResetReason reset_reason;
-  Chip board;
-  uint64_t board_id;
-  uint32_t capabilities;
-  uint8_t version_major;
-  uint8_t version_minor;
-  uint8_t version_patch;
-  uint32_t git_hash;
-};
+/// What a device says of itself; the rest is of the Hello that it answers.
+using Identity = DeviceHello;
 
 class MessageServer;
 
@@ -107,7 +97,19 @@ class MessageServer final : public RobotObserver {
 
   // For SensorMessages and PlatformMessages.
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
-  RefusalCode answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
+  /// The answer is not stored: a repeated request is carried out again. Storing the longest answers
+  /// would take four times their size. `packed`: the struct whose fields are the message's last.
+  template <typename Message, typename... Packed>
+  RefusalCode answer_afresh(uint16_t request_id, Message message, const Packed&... packed) {
+    message.session_id = session_.id();
+    message.request_id = request_id;
+    uint8_t body[Message::kSize];
+    message.encode(body);
+    (packed.encode(body + sizeof body - Packed::kSize), ...);
+    session_.pass(request_id);
+    link_.send_body(Message::kId, body, sizeof body);
+    return kAnswered;
+  }
   Link& link() { return link_; }
   uint32_t session_id() const { return session_.id(); }
   uint32_t boot_id() const { return identity_.boot_id; }
@@ -187,8 +189,6 @@ class MessageServer final : public RobotObserver {
   RefusalCode answer(const Request& request, Message message);
   template <typename Message>
   void keep_and_send(uint16_t request_id, const Message& message);
-  template <typename Request, typename Message>
-  RefusalCode answer_afresh(const Request& request, Message message);
   template <typename Request>
   RefusalCode answer_value(const Request& request);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
@@ -204,7 +204,7 @@ class MessageServer final : public RobotObserver {
   }
   uint32_t configuration_held() const;
   uint32_t held(uint64_t now_us) const;
-  void write_hold(uint16_t request_id, uint64_t now_us, uint8_t* body) const;
+  Hold hold(uint64_t now_us) const;
   void report_hold(uint64_t now_us);
   void stream_wheels(uint64_t now_us);
   bool is_served(Group group) const;

@@ -101,16 +101,11 @@ void Housekeeping::run_once() {
 void Housekeeping::serve(MessageServer& server, const Frame& frame, uint16_t request_id) {
   if (frame.id != MemoryGet::kId)
     return server.conclude(frame.id, request_id, RefusalCode::kNotSupported);
-  uint8_t body[MemoryValue::kSize];
-  MemoryValue{.session_id = server.session_id(),
-              .request_id = request_id,
-              .free_heap = free_heap,
-              .least_free_heap = least_free_heap,
-              .control_stack = control_stack.bytes,
-              .housekeeping_stack = housekeeping_stack.bytes,
-              .sensors_stack = sensors_stack.bytes}
-      .encode(body);
-  server.answer_afresh(MemoryValue::kId, request_id, body, sizeof body);
+  server.answer_afresh(request_id, MemoryValue{.free_heap = free_heap,
+                                               .least_free_heap = least_free_heap,
+                                               .control_stack = control_stack.bytes,
+                                               .housekeeping_stack = housekeeping_stack.bytes,
+                                               .sensors_stack = sensors_stack.bytes});
 }
 
 }  // namespace wheelwire

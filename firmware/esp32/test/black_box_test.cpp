@@ -133,8 +133,7 @@ TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
 TEST(what_the_platform_answers_re_runs_the_same) {
   struct Memory final : PlatformMessages {
     void serve(MessageServer& server, const Frame&, uint16_t request_id) override {
-      const uint8_t body[MemoryValue::kSize] = {};
-      server.answer_afresh(MemoryValue::kId, request_id, body, sizeof body);
+      server.answer_afresh(request_id, MemoryValue{});
     }
   } memory;
   for (const bool has_platform : {false, true}) {
