@@ -8,15 +8,13 @@ size_t wheelwire_board_check(const uint8_t* packed, size_t size, wheelwire_board
                              size_t capacity) {
   size_t count = 0;
   const auto report = [&](const BoardIssue& issue) {
-    if (count < capacity) {
-      issues[count] = {.value = issue.value,
-                       .limit = issue.limit,
-                       .pin = static_cast<int16_t>(issue.pin),
-                       .fault = static_cast<uint8_t>(issue.fault),
-                       .function = static_cast<uint8_t>(issue.function),
-                       .other = static_cast<uint8_t>(issue.other)};
-    }
-    ++count;
+    if (count++ >= capacity) return;
+    *issues++ = {.value = issue.value,
+                 .limit = issue.limit,
+                 .pin = static_cast<int16_t>(issue.pin),
+                 .fault = static_cast<uint8_t>(issue.fault),
+                 .function = static_cast<uint8_t>(issue.function),
+                 .other = static_cast<uint8_t>(issue.other)};
   };
   Configuration configuration;
   if (Configuration::decode(packed, size, configuration)) {
@@ -31,14 +29,12 @@ size_t wheelwire_peripherals_check(const uint8_t* packed, size_t size,
                                    wheelwire_peripheral_issue* issues, size_t capacity) {
   size_t count = 0;
   const auto report = [&](const PeripheralIssue& issue) {
-    if (count < capacity) {
-      issues[count] = {.value = issue.value,
-                       .limit = issue.limit,
-                       .channel = static_cast<int16_t>(issue.channel),
-                       .pin = static_cast<int16_t>(issue.pin),
-                       .fault = static_cast<uint8_t>(issue.fault)};
-    }
-    ++count;
+    if (count++ >= capacity) return;
+    *issues++ = {.value = issue.value,
+                 .limit = issue.limit,
+                 .channel = static_cast<int16_t>(issue.channel),
+                 .pin = static_cast<int16_t>(issue.pin),
+                 .fault = static_cast<uint8_t>(issue.fault)};
   };
   Configuration configuration;
   if (Configuration::decode(packed, size, configuration))

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include <new>
+#include <optional>
 
 #include "box_image.hpp"
 #include "core_hash.hpp"
@@ -12,18 +13,15 @@
 using namespace wheelwire;
 
 struct wheelwire_box {
-  explicit wheelwire_box(const uint8_t* image) : reader(copied(image)) {}
+  explicit wheelwire_box(const uint8_t* image) {
+    memcpy(words, image, sizeof words);
+    reader.emplace(memory());
+  }
 
   const uint32_t* memory() const { return words + BoxHead::kWords; }
 
   uint32_t words[kBoxImageWords];  // Aligned, as the caller's bytes may not be.
-  BoxReader reader;
-
- private:
-  const uint32_t* copied(const uint8_t* image) {
-    memcpy(words, image, sizeof words);
-    return memory();
-  }
+  std::optional<BoxReader> reader;
 };
 
 uint32_t wheelwire_core_hash(void) { return kCoreHash; }
@@ -51,7 +49,7 @@ int wheelwire_box_open(const uint8_t* image, size_t size, wheelwire_box** box,
            .faults = found.faults,
            .cause = static_cast<uint8_t>(found.cause),
            .reset_reason = static_cast<uint8_t>(found.reset_reason),
-           .missing = static_cast<uint8_t>(opened->reader.missing())};
+           .missing = static_cast<uint8_t>(opened->reader->missing())};
   *box = opened;
   return WHEELWIRE_BOX_OPENED;
 }
@@ -60,7 +58,7 @@ void wheelwire_box_close(wheelwire_box* box) { free(box); }
 
 int wheelwire_box_next(wheelwire_box* box, wheelwire_box_entry* out) {
   BoxEntry entry;
-  if (!box->reader.next(entry)) return 0;
+  if (!box->reader->next(entry)) return 0;
   *out = {};
   out->t_us = entry.t_us;
   out->kind = static_cast<uint8_t>(entry.kind);

@@ -74,11 +74,11 @@ struct wheelwire_core {
   }
 
   void read(const wheelwire_inputs& inputs) {
-    encoders.now_us = inputs.now_us;
-    encoders.left.update(inputs.left_ticks);
-    encoders.right.update(inputs.right_ticks);
-    encoders.left_illegal = inputs.left_illegal;
-    encoders.right_illegal = inputs.right_illegal;
+    encoders.counts = {.t_us = inputs.now_us,
+                       .left = left_counter.update(inputs.left_ticks),
+                       .right = right_counter.update(inputs.right_ticks),
+                       .left_illegal = inputs.left_illegal,
+                       .right_illegal = inputs.right_illegal};
     contact.open = inputs.contact_open != 0;
     battery.mv = inputs.battery_mv;
     if (sensors != nullptr) sensors->port.begin_step(inputs.now_us, inputs.levels);
@@ -116,13 +116,15 @@ struct wheelwire_core {
   Pins right_pins;
   std::optional<PowerStage> left_motor{std::in_place, left_pins};
   std::optional<PowerStage> right_motor{std::in_place, right_pins};
-  Encoders encoders;
+  TickCounter left_counter;
+  TickCounter right_counter;
+  GivenEncoders encoders;
   Line line;
   Store store;
   LatchRecord latches;
-  NoStore no_store;
-  Contact contact;
-  Battery battery;
+  NoStore no_store;  // The caller's record is enough.
+  GivenContact contact;
+  GivenBattery battery;
   std::optional<Configuration> given_configuration;  // Once it was given.
   wheelwire_sensors* sensors = nullptr;
   std::optional<ActiveConfiguration> configuration;
@@ -206,8 +208,8 @@ int wheelwire_core_recorder(wheelwire_core* core, const uint8_t* content, wheelw
 
 void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
                           wheelwire_outputs* outputs) {
-  core->encoders.left.start(inputs->left_ticks);
-  core->encoders.right.start(inputs->right_ticks);
+  core->left_counter.start(inputs->left_ticks);
+  core->right_counter.start(inputs->right_ticks);
   core->read(*inputs);
   core->start_device();
   if (core->failed) core->device->report_driver_failure();

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <array>
 #include <new>
 
 #include "framing.hpp"
@@ -13,19 +14,26 @@ using wheelwire::FrameDecoder;
 namespace {
 
 /// Body size of each id. A table, since a switch would be mispredicted at every frame.
-struct BodySizes {
-  int of[256];
-};
-
-constexpr BodySizes make_body_sizes() {
-  BodySizes sizes{};
-  for (int id = 0; id < 256; ++id) sizes.of[id] = wheelwire::body_size(static_cast<uint8_t>(id));
+constexpr auto kBodySizes = [] {
+  std::array<int, 256> sizes{};
+  for (size_t id = 0; id < 256; ++id) sizes[id] = wheelwire::body_size(static_cast<uint8_t>(id));
   return sizes;
+}();
+
+int body_size(uint8_t id) { return kBodySizes[id]; }
+
+/// Calls `take(frame, size)` with each good frame and the size of its body.
+template <typename Take>
+void decode(FrameDecoder& frames, const uint8_t* data, size_t size, Take take) {
+  while (size > 0) {
+    Frame frame;
+    bool complete;
+    const size_t taken = frames.feed(data, size, frame, complete);
+    data += taken;
+    size -= taken;
+    if (complete) take(frame, static_cast<size_t>(body_size(frame.id)));
+  }
 }
-
-constexpr BodySizes kBodySizes = make_body_sizes();
-
-int body_size(uint8_t id) { return kBodySizes.of[id]; }
 
 }  // namespace
 
@@ -51,19 +59,12 @@ size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data, s
   wheelwire_run* const runs = decoder->runs;
   const wheelwire::ReceiveCounters before = decoder->frames.counters();
   size_t count = 0;
-  while (size > 0) {
-    Frame frame;
-    bool complete;
-    const size_t taken = decoder->frames.feed(data, size, frame, complete);
-    data += taken;
-    size -= taken;
-    if (!complete) break;
+  decode(decoder->frames, data, size, [&](const Frame& frame, size_t body) {
     if (count == 0 || runs[count - 1].id != frame.id) runs[count++] = {.id = frame.id, .frames = 0};
     ++runs[count - 1].frames;
-    const auto body = static_cast<size_t>(body_size(frame.id));
     memcpy(bodies, frame.body, body);
     bodies += body;
-  }
+  });
   const wheelwire::ReceiveCounters& now = decoder->frames.counters();
   wheelwire_counters& total = decoder->total;
   total.frames += now.frames - before.frames;
@@ -89,18 +90,9 @@ void wheelwire_decoder_counters(const wheelwire_decoder* decoder, wheelwire_coun
 
 size_t wheelwire_decode_capture(const uint8_t* data, size_t size, uint8_t id, uint8_t* bodies) {
   FrameDecoder frames(body_size);
-  const auto body = static_cast<size_t>(body_size(id));
   size_t count = 0;
-  while (size > 0) {
-    Frame frame;
-    bool complete;
-    const size_t taken = frames.feed(data, size, frame, complete);
-    data += taken;
-    size -= taken;
-    if (!complete || frame.id != id) continue;
-    memcpy(bodies, frame.body, body);
-    bodies += body;
-    ++count;
-  }
+  decode(frames, data, size, [&](const Frame& frame, size_t body) {
+    if (frame.id == id) memcpy(bodies + body * count++, frame.body, body);
+  });
   return count;
 }

@@ -4,12 +4,14 @@
 #include <string.h>
 
 #include "byte_queue.hpp"
+#include "fixed.hpp"
 #include "flash_region.hpp"
-#include "hal.hpp"
+#include "given_ports.hpp"
 #include "latches.hpp"
 #include "parameters.hpp"
 #include "twin_store.hpp"
 #include "wheelwire_core.h"
+#include "wire.hpp"
 
 namespace wheelwire::capi {
 
@@ -31,41 +33,19 @@ class TickCounter {
  public:
   void start(int32_t ticks) { ticks_ = ticks; }
 
-  /// A change too large for one step, because the step came very late, is spread over the next
-  /// ones: ticks may be late, but none are lost.
-  void update(int32_t ticks) {
-    const auto ahead =
-        static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(ticks_));
-    const int32_t change = ahead > kMaxChange    ? kMaxChange
-                           : ahead < -kMaxChange ? -kMaxChange
-                                                 : ahead;
+  /// What the counter reads now. A change too large for one step, because the step came very late,
+  /// is spread over the next ones: ticks may be late, but none are lost.
+  int16_t update(int32_t ticks) {
+    const int32_t change = clamp(wrapped_difference(ticks, ticks_), -kMaxChange, kMaxChange);
     ticks_ = static_cast<int32_t>(static_cast<uint32_t>(ticks_) + static_cast<uint32_t>(change));
-    value_ = static_cast<int16_t>((value_ + change) % kCounterLimit);
+    return value_ = static_cast<int16_t>((value_ + change) % kCounterLimit);
   }
-
-  int16_t value() const { return value_; }
 
  private:
   static constexpr int32_t kMaxChange = kCounterLimit / 2;
 
   int32_t ticks_ = 0;
   int16_t value_ = 0;
-};
-
-class Encoders final : public EncoderPort {
- public:
-  uint64_t now_us = 0;
-  TickCounter left;
-  TickCounter right;
-  uint32_t left_illegal = 0;
-  uint32_t right_illegal = 0;
-  EncoderCounts latch() override {
-    return {.t_us = now_us,
-            .left = left.value(),
-            .right = right.value(),
-            .left_illegal = left_illegal,
-            .right_illegal = right_illegal};
-  }
 };
 
 class Line final : public ByteStream {
@@ -125,15 +105,13 @@ class Store {
     /// Reads what `write` wrote; returns what follows.
     const uint8_t* take(const uint8_t* at, const uint8_t* end) {
       if (end - at < 2) return end;
-      const size_t size = at[0] | static_cast<size_t>(at[1]) << 8;
-      at += 2;
+      const size_t size = wire::take<uint16_t>(at);
       const auto left = static_cast<size_t>(end - at);
       put(at, size < left ? size : left);
       return at + (size < left ? size : left);
     }
     uint8_t* write(uint8_t* at) const {
-      *at++ = static_cast<uint8_t>(size_);
-      *at++ = static_cast<uint8_t>(size_ >> 8);
+      wire::put(at, static_cast<uint16_t>(size_));
       memcpy(at, bytes_, size_);
       return at + size_;
     }
@@ -213,25 +191,6 @@ class RecorderFlash final : public FlashRegion {
   wheelwire_write forward_;
   void* context_;
   uint8_t bytes_[WHEELWIRE_RECORDER_SIZE];
-};
-
-/// Stores nothing: the caller's record is enough.
-class NoStore final : public BlockStore {
- public:
-  size_t load(uint8_t*, size_t) override { return 0; }
-  bool save(const uint8_t*, size_t) override { return true; }
-};
-
-class Contact final : public EstopInput {
- public:
-  bool open = false;
-  bool is_open() override { return open; }
-};
-
-class Battery final : public BatterySense {
- public:
-  uint16_t mv = 0;
-  uint16_t millivolts() override { return mv; }
 };
 
 }  // namespace wheelwire::capi

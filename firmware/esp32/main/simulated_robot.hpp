@@ -7,6 +7,7 @@
 #include "bridge_port.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
+#include "given_ports.hpp"
 #include "parameters.hpp"
 #include "plant.hpp"
 #include "power_stage.hpp"
@@ -70,16 +71,12 @@ struct SimulatedRobot {
     return true;
   }
 
-  struct ClosedContact final : EstopInput {
-    bool is_open() override { return false; }
-  };
-
   sim::Bridge left_bridge;
   sim::Bridge right_bridge;
   PowerStage left_motor{left_bridge};
   PowerStage right_motor{right_bridge};
   SimulatedEncoders encoders{left_bridge, right_bridge};
-  ClosedContact estop;
+  GivenContact estop;
 };
 
 }  // namespace wheelwire

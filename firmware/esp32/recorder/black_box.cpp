@@ -31,7 +31,7 @@ constexpr uint32_t duties(const StepNote& note) {
 }
 
 /// Writes each number as one word, or as two, the low one first.
-class StateWriter {
+class StateWriter : public StateVisitor {
  public:
   StateWriter(uint32_t* out, uint32_t* end) : out_(out), end_(end) {}
 
@@ -43,17 +43,12 @@ class StateWriter {
   uint32_t* end() const { return fits_ ? out_ : nullptr; }
 
   // For `walk`.
-  template <auto kMember>
-  void enter() {}
-  void leave() {}
   template <typename T>
   void number(T value) {
     put(static_cast<uint32_t>(value));
     if constexpr (sizeof(T) == 8) put(static_cast<uint32_t>(static_cast<uint64_t>(value) >> 32));
   }
   void number(float value) { put(__builtin_bit_cast(uint32_t, value)); }
-  template <typename T>
-  void check(const T&) {}
   template <typename T>
   void keep(T* part) {
     put(part != nullptr);

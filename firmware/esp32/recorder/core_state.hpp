@@ -13,6 +13,15 @@ namespace {
 template <typename Visitor, typename T>
 void walk(Visitor& visitor, T& value);
 
+/// What a visitor may leave out.
+struct StateVisitor {
+  template <auto kMember>
+  void enter() {}
+  void leave() {}
+  template <typename T>
+  void check(const T&) {}
+};
+
 /// The fields of a class, in an explicit instantiation: only there may private ones be named.
 template <typename Class, auto... kMembers>
 struct Fields {

@@ -9,6 +9,7 @@
 #include "configuration.hpp"
 #include "core_hash.hpp"
 #include "device.hpp"
+#include "given_ports.hpp"
 #include "sensor_server.hpp"
 
 namespace wheelwire {
@@ -61,10 +62,6 @@ class Rerun final : public Recorder {
     void brake() override {}
     void coast() override {}
   };
-  struct Encoders final : EncoderPort {
-    EncoderCounts counts{};
-    EncoderCounts latch() override { return counts; }
-  };
   struct Line final : ByteStream {
     size_t read(uint8_t*, size_t) override { return 0; }
     bool write(const uint8_t*, size_t) override { return true; }
@@ -80,10 +77,6 @@ class Rerun final : public Recorder {
     uint32_t faults() override { return rerun_.recorded_store_faults(); }
     Rerun& rerun_;
   };
-  struct NoLatches final : LatchMemory {
-    size_t load(uint8_t*, size_t) override { return 0; }
-    void save(const uint8_t*, size_t) override {}
-  };
   /// Only whether there is one decides what is refused.
   struct Archive final : BoxArchive {
     void describe(BoxValue&) const override {}
@@ -93,18 +86,13 @@ class Rerun final : public Recorder {
   /// The same for these: an answer changes only what counts as a repeat.
   struct Platform final : PlatformMessages {
     void serve(MessageServer& server, const Frame&, uint16_t request_id) override {
-      const uint8_t body[MemoryValue::kSize] = {};
-      server.answer_afresh(MemoryValue::kId, request_id, body, sizeof body);
+      server.answer_afresh(request_id, MemoryValue{});
     }
   };
   struct Contact final : EstopInput {
     explicit Contact(Rerun& rerun) : rerun_(rerun) {}
     bool is_open() override { return rerun_.contact_changes() != rerun_.contact_; }
     Rerun& rerun_;
-  };
-  struct Battery final : BatterySense {
-    uint16_t mv = 0;
-    uint16_t millivolts() override { return mv; }
   };
 
   void advance() {
@@ -146,14 +134,14 @@ class Rerun final : public Recorder {
   bool contact_ = false;
   uint32_t reads_ = 0;  // Of the contact, since the last record.
   Motor motor_;
-  Encoders encoders_;
+  GivenEncoders encoders_;
   Line line_;
   Store store_{*this};
   NoLatches latches_;
   Archive archive_;
   Platform platform_;
   Contact estop_{*this};
-  Battery battery_;
+  GivenBattery battery_;
   std::optional<ActiveConfiguration> configuration_;
   std::optional<SensorServer> sensors_;
   std::optional<Device> device_;

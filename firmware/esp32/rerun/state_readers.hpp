@@ -11,7 +11,7 @@ namespace wheelwire {
 namespace {
 
 /// The words of a state, in their order.
-class StateWords {
+class StateWords : public StateVisitor {
  public:
   StateWords(const uint32_t* words, size_t count) : at_(words), end_(words + count) {}
 
@@ -56,9 +56,6 @@ class StateReader : public StateWords {
   }
 
   // For `walk`.
-  template <auto kMember>
-  void enter() {}
-  void leave() {}
   template <typename T>
   void number(T& value) {
     value = take<T>();
@@ -69,8 +66,7 @@ class StateReader : public StateWords {
     if (row >= kStateCount) refuse();
     state = static_cast<SupervisorState>(row % kStateCount);
   }
-  template <typename T>
-  void check(const T&) {}
+  using StateVisitor::check;
   /// The core shifts by `memory_shift`, so it must be in range.
   void check(ControllerGains& gains) {
     if (gains.memory_shift > 2 && gains.memory_shift < 20) return;
@@ -130,8 +126,6 @@ class StateComparer : public StateWords {
     recorded_ = static_cast<double>(recorded);
     computed_ = static_cast<double>(value);
   }
-  template <typename T>
-  void check(const T&) {}
   template <typename T>
   void keep(T* part) {
     number(part != nullptr);

@@ -5,7 +5,7 @@
 
 #include "fixed.hpp"
 #include "framing.hpp"
-#include "hal.hpp"
+#include "given_ports.hpp"
 
 namespace wheelwire::rv32 {
 
@@ -99,18 +99,6 @@ class BenchLine final : public ByteStream {
   size_t arrived_ = 0;
   size_t written_ = 0;
   uint16_t seq_ = 0;
-};
-
-class EmptyStore final : public BlockStore {
- public:
-  size_t load(uint8_t*, size_t) override { return 0; }
-  bool save(const uint8_t*, size_t) override { return true; }
-};
-
-class NoLatches final : public LatchMemory {
- public:
-  size_t load(uint8_t*, size_t) override { return 0; }
-  void save(const uint8_t*, size_t) override {}
 };
 
 class ReleasedEstop final : public EstopInput {

@@ -38,9 +38,9 @@ struct Bench {
   PowerStage right_motor{right};
   BenchEncoders encoders{left, right};
   BenchLine line;
-  EmptyStore store;
+  NoStore store;
   NoLatches latches;
-  EmptyStore latch_store;
+  NoStore latch_store;
   ReleasedEstop estop;
   BenchBattery battery;
   Device device{
