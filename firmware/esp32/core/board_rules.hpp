@@ -27,38 +27,49 @@ constexpr BoardPin input_of(size_t wheel, size_t input) {
   return static_cast<BoardPin>(static_cast<size_t>(kWheelPins[wheel]) + input);
 }
 
-/// nullptr if it is unknown.
-constexpr const ChipTable* table_of(Chip chip) {
-  for (const ChipTable& table : kChipTables)
-    if (table.chip == chip) return &table;
+/// The row of a table that is about this chip; nullptr if there is none.
+template <typename Row, size_t kCount, typename Code>
+constexpr const Row* row_of(const Row (&table)[kCount], Code chip) {
+  for (const Row& row : table)
+    if (row.chip == chip) return &row;
   return nullptr;
 }
+
+/// nullptr if it is unknown.
+constexpr const ChipTable* table_of(Chip chip) { return row_of(kChipTables, chip); }
 
 /// nullptr if it is unknown.
 constexpr const StageTable* table_of(Stage stage) {
   return static_cast<size_t>(stage) < kStages ? &kStageTables[static_cast<size_t>(stage)] : nullptr;
 }
 
-/// The GPIOs that the board drives as inputs of its power stages, standby included.
-constexpr PinMask stage_pins(const BoardDescription& board) {
+/// Whether the stage coasts while this input is low.
+constexpr bool is_released_by_low(const StageTable& stage, size_t input) {
+  return stage.rows[static_cast<size_t>(StageAction::kCoast)][input] == StageLevel::kLow;
+}
+
+/// The GPIOs of standby and of those inputs of the power stages.
+template <typename IsMeant>
+constexpr PinMask stage_pins(const BoardDescription& board, IsMeant is_meant) {
   PinMask pins = mask_of(board.standby);
   for (size_t wheel = 0; wheel < 2; ++wheel)
     for (size_t input = 0; input < kStageInputs; ++input)
-      pins |= mask_of(board.pin(input_of(wheel, input)));
+      if (is_meant(input)) pins |= mask_of(board.pin(input_of(wheel, input)));
   return pins;
+}
+
+/// The GPIOs that the board drives as inputs of its power stages, standby included.
+constexpr PinMask stage_pins(const BoardDescription& board) {
+  return stage_pins(board, [](size_t) { return true; });
 }
 
 /// The pins that, when low, hold both motors off, whatever the others do. On every stage these are
 /// the inputs that are low while it coasts, and standby.
 constexpr PinMask release_pins(const BoardDescription& board) {
-  const StageTable* stage = table_of(board.stage);
-  PinMask pins = mask_of(board.standby);
-  if (stage == nullptr) return pins;
-  const StageLevel* const coast = stage->rows[static_cast<size_t>(StageAction::kCoast)];
-  for (size_t wheel = 0; wheel < 2; ++wheel)
-    for (size_t input = 0; input < kStageInputs; ++input)
-      if (coast[input] == StageLevel::kLow) pins |= mask_of(board.pin(input_of(wheel, input)));
-  return pins;
+  const StageTable* const stage = table_of(board.stage);
+  return stage_pins(board, [stage](size_t input) {
+    return stage != nullptr && is_released_by_low(*stage, input);
+  });
 }
 
 /// nullptr if it is unknown, or not named.
@@ -72,6 +83,16 @@ constexpr const ModuleTable* table_of(Module module) {
 constexpr PinMask memory_pins(const ChipTable& chip, Module module) {
   const ModuleTable* table = table_of(module);
   return table != nullptr && table->chip == chip.chip ? table->memory : chip.memory;
+}
+
+/// Why a pin is not free on this chip, for any use, as a BoardFault or a PeripheralFault.
+template <typename Fault>
+constexpr Fault fault_of_place(const ChipTable& chip, PinMask memory, int pin) {
+  const PinMask mask = mask_of(pin);
+  if (!(chip.existing & mask)) return Fault::kPinAbsent;
+  if (memory & mask) return Fault::kPinOfMemory;
+  if ((chip.uart | chip.usb) & mask) return Fault::kPinOfLink;
+  return chip.strapping & mask ? Fault::kPinStrapping : Fault::kNone;
 }
 
 /// The GPIOs that some board on this module may drive.
@@ -145,9 +166,8 @@ class BoardCheck {
       if (!wanted && pin >= 0) tell(BoardFault::kPinWithoutUse, function);
       if (!wanted || pin < 0) continue;
       check_drives(function);
-      const bool released_by_low =
-          stage_.rows[static_cast<size_t>(StageAction::kCoast)][input] == StageLevel::kLow;
-      if (released_by_low) check_low_at_reset(function, (stage_.pull_downs >> input & 1) != 0);
+      if (is_released_by_low(stage_, input))
+        check_low_at_reset(function, (stage_.pull_downs >> input & 1) != 0);
     }
   }
 
@@ -229,21 +249,13 @@ class BoardCheck {
     if (outputs > chip_.pwm_outputs) tell(BoardFault::kPwmOutputs, outputs, chip_.pwm_outputs);
   }
 
-  /// Whether the pin is free on this chip, for any use.
   constexpr void check_place(BoardPin function) {
     const int pin = board_.pin(function);
     if (pin == -1) return;
-    const PinMask mask = mask_of(pin);
-    if (!(chip_.existing & mask)) {
-      tell(BoardFault::kPinAbsent, function);
-    } else if (memory_ & mask) {
-      tell(BoardFault::kPinOfMemory, function);
-    } else if ((chip_.uart | chip_.usb) & mask) {
-      tell(BoardFault::kPinOfLink, function);
-    } else if (chip_.strapping & mask) {
-      tell(function == BoardPin::kLed ? BoardFault::kLedOnStrap : BoardFault::kPinStrapping,
-           function);
-    }
+    auto fault = fault_of_place<BoardFault>(chip_, memory_, pin);
+    if (fault == BoardFault::kPinStrapping && function == BoardPin::kLed)
+      fault = BoardFault::kLedOnStrap;
+    if (fault != BoardFault::kNone) tell(fault, function);
     for (size_t i = 0; i < static_cast<size_t>(function); ++i) {
       const auto other = static_cast<BoardPin>(i);
       if (board_.pin(other) != pin) continue;

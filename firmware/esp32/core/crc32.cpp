@@ -14,7 +14,7 @@ struct Tables {
   uint32_t entry[kStep][256];
 };
 
-constexpr Tables make_tables() {
+constexpr Tables kTables = [] {
   Tables tables{};
   for (uint32_t i = 0; i < 256; ++i) {
     uint32_t value = i;
@@ -28,9 +28,7 @@ constexpr Tables make_tables() {
     }
   }
   return tables;
-}
-
-constexpr Tables kTables = make_tables();
+}();
 
 /// The register after `size` more bytes, kStep at most.
 inline uint32_t absorb(uint32_t crc, const uint8_t* data, size_t size) {

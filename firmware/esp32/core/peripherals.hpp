@@ -30,26 +30,10 @@ struct PeripheralIssue {
   uint32_t limit = 0;
 };
 
-/// nullptr if it is not a known IMU.
-constexpr const ImuTable* imu_table_of(SensorChip chip) {
-  for (const ImuTable& table : kImuTables)
-    if (table.chip == chip) return &table;
-  return nullptr;
-}
-
-/// nullptr if it is not a known power sensor.
-constexpr const PowerTable* power_table_of(SensorChip chip) {
-  for (const PowerTable& table : kPowerTables)
-    if (table.chip == chip) return &table;
-  return nullptr;
-}
-
-/// nullptr if it is not a known range sensor.
-constexpr const RangeTable* range_table_of(SensorChip chip) {
-  for (const RangeTable& table : kRangeTables)
-    if (table.chip == chip) return &table;
-  return nullptr;
-}
+// nullptr if it is not a known sensor of this kind.
+constexpr const ImuTable* imu_table_of(SensorChip chip) { return row_of(kImuTables, chip); }
+constexpr const PowerTable* power_table_of(SensorChip chip) { return row_of(kPowerTables, chip); }
+constexpr const RangeTable* range_table_of(SensorChip chip) { return row_of(kRangeTables, chip); }
 
 constexpr bool is_digital_input(PeripheralKind kind) {
   return kind == PeripheralKind::kBumper || kind == PeripheralKind::kCliff ||
@@ -243,18 +227,9 @@ class PeripheralCheck {
       tell(PeripheralFault::kPinMissing);
       return false;
     }
-    const PinMask mask = mask_of(pin);
-    if (!(chip_.existing & mask)) {
-      tell(PeripheralFault::kPinAbsent, pin);
-      return false;
-    }
-    if (memory_ & mask) {
-      tell(PeripheralFault::kPinOfMemory, pin);
-    } else if ((chip_.uart | chip_.usb) & mask) {
-      tell(PeripheralFault::kPinOfLink, pin);
-    } else if (chip_.strapping & mask) {
-      tell(PeripheralFault::kPinStrapping, pin);
-    }
+    const auto fault = fault_of_place<PeripheralFault>(chip_, memory_, pin);
+    if (fault != PeripheralFault::kNone) tell(fault, pin);
+    if (fault == PeripheralFault::kPinAbsent) return false;
     if (is_of_board(pin) || is_of_another(pin)) tell(PeripheralFault::kPinTaken, pin);
     return true;
   }

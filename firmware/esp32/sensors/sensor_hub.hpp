@@ -217,12 +217,16 @@ class SensorHub {
                                 i, reflex_of(list_->entries[i]), now_us);
     }
   }
+  /// False if it gave nothing new, which is judged here.
+  template <typename Reading>
+  bool take(size_t channel, Reading& out, uint32_t period_us, uint64_t now_us) {
+    if (port_->take(channel, out)) return true;
+    note_state(channel, overdue(channel, period_us, now_us), now_us, identity(channel));
+    return false;
+  }
   void read_imu(size_t channel, uint64_t now_us) {
     ImuReading reading;
-    if (!port_->take(channel, reading)) {
-      note_state(channel, overdue(channel, kImuPeriodUs, now_us), now_us, identity(channel));
-      return;
-    }
+    if (!take(channel, reading, kImuPeriodUs, now_us)) return;
     // Where steps are farther apart than samples each step takes several.
     do {
       if (!note_state(channel, reading.state, now_us, reading.identity)) continue;
@@ -232,10 +236,7 @@ class SensorHub {
   }
   void read_power(size_t channel, uint64_t now_us) {
     PowerReading reading;
-    if (!port_->take(channel, reading)) {
-      note_state(channel, overdue(channel, kPowerPeriodUs, now_us), now_us, identity(channel));
-      return;
-    }
+    if (!take(channel, reading, kPowerPeriodUs, now_us)) return;
     const bool was_measured = channels_[channel].state == SensorState::kOk;
     if (!note_state(channel, reading.state, now_us, reading.identity)) return;
     channels_[channel].seen_us = now_us;
@@ -246,10 +247,7 @@ class SensorHub {
   }
   void read_range(size_t channel, uint64_t now_us) {
     RangeReading reading;
-    if (!port_->take(channel, reading)) {
-      note_state(channel, overdue(channel, range_round_us_, now_us), now_us);
-      return;
-    }
+    if (!take(channel, reading, range_round_us_, now_us)) return;
     if (!note_state(channel, reading.state, now_us)) return;
     channels_[channel].seen_us = now_us;
     observer_.on_reading(channel, reading, ++channels_[channel].count);
@@ -259,8 +257,8 @@ class SensorHub {
     const Peripheral& entry = list_->entries[channel];
     uint16_t& millivolts = analog_mv_[analog_index(entry)];
     AnalogReading reading;
-    if (!port_->take(channel, reading)) {
-      if (!note_state(channel, overdue(channel, kAnalogPeriodUs, now_us), now_us)) millivolts = 0;
+    if (!take(channel, reading, kAnalogPeriodUs, now_us)) {
+      if (state(channel) != SensorState::kOk) millivolts = 0;
       return;
     }
     note_state(channel, SensorState::kOk, now_us);
