@@ -6,15 +6,17 @@ from statistics import fmean
 
 import pytest
 
-from support.sensing import SensingHost
+from support.raw import RawHost
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import SensorStale
-from wheelwire_protocol.codes import SensorState
+from wheelwire_protocol.codes import SensorEventCode, SensorState
 from wheelwire_protocol.peripherals import IMUS, SensorChip
 from wheelwire_protocol.types import (
     Imu,
+    SensorEvent,
     SensorStream,
     SetStreamRate,
+    SetWheelVelocity,
     WheelState,
 )
 
@@ -26,8 +28,10 @@ SETTLE_MS = 100
 RETRY_MS = 100
 
 
-class ImuHost(SensingHost):
+class ImuHost(RawHost):
     """A host that asks for all samples, of a robot whose IMU measures."""
+
+    commands = 0
 
     def __init__(self, seed: int = 1, /, **settings: float) -> None:
         super().__init__(seed)
@@ -42,6 +46,28 @@ class ImuHost(SensingHost):
     def yaw_rates(self) -> list[float]:
         """What was received. [rad/s]"""
         return [sample.gyro_z * TABLE.gyro_radps for sample in self.of(Imu)]
+
+    def ms_until(self, state: SensorState) -> float:
+        """Lets time pass until the device says so of the IMU; how long it took by its clock."""
+        self.received.clear()
+        start_us = self.device_us
+        for _ in range(5000):
+            self.run_ms(1)
+            for event in self.of(SensorEvent):
+                found = (event.channel, event.code, event.value)
+                if found == (IMU, SensorEventCode.STATE, state):
+                    return (event.t_us - start_us) / 1e3
+        pytest.fail(f"it never was {state.name}: {self.of(SensorEvent)}")
+
+    def drive(self, left_mps: float, right_mps: float, milliseconds: int) -> None:
+        """Command 50 times a second."""
+        for _ in range(milliseconds // 20):
+            self.commands += 1
+            expiry_us = (self.device_us + 500_000) % 2**32
+            self.send(
+                SetWheelVelocity(self.session_id, self.commands, expiry_us, left_mps, right_mps)
+            )
+            self.run_ms(20)
 
 
 def test_the_yaw_rate_is_that_of_the_body_and_its_integral_the_heading() -> None:
