@@ -30,15 +30,23 @@ class Clocks:
         return seen
 
 
+@pytest.fixture
+def clocks() -> Clocks:
+    return Clocks([])
+
+
+@pytest.fixture
+def base(clocks: Clocks) -> TimeBase:
+    return TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+
+
 def ros_ns(base: TimeBase, stamp_s: float) -> int:
     converted = base.to_ros_ns(stamp_s)
     assert converted is not None
     return converted
 
 
-def test_a_monotonic_time_becomes_ros_time() -> None:
-    clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+def test_a_monotonic_time_becomes_ros_time(base: TimeBase) -> None:
     assert abs(ros_ns(base, 4.5) - (4_500_000_000 + OFFSET_NS)) <= 1000
     assert base.error_s == 1e-6
 
@@ -49,18 +57,16 @@ def test_an_interrupted_reading_is_not_the_one_that_counts() -> None:
     assert abs(ros_ns(base, 1.0) - (1_000_000_000 + OFFSET_NS)) <= 1000
 
 
-def test_no_stamp_is_in_the_future_though_the_ros_clock_was_set_back() -> None:
-    clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+def test_no_stamp_is_in_the_future_though_the_ros_clock_was_set_back(
+    clocks: Clocks, base: TimeBase
+) -> None:
     clocks.offset_ns -= 3_000_000_000
     stamp_ns = clocks.now_ns - 1_000_000
     assert abs(ros_ns(base, stamp_ns / 1e9) - (stamp_ns + clocks.offset_ns)) <= 2000
     assert ros_ns(base, clocks.now_ns / 1e9 + 60) <= clocks.ros_ns()
 
 
-def test_a_step_of_the_ros_clock_is_followed() -> None:
-    clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+def test_a_step_of_the_ros_clock_is_followed(clocks: Clocks, base: TimeBase) -> None:
     clocks.offset_ns += 3_000_000_000
     base.measure()
     before_ns = clocks.now_ns
@@ -179,9 +185,7 @@ def test_an_offset_stays_while_another_is_as_good() -> None:
     assert after.from_ns > clocks.now_ns
 
 
-def test_time_never_runs_backward_in_a_stream() -> None:
-    clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+def test_time_never_runs_backward_in_a_stream(base: TimeBase) -> None:
     first = ros_ns(base, 4.5)
     for stamp_s in (4.5, 4.499, 3.0):  # as the estimate of the link's clock gets better
         assert base.to_ros_ns(stamp_s) is None
@@ -189,9 +193,7 @@ def test_time_never_runs_backward_in_a_stream() -> None:
     assert ros_ns(base, 4.501) == first + 1_000_000
 
 
-def test_a_clock_that_was_set_back_starts_again() -> None:
-    clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, Mock(), clocks.monotonic_ns)
+def test_a_clock_that_was_set_back_starts_again(clocks: Clocks, base: TimeBase) -> None:
     first = ros_ns(base, 4.5)
     clocks.offset_ns -= 3_600_000_000_000
     assert ros_ns(base, 4.75) < first
