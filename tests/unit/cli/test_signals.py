@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -52,9 +53,12 @@ def test_a_signal_stops_the_robot_and_says_so(
     with pytest.raises(Interrupted, match=r"^stopped; go on later$") as ended:  # noqa: SIM117
         with ended_by_signals() as ending, ending.stops(robot, lambda: "go on later"):
             send(number)
+    stopped_s = time.monotonic()
     assert ended.value.exit_code == code
-    robot.read()
-    assert robot.read().state.name == "IDLE"  # by a stop: the setpoint has not expired yet
+    sample = robot.read()
+    while sample.stamp - sample.stamp_error_s < stopped_s:
+        sample = robot.read()
+    assert sample.state.name == "IDLE"  # by a stop: the setpoint has not expired yet
 
 
 def test_ctrl_c_at_a_question_stops_the_robot_too(robot: MockDriver) -> None:
