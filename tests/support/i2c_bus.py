@@ -12,7 +12,7 @@ DIRECTORY = "WHEELWIRE_TEST_I2C"
 
 
 class I2cBuses:
-    """One, of number 1. What is wrong is a file in its directory; see `i2c_site`.
+    """One bus, number 1. What is wrong with it is a file in its directory; see `i2c_site`.
 
     Args:
         directory: An empty one.

@@ -20,7 +20,7 @@ struct GivenBattery final : BatterySense {
   uint16_t millivolts() override { return mv; }
 };
 
-/// Stores nothing, and is asked for nothing.
+/// Holds nothing, and loses what it is given.
 struct NoStore final : BlockStore {
   size_t load(uint8_t*, size_t) override { return 0; }
   bool save(const uint8_t*, size_t) override { return true; }

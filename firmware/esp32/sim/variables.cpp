@@ -70,8 +70,9 @@ Variable with_model(Variable variable, Field field) {
       [=](Simulator& s, double value) {
         PlantModel model = s.board.plant.model();
         assign(field(model), value);
-        if (is_physical(model)) s.board.plant.configure(model);
-        return is_physical(model);
+        if (!is_physical(model)) return false;
+        s.board.plant.configure(model);
+        return true;
       });
 }
 
